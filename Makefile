@@ -1,0 +1,32 @@
+# make demo: identify joints, write reports.   make test: every test.   Both set everything up by themselves.
+PYTHON ?= python3
+VENV   ?= .venv
+DEMO   ?= demo
+BIN    := $(VENV)/bin
+CORE   := $(wildcard include/pellucid/*.hpp bindings/*.cpp bindings/*.hpp) CMakeLists.txt pyproject.toml
+
+.PHONY: demo test core-test bench clean
+
+demo: $(VENV)/.installed
+	$(BIN)/pellucid demo --out $(DEMO)
+
+test: $(VENV)/.installed core-test
+	$(BIN)/ruff check .
+	$(BIN)/python -m pytest
+
+core-test:
+	cmake -S tests/core -B build/core -DCMAKE_BUILD_TYPE=Debug >/dev/null
+	cmake --build build/core --parallel
+	ctest --test-dir build/core --output-on-failure
+
+bench: $(VENV)/.installed
+	$(BIN)/uv pip install --python $(BIN)/python -q -e '.[benchmark]'
+	$(BIN)/python -m benchmarks
+
+$(VENV)/.installed: $(CORE)
+	test -x $(BIN)/uv || ($(PYTHON) -m venv $(VENV) && $(BIN)/pip install -q uv)
+	$(BIN)/uv pip install -q --python $(BIN)/python -e '.[test]' --reinstall-package pellucid
+	touch $@
+
+clean:
+	rm -rf build $(VENV)

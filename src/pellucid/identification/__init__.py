@@ -1,0 +1,1 @@
+"""From recordings to parameters: regression, physical consistency, closed-loop methods, uncertainty, verdicts."""

@@ -1,0 +1,207 @@
+r"""One joint: which parameters it has, what they are called, and which of them a friction family frees.
+
+The physics itself is the core's (``include/pellucid/joint.hpp``, ``friction.hpp``):
+
+.. math::
+   y &= J\ddot q + g_s\sin q + g_c\cos q \\
+   \tau &= y + f(\dot q, y) + \tau_0
+
+This file only says which of the core's parameters a model of a given family may use, which physical bounds they have,
+and how the names a report prints map to the core's flat parameter vector.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from .. import _core
+
+NAMES: tuple[str, ...] = tuple(_core.PARAMETER_NAMES)
+"""The core's parameters, in its order."""
+
+INDEX: Mapping[str, int] = {name: i for i, name in enumerate(NAMES)}
+
+
+@dataclass(frozen=True)
+class Symbol:
+    """A reported parameter: the core's parameters it drives, and where it may lie.
+
+    Parameters
+    ----------
+    name : str
+        The name in model cards, reports and figure ids.
+    targets : tuple of str
+        Core parameters that take this value (a symmetric Coulomb level drives both directions).
+    dimension : str
+        "inertia", "effort", "viscous", "velocity" or "ratio"; with the rig it gives the SI unit.
+    lower, upper : float
+        Physical bounds, in SI (or per ampere, per volt).
+    start : float
+        Where a nonlinear fit starts, as a fraction of the signal's own scale.
+    """
+
+    name: str
+    targets: tuple[str, ...]
+    dimension: str
+    lower: float = -np.inf
+    upper: float = np.inf
+    linear: bool = True
+
+
+SYMBOLS: Mapping[str, Symbol] = {
+    s.name: s
+    for s in (
+        Symbol("inertia", ("inertia",), "inertia", lower=0.0),
+        Symbol("gravity", ("gravity_sine",), "effort"),
+        Symbol("gravity_cosine", ("gravity_cosine",), "effort"),
+        Symbol("offset", ("offset",), "effort"),
+        Symbol("viscous", ("viscous_positive", "viscous_negative"), "viscous", lower=0.0),
+        Symbol("viscous_positive", ("viscous_positive",), "viscous", lower=0.0),
+        Symbol("viscous_negative", ("viscous_negative",), "viscous", lower=0.0),
+        Symbol("coulomb", ("coulomb_positive", "coulomb_negative"), "effort", lower=0.0),
+        Symbol("coulomb_positive", ("coulomb_positive",), "effort", lower=0.0),
+        Symbol("coulomb_negative", ("coulomb_negative",), "effort", lower=0.0),
+        Symbol("stribeck", ("stribeck",), "effort", lower=0.0, linear=False),
+        Symbol("stribeck_velocity", ("stribeck_velocity",), "velocity", lower=0.0, linear=False),
+        # Without a known payload only the sum of the two coefficients shows: one value then drives both.
+        Symbol("load_friction", ("load_motoring", "load_generating"), "ratio", lower=0.0, upper=0.9, linear=False),
+        Symbol("load_motoring", ("load_motoring",), "ratio", lower=0.0, upper=5.0, linear=False),
+        Symbol("load_generating", ("load_generating",), "ratio", lower=0.0, upper=0.9, linear=False),
+    )
+}
+
+FAMILIES: Mapping[str, frozenset[str]] = {
+    "symmetric": frozenset(),
+    "directional": frozenset({"directional"}),
+    "load": frozenset({"load"}),
+    "stribeck": frozenset({"stribeck"}),
+    "combined": frozenset({"directional", "load", "stribeck"}),
+}
+"""Friction families, as the features each adds to symmetric Coulomb and viscous friction."""
+
+UNITS: Mapping[str, Mapping[str, str]] = {
+    "rotary": {"position": "rad", "velocity": "rad/s", "acceleration": "rad/s^2"},
+    "prismatic": {"position": "m", "velocity": "m/s", "acceleration": "m/s^2"},
+}
+
+
+def unit_of(dimension: str, motion: str, effort_unit: str) -> str:
+    """SI unit, as plain text, of a parameter of `dimension` when efforts are in `effort_unit`.
+
+    A drive without a known constant keeps its own unit: an inertia is then in ``V*s^2/rad``, never silently in kg.
+    """
+    q = UNITS[motion]["position"]
+    if dimension == "effort":
+        return effort_unit
+    if dimension == "velocity":
+        return f"{q}/s"
+    if dimension == "ratio":
+        return "1"
+    if dimension == "viscous":
+        return f"{effort_unit}*s/{q}"
+    known = {("N*m", "rad"): "kg*m^2", ("N", "m"): "kg"}
+    return known.get((effort_unit, q), f"{effort_unit}*s^2/{q}")
+
+
+@dataclass(frozen=True)
+class JointModel:
+    """A friction family of a joint: the free symbols, and the values that are known beforehand.
+
+    Parameters
+    ----------
+    family : str
+        One of `FAMILIES`.
+    symbols : tuple of Symbol
+        Free parameters, in the order of every covariance and Jacobian.
+    known : mapping of str to float
+        Symbols fixed to a value, SI.
+    motion, effort_unit : str
+        "rotary" or "prismatic"; "N*m", "N", "A" or "V".
+    """
+
+    family: str
+    symbols: tuple[Symbol, ...]
+    motion: str
+    effort_unit: str
+    known: Mapping[str, float] = field(default_factory=dict)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        return tuple(s.name for s in self.symbols)
+
+    def unit(self, name: str) -> str:
+        """SI unit of a symbol, as plain text."""
+        return unit_of(SYMBOLS[name].dimension, self.motion, self.effort_unit)
+
+    def spread(self) -> np.ndarray:
+        """Matrix S, shape (13, p), with core vector = S @ free values (+ known): chain rule for every Jacobian."""
+        matrix = np.zeros((len(NAMES), len(self.symbols)))
+        for j, symbol in enumerate(self.symbols):
+            for target in symbol.targets:
+                matrix[INDEX[target], j] = 1.0
+        return matrix
+
+    def vector(self, values: np.ndarray, velocity_width: float = 0.0) -> np.ndarray:
+        """The core's flat parameter vector, shape (13,), SI, for free `values`, shape (p,).
+
+        `velocity_width` [rad/s or m/s] is the width of the smooth sign; 0 is the true sign.
+        """
+        vector = self.spread() @ np.asarray(values, float)
+        for name, value in self.known.items():
+            for target in SYMBOLS[name].targets:
+                vector[INDEX[target]] = value
+        vector[INDEX["velocity_width"]] = velocity_width
+        return vector
+
+
+def joint_model(
+    family: str,
+    *,
+    motion: str,
+    effort_unit: str,
+    gravity: str,
+    known: Mapping[str, float] | None = None,
+    separate_load: bool = False,
+) -> JointModel:
+    """The symbols a family frees on a joint.
+
+    Parameters
+    ----------
+    family : str
+        One of `FAMILIES`.
+    motion : {"rotary", "prismatic"}
+    effort_unit : str
+        "N*m", "N", "A" or "V".
+    gravity : {"none", "sine", "sine+cosine"}
+    known : mapping of str to float, optional
+        Symbols fixed beforehand, SI.
+    separate_load : bool
+        Whether a known payload lets motoring and generating coefficients be told apart.
+
+    Raises
+    ------
+    ValueError
+        If the family or the gravity term is unknown.
+    """
+    if family not in FAMILIES:
+        raise ValueError(f"unknown friction family {family!r}; known: {', '.join(FAMILIES)}")
+    terms = {"none": [], "sine": ["gravity"], "sine+cosine": ["gravity", "gravity_cosine"]}
+    if gravity not in terms:
+        raise ValueError(f"gravity is {gravity!r}; expected one of {', '.join(terms)}")
+    features = FAMILIES[family]
+    names = ["inertia", *terms[gravity]]
+    if "directional" in features:
+        # An offset and two Coulomb levels are collinear (their columns add up to 1): the offset goes.
+        names += ["viscous_positive", "coulomb_positive", "viscous_negative", "coulomb_negative"]
+    else:
+        names += ["viscous", "coulomb", "offset"]
+    if "stribeck" in features:
+        names += ["stribeck", "stribeck_velocity"]
+    if "load" in features:
+        names += ["load_motoring", "load_generating"] if separate_load else ["load_friction"]
+    known = dict(known or {})
+    symbols = tuple(SYMBOLS[n] for n in names if n not in known)
+    return JointModel(family, symbols, motion, effort_unit, known)
