@@ -1,0 +1,12 @@
+"""Public recordings: where they are, how they get here, and a study made of them."""
+
+from __future__ import annotations
+
+from .fetch import fetch as fetch
+from .fetch import notes as notes
+from .fetch import path as path
+from .init import init as init
+from .registry import Dataset as Dataset
+from .registry import info as info
+from .registry import names as names
+from .registry import template as template

@@ -1,0 +1,149 @@
+"""Finding a data set's files on this machine, or downloading them."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+from .._errors import DatasetError
+from ..recordings.study import checksum
+from .registry import Dataset, info
+
+DATA_VARIABLE = "PELLUCID_DATA"
+"""Environment variable that names a folder with one subfolder per data set."""
+
+CACHE_VARIABLE = "PELLUCID_CACHE"
+"""Environment variable that moves the folder downloads are kept in."""
+
+
+def path(name: str) -> Path:
+    """Folder with the files of a data set: below ``PELLUCID_DATA`` if they are there, else where downloads are kept.
+
+    Parameters
+    ----------
+    name : str
+        Data set.
+
+    Returns
+    -------
+    Path
+
+    Raises
+    ------
+    DatasetError
+        If there is no such data set, or its files are in neither place; says how to get them.
+    """
+    dataset = info(name)
+    for folder in [*_given(dataset), _cache(dataset)]:
+        if all((folder / file).is_file() for file in dataset.files):
+            return folder
+    raise DatasetError(f"{name}: its files are not on this machine. {_advice(dataset)}")
+
+
+def fetch(name: str, base_url: str | None = None, progress: bool = False) -> Path:
+    """Download what is missing of a data set, and check every file against its checksum.
+
+    Parameters
+    ----------
+    name : str
+        Data set.
+    base_url : str or None
+        Mirror to take the files from; None for the origin the registry names.
+    progress : bool
+        Show a progress bar on a terminal.
+
+    Returns
+    -------
+    Path
+        Folder with its files.
+
+    Raises
+    ------
+    DatasetError
+        If a download fails, or gives a file with another checksum; nothing of it is kept then.
+    """
+    import logging
+
+    import pooch
+
+    dataset = info(name)
+    folder = _cache(dataset)
+    store = pooch.create(folder, (base_url or dataset.origin).rstrip("/") + "/", registry=dict(dataset.files))
+    # Pooch announces each file; the progress bar and the messages below say all there is to say.
+    pooch.get_logger().setLevel(logging.ERROR)
+    for file in dataset.files:
+        try:
+            with _bar(file, progress) as bar:
+                store.fetch(file, downloader=pooch.HTTPDownloader(timeout=30, progressbar=bar))
+        except ValueError as error:
+            # Pooch compares checksums before it moves the file into place.
+            raise DatasetError(
+                f"{name}: {file} from {store.base_url} differs from the published file: expected the SHA-256 "
+                f"{dataset.files[file]}; nothing was kept"
+            ) from error
+        except OSError as error:
+            raise DatasetError(
+                f"{name}: {file} could not be downloaded from {store.base_url}: {error}. {_advice(dataset)}"
+            ) from error
+    return folder
+
+
+def notes(name: str) -> tuple[str, ...]:
+    """What is remarkable about the files in use: each whose checksum differs from the published one.
+
+    Parameters
+    ----------
+    name : str
+        Data set.
+
+    Returns
+    -------
+    tuple of str
+        Empty where all files are as published.
+
+    Raises
+    ------
+    DatasetError
+        If its files are not on this machine.
+    """
+    dataset, folder = info(name), path(name)
+    found = {file: checksum(folder / file) for file in dataset.files}
+    return tuple(
+        f"{file} differs from the published file: found the SHA-256 {found[file]}, expected {expected}"
+        for file, expected in dataset.files.items()
+        if found[file] != expected
+    )
+
+
+def _given(dataset: Dataset) -> list[Path]:
+    root = os.environ.get(DATA_VARIABLE)
+    return [Path(root) / folder for folder in dict.fromkeys((dataset.name, *dataset.folders))] if root else []
+
+
+def _cache(dataset: Dataset) -> Path:
+    root = os.environ.get(CACHE_VARIABLE)
+    if root:
+        return Path(root) / dataset.name
+    import pooch
+
+    return Path(pooch.os_cache("pellucid")) / dataset.name
+
+
+def _advice(dataset: Dataset) -> str:
+    root = os.environ.get(DATA_VARIABLE)
+    where = f"{DATA_VARIABLE} is {root}" if root else f"{DATA_VARIABLE} is not set"
+    return (
+        f"Either run `pellucid datasets fetch {dataset.name}` with a connection to the internet, or download "
+        f"{', '.join(dataset.files)} from {dataset.origin} into a folder {dataset.folders[0]} and set {DATA_VARIABLE} "
+        f"to the folder above it ({where})"
+    )
+
+
+def _bar(file: str, shown: bool):
+    import contextlib
+
+    if not shown:
+        return contextlib.nullcontext(False)
+    from .progress import Bar
+
+    return Bar(file)

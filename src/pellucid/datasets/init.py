@@ -1,0 +1,83 @@
+"""A new study from a public data set."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import tempfile
+from pathlib import Path
+
+from .._errors import DatasetError
+from ..recordings import Study, open_study
+from ..recordings.study import STUDY_FILE
+from .fetch import fetch, notes, path
+from .registry import template
+
+
+def init(folder: str | os.PathLike, dataset: str, progress: bool = False) -> Study:
+    """Make a study of a public data set: its raw files as they are, and a commented study.toml.
+
+    Files are taken from ``PELLUCID_DATA`` or the download folder, and downloaded if they are in neither.
+
+    Parameters
+    ----------
+    folder : path-like
+        Folder to make; it may exist if it is empty.
+    dataset : str
+        Name of the data set.
+    progress : bool
+        Show a progress bar while downloading.
+
+    Returns
+    -------
+    Study
+        Its `notes` name files that differ from the published ones.
+
+    Raises
+    ------
+    DatasetError
+        If the folder is not empty, there is no such data set, or its files cannot be had. No folder is left then.
+    """
+    folder = Path(folder)
+    source_file = template(dataset)
+    if folder.is_file() or (folder.is_dir() and any(folder.iterdir())):
+        found = "a file" if folder.is_file() else f"a folder that holds {', '.join(sorted(os.listdir(folder))[:5])}"
+        raise DatasetError(f"{folder}: found {found}, expected a new or empty folder")
+    try:
+        source = path(dataset)
+    except DatasetError:
+        source = fetch(dataset, progress=progress)
+    folder.parent.mkdir(parents=True, exist_ok=True)
+    # Whoever looks sees the study whole or not at all.
+    building = Path(tempfile.mkdtemp(dir=folder.parent, prefix=f".{folder.name}."))
+    try:
+        text = _with_notes(source_file.read_text(encoding="utf-8"), notes(dataset))
+        (building / STUDY_FILE).write_text(text, encoding="utf-8")
+        for entry in open_study(building).config.recordings:
+            target = building / entry.file
+            target.parent.mkdir(exist_ok=True)
+            if not target.exists():
+                shutil.copyfile(source / target.name, target)
+        building.chmod(0o777 & ~_umask())
+        if folder.is_dir():
+            folder.rmdir()
+        building.rename(folder)
+    except BaseException:
+        shutil.rmtree(building, ignore_errors=True)
+        raise
+    return open_study(folder)
+
+
+def _with_notes(text: str, remarks: tuple[str, ...]) -> str:
+    if not remarks:
+        return text
+    line = f"notes = [{', '.join(json.dumps(remark) for remark in remarks)}]  # repeated in the report\n"
+    head, separator, tail = text.partition("\n[rig]")
+    return f"{head}{line}{separator}{tail}"
+
+
+def _umask() -> int:
+    mask = os.umask(0)
+    os.umask(mask)
+    return mask

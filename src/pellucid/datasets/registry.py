@@ -1,0 +1,81 @@
+"""Which public data sets are known; what is known of each stands in registry.toml and a study.toml template."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+
+from .._errors import DatasetError
+
+_HERE = Path(__file__).parent
+
+
+@dataclass(frozen=True)
+class Dataset:
+    """One public data set.
+
+    Attributes
+    ----------
+    name : str
+        As ``init`` and ``fetch`` take it.
+    title, citation, licence : str
+        What it is, what to cite, under which terms it is published.
+    origin : str
+        URL the files' names are appended to, at a fixed commit.
+    folders : tuple of str
+        Names its folder may have below ``PELLUCID_DATA``.
+    files : Mapping[str, str]
+        File name -> SHA-256, hexadecimal.
+    """
+
+    name: str
+    title: str
+    citation: str
+    licence: str
+    origin: str
+    folders: tuple[str, ...]
+    files: Mapping[str, str]
+
+
+def names() -> tuple[str, ...]:
+    """Names of all data sets."""
+    return tuple(_registry())
+
+
+def info(name: str) -> Dataset:
+    """What is known of a data set.
+
+    Raises
+    ------
+    DatasetError
+        If there is none of that name; names the nearest.
+    """
+    import difflib
+
+    try:
+        return _registry()[name]
+    except KeyError:
+        close = difflib.get_close_matches(name, names(), 1, 0.4)
+        nearest = f'; the nearest is "{close[0]}"' if close else ""
+        raise DatasetError(f'no data set "{name}", found {", ".join(names())}{nearest}') from None
+
+
+def template(name: str) -> Path:
+    """Path of the study.toml a study of this data set begins with.
+
+    Raises
+    ------
+    DatasetError
+        If there is no data set of that name.
+    """
+    return _HERE / f"{info(name).name}.toml"
+
+
+@lru_cache(maxsize=1)
+def _registry() -> dict[str, Dataset]:
+    import tomllib
+
+    raw = tomllib.loads((_HERE / "registry.toml").read_text(encoding="utf-8"))
+    return {name: Dataset(name=name, **{**table, "folders": tuple(table["folders"])}) for name, table in raw.items()}

@@ -1,0 +1,7 @@
+"""Files to named columns, one module per format; nothing else in the package opens a data file."""
+
+from __future__ import annotations
+
+from ._columns import Columns as Columns
+from .read import FORMATS as FORMATS
+from .read import read_columns as read_columns

@@ -1,0 +1,55 @@
+"""Nested values to columns with dotted names, alike for JSON objects and MAT structs."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+
+def flatten(value: Any, prefix: str, into: dict[str, np.ndarray]) -> None:
+    """Add the numeric leaves of `value` to `into`, each shape (n,) float64; what is not a number is left out.
+
+    Parameters
+    ----------
+    value : mapping, sequence, ndarray or scalar
+        A list of mappings gives one column per field; a matrix (n, k) gives ``prefix.0`` to ``prefix.(k-1)``.
+    prefix : str
+        Dotted path so far.
+    into : dict
+        Filled in place.
+    """
+    if isinstance(value, Mapping):
+        for key, item in value.items():
+            flatten(item, f"{prefix}.{key}" if prefix else str(key), into)
+    elif isinstance(value, (list, tuple)) and value and all(isinstance(item, Mapping) for item in value):
+        fields = dict.fromkeys(key for item in value for key in item)
+        for key in fields:
+            # A field some entries lack is a missing sample there, not a shorter column.
+            flatten([item.get(key) for item in value], f"{prefix}.{key}" if prefix else str(key), into)
+    else:
+        array = _numbers(value)
+        if array is None or array.size == 0:
+            return
+        squeezed = np.squeeze(array)
+        if squeezed.ndim <= 1:
+            into[prefix] = np.ascontiguousarray(squeezed.reshape(-1))
+        elif squeezed.ndim == 2:
+            for column in range(squeezed.shape[1]):
+                into[f"{prefix}.{column}"] = np.ascontiguousarray(squeezed[:, column])
+
+
+def _numbers(value: Any) -> np.ndarray | None:
+    if isinstance(value, np.ndarray):
+        return value.astype(np.float64) if value.dtype.kind in "fiub" else None
+    if isinstance(value, (list, tuple)):
+        if not any(isinstance(v, (int, float, np.number, list, tuple)) for v in value):
+            return None
+        value = [np.nan if v is None else v for v in value]
+    elif not isinstance(value, (int, float, np.number)):
+        return None
+    try:
+        return np.asarray(value, dtype=np.float64)
+    except (TypeError, ValueError):
+        return None

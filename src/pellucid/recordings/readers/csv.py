@@ -1,0 +1,153 @@
+"""Text tables: comma, semicolon, tab or blanks between columns, with or without a header, decimal point or comma."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import numpy as np
+
+from ..._errors import RecordingError
+
+_COMMENT = ("#", "%", "//", "!")
+_MISSING = {"", "nan", "na", "n/a", "null", "none", "-", "--", "missing"}
+_WORDS = {"true": 1.0, "false": 0.0, "inf": np.inf, "-inf": -np.inf}
+_COMMA_NUMBER = re.compile(r"[-+]?\d*,\d+(?:[eE][-+]?\d+)?")
+
+
+def read(path: Path) -> dict[str, np.ndarray | str]:
+    """Columns of a text table, each shape (n,) float64, named by the header or, without one, ``"0"``, ``"1"``, ....
+
+    A column with text in it is given as a str that says which.
+
+    Lines that begin with ``#``, ``%``, ``//`` or ``!`` are comments. An empty field, ``NaN``, ``NA`` or ``null`` is a
+    missing sample (NaN); ``true`` and ``false`` are 1 and 0. A row of units below the header is skipped.
+
+    Raises
+    ------
+    RecordingError
+        If there are no data rows, or a row has another number of fields than the first, as in a truncated file.
+    """
+    lines = [(number, line) for number, line in enumerate(_decode(path).splitlines(), 1) if line.strip()]
+    comments = [line for _, line in lines if line.lstrip().startswith(_COMMENT)]
+    lines = [(number, line) for number, line in lines if not line.lstrip().startswith(_COMMENT)]
+    if not lines:
+        raise RecordingError(f"{path.name}: found no row of data")
+    delimiter = _delimiter([line for _, line in lines[:20]])
+    first = next((i for i, (_, line) in enumerate(lines[:20]) if _is_data(_split(line, delimiter))), None)
+    if first is None:
+        raise RecordingError(f'{path.name}: found no row of numbers; the first line is "{lines[0][1][:60]}"')
+    header = _header(lines[:first], comments, delimiter, len(_split(lines[first][1], delimiter)))
+    rows = lines[first:]
+    try:
+        table = np.loadtxt([line for _, line in rows], delimiter=delimiter, comments=None, ndmin=2, dtype=np.float64)
+        texts = None
+    except ValueError:
+        table, texts = _slow(path, rows, delimiter)
+    names = _names(path, header, table.shape[1])
+    values: dict[str, np.ndarray | str] = {}
+    for i, name in enumerate(names):
+        if texts is not None and texts[i]:
+            number, text = texts[i][0]
+            # Labels beside numbers are common; they matter only where a channel asks for them.
+            values[name] = f'line {number} holds the text "{text}" where a number is expected'
+        else:
+            values[name] = np.ascontiguousarray(table[:, i])
+    return values
+
+
+def _decode(path: Path) -> str:
+    raw = path.read_bytes()
+    if raw[:2] in (b"\xff\xfe", b"\xfe\xff"):
+        return raw.decode("utf-16", errors="replace")
+    if b"\0" in raw[:4096]:
+        raise RecordingError(f"{path.name}: found binary content, expected text")
+    try:
+        return raw.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        # A degree or micro sign in a header written on Windows.
+        return raw.decode("latin-1")
+
+
+def _delimiter(lines: list[str]) -> str | None:
+    for delimiter in ("\t", ";", ","):
+        if all(delimiter in line for line in lines[-3:]):
+            if delimiter == "," and all(_COMMA_NUMBER.fullmatch(f) for line in lines[-3:] for f in line.split()):
+                return None
+            return delimiter
+    return None
+
+
+def _split(line: str, delimiter: str | None) -> list[str]:
+    if delimiter is None:
+        return line.split()
+    fields = [field.strip().strip('"') for field in line.strip("\r\n ").split(delimiter)]
+    return fields
+
+
+def _number(text: str) -> float | None:
+    folded = text.strip().casefold()
+    if folded in _MISSING:
+        return float("nan")
+    if folded in _WORDS:
+        return _WORDS[folded]
+    try:
+        return float(text.replace(",", "."))
+    except ValueError:
+        return None
+
+
+def _is_data(fields: list[str]) -> bool:
+    numbers = [_number(f) for f in fields]
+    return any(n is not None and not np.isnan(n) for n in numbers)
+
+
+def _header(above: list[tuple[int, str]], comments: list[str], delimiter: str | None, width: int) -> list[str] | None:
+    # Titles may stand above the header: it is the first line with a name for every column.
+    for _, line in above:
+        fields = _split(line, delimiter)
+        if len(fields) == width or (len(fields) == width + 1 and not fields[-1]):
+            return fields
+    if above:
+        return _split(above[0][1], delimiter)
+    for line in reversed(comments):
+        fields = _split(line.lstrip().lstrip("#%!/ "), delimiter)
+        if width > 1 and len(fields) == width and not any(" " in f.strip() and "[" not in f for f in fields):
+            return fields
+    return None
+
+
+def _names(path: Path, header: list[str] | None, width: int) -> list[str]:
+    if header is None:
+        return [str(i) for i in range(width)]
+    names = [name if name else str(i) for i, name in enumerate(header)]
+    while len(names) > width and not header[len(names) - 1]:
+        names.pop()
+    if len(names) != width:
+        raise RecordingError(f"{path.name}: the header names {len(names)} columns, the rows hold {width}")
+    repeated = {name for name in names if names.count(name) > 1}
+    return [f"{name}.{i}" if name in repeated else name for i, name in enumerate(names)]
+
+
+def _slow(path, rows, delimiter):
+    split = [(number, _split(line, delimiter)) for number, line in rows]
+    width = len(split[0][1])
+    if width > 1 and all(not fields[-1] for _, fields in split if len(fields) == width):
+        split = [(number, fields[:-1] if len(fields) == width else fields) for number, fields in split]
+        width -= 1
+    table = np.full((len(split), width), np.nan)
+    texts: list[list[tuple[int, str]]] = [[] for _ in range(width)]
+    for i, (number, fields) in enumerate(split):
+        if len(fields) != width:
+            last = i == len(split) - 1
+            raise RecordingError(
+                f"{path.name}: line {number} has {len(fields)} fields, expected {width}"
+                + ("; it is the last line, so the file is truncated" if last else "")
+            )
+        for j, text in enumerate(fields):
+            value = _number(text)
+            if value is None:
+                texts[j].append((number, text))
+            else:
+                table[i, j] = value
+    return table, texts

@@ -1,0 +1,28 @@
+"""JSON: an object of arrays, an array of objects, or both nested."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+
+from ..._errors import RecordingError
+from ._flatten import flatten
+
+
+def read(path: Path) -> dict[str, np.ndarray]:
+    """Numeric leaves of a JSON file by dotted path, each shape (n,) float64; booleans are 0 and 1.
+
+    Raises
+    ------
+    RecordingError
+        If the text is not JSON, as in a truncated file.
+    """
+    try:
+        content = json.loads(path.read_text(encoding="utf-8-sig"))
+    except (ValueError, RecursionError) as error:
+        raise RecordingError(f"{path.name}: not readable as JSON, truncated or damaged: {error}") from error
+    into: dict[str, np.ndarray] = {}
+    flatten(content, "", into)
+    return into

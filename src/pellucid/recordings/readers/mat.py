@@ -1,0 +1,71 @@
+"""MATLAB files: version 5 (and older) through SciPy, version 7.3 through h5py where it is installed."""
+
+from __future__ import annotations
+
+import warnings
+from pathlib import Path
+
+import numpy as np
+
+from ..._errors import RecordingError
+from ._flatten import flatten
+
+
+def read(path: Path) -> dict[str, np.ndarray]:
+    """Numeric variables and struct fields by dotted path, each shape (n,) float64.
+
+    Raises
+    ------
+    RecordingError
+        If the file is truncated, is no MAT file, or is of version 7.3 and h5py is not installed.
+    """
+    with path.open("rb") as file:
+        head = file.read(128)
+    if b"MATLAB 7.3" in head or head[:8] == b"\x89HDF\r\n\x1a\n":
+        return _read_hdf5(path)
+    from scipy.io import loadmat
+
+    try:
+        with warnings.catch_warnings():
+            # Function workspaces repeat an unnamed variable, which says nothing about the recording.
+            warnings.simplefilter("ignore")
+            content = loadmat(path, simplify_cells=True)
+    except Exception as error:  # SciPy raises a dozen types for damaged files
+        raise RecordingError(f"{path.name}: not readable as a MAT file, truncated or damaged: {error}") from error
+    into: dict[str, np.ndarray] = {}
+    for name, value in content.items():
+        if isinstance(name, str) and not name.startswith("__"):
+            flatten(_structs(value), name, into)
+    return into
+
+
+def _structs(value):
+    # A struct array arrives as an object array of dicts.
+    if isinstance(value, np.ndarray) and value.dtype == object:
+        return [_structs(item) for item in value.ravel()]
+    if isinstance(value, dict):
+        return {key: _structs(item) for key, item in value.items()}
+    return value
+
+
+def _read_hdf5(path: Path) -> dict[str, np.ndarray]:
+    try:
+        import h5py
+    except ImportError:
+        raise RecordingError(
+            f"{path.name}: a MAT file of version 7.3, which needs h5py: pip install h5py, "
+            "or save it in MATLAB with save(..., '-v7')"
+        ) from None
+    into: dict[str, np.ndarray] = {}
+
+    def visit(name, item):
+        if isinstance(item, h5py.Dataset) and item.dtype.kind in "fiub" and not name.startswith("#"):
+            # MATLAB stores columns first, HDF5 rows first.
+            flatten(np.asarray(item[()]).T, name.replace("/", "."), into)
+
+    try:
+        with h5py.File(path, "r") as file:
+            file.visititems(visit)
+    except OSError as error:
+        raise RecordingError(f"{path.name}: not readable as a MAT file, truncated or damaged: {error}") from error
+    return into

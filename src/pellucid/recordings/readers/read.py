@@ -1,0 +1,45 @@
+"""Which reader opens which file."""
+
+from __future__ import annotations
+
+import importlib
+from pathlib import Path
+
+from ..._errors import RecordingError
+from ._columns import Columns
+
+FORMATS = {".csv": "csv", ".tsv": "csv", ".txt": "csv", ".dat": "csv", ".mat": "mat", ".json": "json"}
+"""File ending -> module of this package that reads it."""
+
+
+def read_columns(path: Path) -> Columns:
+    """Read every numeric column of a file.
+
+    Parameters
+    ----------
+    path : Path
+        File whose ending says its format.
+
+    Returns
+    -------
+    Columns
+
+    Raises
+    ------
+    RecordingError
+        If the file is missing, empty, truncated, of an unknown format, or holds no numbers.
+    """
+    path = Path(path)
+    if not path.is_file():
+        raise RecordingError(f"{path}: no such file")
+    if path.stat().st_size == 0:
+        raise RecordingError(f"{path.name}: the file is empty (0 bytes), expected recorded samples")
+    module = FORMATS.get(path.suffix.lower())
+    if module is None:
+        raise RecordingError(
+            f'{path.name}: found the ending "{path.suffix}", expected one of {", ".join(sorted(FORMATS))}'
+        )
+    values = importlib.import_module(f".{module}", __package__).read(path)
+    if all(isinstance(value, str) for value in values.values()):
+        raise RecordingError(f"{path.name}: found no numeric column")
+    return Columns(path, values)

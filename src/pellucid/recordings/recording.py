@@ -1,0 +1,157 @@
+"""One recorded trial: named channels over one time axis, in SI, with where they came from."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+from types import MappingProxyType
+
+import numpy as np
+
+from .._errors import RecordingError
+
+
+@dataclass(frozen=True, eq=False)
+class Channel:
+    """Samples of one signal.
+
+    Attributes
+    ----------
+    name : str
+        ``"position"``, ``"emg.biceps"``.
+    samples : ndarray, shape (n,)
+        Values in `unit`, float64, read-only; NaN where a sample is missing.
+    unit : str
+        SI unit, as plain text.
+    column : str or int
+        What the file calls it.
+    """
+
+    name: str
+    samples: np.ndarray
+    unit: str
+    column: str | int
+
+    def __post_init__(self):
+        # A copy only where the caller could still write into the samples.
+        samples = np.asarray(self.samples, dtype=np.float64)
+        if samples.ndim != 1:
+            raise RecordingError(f"channel {self.name}: found shape {samples.shape}, expected (n,)")
+        if samples.flags.writeable:
+            samples = samples.copy()
+            samples.flags.writeable = False
+        object.__setattr__(self, "samples", samples)
+
+    def __len__(self) -> int:
+        return len(self.samples)
+
+
+@dataclass(frozen=True)
+class Payload:
+    """A known mass fixed to the moving segment.
+
+    Attributes
+    ----------
+    mass : float
+        [kg]
+    distance : float
+        From the joint's axis to the mass's centre [m]; 0 for a prismatic joint.
+    """
+
+    mass: float
+    distance: float = 0.0
+
+
+@dataclass(frozen=True, eq=False)
+class Recording:
+    """One trial of a study.
+
+    Attributes
+    ----------
+    name : str
+        The recording's part of a figure's id.
+    path : Path
+        The file.
+    checksum : str
+        SHA-256 of the file, hexadecimal.
+    use : str
+        ``"fit"`` or ``"validate"``; a validating recording is never fitted.
+    channels : Mapping[str, Channel]
+        All of one length n, ``"time"`` [s] among them.
+    protocol, participant, condition : str or None
+        As study.toml names them.
+    payload : Payload or None
+        Known mass carried during the trial.
+
+    Raises
+    ------
+    RecordingError
+        If there is no time, or channels differ in length.
+    """
+
+    name: str
+    path: Path
+    checksum: str
+    use: str
+    channels: Mapping[str, Channel] = field(repr=False)
+    protocol: str | None = None
+    participant: str | None = None
+    condition: str | None = None
+    payload: Payload | None = None
+
+    def __post_init__(self):
+        if "time" not in self.channels:
+            raise RecordingError(f"{self.path.name}: no time channel; found {', '.join(self.channels) or 'none'}")
+        n = len(self.channels["time"])
+        for channel in self.channels.values():
+            if len(channel) != n:
+                raise RecordingError(
+                    f"{self.path.name}: channel {channel.name} (column {channel.column!r}) has {len(channel)} samples, "
+                    f"expected {n} as in time"
+                )
+        object.__setattr__(self, "channels", MappingProxyType(dict(self.channels)))
+
+    def __getitem__(self, name: str) -> np.ndarray:
+        try:
+            return self.channels[name].samples
+        except KeyError:
+            raise RecordingError(
+                f"{self.path.name} (recording {self.name}): no channel {name}; study.toml gives it "
+                f"{', '.join(self.channels)}"
+            ) from None
+
+    def __contains__(self, name: object) -> bool:
+        return name in self.channels
+
+    def __len__(self) -> int:
+        return len(self.time)
+
+    @property
+    def time(self) -> np.ndarray:
+        """Time on the file's own clock, shape (n,) [s]."""
+        return self.channels["time"].samples
+
+    @cached_property
+    def fs(self) -> float:
+        """Sampling rate, one over the mean time step, gaps left out [Hz].
+
+        Raises
+        ------
+        RecordingError
+            If there are fewer than two samples or time does not advance.
+        """
+        steps = np.diff(self.time)
+        steps = steps[np.isfinite(steps) & (steps > 0.0)]
+        if steps.size == 0:
+            raise RecordingError(f"{self.path.name} (recording {self.name}): time does not advance, so it has no rate")
+        # The median alone is only as fine as the clock's last digit; the mean alone would count gaps.
+        return 1.0 / float(np.mean(steps[steps < 1.5 * np.median(steps)]))
+
+    @cached_property
+    def enabled(self) -> np.ndarray:
+        """Samples in which the drive was on, shape (n,) bool; all where no channel ``enabled`` is recorded."""
+        on = self["enabled"] != 0.0 if "enabled" in self else np.ones(len(self), dtype=bool)
+        on.flags.writeable = False
+        return on

@@ -1,0 +1,237 @@
+"""A study: a folder with study.toml, the recordings it names, and what was made of them."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from .._errors import RecordingError
+from .recording import Channel, Payload, Recording
+
+if TYPE_CHECKING:
+    from .readers import Columns
+    from .study_file import ChannelSpec, Model, Processing, RecordingEntry, Rig, StudyFile
+
+STUDY_FILE = "study.toml"
+
+
+@dataclass(frozen=True, eq=False)
+class Study:
+    """A study's folder, and what its study.toml says.
+
+    Attributes
+    ----------
+    folder : Path
+        The study.
+    config : StudyFile
+        study.toml, in SI.
+    """
+
+    folder: Path
+    config: StudyFile = field(repr=False)
+    _loaded: dict = field(default_factory=dict, repr=False)
+
+    @property
+    def name(self) -> str:
+        """First part of every figure's id."""
+        return self.config.name
+
+    @property
+    def rig(self) -> Rig:
+        """The machine."""
+        return self.config.rig
+
+    @property
+    def processing(self) -> Processing:
+        """What is done to samples before a regression."""
+        return self.config.processing
+
+    @property
+    def model(self) -> Model:
+        """What is identified."""
+        return self.config.model
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """Remarks the report repeats."""
+        return self.config.notes
+
+    @property
+    def models_dir(self) -> Path:
+        """Where model cards are."""
+        return self.folder / "models"
+
+    @property
+    def results_path(self) -> Path:
+        """Every figure the commands printed."""
+        return self.folder / "results.json"
+
+    @property
+    def report_dir(self) -> Path:
+        """Where the report is."""
+        return self.folder / "report"
+
+    def recordings(self, use: str | None = None) -> tuple[Recording, ...]:
+        """Recordings in the order study.toml names them; each file is read once.
+
+        Parameters
+        ----------
+        use : str or None
+            ``"fit"`` or ``"validate"``; None for all.
+
+        Raises
+        ------
+        RecordingError
+            If a file is missing or unreadable, or lacks a column; names file, channel, found and expected.
+        """
+        if use not in (None, "fit", "validate"):
+            raise RecordingError(f'use: found {use!r}, expected "fit", "validate" or None')
+        files: dict[Path, tuple[Columns, str]] = {}
+        found = [
+            self._load(entry, name, path, files)
+            for entry in self.config.recordings
+            if use is None or entry.use == use
+            for name, path in self._paths(entry)
+        ]
+        return tuple(found)
+
+    def recording(self, name: str) -> Recording:
+        """One recording by its name.
+
+        Raises
+        ------
+        RecordingError
+            If study.toml names no such recording, or it cannot be read.
+        """
+        names = []
+        for entry in self.config.recordings:
+            # A pattern's recordings are known only once their files are listed.
+            if entry.file is not None and entry.name != name:
+                names.append(entry.name)
+                continue
+            for each, path in self._paths(entry):
+                names.append(each)
+                if each == name:
+                    return self._load(entry, each, path, {})
+        raise RecordingError(f'{self.folder / STUDY_FILE}: no recording "{name}", found {", ".join(names) or "none"}')
+
+    def _paths(self, entry: RecordingEntry) -> list[tuple[str, Path]]:
+        if entry.file is not None:
+            path = self.folder / entry.file
+            if not path.is_file():
+                raise RecordingError(
+                    f'{path}: no such file, expected by [[recordings]] "{entry.name}"{_present(path.parent)}'
+                )
+            return [(entry.name, path)]
+        paths = sorted(path for path in self.folder.glob(entry.files) if path.is_file())
+        if not paths:
+            raise RecordingError(
+                f'{self.folder / STUDY_FILE}: [[recordings]] "{entry.name}": no file matches "{entry.files}"'
+                f"{_present((self.folder / entry.files).parent)}"
+            )
+        if len(paths) == 1:
+            return [(entry.name, paths[0])]
+        return [(f"{entry.name}.{path.stem}", path) for path in paths]
+
+    def _load(self, entry, name, path, files) -> Recording:
+        if name in self._loaded:
+            return self._loaded[name]
+        if path not in files:
+            from .readers import read_columns
+
+            files[path] = (read_columns(path), checksum(path))
+        columns, digest = files[path]
+        channels = _channels(columns, self.config.channels_of(entry), entry.window)
+        payload = Payload(entry.payload.mass, entry.payload.distance) if entry.payload else None
+        recording = Recording(
+            name=name,
+            path=path,
+            checksum=digest,
+            use=entry.use,
+            channels=channels,
+            protocol=entry.protocol,
+            participant=entry.participant,
+            condition=entry.condition,
+            payload=payload,
+        )
+        self._loaded[name] = recording
+        return recording
+
+
+def open_study(folder: str | os.PathLike) -> Study:
+    """Open a study's folder; recordings are read when they are asked for.
+
+    Parameters
+    ----------
+    folder : path-like
+        Folder with a study.toml in it.
+
+    Returns
+    -------
+    Study
+
+    Raises
+    ------
+    StudyError
+        If study.toml is missing or cannot be understood.
+    """
+    from .study_file import parse_study_file
+
+    folder = Path(folder)
+    return Study(folder, parse_study_file(folder / STUDY_FILE))
+
+
+def checksum(path: Path) -> str:
+    """SHA-256 of a file, hexadecimal."""
+    import hashlib
+
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
+
+
+def _channels(columns: Columns, specs: dict[str, ChannelSpec], window) -> dict[str, Channel]:
+    values = {name: _to_si(columns.column(spec.column, name), spec) for name, spec in specs.items()}
+    time = values["time"]
+    n = len(time)
+    for name, samples in values.items():
+        if len(samples) == 1 and n != 1:
+            values[name] = np.full(n, samples[0])
+        elif len(samples) != n:
+            raise RecordingError(
+                f"{columns.path.name}: channel {name} (column {specs[name].column!r}) has {len(samples)} samples, "
+                f"expected {n} as in time"
+            )
+    if window is not None:
+        inside = (time >= window[0]) & (time < window[1])  # half-open: adjoining windows share no sample
+        if not inside.any():
+            raise RecordingError(
+                f"{columns.path.name}: window {window[0]:g} s to {window[1]:g} s holds no sample, "
+                f"found times from {np.nanmin(time):g} s to {np.nanmax(time):g} s"
+            )
+        values = {name: samples[inside] for name, samples in values.items()}
+    return {name: Channel(name, values[name], spec.si_unit, spec.column) for name, spec in specs.items()}
+
+
+def _to_si(stored: np.ndarray, spec: ChannelSpec) -> np.ndarray:
+    """Stored numbers to SI, in the order `ChannelSpec` states."""
+    values = np.array(stored, dtype=np.float64)
+    if isinstance(spec.missing, float):
+        values[values == spec.missing] = np.nan
+    if spec.signed_bits is not None:
+        values = np.where(values >= 2.0 ** (spec.signed_bits - 1), values - 2.0**spec.signed_bits, values)
+    if spec.wrap_bits is not None:
+        # Unwrapping steps over a gap; the missing samples stay missing.
+        known = np.isfinite(values)
+        values[known] = np.unwrap(values[known], period=2.0**spec.wrap_bits)
+    return (spec.sign * spec.scale * values + spec.offset) * spec.si_factor + spec.si_offset
+
+
+def _present(folder: Path) -> str:
+    names = sorted(p.name for p in folder.iterdir()) if folder.is_dir() else None
+    if names is None:
+        return f"; there is no folder {folder.name}"
+    return f"; {folder.name} holds {', '.join(names[:20]) or 'nothing'}"

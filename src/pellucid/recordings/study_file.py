@@ -1,0 +1,584 @@
+"""What study.toml may say: its keys, their units, and what each leaves out.
+
+Quantities are texts with a unit; they become SI numbers here. ``docs/study-file.md`` explains every key.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from pydantic import (
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    ValidationError,
+    ValidationInfo,
+    field_validator,
+    model_validator,
+)
+
+from .._errors import StudyError
+from ..units import parse_quantity, si_text, to_si_factor
+from .toml_place import explain
+
+_NAME = r"^[A-Za-z0-9][A-Za-z0-9_-]*$"
+
+FRICTION_FAMILIES = ("symmetric", "directional", "load", "stribeck", "combined")
+"""The friction models `identify` tries, in this order, where study.toml names none."""
+
+
+def _quantity(expected: str, **bounds: float) -> Any:
+    """Type of a field given as ``"1.5 V"``; an expected unit in <> is looked up among the rig's units."""
+
+    def convert(value: Any, info: ValidationInfo) -> float | None:
+        if value is None:
+            return None
+        units = info.context or {}
+        unit = units.get(expected, expected) if expected.startswith("<") else expected
+        return parse_quantity(value, unit, "")
+
+    convert_text = BeforeValidator(convert, json_schema_input_type=str)
+    return Annotated[float, Field(**bounds), convert_text, Field(description=f"number and unit ({expected})")]
+
+
+class _Table(BaseModel):
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False, hide_input_in_errors=True)
+
+
+class Drive(_Table):
+    """How the effort is known: ``[rig.drive]``.
+
+    Attributes
+    ----------
+    kind : str
+        ``"torque"`` (a sensor), ``"current"`` or ``"voltage"``.
+    torque_constant, force_constant : float or None
+        Effort per ampere [N*m/A, N/A], or per volt for a voltage drive without a resistance [N*m/V, N/V].
+        None: results stay per ampere or per volt.
+    gear_ratio : float
+        Motor turns per turn of the joint; the constant times it is the effort at the joint.
+    resistance : float or None
+        Of the winding [ohm]; with it a voltage drive's back-EMF is known.
+    supply : float or None
+        Voltage at full duty [V], where the drive is known by its duty.
+    limit : float or None
+        Largest magnitude of the command, in the channel's SI unit.
+    """
+
+    kind: Literal["torque", "current", "voltage"]
+    torque_constant: _quantity("<constant>", gt=0) | None = None
+    force_constant: _quantity("<constant>", gt=0) | None = None
+    gear_ratio: float = Field(1.0, gt=0)
+    resistance: _quantity("ohm", gt=0) | None = None
+    supply: _quantity("V", gt=0) | None = None
+    limit: _quantity("<command>", gt=0) | None = None
+
+    @property
+    def constant(self) -> float | None:
+        """`torque_constant` of a rotary rig, `force_constant` of a prismatic one."""
+        return self.torque_constant if self.torque_constant is not None else self.force_constant
+
+    @model_validator(mode="after")
+    def _consistent(self, info: ValidationInfo) -> Drive:
+        motion = (info.context or {}).get("motion")
+        if self.torque_constant is not None and motion == "prismatic":
+            raise ValueError('found torque_constant with motion = "prismatic", expected force_constant')
+        if self.force_constant is not None and motion == "rotary":
+            raise ValueError('found force_constant with motion = "rotary", expected torque_constant')
+        if self.kind == "torque" and self.constant is not None:
+            raise ValueError('found a constant with kind = "torque": a measured effort needs none')
+        if self.resistance is not None and (self.kind != "voltage" or self.constant is None):
+            raise ValueError('found resistance, which is used only with kind = "voltage" and a known constant')
+        return self
+
+
+class Loop(_Table):
+    """The machine's own controller: ``[rig.loop]``. Gains are plain numbers in SI, in the drive's command unit.
+
+    Attributes
+    ----------
+    kind : str
+        ``"p"``, ``"pi"``, ``"pd"``, ``"cascade"`` (command = kv*(kp*(reference - position) - velocity)) or
+        ``"velocity_pi"``.
+    kp, ki, kd, kv : float or None
+        Gains.
+    limit : float or None
+        Largest magnitude of the command, in its SI unit.
+    injected : str or None
+        Channel that is added to the command after the limit.
+    velocity_span : int
+        Over how many samples the machine differences position to get its velocity; 0 where it is not known.
+    period : float or None
+        Of the controller [s]; None: that of the recording.
+    """
+
+    kind: Literal["p", "pi", "pd", "cascade", "velocity_pi"]
+    kp: float | None = None
+    ki: float | None = None
+    kd: float | None = None
+    kv: float | None = None
+    limit: _quantity("<command>", gt=0) | None = None
+    injected: str | None = None
+    velocity_span: int = Field(0, ge=0)
+    period: _quantity("s", gt=0) | None = None
+
+    @model_validator(mode="after")
+    def _gains(self) -> Loop:
+        needed = {"p": "kp", "pi": "kp ki", "pd": "kp kd", "cascade": "kp kv", "velocity_pi": "kp ki"}
+        needed = needed[self.kind].split()
+        missing = [gain for gain in needed if getattr(self, gain) is None]
+        unused = [g for g in ("kp", "ki", "kd", "kv") if g not in needed and getattr(self, g) is not None]
+        if missing or unused:
+            found = f"missing {', '.join(missing)}" if missing else f"unused {', '.join(unused)}"
+            raise ValueError(f'kind = "{self.kind}" expects the gains {", ".join(needed)}: {found}')
+        return self
+
+
+class Limits(_Table):
+    """What the joint may not pass: ``[rig.limits]``, each [rad] or [m], [rad/s] or [m/s], [N*m] or [N]."""
+
+    position_min: _quantity("<coordinate>") | None = None
+    position_max: _quantity("<coordinate>") | None = None
+    velocity: _quantity("<velocity>", gt=0) | None = None
+    effort: _quantity("<effort>", gt=0) | None = None
+
+    @model_validator(mode="after")
+    def _ordered(self) -> Limits:
+        low, high = self.position_min, self.position_max
+        if low is not None and high is not None and low >= high:
+            raise ValueError(f"found position_min = {low:g} not below position_max = {high:g}")
+        return self
+
+
+class Rig(_Table):
+    """The machine: ``[rig]``.
+
+    Attributes
+    ----------
+    joint : str
+        ``"elbow"``.
+    motion : str
+        ``"rotary"`` or ``"prismatic"``.
+    lifts : str
+        What positive motion does.
+    drive, loop, limits
+        Its tables; `loop` is None where the machine's controller is not known.
+    """
+
+    joint: str = "joint"
+    motion: Literal["rotary", "prismatic"]
+    lifts: str = ""
+    drive: Drive
+    loop: Loop | None = None
+    limits: Limits = Limits()
+
+
+class Participant(_Table):
+    """Who wears it: ``[participants.NAME]``. Mass [kg], height [m], age [years]."""
+
+    mass: _quantity("kg", gt=0) | None = None
+    height: _quantity("m", gt=0) | None = None
+    age: float | None = Field(None, gt=0)
+
+
+class ChannelSpec(_Table):
+    """Where a channel's numbers are and what they mean: one entry of ``[channels]``.
+
+    In order: stored bits are signed, missing marks become NaN, a rolling encoder is unwrapped, then
+    value = sign * scale * stored + offset in `unit`, then SI.
+
+    Attributes
+    ----------
+    name : str
+        The channel.
+    column : str or int
+        Column of a table, dotted path into a structure, or 0-based column number.
+    unit : str
+        Of the value after `scale`.
+    sign : int
+        1 or -1.
+    offset : float
+        Added last, in `unit`.
+    scale : float
+        `unit` per stored count.
+    wrap_bits : int or None
+        The stored count rolls over after this many bits.
+    signed_bits : int or None
+        The count is a signed number of this many bits that was stored unsigned.
+    missing : str, float or None
+        ``"NaN"``, or the number that marks a missing sample.
+    clip : str
+        ``"refuse"``, or ``"accept"`` where the channel may rest at its largest value.
+    si_factor, si_offset : float
+        SI value = value * si_factor + si_offset.
+    si_unit : str
+        SI unit as plain text.
+    """
+
+    name: str
+    column: str | int
+    unit: str
+    sign: Literal[1, -1] = 1
+    offset: float = 0.0
+    scale: float = 1.0
+    wrap_bits: int | None = Field(None, ge=1, le=64)
+    signed_bits: int | None = Field(None, ge=2, le=64)
+    missing: Literal["NaN"] | float | None = None
+    clip: Literal["refuse", "accept"] = "refuse"
+    si_factor: float = 1.0
+    si_offset: float = 0.0
+    si_unit: str = "1"
+
+    @field_validator("column", mode="before")
+    @classmethod
+    def _no_bool(cls, column: Any) -> Any:
+        if isinstance(column, bool) or (isinstance(column, int) and column < 0):
+            raise ValueError(f"found {column!r}, expected a column's name or its number from 0")
+        return column
+
+    @field_validator("scale")
+    @classmethod
+    def _not_zero(cls, scale: float) -> float:
+        if scale == 0.0:
+            raise ValueError("found 0, which makes every sample 0")
+        return scale
+
+    @model_validator(mode="before")
+    @classmethod
+    def _to_si(cls, table: Any, info: ValidationInfo) -> Any:
+        if not isinstance(table, dict):
+            raise ValueError(f'found {table!r}, expected a table such as {{ column = "q", unit = "rad" }}')
+        name = table.get("name", "")
+        expected = channel_unit(name, info.context or {})
+        if table.get("unit") in (None, ""):
+            such = f'expected one such as "{expected}"' if expected else 'expected one such as "V", or "1" for none'
+            raise ValueError(f"no unit found, {such}")
+        factor, offset = to_si_factor(table["unit"], expected, "")
+        si = {"si_factor": factor, "si_offset": offset, "si_unit": expected or si_text(table["unit"])}
+        return {**table, **si}
+
+
+class Processing(_Table):
+    """What is done to the samples before a regression: ``[processing]``.
+
+    Attributes
+    ----------
+    lowpass : float or None
+        Cut-off of the zero-phase low-pass applied to both sides [Hz]; identification needs it.
+    order : int
+        Of the Butterworth filter, run forwards and backwards.
+    decimate : int
+        Every how many samples one is kept after filtering.
+    resample : float or None
+        Uniform rate to interpolate to first, where the clock jitters [Hz].
+    dead_band : float
+        Samples slower than this are left out [rad/s or m/s].
+    trim : int
+        Samples dropped at each border, where the filter has not settled.
+    """
+
+    lowpass: _quantity("Hz", gt=0) | None = None
+    order: int = Field(4, ge=1, le=12)
+    decimate: int = Field(1, ge=1)
+    resample: _quantity("Hz", gt=0) | None = None
+    dead_band: _quantity("<velocity>", ge=0) = 0.0
+    trim: int = Field(0, ge=0)
+
+
+class Model(_Table):
+    """What is identified: ``[model]``.
+
+    Attributes
+    ----------
+    families : tuple of str
+        Friction models to compare.
+    gravity : str
+        ``"none"``, ``"sine"`` or ``"sine+cosine"`` (the zero of the encoder is not known).
+    known : Mapping[str, float]
+        Parameters held at a known value, in SI.
+    confidence : float
+        Of the intervals, in (0, 1).
+    """
+
+    families: tuple[Literal[FRICTION_FAMILIES], ...] = FRICTION_FAMILIES
+    gravity: Literal["none", "sine", "sine+cosine"]
+    known: dict[str, float] = {}
+    confidence: float = Field(0.95, gt=0, lt=1)
+
+    @model_validator(mode="before")
+    @classmethod
+    def _default_gravity(cls, table: Any, info: ValidationInfo) -> Any:
+        if isinstance(table, dict) and "gravity" not in table:
+            return {**table, "gravity": "none" if (info.context or {}).get("motion") == "prismatic" else "sine"}
+        return table
+
+    @field_validator("families")
+    @classmethod
+    def _some(cls, families: tuple) -> tuple:
+        if not families or len(set(families)) < len(families):
+            raise ValueError(f"found {list(families)}, expected at least one, each once")
+        return families
+
+    @field_validator("known", mode="before")
+    @classmethod
+    def _known(cls, known: Any, info: ValidationInfo) -> Any:
+        if not isinstance(known, dict):
+            return known
+        units = info.context or {}
+        return {name: parse_quantity(text, parameter_units(name, units), name) for name, text in known.items()}
+
+    @model_validator(mode="after")
+    def _no_weight_along_a_slide(self, info: ValidationInfo) -> Model:
+        if (info.context or {}).get("motion") == "prismatic" and self.gravity != "none":
+            raise ValueError(f'found gravity = "{self.gravity}" with motion = "prismatic", expected "none"')
+        return self
+
+
+class PayloadSpec(_Table):
+    """A known mass on the moving segment: mass [kg], distance from the axis [m]."""
+
+    mass: _quantity("kg", gt=0)
+    distance: _quantity("m", ge=0) = 0.0
+
+
+class RecordingEntry(_Table):
+    """One ``[[recordings]]``.
+
+    Attributes
+    ----------
+    name : str
+        The recording's part of an id.
+    file, files : str or None
+        Path from the study's folder, or a pattern that names several; one of the two.
+    protocol : str or None
+        ``"swept_sine"``.
+    use : str
+        ``"fit"`` or ``"validate"``.
+    window : tuple of float or None
+        Samples with start <= time < end are taken, on the file's own clock [s].
+    participant, condition : str or None
+        Who, and under which condition.
+    payload : PayloadSpec or None
+        Known mass carried.
+    channels : dict[str, ChannelSpec]
+        Those that differ from, or are added to, ``[channels]``; complete.
+    """
+
+    name: str = Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]*$")
+    file: str | None = None
+    files: str | None = None
+    protocol: str | None = None
+    use: Literal["fit", "validate"] = "fit"
+    window: tuple[_quantity("s"), _quantity("s")] | None = None
+    participant: str | None = None
+    condition: str | None = None
+    payload: PayloadSpec | None = None
+    channels: dict[str, ChannelSpec] = {}
+
+    @model_validator(mode="after")
+    def _one_source(self) -> RecordingEntry:
+        if (self.file is None) == (self.files is None):
+            raise ValueError("expected one of file and files, found " + ("both" if self.file else "neither"))
+        if self.window is not None and self.window[0] >= self.window[1]:
+            raise ValueError(f"window: found {self.window[0]:g} s to {self.window[1]:g} s, expected start before end")
+        return self
+
+
+class StudyFile(_Table):
+    """The whole of study.toml, in SI.
+
+    Attributes
+    ----------
+    name : str
+        First part of every figure's id.
+    citation : str
+        What to cite for the recordings; printed in the report.
+    notes : tuple of str
+        Remarks the report repeats.
+    rig, participants, channels, processing, model, recordings
+        Its tables.
+    """
+
+    name: str = Field(pattern=_NAME)
+    citation: str = ""
+    notes: tuple[str, ...] = ()
+    rig: Rig
+    participants: dict[str, Participant] = {}
+    channels: dict[str, ChannelSpec]
+    processing: Processing = Processing()
+    model: Model
+    recordings: tuple[RecordingEntry, ...] = ()
+
+    @model_validator(mode="before")
+    @classmethod
+    def _spread_channels(cls, raw: Any) -> Any:
+        """Flatten ``emg.biceps`` and complete each recording's channels by the defaults they override."""
+        if not isinstance(raw, dict):
+            return raw
+        raw = {"model": {}, **raw}
+        if isinstance(raw.get("channels"), dict):
+            raw["channels"] = _flat_channels(raw["channels"])
+        entries = raw.get("recordings")
+        if isinstance(entries, list) and isinstance(raw.get("channels"), dict):
+            raw["recordings"] = [_complete(entry, raw["channels"]) for entry in entries]
+        return raw
+
+    @model_validator(mode="after")
+    def _refers_to_what_exists(self) -> StudyFile:
+        for index, entry in enumerate(self.recordings):
+            if entry.participant is not None and entry.participant not in self.participants:
+                found = ", ".join(self.participants) or "none"
+                raise ValueError(
+                    f'[[recordings]] {entry.name}: found the participant "{entry.participant}", '
+                    f"expected one of [participants]: {found}"
+                )
+            if any(entry.name == other.name for other in self.recordings[:index]):
+                raise ValueError(f'[[recordings]] the name "{entry.name}" is given twice, expected each once')
+            if "time" not in self.channels_of(entry):
+                raise ValueError("[channels] no channel time found, expected one with its column and unit")
+        return self
+
+    def channels_of(self, entry: RecordingEntry) -> dict[str, ChannelSpec]:
+        """All channels of one recording: the defaults, with its own in their place."""
+        return {**self.channels, **entry.channels}
+
+
+def channel_unit(name: str, units: Mapping[str, str]) -> str | None:
+    """SI unit a channel must have, by its name; None where any unit is meaningful.
+
+    Parameters
+    ----------
+    name : str
+        ``"position"``, ``"emg.biceps"``.
+    units : Mapping[str, str]
+        The rig's, from `rig_units`.
+    """
+    fixed = {
+        "time": "s", "position": "<coordinate>", "reference": "<coordinate>", "velocity": "<velocity>",
+        "acceleration": "<acceleration>", "current": "A", "voltage": "V", "duty": "1", "supply": "V", "torque": "N*m",
+        "force": "N", "enabled": "1", "temperature": "K",
+    }  # fmt: skip
+    expected = fixed.get(name)
+    if expected is None and name.startswith("emg."):
+        expected = "V"
+    if expected is None and name == units.get("injected"):
+        expected = "<injected>"
+    return units.get(expected, expected) if expected else None
+
+
+def parameter_units(name: str, units: Mapping[str, str]) -> tuple[str, ...] | None:
+    """SI units a known parameter may have, by its name; None where the name says nothing."""
+    effort, velocity = units.get("<scaled_effort>", "N*m"), units.get("<velocity>", "rad/s")
+    per_acceleration = f"{effort}*s^2/{velocity.split('/')[0]}"
+    kind = name.split("_")[0]
+    if kind in ("inertia", "mass"):
+        return {"N*m": ("kg*m^2", per_acceleration), "N": ("kg", per_acceleration)}.get(effort, (per_acceleration,))
+    if kind == "viscous":
+        return (f"{effort}*s/{velocity.split('/')[0]}",)
+    if kind in ("gravity", "coulomb", "offset"):
+        return (effort,)
+    return None
+
+
+def rig_units(raw: Mapping[str, Any]) -> dict[str, str]:
+    """SI units that follow from the rig's motion and drive, from the raw text of study.toml."""
+    rig = raw.get("rig") if isinstance(raw.get("rig"), dict) else {}
+    drive = rig.get("drive") if isinstance(rig.get("drive"), dict) else {}
+    loop = rig.get("loop") if isinstance(rig.get("loop"), dict) else {}
+    channels = raw.get("channels") if isinstance(raw.get("channels"), dict) else {}
+    motion = rig.get("motion")
+    coordinate, effort = ("m", "N") if motion == "prismatic" else ("rad", "N*m")
+    kind = drive.get("kind")
+    electrical = {"current": "A", "voltage": "V"}.get(kind, effort)
+    duty = kind == "voltage" and "duty" in channels and "voltage" not in channels
+    per = "V" if kind == "voltage" and "resistance" not in drive else "A"
+    known = kind == "torque" or "torque_constant" in drive or "force_constant" in drive
+    return {
+        "motion": str(motion),
+        "injected": str(loop.get("injected", "")),
+        "<coordinate>": coordinate,
+        "<velocity>": f"{coordinate}/s",
+        "<acceleration>": f"{coordinate}/s^2",
+        "<effort>": effort,
+        "<scaled_effort>": effort if known else electrical,
+        "<constant>": f"{effort}/{per}",
+        "<command>": "1" if duty else electrical,
+        "<injected>": electrical,
+    }
+
+
+def parse_study_file(path: Path) -> StudyFile:
+    """Read and check a study.toml.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+
+    Returns
+    -------
+    StudyFile
+
+    Raises
+    ------
+    StudyError
+        If the file is missing, is not TOML, or says something that cannot be understood. The message names the file,
+        the line where it is findable, what was found and what was expected, for every problem at once.
+    """
+    import tomllib
+
+    try:
+        text = path.read_text(encoding="utf-8-sig")
+    except FileNotFoundError:
+        raise StudyError(f"{path}: no such file; a study is a folder with a study.toml in it") from None
+    except (OSError, UnicodeDecodeError) as error:
+        raise StudyError(f"{path}: not readable: {error}") from error
+    try:
+        raw = tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise StudyError(f"{path}: not valid TOML: {error}") from error
+    try:
+        return StudyFile.model_validate(raw, context=rig_units(raw))
+    except ValidationError as error:
+        raise StudyError(explain(error, path, text, StudyFile)) from None
+
+
+def json_schema() -> dict[str, Any]:
+    """JSON Schema of study.toml, for editors that complete and check as one types."""
+    schema = StudyFile.model_json_schema()
+    channel = schema["$defs"]["ChannelSpec"]
+    for derived in ("name", "si_factor", "si_offset", "si_unit"):
+        channel["properties"].pop(derived, None)
+    channel["required"] = ["column", "unit"]
+    schema["$defs"]["Model"].pop("required", None)
+    schema["required"] = ["name", "rig", "channels"]
+    return schema
+
+
+def _flat_channels(tables: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
+    flat: dict[str, Any] = {}
+    for key, table in tables.items():
+        name = f"{prefix}{key}"
+        group = isinstance(table, dict) and table and all(isinstance(v, dict) for v in table.values())
+        if group:
+            flat.update(_flat_channels(table, f"{name}."))
+        elif isinstance(table, dict):
+            # A hand-written key of that name stays visible as the unknown key it is.
+            flat[name] = {**table, "name": name} if "name" not in table else {**table, "name": name, "name_": None}
+        else:
+            flat[name] = table
+    return flat
+
+
+def _complete(entry: Any, defaults: Mapping[str, Any]) -> Any:
+    if not isinstance(entry, dict) or not isinstance(entry.get("channels"), dict):
+        return entry
+    own = _flat_channels(entry["channels"])
+    merged = {
+        name: {**defaults[name], **table} if isinstance(table, dict) and isinstance(defaults.get(name), dict) else table
+        for name, table in own.items()
+    }
+    return {**entry, "channels": merged}

@@ -1,0 +1,211 @@
+"""Units as people write them, turned into SI numbers; nothing inside the package knows any other unit.
+
+A unit is plain text: ``N*m``, ``kg*m^2``, ``N*m*s/rad``, ``deg``, ``mA``, ``%``, ``1``. An angle is a dimension of its
+own, so that a position in degrees cannot pass for one in metres, nor ``rad/s`` for ``Hz``.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from functools import lru_cache
+
+from ._errors import StudyError
+
+# Pint's own file holds 1,000 units, in which rad is a plain number and a typo easily names something.
+_DEFINITIONS = """
+mega- = 1e6 = M-
+kilo- = 1e3 = k-
+centi- = 1e-2 = c-
+milli- = 1e-3 = m-
+micro- = 1e-6 = µ- = μ- = u-
+nano- = 1e-9 = n-
+second = [time] = s = sec
+meter = [length] = m = metre
+kilogram = [mass] = kg
+ampere = [current] = A
+radian = [angle] = rad
+kelvin = [temperature] = K
+count = [count] = _ = counts
+gram = 1e-3 * kilogram = g
+minute = 60 * second = min
+hour = 3600 * second = h
+hertz = 1 / second = Hz
+degree = 0.017453292519943295 * radian = deg = degrees = °
+turn = 6.283185307179586 * radian = _ = rev = turns
+rpm = turn / minute
+newton = kilogram * meter / second ** 2 = N
+newton_meter = newton * meter = Nm
+joule = newton * meter = J
+watt = joule / second = W
+volt = watt / ampere = V
+ohm = volt / ampere = _ = Ohm = Ω
+henry = volt * second / ampere = H
+pascal = newton / meter ** 2 = Pa
+tesla = volt * second / meter ** 2 = T
+standard_gravity = 9.80665 * meter / second ** 2 = g0
+degree_Celsius = kelvin; offset: 273.15 = degC = °C = celsius
+percent = 0.01 = %
+"""
+
+# The texts SI values are shown in, most specific first; N*m stands before J because torques are what is measured here.
+_SI_TEXTS = (
+    "1", "s", "Hz", "m", "m/s", "m/s^2", "rad", "rad/s", "rad/s^2", "kg", "kg*m^2", "N", "N*m", "W", "A", "V", "ohm",
+    "H", "Pa", "T", "K", "count", "N*s/m", "N*m*s/rad", "N*m/rad", "N/m", "N*m/A", "N*m/V", "N/A", "N/V",
+    "V*s/rad", "V*s^2/rad", "V*s/m", "V*s^2/m", "A*s/rad", "A*s^2/rad", "A*s/m", "A*s^2/m", "V/A",
+)  # fmt: skip
+
+_NUMBER = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?|[-+]?inf|nan)\s*(.*?)\s*", re.DOTALL)
+
+
+def parse_quantity(text: str | float, expected: str | tuple[str, ...] | None, where: str) -> float:
+    """Read a quantity such as ``"0.060 N*m/A"`` into SI.
+
+    Parameters
+    ----------
+    text : str or float
+        Number and unit. A bare number is accepted only where `expected` is ``"1"``.
+    expected : str, tuple of str, or None
+        SI unit whose dimension the quantity must have; several where more than one is meaningful; None for any unit.
+    where : str
+        What the quantity is, for the message: ``"[rig.drive] torque_constant"``; may be empty.
+
+    Returns
+    -------
+    float
+        Value in SI.
+
+    Raises
+    ------
+    StudyError
+        If there is no number, no unit, an unknown unit, or a unit of another dimension.
+
+    Examples
+    --------
+    >>> parse_quantity("500 mA", expected="A", where="limit")
+    0.5
+    """
+    if isinstance(text, bool) or not isinstance(text, (str, int, float)):
+        raise StudyError(f"{_at(where)}found {text!r}, expected a quantity such as {_example(expected)}")
+    if not isinstance(text, str):
+        if expected == "1":
+            return float(text)
+        raise StudyError(f"{_at(where)}found {text!r} without a unit, expected e.g. {_example(expected, text)}")
+    match = _NUMBER.fullmatch(text)
+    if match is None:
+        raise StudyError(f'{_at(where)}found "{text}", which starts with no number, expected e.g. {_example(expected)}')
+    number, unit = float(match[1]), match[2]
+    if not math.isfinite(number):
+        raise StudyError(f'{_at(where)}found "{text}", expected a finite number such as {_example(expected)}')
+    if not unit and expected != "1":
+        raise StudyError(f'{_at(where)}found "{text}" without a unit, expected e.g. {_example(expected, match[1])}')
+    factor, offset = _factor(unit or "1", expected, where)
+    return number * factor + offset
+
+
+def to_si_factor(unit: str, expected: str | tuple[str, ...] | None, where: str = "unit") -> tuple[float, float]:
+    """Factor and offset that turn values in `unit` into SI: ``si = value * factor + offset``.
+
+    Parameters
+    ----------
+    unit : str
+        Unit text such as ``"deg"``.
+    expected : str, tuple of str, or None
+        SI unit whose dimension `unit` must have; None for any.
+    where : str
+        What the unit belongs to, for the message.
+
+    Returns
+    -------
+    factor, offset : float
+        The offset is zero except for temperatures.
+
+    Raises
+    ------
+    StudyError
+        If the unit is absent, unknown, or of another dimension.
+    """
+    return _factor(unit, expected, where)
+
+
+def si_text(unit: str) -> str:
+    """SI unit in which values given in `unit` are kept, as plain text: ``si_text("mN*m")`` is ``"N*m"``.
+
+    Raises
+    ------
+    StudyError
+        If the unit is unknown.
+    """
+    return _si_text(unit)
+
+
+@lru_cache(maxsize=1024)
+def _si_text(unit: str) -> str:
+    dimension = _parse(unit, "unit")[2]
+    for text in _SI_TEXTS:
+        if _parse(text, "unit")[2] == dimension:
+            return text
+    symbols = {"[mass]": "kg", "[length]": "m", "[count]": "count", "[angle]": "rad", "[current]": "A",
+               "[temperature]": "K", "[time]": "s"}  # fmt: skip
+    ordered = sorted(dimension, key=lambda item: list(symbols).index(item[0]))
+    up = [symbols[k] + (f"^{p:g}" if p != 1 else "") for k, p in ordered if p > 0]
+    down = [symbols[k] + (f"^{-p:g}" if p != -1 else "") for k, p in ordered if p < 0]
+    return "/".join(["*".join(up) or "1", *down])
+
+
+def _at(where: str) -> str:
+    return f"{where}: " if where else ""
+
+
+def _example(expected, number="1.0") -> str:
+    unit = expected[0] if isinstance(expected, tuple) else expected or "N*m"
+    return f'"{number}"' if unit == "1" else f'"{number} {unit}"'
+
+
+@lru_cache(maxsize=4096)
+def _factor(unit: str, expected: str | tuple[str, ...] | None, where: str) -> tuple[float, float]:
+    factor, offset, dimension = _parse(unit, where)
+    wanted = () if expected is None else (expected,) if isinstance(expected, str) else expected
+    if wanted and all(_parse(w, where)[2] != dimension for w in wanted):
+        hint = ""
+        if dict(dimension).get("[count]"):
+            hint = "; counts need a scale, and the unit they have after it"
+        raise StudyError(f'{_at(where)}found the unit "{unit}", expected {" or ".join(f"{w!r}" for w in wanted)}{hint}')
+    return factor, offset
+
+
+@lru_cache(maxsize=1)
+def _registry():
+    import pint
+
+    registry = pint.UnitRegistry(None, on_redefinition="raise", autoconvert_offset_to_baseunit=True)
+    registry.load_definitions(_DEFINITIONS.strip().splitlines())
+    return registry
+
+
+@lru_cache(maxsize=1024)
+def _parse(unit: str, where: str) -> tuple[float, float, frozenset]:
+    if not isinstance(unit, str) or not unit.strip():
+        raise StudyError(f'{_at(where)}no unit found, expected one such as "rad", "N*m" or "1"')
+    if unit.strip() == "1":
+        return 1.0, 0.0, frozenset()
+    registry = _registry()
+    try:
+        # Pint reads a leading 1 as a number, which a unit may not hold.
+        text = re.sub(r"^\s*1\s*/", "dimensionless/", unit)
+        parsed = registry.parse_units(text)
+        zero, one = (registry.Quantity(v, parsed).to_base_units().magnitude for v in (0.0, 1.0))
+        dimension = frozenset((k, float(p)) for k, p in parsed.dimensionality.items())
+    except Exception as error:  # Pint raises its own, tokenizer and attribute errors for text it cannot read
+        raise StudyError(f'{_at(where)}found the unknown unit "{unit}"{_nearest(unit)}') from error
+    return one - zero, zero, dimension
+
+
+def _nearest(unit: str) -> str:
+    import difflib
+
+    known = [*_SI_TEXTS, "deg", "deg/s", "rpm", "mA", "mV", "%", "ms", "mm", "cm", "mN*m", "kHz", "degC", "turn"]
+    close = difflib.get_close_matches(unit, known, 1, 0.5) or [
+        k for k in known if k.lower() == re.sub(r"[\s.·]+", "*", unit).lower()
+    ]
+    return f'; the nearest known one is "{close[0]}"' if close else ', expected one such as "rad", "N*m" or "1"'
