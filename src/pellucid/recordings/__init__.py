@@ -3,8 +3,17 @@
 from __future__ import annotations
 
 from .atomic import write_text_atomically as write_text_atomically
+from .quality import Fault as Fault
+from .quality import drive_channel as drive_channel
+from .quality import inspect as inspect
+from .quality import require_sound as require_sound
 from .recording import Channel as Channel
 from .recording import Payload as Payload
 from .recording import Recording as Recording
+from .results import ResultRow as ResultRow
+from .results import read_rows as read_rows
+from .results import write_rows as write_rows
 from .study import Study as Study
 from .study import open_study as open_study
+from .writers import channels_toml as channels_toml
+from .writers import write_csv as write_csv

@@ -1,0 +1,152 @@
+"""results.json: every figure the commands printed, each with its unit and what it was judged on."""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+from collections.abc import Iterable
+from dataclasses import asdict, dataclass, fields, replace
+from pathlib import Path
+from typing import Any
+
+from .._errors import RecordingError
+from .atomic import write_text_atomically
+
+SPLITS = ("fitted", "heldout", "simulated")
+
+
+@dataclass(frozen=True)
+class ResultRow:
+    """One figure.
+
+    Attributes
+    ----------
+    id : str
+        ``<study name>.<what>...``, once in a file.
+    value : float, int or None
+        In `unit`; None where the figure could not be had, with a note that says why.
+    unit : str
+        Plain text; ``"1"`` for none.
+    command : str
+        Which command wrote it.
+    split : str
+        ``"fitted"``, ``"heldout"`` or ``"simulated"``.
+    data_checksum : str or None
+        SHA-256 of what it was computed from.
+    note : str
+        Remark for a reader.
+
+    Raises
+    ------
+    RecordingError
+        If the split or the unit is none of these, or the value is no number.
+    """
+
+    id: str
+    value: float | int | None
+    unit: str
+    command: str
+    split: str
+    data_checksum: str | None = None
+    note: str = ""
+
+    def __post_init__(self):
+        if self.split not in SPLITS:
+            raise RecordingError(f"{self.id}: found the split {self.split!r}, expected one of {', '.join(SPLITS)}")
+        if not isinstance(self.unit, str) or not self.unit:
+            raise RecordingError(f'{self.id}: found the unit {self.unit!r}, expected a text such as "N*m" or "1"')
+        if self.value is None:
+            return
+        try:
+            # A NumPy scalar is no JSON number.
+            number = self.value if type(self.value) in (int, float) else float(self.value)
+        except (TypeError, ValueError):
+            raise RecordingError(f"{self.id}: found the value {self.value!r}, expected a number or None") from None
+        object.__setattr__(self, "value", number)
+
+
+def write_rows(path: str | os.PathLike, command: str, rows: Iterable[ResultRow]) -> tuple[ResultRow, ...]:
+    """Put a command's rows in place of those it wrote before; all other rows stay.
+
+    Parameters
+    ----------
+    path : path-like
+        results.json; made if it is not there. It is replaced as a whole or not at all.
+    command : str
+        The command; every row must name it.
+    rows : iterable of ResultRow
+        Its rows. A value that is not finite is written as null, with a note.
+
+    Returns
+    -------
+    tuple of ResultRow
+        All rows of the file.
+
+    Raises
+    ------
+    RecordingError
+        If a row names another command, an id occurs twice, or the file there is not readable.
+    """
+    path = Path(path)
+    rows = tuple(_finite(row) for row in rows)
+    for row in rows:
+        if row.command != command:
+            raise RecordingError(f"{row.id}: found the command {row.command!r}, expected {command!r}")
+    kept = tuple(row for row in read_rows(path) if row.command != command) if path.exists() else ()
+    both = kept + rows
+    seen: dict[str, str] = {}
+    for row in both:
+        if row.id in seen:
+            raise RecordingError(
+                f"{path}: the id {row.id} occurs twice, in rows of {seen[row.id]} and of {row.command}"
+            )
+        seen[row.id] = row.command
+    text = json.dumps({"figures": [asdict(row) for row in both]}, indent=1, ensure_ascii=False, allow_nan=False)
+    write_text_atomically(path, text + "\n")
+    return both
+
+
+def read_rows(path: str | os.PathLike) -> list[ResultRow]:
+    """Rows of a results.json, in its order.
+
+    Parameters
+    ----------
+    path : path-like
+        The file.
+
+    Returns
+    -------
+    list of ResultRow
+
+    Raises
+    ------
+    RecordingError
+        If the file is missing, half-written, or holds something else.
+    """
+    path = Path(path)
+    try:
+        content: Any = json.loads(path.read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        raise RecordingError(f"{path}: no such file; the commands write it") from None
+    except (OSError, ValueError) as error:
+        raise RecordingError(
+            f"{path}: not readable as JSON, truncated or damaged: {error}; remove it and run the commands again"
+        ) from error
+    figures = content.get("figures") if isinstance(content, dict) else None
+    if not isinstance(figures, list):
+        raise RecordingError(f'{path}: found no list "figures", expected one row for each figure')
+    known = {each.name for each in fields(ResultRow)}
+    rows = []
+    for number, figure in enumerate(figures, 1):
+        missing = {"id", "value", "unit", "command", "split"} - set(figure) if isinstance(figure, dict) else known
+        if missing:
+            raise RecordingError(f"{path}: figure {number} lacks {', '.join(sorted(missing))}")
+        rows.append(ResultRow(**{key: figure[key] for key in known & set(figure)}))
+    return rows
+
+
+def _finite(row: ResultRow) -> ResultRow:
+    if row.value is None or math.isfinite(row.value):
+        return row
+    return replace(row, value=None, note="; ".join(filter(None, [row.note, f"not finite: {row.value}"])))

@@ -1,0 +1,50 @@
+"""Recordings to files that the readers give back exactly."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from pathlib import Path
+
+from .._errors import RecordingError
+from .atomic import write_text_atomically
+from .recording import Channel
+
+
+def write_csv(path: str | os.PathLike, channels: Mapping[str, Channel]) -> Path:
+    """Write channels as a comma-separated table, one column each under the channel's name.
+
+    Parameters
+    ----------
+    path : path-like
+        File to write, whole or not at all.
+    channels : Mapping[str, Channel]
+        All of one length n, ``"time"`` among them; as in `Recording.channels`.
+
+    Returns
+    -------
+    Path
+        The file. Its first line is a comment with the SI units; every number reads back to the same bits.
+
+    Raises
+    ------
+    RecordingError
+        If there is no time, or channels differ in length.
+    """
+    if "time" not in channels:
+        raise RecordingError(f"{path}: no channel time to write, found {', '.join(channels) or 'none'}")
+    names = ["time", *(name for name in channels if name != "time")]
+    lengths = {name: len(channels[name]) for name in names}
+    if len(set(lengths.values())) > 1:
+        raise RecordingError(f"{path}: channels differ in length: {lengths}")
+    units = ", ".join(f"{name} [{channels[name].unit}]" for name in names)
+    # repr is the shortest text that reads back to the same float.
+    columns = [map(repr, channels[name].samples.tolist()) for name in names]
+    rows = "\n".join(map(",".join, zip(*columns, strict=True)))
+    return write_text_atomically(path, f"# units: {units}\n{','.join(names)}\n{rows}\n")
+
+
+def channels_toml(channels: Mapping[str, Channel]) -> str:
+    """The ``[channels]`` table of a study.toml whose files `write_csv` wrote from these channels."""
+    entries = (f'{name} = {{ column = "{name}", unit = "{channel.unit}" }}' for name, channel in channels.items())
+    return "[channels]\n" + "\n".join(entries) + "\n"
