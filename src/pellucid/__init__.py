@@ -1,0 +1,54 @@
+"""Pellucid: from recordings to a transparent exoskeleton.
+
+>>> study = pellucid.open("my-elbow")                                   # doctest: +SKIP
+>>> fit = pellucid.identify(study)                                      # doctest: +SKIP
+>>> fit["inertia"].value, fit["inertia"].interval(0.95)                 # doctest: +SKIP
+>>> pellucid.report(study, fit)                                         # doctest: +SKIP
+
+Each name below is imported when it is first used, so that importing the package costs nothing.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from . import datasets as datasets
+    from . import report as report
+    from .datasets import init as init
+    from .identification.check import check as check
+    from .identification.compare import compare as compare
+    from .identification.identify import identify as identify
+    from .lab.demo import demo as demo
+    from .recordings.study import open_study as open
+
+_WHERE = {
+    "open": ("recordings.study", "open_study"),
+    "check": ("identification.check", "check"),
+    "identify": ("identification.identify", "identify"),
+    "compare": ("identification.compare", "compare"),
+    "report": ("report", None),
+    "init": ("datasets", "init"),
+    "datasets": ("datasets", None),
+    "demo": ("lab.demo", "demo"),
+}
+
+__all__ = ["__version__", "check", "compare", "datasets", "demo", "identify", "init", "open", "report"]
+
+
+def __getattr__(name: str):
+    if name == "__version__":
+        from importlib.metadata import version
+
+        return version("pellucid")
+    if name not in _WHERE:
+        raise AttributeError(f"module 'pellucid' has no attribute {name!r}; it has {', '.join(__all__)}")
+    from importlib import import_module
+
+    module, attribute = _WHERE[name]
+    found = import_module(f".{module}", __name__)
+    return found if attribute is None else getattr(found, attribute)
+
+
+def __dir__() -> list[str]:
+    return __all__

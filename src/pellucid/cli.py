@@ -1,0 +1,332 @@
+"""The command line. Each command parses, calls the Python function of its name, and prints.
+
+Nothing heavy is imported before a command runs: ``pellucid --help`` has to answer at once.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from ._errors import PellucidError, StudyError
+
+if TYPE_CHECKING:
+    from rich.console import Console
+    from rich.table import Table
+
+    from .identification.fit import JointFit, Verdict
+    from .recordings.study import Study
+
+app = typer.Typer(
+    name="pellucid",
+    help="From recordings to an identified joint, with intervals, held-out verdicts and pictures.",
+    rich_markup_mode=None,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    no_args_is_help=True,
+)
+datasets_app = typer.Typer(
+    name="datasets", help="Public recordings of real machines.", rich_markup_mode=None, no_args_is_help=True
+)
+app.add_typer(datasets_app)
+
+Folder = Annotated[Path, typer.Argument(metavar="DIR", help="Folder of the study.")]
+Family = Annotated[
+    list[str] | None,
+    typer.Option("--family", metavar="NAME", help="Friction family; may be given several times."),
+]
+
+
+@app.command()
+def init(
+    folder: Annotated[Path, typer.Argument(metavar="DIR", help="Folder to make.")],
+    dataset: Annotated[str | None, typer.Option(metavar="NAME", help="Public data set to fill it from.")] = None,
+    rig: Annotated[str | None, typer.Option(metavar="NAME", help="Virtual rig (comes with a later version).")] = None,
+) -> None:
+    """Make a study: recordings, and a study.toml about them."""
+    from . import datasets
+
+    if rig is not None:
+        raise StudyError("--rig: virtual rigs come with a later version; use --dataset NAME")
+    if dataset is None:
+        raise StudyError(f"init needs --dataset NAME; known: {', '.join(datasets.names())}")
+    study = datasets.init(folder, dataset=dataset, progress=sys.stderr.isatty())
+    out = _console()
+    out.print(f"{folder}: study {study.name!r}, {_count(len(study.recordings()), 'recording')}.", highlight=False)
+    _list(out, [("note", note) for note in study.notes])
+    out.print(f"study.toml says what they mean. Next: pellucid check {folder}", highlight=False)
+
+
+@app.command()
+def check(folder: Folder) -> None:
+    """Are these recordings fit to identify from? Status 1 if not."""
+    from .identification.check import check as run
+    from .recordings.study import open_study
+
+    study = open_study(folder)
+    with _progress() as tell:
+        tell("reading recordings", 0.1)
+        faults = run(study)
+    out = _console()
+    refused = [f for f in faults if f.severity == "refuse"]
+    _list(out, [("warning" if f.severity == "refuse" else "note", f.message) for f in faults])
+    if refused:
+        out.print(f"Not fit to identify from: {_count(len(refused), 'fault')}.", highlight=False)
+        raise typer.Exit(1)
+    out.print(f"Fit to identify from. Next: pellucid identify {folder}", highlight=False)
+
+
+@app.command()
+def identify(
+    folder: Folder,
+    family: Family = None,
+    json: Annotated[bool, typer.Option("--json", help="Print the figures as JSON instead of tables.")] = False,
+) -> None:
+    """Identify the joint, with intervals and a held-out verdict."""
+    from .identification.identify import identify as run
+    from .identification.save import save
+    from .recordings.study import open_study
+
+    study = open_study(folder)
+    with _progress() as tell:
+        fit = run(study, families=tuple(family) if family else None, on_progress=tell)
+    rows = save(study, fit)
+    if json:
+        from .recordings.results import rows_to_json
+
+        typer.echo(rows_to_json(rows))
+        return
+    out = _console()
+    _print_fit(out, study, fit)
+    out.print(
+        f"Model cards in {study.models_dir}, every figure in {study.results_path}.\n"
+        f"Next: pellucid report {folder}",
+        highlight=False,
+    )
+
+
+@app.command()
+def report(folder: Folder) -> None:
+    """Write the report: one HTML page, figures as SVG and PDF."""
+    from .recordings.study import open_study
+    from .report.document import write_report
+
+    study = open_study(folder)
+    with _progress() as tell:
+        page = write_report(study, on_progress=tell)
+    _console().print(f"Report: {page}", highlight=False, soft_wrap=True)
+
+
+@app.command()
+def compare(
+    a: Annotated[Path, typer.Argument(metavar="A", help="Study that was identified, or model card.")],
+    b: Annotated[Path, typer.Argument(metavar="B", help="The later one.")],
+    family: Annotated[str | None, typer.Option(metavar="NAME", help="Friction family to compare.")] = None,
+) -> None:
+    """Did this joint change? Two studies, parameter by parameter."""
+    from .identification.compare import compare as run
+    from .report.quantities import number, unit_text
+
+    found = run(a, b, family=family)
+    table = _table("parameter", ">A", ">B", ">B − A", "unit", ">p", "")
+    for row in found.rows:
+        table.add_row(
+            row.name,
+            number(row.a, row.standard_error),
+            number(row.b, row.standard_error),
+            number(row.b - row.a, row.standard_error),
+            unit_text(row.unit),
+            "<0.001" if row.p_value < 1e-3 else f"{row.p_value:.3f}",
+            "changed" if row.changed else "",
+        )
+    out = _console()
+    out.print(f"\n{found.family} friction; A is {a}, B is {b}", highlight=False)
+    out.print(table)
+    _print_verdicts(out, found.verdicts)
+
+
+@app.command()
+def demo(
+    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder for the demo's studies.")] = Path("demo"),
+) -> None:
+    """Identify and report example joints, in about a minute."""
+    from .lab.demo import demo as run
+    from .report.document import write_report
+
+    with _progress() as tell:
+        made = run(out, on_progress=lambda text, share: tell(text, 0.8 * share))
+        pages = []
+        for i, (study, fit) in enumerate(made):
+            tell(f"report of {study.name}", 0.8 + 0.2 * i / len(made))
+            pages.append(write_report(study, fit))
+    console = _console()
+    for study, fit in made:
+        _print_fit(console, study, fit)
+    for page in pages:
+        console.print(f"Report: {page}", highlight=False, soft_wrap=True)
+
+
+@app.command()
+def version() -> None:
+    """Print the version."""
+    from . import __version__
+
+    typer.echo(f"pellucid {__version__}")
+
+
+@datasets_app.command("list")
+def datasets_list() -> None:
+    """Names, titles and terms of the public data sets, and whether they are on this machine."""
+    from . import datasets
+
+    table = _table("name", "what it is", "terms", "here")
+    for name in datasets.names():
+        found = datasets.info(name)
+        try:
+            datasets.path(name)
+            here = "yes"
+        except PellucidError:
+            here = "no"
+        table.add_row(name, found.title, found.licence, here)
+    _console().print(table)
+
+
+@datasets_app.command("fetch")
+def datasets_fetch(name: Annotated[str, typer.Argument(metavar="NAME")]) -> None:
+    """Download a data set, and check every file against its checksum."""
+    from . import datasets
+
+    typer.echo(str(datasets.fetch(name, progress=sys.stderr.isatty())))
+
+
+@datasets_app.command("path")
+def datasets_path(name: Annotated[str, typer.Argument(metavar="NAME")]) -> None:
+    """Print where a data set's files are on this machine."""
+    from . import datasets
+
+    typer.echo(str(datasets.path(name)))
+
+
+def main() -> None:
+    """Run the command line; what a user can cause or mend ends as one message and exit status 2.
+
+    Raises
+    ------
+    SystemExit
+        Always: the command's exit status.
+    """
+    try:
+        app()
+    except PellucidError as error:
+        typer.echo(f"pellucid: {error}", err=True)
+        raise SystemExit(2) from None
+    except OSError as error:
+        typer.echo(f"pellucid: {error.strerror or error}{f': {error.filename}' if error.filename else ''}", err=True)
+        raise SystemExit(2) from None
+
+
+# --- printing -------------------------------------------------------------------------------------------------------
+
+
+def _console() -> Console:
+    from rich.console import Console
+
+    return Console()
+
+
+@contextmanager
+def _progress() -> Iterator[Callable[[str, float], None]]:
+    """A progress bar on standard error; nothing where that is not a terminal."""
+    if not sys.stderr.isatty():
+        yield lambda text, share: None
+        return
+    from rich.console import Console
+    from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeElapsedColumn
+
+    columns = (TextColumn("{task.description:<30}"), BarColumn(24), TaskProgressColumn(), TimeElapsedColumn())
+    with Progress(*columns, console=Console(stderr=True), transient=True) as progress:
+        task = progress.add_task("", total=1.0)
+        yield lambda text, share: progress.update(task, description=text, completed=share)
+
+
+def _table(*heads: str) -> Table:
+    """A table without frames; a head that begins with > sets its column to the right."""
+    from rich.box import SIMPLE_HEAD
+    from rich.table import Table
+
+    table = Table(box=SIMPLE_HEAD, pad_edge=False, padding=(0, 1), header_style="dim", safe_box=True)
+    for head in heads:
+        table.add_column(head.removeprefix(">"), justify="right" if head.startswith(">") else "left")
+    return table
+
+
+def _print_fit(out: Console, study: Study, fit: JointFit) -> None:
+    from .report.quantities import interval, number, percent, unit_text
+
+    level = study.model.confidence
+    best = fit.families[fit.best]
+    split = "held-out" if best.heldout_effort_error == best.heldout_effort_error else "fitted"
+    error = best.heldout_effort_error if split == "held-out" else best.fitted_effort_error
+    out.print(
+        f"\n[bold]{fit.study}[/bold]: {fit.best} friction, {split} effort error {percent(error)} %", highlight=False
+    )
+    table = _table("parameter", ">value", f"{100.0 * level:.4g} % interval", "unit", ">SD %", "")
+    shown = [*best.estimate.parameters, *([fit.drive_constant] if fit.drive_constant is not None else [])]
+    for p in shown:
+        table.add_row(
+            p.name,
+            number(p.value, p.standard_error),
+            interval(*p.interval(level), p.standard_error),
+            unit_text(p.unit),
+            percent(p.relative_sd),
+            "at bound" if p.at_bound else "" if p.identifiable else "unidentified",
+        )
+    out.print(table)
+    if len(fit.families) > 1:
+        table = _table("family", ">parameters", ">fitted %", ">held out %", ">held-out R²", "")
+        for f in fit.families.values():
+            is_best = f.family == fit.best
+            table.add_row(
+                f.family,
+                str(len(f.model.symbols)),
+                percent(f.fitted_effort_error),
+                percent(f.heldout_effort_error),
+                number(f.heldout_r2),
+                "best" if is_best else "",
+                style="bold" if is_best else None,
+            )
+        out.print(table)
+    _print_verdicts(out, fit.verdicts)
+
+
+def _print_verdicts(out: Console, verdicts: Sequence[Verdict]) -> None:
+    _list(out, [(v.kind, v.text) for v in verdicts])
+    out.print()
+
+
+def _list(out: Console, items: Sequence[tuple[str, str]]) -> None:
+    """Sentences with a mark in front, wrapped and indented."""
+    from rich.padding import Padding
+    from rich.table import Table
+    from rich.text import Text
+
+    marks = {"good": ("+", "green"), "note": ("·", "dim"), "warning": ("!", "yellow")}
+    grid = Table.grid(padding=(0, 1))
+    for kind, text in items:
+        mark, style = marks.get(kind, ("·", "dim"))
+        grid.add_row(Text(mark, style=style), Text(text))
+    if items:
+        out.print(Padding(grid, 0))
+
+
+def _count(n: int, what: str) -> str:
+    return f"{n} {what}" + ("" if n == 1 else "s")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,153 @@
+"""Numbers and units as people read them: rounded by their uncertainty, in degrees or millimetres, in words."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+
+MINUS = "\N{MINUS SIGN}"
+_SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+
+LABELS: Mapping[str, str] = MappingProxyType(
+    {
+        "inertia": "Inertia",
+        "gravity": "Gravity, sine",
+        "gravity_cosine": "Gravity, cosine",
+        "offset": "Offset",
+        "viscous": "Viscous friction",
+        "viscous_positive": "Viscous friction, + direction",
+        "viscous_negative": "Viscous friction, \N{MINUS SIGN} direction",
+        "coulomb": "Coulomb friction",
+        "coulomb_positive": "Coulomb friction, + direction",
+        "coulomb_negative": "Coulomb friction, \N{MINUS SIGN} direction",
+        "stribeck": "Stribeck friction",
+        "stribeck_velocity": "Stribeck velocity",
+        "load_friction": "Load friction",
+        "load_motoring": "Load friction, motoring",
+        "load_generating": "Load friction, generating",
+        "drive_constant": "Drive constant",
+    }
+)
+
+FAMILIES: Mapping[str, str] = MappingProxyType(
+    {
+        "symmetric": "Coulomb and viscous friction, the same in both directions",
+        "directional": "Coulomb and viscous friction of its own in each direction",
+        "load": "friction that grows with the load the joint carries",
+        "stribeck": "friction that falls with speed near standstill (Stribeck)",
+        "combined": "direction, load and Stribeck effect together",
+    }
+)
+
+METHODS: Mapping[str, str] = MappingProxyType(
+    {
+        "ls": "least squares",
+        "wls": "weighted",
+        "irls": "robust",
+        "iv": "instrumental variables",
+        "didim": "DIDIM",
+        "output_error": "output error",
+    }
+)
+
+MODES: Mapping[str, str] = MappingProxyType({"closed_loop": "closed loop", "openloop": "open loop"})
+
+EFFORTS: Mapping[str, str] = MappingProxyType({"N*m": "Torque", "N": "Force", "A": "Current", "V": "Voltage"})
+
+
+@dataclass(frozen=True)
+class Reading:
+    """How a motion is shown: what one SI unit of position becomes, and what it is then called."""
+
+    scale: float
+    position: str
+
+    @property
+    def velocity(self) -> str:
+        """Unit of velocity, as shown."""
+        return f"{self.position}/s"
+
+
+READINGS: Mapping[str, Reading] = MappingProxyType(
+    {"rotary": Reading(180.0 / math.pi, "deg"), "prismatic": Reading(1e3, "mm")}
+)
+
+
+def unit_text(unit: str) -> str:
+    """A unit with its typography: ``kg*m^2`` becomes ``kg·m²``, the unit 1 nothing."""
+    if unit == "1":
+        return ""
+    head, *powers = unit.split("^")
+    text = head
+    for part in powers:
+        digits = len(part) - len(part.lstrip("-0123456789"))
+        text += part[:digits].translate(_SUPERSCRIPT) + part[digits:]
+    return text.replace("*", "·")
+
+
+def decimals_of(uncertainty: float) -> int | None:
+    """Decimals that two significant digits of `uncertainty` need (negative: tens); None where it says nothing."""
+    if not math.isfinite(uncertainty) or uncertainty <= 0.0:
+        return None
+    # Through the text, so that 0.0996 counts as 0.10.
+    return 1 - int(f"{uncertainty:.1e}".split("e")[1])
+
+
+def number(value: float, uncertainty: float = math.nan, digits: int = 4) -> str:
+    """`value` rounded to what its `uncertainty` lets one read, or to `digits` significant digits without one.
+
+    Parameters
+    ----------
+    value : float
+    uncertainty : float
+        Same unit as `value`; its second significant digit is the last one shown.
+    digits : int
+        Significant digits where there is no uncertainty.
+
+    Returns
+    -------
+    str
+        With a true minus sign; powers of ten where decimals would not fit.
+
+    Examples
+    --------
+    >>> number(95.10894, 0.1085)
+    '95.11'
+    """
+    if not math.isfinite(value):
+        return "–" if math.isnan(value) else ("∞" if value > 0 else f"{MINUS}∞")
+    decimals = decimals_of(uncertainty)
+    if decimals is None:
+        decimals = digits - 1 - (int(f"{value:.{digits - 1}e}".split("e")[1]) if value else 0)
+    decimals = min(decimals, 15)
+    rounded = round(value, decimals)
+    if rounded != 0.0 and (decimals > 6 or abs(rounded) >= 1e6):
+        exponent = int(f"{rounded:e}".split("e")[1])
+        mantissa = f"{rounded / 10.0**exponent:.{max(decimals + exponent, 0)}f}"
+        text = f"{mantissa}×10{str(exponent).translate(_SUPERSCRIPT)}"
+    else:
+        text = f"{0.0 if rounded == 0.0 else rounded:.{max(min(decimals, 6), 0)}f}"
+    return text.replace("-", MINUS)
+
+
+def interval(low: float, high: float, uncertainty: float) -> str:
+    """Two ends of an interval, with the decimals its uncertainty allows."""
+    return f"{number(low, uncertainty)} to {number(high, uncertainty)}"
+
+
+def percent(value: float) -> str:
+    """A percentage as read: three significant digits above 0.1 %, two below, without the sign."""
+    if not math.isfinite(value):
+        return number(value)
+    if value == 0.0:
+        return "0"
+    if abs(value) >= 100.0:
+        return number(value, digits=3)
+    return number(value, digits=3 if abs(value) >= 0.1 else 2)
+
+
+def label(name: str) -> str:
+    """A parameter's name in words."""
+    return LABELS.get(name, name.replace("_", " "))
