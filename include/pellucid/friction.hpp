@@ -1,0 +1,112 @@
+// Friction of a joint and its drive: Coulomb with a Stribeck rise, viscous, and proportional to the load.
+//
+// The load-dependent part, with one coefficient while the motor lifts the load and another while the load drives the
+// motor back, follows Linderoth, Stolt, Robertsson and Johansson (IROS 2013) and the gear models it cites; the rise
+// towards rest is Stribeck's in the form of Armstrong-Hélouvry, Dupont and Canudas de Wit (Automatica 30, 1994, Eq. 5).
+#pragma once
+
+#include "math.hpp"
+
+namespace pellucid {
+inline namespace PELLUCID_ABI {
+
+/// Friction of a joint. Efforts are N m and velocities rad/s on a rotary joint, N and m/s on a prismatic one.
+template <class S> struct FrictionParams {
+  S coulomb_positive{};    ///< F_c+, level while v > 0 [N m], >= 0
+  S coulomb_negative{};    ///< F_c-, level while v < 0 [N m], >= 0
+  S viscous_positive{};    ///< F_v+, slope while v > 0 [N m s/rad], >= 0
+  S viscous_negative{};    ///< F_v-, slope while v < 0 [N m s/rad], >= 0
+  S stribeck{};            ///< F_s, extra level at rest [N m], >= 0
+  S stribeck_velocity{};   ///< v_s, where the extra level has fallen to 1/e [rad/s]; below 1e-9: no extra level
+  S load_motoring{};       ///< alpha_m, friction per load while power flows from motor to load [1], >= 0
+  S load_generating{};     ///< alpha_g, friction per load while the load drives the motor [1], 0 to 0.95
+  S velocity_width{};      ///< w, of the smooth sign tanh(v / w) [rad/s]; below 1e-9: the true sign
+};
+
+/// What follows from FrictionParams once.
+template <class S> struct FrictionCoefficients {
+  S coulomb_positive{};           ///< F_c+ [N m]
+  S coulomb_negative{};           ///< F_c- [N m]
+  S viscous_positive{};           ///< F_v+ [N m s/rad]
+  S viscous_negative{};           ///< F_v- [N m s/rad]
+  S stribeck{};                   ///< F_s [N m], 0 without a Stribeck term
+  S inverse_stribeck_velocity{};  ///< 1 / v_s [s/rad], 0 without a Stribeck term
+  S load_motoring{};              ///< alpha_m [1], at least -0.95
+  S load_generating{};            ///< alpha_g [1], at most 0.95
+  S inverse_velocity_width{};     ///< 1 / w [s/rad], 0 for the true sign
+  mask_t<S> smooth{};             ///< whether the sign is smooth
+  bool any_smooth = false;        ///< in some lane
+  bool any_stribeck = false;      ///< whether the Stribeck term can be other than 0, in some lane
+  bool any_load = false;          ///< whether the load terms can be other than 0, in some lane
+};
+
+template <class S> FrictionCoefficients<S> coefficients(const FrictionParams<S>& params) noexcept {
+  const S smallest = S(1e-9);  // widths and velocities below count as 0, so that no inverse overflows
+  const mask_t<S> has_stribeck = params.stribeck_velocity > smallest;
+  FrictionCoefficients<S> c;
+  c.coulomb_positive = params.coulomb_positive;
+  c.coulomb_negative = params.coulomb_negative;
+  c.viscous_positive = params.viscous_positive;
+  c.viscous_negative = params.viscous_negative;
+  c.stribeck = select(has_stribeck, params.stribeck, S(0));
+  c.inverse_stribeck_velocity = select(has_stribeck, S(1) / select(has_stribeck, params.stribeck_velocity, S(1)), S(0));
+  c.load_motoring = max(params.load_motoring, S(-0.95));  // keeps 1 + alpha_m and 1 - alpha_g positive
+  c.load_generating = min(params.load_generating, S(0.95));
+  c.smooth = params.velocity_width > smallest;
+  c.inverse_velocity_width = select(c.smooth, S(1) / select(c.smooth, params.velocity_width, S(1)), S(0));
+  c.any_smooth = any(c.smooth);
+  c.any_stribeck = any(has_stribeck) && !is_identically_zero(c.stribeck);
+  c.any_load = !(is_identically_zero(c.load_motoring) && is_identically_zero(c.load_generating));
+  return c;
+}
+
+/// The part of the friction that velocity alone decides, at one velocity.
+template <class S> struct Resistance {
+  S direction{};  ///< s, the (smooth) sign of the velocity [1], -1 to 1
+  S effort{};     ///< level(v) s + F_v v [N m]
+};
+
+/// level(v) = F_c + F_s exp(-(v / v_s)^2) with F_c of the direction s.
+template <class S, class R> S level(const FrictionCoefficients<S>& c, const R& velocity, const S& direction) noexcept {
+  const S coulomb = select(direction < S(0), c.coulomb_negative, c.coulomb_positive);
+  if (!c.any_stribeck) return coulomb;
+  const S ratio = c.inverse_stribeck_velocity * velocity;
+  return coulomb + c.stribeck * exp(-(ratio * ratio));
+}
+
+/// The resistance at velocity v while the joint slips, or is about to slip, in the direction s.
+template <class S, class R> Resistance<S> resistance(const FrictionCoefficients<S>& c, const R& velocity, const S& direction) noexcept {
+  const S viscous = select(direction < S(0), c.viscous_negative, c.viscous_positive);
+  return {direction, level(c, velocity, direction) * direction + viscous * velocity};
+}
+
+/// The resistance at velocity v, with s = tanh(v / w), or s = sign(v) where w is 0.
+template <class S, class R> Resistance<S> resistance(const FrictionCoefficients<S>& c, const R& velocity) noexcept {
+  S direction = S(sign(velocity));
+  if (c.any_smooth) {
+    direction = select(c.smooth, tanh(c.inverse_velocity_width * velocity), direction);
+  }
+  return resistance(c, velocity, direction);
+}
+
+/// Friction while the load y passes through the drive: f = level(v) s + F_v v + alpha |y| s, with alpha = alpha_m
+/// where y v > 0 and alpha_g elsewhere.
+template <class S> S friction(const FrictionCoefficients<S>& c, const Resistance<S>& at, const S& load) noexcept {
+  if (!c.any_load) return at.effort;
+  const S alpha = select(same_sign(load, at.direction), c.load_motoring, c.load_generating);
+  return at.effort + alpha * abs(load) * at.direction;
+}
+template <class S, class R> S friction(const FrictionCoefficients<S>& c, const R& velocity, const S& load) noexcept {
+  return friction(c, resistance(c, velocity), load);
+}
+
+/// The load y that passes through the drive when the effort T is left after the resistance; the inverse of
+/// T = y + alpha |y| s: y = T / (1 + alpha_m |s|) where T s > 0, y = T / (1 - alpha_g |s|) elsewhere.
+template <class S> S transmitted_load(const FrictionCoefficients<S>& c, const Resistance<S>& at, const S& effort) noexcept {
+  if (!c.any_load) return effort;
+  const S alpha = select(same_sign(effort, at.direction), c.load_motoring, -c.load_generating);
+  return effort / (S(1) + alpha * abs(at.direction));
+}
+
+}  // namespace PELLUCID_ABI
+}  // namespace pellucid

@@ -1,0 +1,97 @@
+// One joint: inertia, gravity, friction. The same equations both ways, without iteration.
+//
+// y = J a + g_s sin q + g_c cos q is the load that passes through the drive; the effort is y + friction(v, y) + offset.
+// q = 0 hangs along gravity and positive q lifts. A prismatic joint is the same with g_s = g_c = 0 and N, kg, m.
+#pragma once
+
+#include "friction.hpp"
+
+namespace pellucid {
+inline namespace PELLUCID_ABI {
+
+/// What identification finds of a joint.
+template <class S> struct JointParams {
+  S inertia{};                 ///< J, all that turns, at the joint [kg m^2] (kg if prismatic), > 0
+  S gravity_sine{};            ///< g_s, gravity effort per sin q [N m]
+  S gravity_cosine{};          ///< g_c, gravity effort per cos q [N m]
+  S offset{};                  ///< effort that is always there [N m]
+  FrictionParams<S> friction{};  ///< friction of joint and drive
+};
+
+/// How many numbers a joint is, in the one order that every array of parameters has.
+constexpr std::size_t parameter_count = 13;
+constexpr const char* parameter_names[parameter_count] = {
+    "inertia",          "gravity_sine",     "gravity_cosine", "offset",            "coulomb_positive",
+    "coulomb_negative", "viscous_positive", "viscous_negative", "stribeck",        "stribeck_velocity",
+    "load_motoring",    "load_generating",  "velocity_width"};
+
+/// JointParams from numbers in the order of parameter_names.
+template <class S> JointParams<S> joint_params(const S (&p)[parameter_count]) noexcept {
+  return {p[0], p[1], p[2], p[3], {p[4], p[5], p[6], p[7], p[8], p[9], p[10], p[11], p[12]}};
+}
+
+/// What follows from JointParams once.
+template <class S> struct JointCoefficients {
+  S inertia{};                       ///< J [kg m^2]
+  S inverse_inertia{};               ///< 1 / J [1/(kg m^2)]
+  S gravity_sine{};                  ///< g_s [N m]
+  S gravity_cosine{};                ///< g_c [N m]
+  S offset{};                        ///< [N m]
+  FrictionCoefficients<S> friction{};  ///< of joint and drive
+  bool any_gravity = false;          ///< whether gravity can be other than 0, in some lane
+};
+
+template <class S> JointCoefficients<S> coefficients(const JointParams<S>& params) noexcept {
+  JointCoefficients<S> c;
+  c.inertia = params.inertia;
+  c.inverse_inertia = S(1) / params.inertia;
+  c.gravity_sine = params.gravity_sine;
+  c.gravity_cosine = params.gravity_cosine;
+  c.offset = params.offset;
+  c.friction = coefficients(params.friction);
+  c.any_gravity = !(is_identically_zero(params.gravity_sine) && is_identically_zero(params.gravity_cosine));
+  return c;
+}
+
+/// Gravity effort g_s sin q + g_c cos q [N m].
+template <class S, class R> S gravity(const JointCoefficients<S>& c, const R& position) noexcept {
+  if (!c.any_gravity) return S(0);
+  const SinCos<R> at = sincos(position);
+  return c.gravity_sine * at.sin + c.gravity_cosine * at.cos;
+}
+
+/// Load y = J a + g_s sin q + g_c cos q [N m].
+template <class S, class R> S load(const JointCoefficients<S>& c, const R& position, const R& acceleration) noexcept {
+  return c.inertia * acceleration + gravity(c, position);
+}
+
+/// Effort that moves the joint so: y + friction(v, y) + offset [N m].
+template <class S, class R>
+S inverse_dynamics(const JointCoefficients<S>& c, const R& position, const R& velocity, const R& acceleration) noexcept {
+  const S y = load(c, position, acceleration);
+  return y + friction(c.friction, velocity, y) + c.offset;
+}
+
+/// Acceleration under gravity and an effort, given what friction resists [rad/s^2].
+template <class S>
+S acceleration(const JointCoefficients<S>& c, const S& gravity, const Resistance<S>& at, const S& effort) noexcept {
+  return (transmitted_load(c.friction, at, effort - c.offset - at.effort) - gravity) * c.inverse_inertia;
+}
+
+/// Acceleration that an effort gives; the inverse of inverse_dynamics in its last argument [rad/s^2].
+template <class S, class R, class E>
+S forward_dynamics(const JointCoefficients<S>& c, const R& position, const R& velocity, const E& effort) noexcept {
+  return acceleration(c, gravity(c, position), resistance(c.friction, velocity), S(effort));
+}
+
+/// Effort that must be exceeded before a joint at rest moves, by |effort - offset - gravity|:
+/// F_c of the direction of the net effort + F_s + alpha |gravity| [N m].
+template <class S> S breakaway(const JointCoefficients<S>& c, const S& gravity, const S& net_effort) noexcept {
+  const S direction = sign(net_effort);
+  const S alpha = select(same_sign(gravity, direction), c.friction.load_motoring, c.friction.load_generating);
+  return select(direction < S(0), c.friction.coulomb_negative, c.friction.coulomb_positive) + c.friction.stribeck +
+         alpha * abs(gravity);
+}
+
+}  // namespace PELLUCID_ABI
+}  // namespace pellucid

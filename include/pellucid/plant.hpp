@@ -1,0 +1,125 @@
+// A joint under its own controller: what a rig does in one control period.
+//
+// The loop reads the encoder once a period and holds its command; the joint moves in substeps of semi-implicit Euler,
+//   v <- v + h a(q, v),   q <- q + h v.
+// Friction is smooth (tanh; differentiable, so that it can be identified through) or true stiction, which holds a
+// joint still, to the bit, under less than its breakaway effort.
+#pragma once
+
+#include "drive.hpp"
+#include "joint.hpp"
+#include "loops.hpp"
+#include "sensor.hpp"
+
+namespace pellucid {
+inline namespace PELLUCID_ABI {
+
+enum class Friction : std::uint8_t {
+  smooth,    ///< FrictionParams as they are
+  stiction,  ///< the true sign whatever velocity_width is, and rest is rest; not differentiable
+};
+
+template <class S> struct PlantParams {
+  JointParams<S> joint{};      ///< the mechanism
+  DriveParams<S> drive{};      ///< from command to effort
+  LoopParams<S> loop{};        ///< the controller, and the control period
+  EncoderParams<S> encoder{};  ///< what the controller sees
+  std::uint32_t substeps = 4;  ///< integration steps per control period, >= 1
+};
+
+/// What follows from PlantParams once.
+template <class S> struct PlantCoefficients {
+  JointCoefficients<S> joint{};      ///< the mechanism
+  DriveCoefficients<S> drive{};      ///< from command to effort
+  LoopCoefficients<S> loop{};        ///< the controller
+  EncoderCoefficients<S> encoder{};  ///< what the controller sees
+  S substep{};                       ///< h [s]
+  std::uint32_t substeps = 4;        ///< per control period
+};
+
+template <class S> PlantCoefficients<S> coefficients(const PlantParams<S>& params) noexcept {
+  PlantCoefficients<S> c;
+  c.joint = coefficients(params.joint);
+  c.drive = coefficients(params.drive);
+  c.loop = coefficients(params.loop);
+  c.encoder = coefficients(params.encoder);
+  c.substeps = params.substeps > 0 ? params.substeps : 1;
+  c.substep = params.loop.period / S(static_cast<value_t<S>>(c.substeps));
+  return c;
+}
+
+template <class S> struct PlantState {
+  S position{};          ///< q [rad]
+  S velocity{};          ///< v [rad/s]
+  LoopState<S> loop{};   ///< what the controller remembers
+};
+
+/// What a plant is given each period.
+template <class S> struct PlantInput {
+  S reference{};      ///< of the loop [rad]; velocity_pi [rad/s]; none: the command [u]
+  S injected{};       ///< added to the command after the limit [u]
+  S disturbance{};    ///< effort on the joint from outside [N m]
+  S encoder_noise{};  ///< added to the measured position [rad]
+};
+
+/// What held at the start of the period.
+template <class S> struct PlantOutput {
+  S position{};           ///< q [rad]
+  S velocity{};           ///< v [rad/s]
+  S acceleration{};       ///< a [rad/s^2]
+  S command{};            ///< u, limited, with what was injected [u]
+  S effort{};             ///< k u - k_e v, without ripple and disturbance: what a current sensor sees [N m]
+  S measured_position{};  ///< what the encoder said [rad]
+};
+
+/// Acceleration at (q, v) [rad/s^2]; `rests` becomes true where stiction holds the joint, at v = 0, under this effort.
+template <Friction mode, class S>
+S acceleration(const PlantCoefficients<S>& c, const S& position, const S& velocity, const S& command, const S& disturbance,
+               mask_t<S>& rests) noexcept {
+  const S gravity_effort = gravity(c.joint, position);
+  const S outside = ripple(c.drive, position) + disturbance;
+  const S effort = drive_effort(c.drive, command, velocity) + outside;
+  if constexpr (mode == Friction::smooth) {
+    return acceleration(c.joint, gravity_effort, resistance(c.joint.friction, velocity), effort);
+  } else {
+    const S net = (c.drive.params.gain * command + outside) - c.joint.offset - gravity_effort;
+    rests = abs(net) <= breakaway(c.joint, gravity_effort, net);
+    const S direction = select(velocity == S(0), sign(net), sign(velocity));
+    const S slipping = acceleration(c.joint, gravity_effort, resistance(c.joint.friction, velocity, direction), effort);
+    return select(rests & (velocity == S(0)), S(0), slipping);
+  }
+}
+
+/// One control period.
+template <Friction mode, class S>
+PlantOutput<S> step(const PlantCoefficients<S>& c, PlantState<S>& state, const PlantInput<S>& input) noexcept {
+  static_assert(mode == Friction::smooth || ScalarTraits<S>::is_real,
+                "stiction resets the velocity, which would drop its derivative: identify with smooth friction");
+  PlantOutput<S> out;
+  out.position = state.position;
+  out.velocity = state.velocity;
+  out.measured_position = step(c.encoder, state.position, input.encoder_noise);
+  out.command = step(c.loop, state.loop, LoopInput<S>{input.reference, out.measured_position, state.velocity}) + input.injected;
+  out.effort = drive_effort(c.drive, out.command, state.velocity);
+
+  S q = state.position;
+  S v = state.velocity;
+  for (std::uint32_t i = 0; i < c.substeps; ++i) {
+    mask_t<S> rests{};
+    const S a = acceleration<mode>(c, q, v, out.command, input.disturbance, rests);
+    if (i == 0) out.acceleration = a;
+    S next = v + c.substep * a;
+    if constexpr (mode == Friction::stiction) {
+      const mask_t<S> crosses = !same_sign(v, next);
+      next = select(rests & crosses, S(0), next);
+    }
+    v = next;
+    q = q + c.substep * v;
+  }
+  state.position = q;
+  state.velocity = v;
+  return out;
+}
+
+}  // namespace PELLUCID_ABI
+}  // namespace pellucid
