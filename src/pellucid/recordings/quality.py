@@ -342,16 +342,37 @@ def _why_frozen(q, effort, reference, step: _Steps, first: int, last: int) -> st
             usual, worst = np.nanmax(other), np.nanmax(error[first : last + 1])
             if worst > 5 * usual and worst > 0.1 * step.range:
                 return f"the reference departs from it by {worst:.4g}, elsewhere by at most {usual:.4g}"
+    if effort is not None and (swings := _swings(effort, first, last)) >= 3:
+        # Fewer may be a test for the effort at which a joint breaks away.
+        return f"the effort swings {swings} times through most of its range"
     if effort is not None and step.resolved:
         velocity = np.zeros(n)
         velocity[stride:] = q[stride:] - q[:-stride]
         forth, back = effort[velocity > 0.25 * step.typical], effort[velocity < -0.25 * step.typical]
         run = effort[first + 1 : last]
         if np.isfinite(forth).any() and np.isfinite(back).any() and np.isfinite(run).any():
-            up, down = np.nanquantile(forth, 0.75), np.nanquantile(back, 0.25)
+            up, down = np.nanmedian(forth), np.nanmedian(back)
             if up > down and np.nanmax(run) > up and np.nanmin(run) < down:
                 return f"the effort passes from {np.nanmin(run):.4g} to {np.nanmax(run):.4g}, which moves it elsewhere"
     return None
+
+
+def _swings(effort: np.ndarray, first: int, last: int) -> int:
+    """How many times in a row, up and down, the effort moves by 60 % of its whole range between two samples."""
+    if not np.isfinite(effort).any():
+        return 0
+    enough = 0.6 * float(np.nanmax(effort) - np.nanmin(effort))
+    run = effort[first : last + 1]
+    run = run[np.isfinite(run)]
+    swings, way = 0, 0
+    low = high = run[0] if run.size else 0.0
+    for value in run[np.flatnonzero(np.diff(run, prepend=np.nan))].tolist():
+        low, high = min(low, value), max(high, value)
+        if way <= 0 and value - low >= enough > 0.0:
+            swings, way, high = swings + 1, 1, value
+        elif way >= 0 and high - value >= enough > 0.0:
+            swings, way, low = swings + 1, -1, value
+    return swings
 
 
 def _check_wrap(recording, study, add) -> None:
