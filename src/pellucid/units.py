@@ -170,7 +170,8 @@ def _factor(unit: str, expected: str | tuple[str, ...] | None, where: str) -> tu
         hint = ""
         if dict(dimension).get("[count]"):
             hint = "; counts need a scale, and the unit they have after it"
-        raise StudyError(f'{_at(where)}found the unit "{unit}", expected {" or ".join(f"{w!r}" for w in wanted)}{hint}')
+        names = " or ".join(f'"{w}"' for w in wanted)
+        raise StudyError(f'{_at(where)}found the unit "{unit}", expected {names}{hint}')
     return factor, offset
 
 

@@ -44,6 +44,10 @@ def _quantity(expected: str, **bounds: float) -> Any:
     return Annotated[float, Field(**bounds), convert_text, Field(description=f"number and unit ({expected})")]
 
 
+_DERIVED = "\0"
+"""What the names of fields begin with that follow from others; no person can write such a key."""
+
+
 class _Table(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False, hide_input_in_errors=True)
 
@@ -218,7 +222,7 @@ class ChannelSpec(_Table):
         SI unit as plain text.
     """
 
-    name: str
+    name: str = Field(validation_alias=_DERIVED + "name")
     column: str | int
     unit: str
     sign: Literal[1, -1] = 1
@@ -228,9 +232,9 @@ class ChannelSpec(_Table):
     signed_bits: int | None = Field(None, ge=2, le=64)
     missing: Literal["NaN"] | float | None = None
     clip: Literal["refuse", "accept"] = "refuse"
-    si_factor: float = 1.0
-    si_offset: float = 0.0
-    si_unit: str = "1"
+    si_factor: float = Field(validation_alias=_DERIVED + "si_factor")
+    si_offset: float = Field(validation_alias=_DERIVED + "si_offset")
+    si_unit: str = Field(validation_alias=_DERIVED + "si_unit")
 
     @field_validator("column", mode="before")
     @classmethod
@@ -251,14 +255,14 @@ class ChannelSpec(_Table):
     def _to_si(cls, table: Any, info: ValidationInfo) -> Any:
         if not isinstance(table, dict):
             raise ValueError(f'found {table!r}, expected a table such as {{ column = "q", unit = "rad" }}')
-        name = table.get("name", "")
+        name = table[_DERIVED + "name"]
         expected = channel_unit(name, info.context or {})
         if table.get("unit") in (None, ""):
             such = f'expected one such as "{expected}"' if expected else 'expected one such as "V", or "1" for none'
             raise ValueError(f"no unit found, {such}")
         factor, offset = to_si_factor(table["unit"], expected, "")
         si = {"si_factor": factor, "si_offset": offset, "si_unit": expected or si_text(table["unit"])}
-        return {**table, **si}
+        return {**table, **{_DERIVED + key: value for key, value in si.items()}}
 
 
 class Processing(_Table):
@@ -446,7 +450,7 @@ class StudyFile(_Table):
         return {**self.channels, **entry.channels}
 
 
-def channel_unit(name: str, units: Mapping[str, str]) -> str | None:
+def channel_unit(name: str, units: Mapping[str, str | None]) -> str | None:
     """SI unit a channel must have, by its name; None where any unit is meaningful.
 
     Parameters
@@ -469,42 +473,44 @@ def channel_unit(name: str, units: Mapping[str, str]) -> str | None:
     return units.get(expected, expected) if expected else None
 
 
-def parameter_units(name: str, units: Mapping[str, str]) -> tuple[str, ...] | None:
+def parameter_units(name: str, units: Mapping[str, str | None]) -> tuple[str, ...] | None:
     """SI units a known parameter may have, by its name; None where the name says nothing."""
-    effort, velocity = units.get("<scaled_effort>", "N*m"), units.get("<velocity>", "rad/s")
-    per_acceleration = f"{effort}*s^2/{velocity.split('/')[0]}"
+    effort, coordinate = units["<scaled_effort>"], units["<coordinate>"]
+    if effort is None or coordinate is None:
+        return None
+    per_acceleration = f"{effort}*s^2/{coordinate}"
     kind = name.split("_")[0]
     if kind in ("inertia", "mass"):
         return {"N*m": ("kg*m^2", per_acceleration), "N": ("kg", per_acceleration)}.get(effort, (per_acceleration,))
     if kind == "viscous":
-        return (f"{effort}*s/{velocity.split('/')[0]}",)
+        return (f"{effort}*s/{coordinate}",)
     if kind in ("gravity", "coulomb", "offset"):
         return (effort,)
     return None
 
 
-def rig_units(raw: Mapping[str, Any]) -> dict[str, str]:
+def rig_units(raw: Mapping[str, Any]) -> dict[str, str | None]:
     """SI units that follow from the rig's motion and drive, from the raw text of study.toml."""
     rig = raw.get("rig") if isinstance(raw.get("rig"), dict) else {}
     drive = rig.get("drive") if isinstance(rig.get("drive"), dict) else {}
     loop = rig.get("loop") if isinstance(rig.get("loop"), dict) else {}
     channels = raw.get("channels") if isinstance(raw.get("channels"), dict) else {}
-    motion = rig.get("motion")
-    coordinate, effort = ("m", "N") if motion == "prismatic" else ("rad", "N*m")
-    kind = drive.get("kind")
-    electrical = {"current": "A", "voltage": "V"}.get(kind, effort)
+    motion, kind = rig.get("motion"), drive.get("kind")
+    # Without a valid motion or kind nothing is expected of a unit, so that only the true cause is told.
+    coordinate, effort = {"rotary": ("rad", "N*m"), "prismatic": ("m", "N")}.get(motion, (None, None))
+    electrical = {"torque": effort, "current": "A", "voltage": "V"}.get(kind)
     duty = kind == "voltage" and "duty" in channels and "voltage" not in channels
-    per = "V" if kind == "voltage" and "resistance" not in drive else "A"
+    per = {"current": "A", "voltage": "A" if "resistance" in drive else "V"}.get(kind)
     known = kind == "torque" or "torque_constant" in drive or "force_constant" in drive
     return {
-        "motion": str(motion),
-        "injected": str(loop.get("injected", "")),
+        "motion": motion,
+        "injected": loop.get("injected"),
         "<coordinate>": coordinate,
-        "<velocity>": f"{coordinate}/s",
-        "<acceleration>": f"{coordinate}/s^2",
+        "<velocity>": coordinate and f"{coordinate}/s",
+        "<acceleration>": coordinate and f"{coordinate}/s^2",
         "<effort>": effort,
         "<scaled_effort>": effort if known else electrical,
-        "<constant>": f"{effort}/{per}",
+        "<constant>": effort and per and f"{effort}/{per}",
         "<command>": "1" if duty else electrical,
         "<injected>": electrical,
     }
@@ -550,9 +556,14 @@ def json_schema() -> dict[str, Any]:
     """JSON Schema of study.toml, for editors that complete and check as one types."""
     schema = StudyFile.model_json_schema()
     channel = schema["$defs"]["ChannelSpec"]
-    for derived in ("name", "si_factor", "si_offset", "si_unit"):
-        channel["properties"].pop(derived, None)
+    channel["properties"] = {key: value for key, value in channel["properties"].items() if key[0] != _DERIVED}
     channel["required"] = ["column", "unit"]
+    one = {"$ref": "#/$defs/ChannelSpec"}
+    # emg.biceps is a table in a table; a recording's own channel may give only what differs.
+    schema["properties"]["channels"]["additionalProperties"] = {
+        "anyOf": [one, {"type": "object", "additionalProperties": one}]
+    }
+    schema["$defs"]["RecordingEntry"]["properties"]["channels"] = {"type": "object"}
     schema["$defs"]["Model"].pop("required", None)
     schema["required"] = ["name", "rig", "channels"]
     return schema
@@ -565,11 +576,8 @@ def _flat_channels(tables: Mapping[str, Any], prefix: str = "") -> dict[str, Any
         group = isinstance(table, dict) and table and all(isinstance(v, dict) for v in table.values())
         if group:
             flat.update(_flat_channels(table, f"{name}."))
-        elif isinstance(table, dict):
-            # A hand-written key of that name stays visible as the unknown key it is.
-            flat[name] = {**table, "name": name} if "name" not in table else {**table, "name": name, "name_": None}
         else:
-            flat[name] = table
+            flat[name] = {**table, _DERIVED + "name": name} if isinstance(table, dict) else table
     return flat
 
 

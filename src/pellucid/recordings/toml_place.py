@@ -95,12 +95,12 @@ def line_of(text: str, where: tuple[str | int, ...]) -> int | None:
 def _say(problem: dict[str, Any], where: tuple, root: type[BaseModel]) -> str:
     kind, found = problem["type"], problem.get("input")
     if kind == "extra_forbidden":
-        keys = [key for key in _keys(root, where[:-1]) if key not in ("name_", "si_factor", "si_offset", "si_unit")]
+        keys = _keys(root, where[:-1])
         close = difflib.get_close_matches(str(where[-1]), keys, 1, 0.5)
         nearest = f'; the nearest valid one is "{close[0]}"' if close else f"; valid are {', '.join(keys)}"
         return f'unknown key "{where[-1]}"{nearest}'
     if kind == "missing":
-        return f'missing, expected "{where[-1]}"'
+        return "missing, and it has no default"
     if kind == "literal_error":
         return f"found {found!r}, expected {problem['ctx']['expected']}"
     if kind == "value_error":
@@ -113,21 +113,28 @@ def _say(problem: dict[str, Any], where: tuple, root: type[BaseModel]) -> str:
 
 
 def _keys(model: Any, where: tuple) -> list[str]:
-    """Valid keys of the table at `where`."""
+    """Keys a person may write in the table at `where`."""
+    skip = False
     for part in where:
-        if isinstance(model, type) and issubclass(model, BaseModel):
-            if part not in model.model_fields:
-                return []
-            model = _inner(model.model_fields[part].annotation)
-        # An index of an array or a name chosen by the user leaves the type as it is.
-    return list(model.model_fields) if isinstance(model, type) and issubclass(model, BaseModel) else []
+        if skip:  # an array's index, or a name the user chose
+            skip = False
+            continue
+        if not _is_table(model) or part not in model.model_fields:
+            return []
+        model, skip = _inner(model.model_fields[part].annotation)
+    return [key for key, field in model.model_fields.items() if not field.validation_alias] if _is_table(model) else []
 
 
-def _inner(annotation: Any) -> Any:
-    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
-        return annotation
+def _is_table(model: Any) -> bool:
+    return isinstance(model, type) and issubclass(model, BaseModel)
+
+
+def _inner(annotation: Any) -> tuple[Any, bool]:
+    """Model of the table inside an annotation, and whether it stands in an array or under chosen names."""
+    if _is_table(annotation):
+        return annotation, False
     for argument in typing.get_args(annotation):
-        found = _inner(argument)
+        found, _ = _inner(argument)
         if found is not None:
-            return found
-    return None
+            return found, typing.get_origin(annotation) in (dict, tuple)
+    return None, False
