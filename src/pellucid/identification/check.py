@@ -1,0 +1,58 @@
+"""Are these recordings fit to identify from? Faults of the files, then faults of the motion."""
+
+from __future__ import annotations
+
+from .._errors import PellucidError
+from ..models.joint import joint_model
+from ..recordings.quality import Fault, inspect
+from ..recordings.study import Study
+from ..signals.effort import drive_model
+from ..signals.motion import motions
+from .regression import solve, stack
+from .verdicts import sign_error
+
+
+def check(study: Study) -> list[Fault]:
+    """Every fault found in a study's recordings; empty where there is none.
+
+    Parameters
+    ----------
+    study : Study
+
+    Returns
+    -------
+    list of Fault
+        `severity` "refuse" stops `identify`, "note" does not.
+
+    Raises
+    ------
+    RecordingError
+        If a file cannot be read at all.
+    """
+    faults = [fault for recording in study.recordings() for fault in inspect(recording, study)]
+    if any(fault.severity == "refuse" for fault in faults):
+        return faults
+    try:
+        data = stack([m for m in motions(study) if m.split == "fitted"])
+        model = joint_model(
+            "symmetric",
+            motion=study.rig.motion,
+            effort_unit=drive_model(study.rig).effort_unit,
+            gravity=study.model.gravity,
+            known=study.model.known,
+        )
+        solve(model, data)
+        sign_error(model, data, study.rig)
+    except PellucidError as error:
+        faults.append(
+            Fault(
+                severity="refuse",
+                kind="excitation",
+                file="study.toml",
+                channel="",
+                found=str(error),
+                expected="a motion that shows every parameter",
+                message=str(error),
+            )
+        )
+    return faults

@@ -1,0 +1,352 @@
+r"""Least squares on filtered data: ordinary, weighted and robust, with physical bounds.
+
+The regressor is the exact Jacobian of the core's inverse dynamics, so that one procedure serves the families that are
+linear in their parameters (one Gauss-Newton step is then ordinary least squares, IDIM-LS [1]_) and those that are not:
+
+.. math::
+   F\,\tau = F\,\tau_{model}(q, \dot q, \ddot q; \beta) + \rho, \qquad W = F\,\partial\tau_{model}/\partial\beta
+
+with F the same zero-phase filter and decimation on both sides.
+
+.. [1] M. Gautier, "Dynamic identification of robots with power model", Proc. IEEE ICRA, 1997.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.optimize import least_squares, lsq_linear
+
+from .. import _core
+from .._errors import IdentificationError
+from ..models.joint import JointModel
+from ..signals.motion import Motion
+
+GRAVITY = 9.80665
+HUBER = 1.345  # 95 % efficiency on Gaussian residuals
+SPEED_BINS = 8
+
+
+@dataclass(frozen=True)
+class Stack:
+    """Reduced samples of several motions, ready to be solved.
+
+    Parameters
+    ----------
+    motions : tuple of Motion
+    targets : tuple of ndarray
+        Filtered effort of each motion, reduced, scored samples only; shape (m_i,).
+    scored : tuple of ndarray of bool
+        Which reduced samples of each motion are used.
+    """
+
+    motions: tuple[Motion, ...]
+    targets: tuple[np.ndarray, ...]
+    scored: tuple[np.ndarray, ...]
+
+    @property
+    def target(self) -> np.ndarray:
+        return np.concatenate(self.targets)
+
+    @property
+    def lengths(self) -> list[int]:
+        return [len(t) for t in self.targets]
+
+    def reduced(self, signals: Sequence[np.ndarray]) -> np.ndarray:
+        """Reduce one signal (n_i,) or (n_i, k) per motion, keep the scored samples, and stack."""
+        parts = [m.reduce(x)[keep] for m, x, keep in zip(self.motions, signals, self.scored, strict=True)]
+        return np.concatenate(parts)
+
+
+def stack(motions: Sequence[Motion]) -> Stack:
+    """Reduce the effort of every motion and mark the samples faster than the dead band.
+
+    Parameters
+    ----------
+    motions : sequence of Motion
+
+    Returns
+    -------
+    Stack
+
+    Raises
+    ------
+    IdentificationError
+        If there is no motion, or nothing in them is faster than the dead band.
+    """
+    if not motions:
+        raise IdentificationError("no recording is marked use = \"fit\"; at least one must be")
+    scored = tuple(m.moving for m in motions)
+    if not any(s.any() for s in scored):
+        top = max(float(np.abs(m.velocity).max()) for m in motions)
+        raise IdentificationError(
+            f"no sample is faster than the dead band of {motions[0].dead_band:g}: the fastest is {top:.3g}; "
+            "lower [processing] dead_band or record a faster motion"
+        )
+    return Stack(tuple(motions), tuple(m.reduce(m.effort)[s] for m, s in zip(motions, scored, strict=True)), scored)
+
+
+def payload_effort(motion: Motion, rotary: bool) -> np.ndarray:
+    """Effort that a known payload takes, shape (n,): m l^2 a + m g l sin q (rotary) or m a (prismatic) [N*m or N]."""
+    mass, distance = motion.payload
+    if rotary:
+        return mass * distance * (distance * motion.acceleration + GRAVITY * np.sin(motion.position))
+    return mass * motion.acceleration
+
+
+def predicted(model: JointModel, values: np.ndarray, motions: Sequence[Motion]) -> list[np.ndarray]:
+    """The model's effort for each motion at full rate, shapes (n_i,), with the true sign of the velocity."""
+    vector = model.vector(values)
+    return [_core.inverse_dynamics(vector, m.position, m.velocity, m.acceleration) for m in motions]
+
+
+def linearised(
+    model: JointModel, values: np.ndarray, motions: Sequence[Motion]
+) -> tuple[list[np.ndarray], list[np.ndarray]]:
+    """Efforts, shapes (n_i,), and regressors, shapes (n_i, p), of each motion at `values`."""
+    vector, spread = model.vector(values), model.spread()
+    active = np.flatnonzero(spread.any(axis=1))
+    efforts, regressors = [], []
+    for m in motions:
+        effort, jacobian = _core.inverse_dynamics_jacobian(vector, m.position, m.velocity, m.acceleration, active)
+        efforts.append(effort)
+        regressors.append(jacobian @ spread[active])
+    return efforts, regressors
+
+
+@dataclass(frozen=True)
+class Solution:
+    """Where a solver ended.
+
+    `values` (p,), `jacobian` (m, p) and `residual` (m,) at the solution, on reduced scored samples; `weights` (m,)
+    multiplied residuals; `at_bound` (p,) marks active bounds.
+    """
+
+    values: np.ndarray
+    jacobian: np.ndarray
+    residual: np.ndarray
+    weights: np.ndarray
+    at_bound: np.ndarray
+    iterations: int
+    converged: bool
+
+
+def bounds_of(model: JointModel, consistent: bool) -> tuple[np.ndarray, np.ndarray]:
+    """Lower and upper bounds of the free symbols, each shape (p,); infinite where `consistent` is False and the model
+    is linear in the symbol."""
+    lower = np.array([s.lower if consistent or not s.linear else -np.inf for s in model.symbols])
+    upper = np.array([s.upper if consistent or not s.linear else np.inf for s in model.symbols])
+    return lower, upper
+
+
+def solve(
+    model: JointModel,
+    data: Stack,
+    *,
+    weights: np.ndarray | None = None,
+    consistent: bool = True,
+    after: Solution | None = None,
+) -> Solution:
+    """Minimise the weighted sum of squared effort residuals.
+
+    Parameters
+    ----------
+    model : JointModel
+    data : Stack
+    weights : ndarray, shape (m,), optional
+        Factors on residuals (1 / standard deviation); all 1 if left out.
+    consistent : bool
+        Keep inertia, friction levels and load coefficients physical.
+    after : Solution, optional
+        An earlier solution on the same data: a linear family reuses its regressor, a nonlinear one starts there
+        (without it, several starts are tried).
+
+    Returns
+    -------
+    Solution
+
+    Raises
+    ------
+    IdentificationError
+        If the regressor is singular: the message names the parameters that cannot be told apart.
+    """
+    w = np.ones(len(data.target)) if weights is None else np.asarray(weights, float)
+    lower, upper = bounds_of(model, consistent)
+    if all(s.linear for s in model.symbols):
+        if after is None:
+            efforts, regressors = linearised(model, np.zeros(len(model.symbols)), data.motions)
+            jacobian, target = data.reduced(regressors), data.target - data.reduced(efforts)
+        else:
+            jacobian, target = after.jacobian, after.residual + after.jacobian @ after.values
+        values = _solve_linear(model, jacobian * w[:, None], target * w, lower, upper)
+        residual, iterations, converged = target - jacobian @ values, 1, True
+    else:
+        values, iterations, converged = _solve_nonlinear(model, data, w, lower, upper, after)
+        efforts, regressors = linearised(model, values, data.motions)
+        jacobian, residual = data.reduced(regressors), data.target - data.reduced(efforts)
+    scale = np.maximum(np.abs(values), 1e-9)
+    at_bound = (values - lower <= 1e-9 * scale) | (upper - values <= 1e-9 * scale)
+    return Solution(values, jacobian, residual, w, at_bound, iterations, converged)
+
+
+def _solve_linear(
+    model: JointModel, jacobian: np.ndarray, target: np.ndarray, lower: np.ndarray, upper: np.ndarray
+) -> np.ndarray:
+    require_full_rank(model, jacobian)
+    values = np.linalg.lstsq(jacobian, target, rcond=None)[0]
+    if np.all(values >= lower) and np.all(values <= upper):
+        return values
+    scale = np.linalg.norm(jacobian, axis=0)
+    found = lsq_linear(jacobian / scale, target, bounds=(lower * scale, upper * scale), tol=1e-12)
+    return np.clip(found.x / scale, lower, upper)
+
+
+def _solve_nonlinear(
+    model: JointModel, data: Stack, w: np.ndarray, lower: np.ndarray, upper: np.ndarray, after: Solution | None
+) -> tuple[np.ndarray, int, bool]:
+    starts = _starts(model, data, w) if after is None else [after.values]
+    require_full_rank(model, data.reduced(linearised(model, starts[0], data.motions)[1]) * w[:, None])
+
+    def residual(values: np.ndarray) -> np.ndarray:
+        return (data.reduced(predicted(model, values, data.motions)) - data.target) * w
+
+    def jacobian(values: np.ndarray) -> np.ndarray:
+        return data.reduced(linearised(model, values, data.motions)[1]) * w[:, None]
+
+    best = None
+    for x0 in starts:
+        inside = np.clip(x0, lower + 1e-9, np.where(np.isfinite(upper), upper - 1e-9, upper))
+        found = least_squares(residual, inside, jac=jacobian, bounds=(lower, upper), x_scale="jac", max_nfev=60)
+        if best is None or found.cost < best.cost:
+            best = found
+    return best.x, int(best.nfev), bool(best.success)
+
+
+def _starts(model: JointModel, data: Stack, w: np.ndarray) -> list[np.ndarray]:
+    """Starting points of a nonlinear family: least squares of its linear part, at several Stribeck velocities."""
+    names = model.names
+    linear = JointModel(
+        model.family, tuple(s for s in model.symbols if s.linear), model.motion, model.effort_unit, model.known
+    )
+    base = dict(zip(linear.names, solve(linear, data, weights=w).values, strict=True))
+    top = max(float(np.abs(m.velocity).max()) for m in data.motions)
+    coulomb = np.mean([abs(v) for n, v in base.items() if n.startswith("coulomb")] or [0.0])
+    starts = []
+    for share in (0.02, 0.1, 0.4) if "stribeck_velocity" in names else (0.1,):
+        guess = {
+            "stribeck": 0.2 * coulomb + 1e-6,
+            "stribeck_velocity": share * top,
+            "load_friction": 0.05,
+            "load_motoring": 0.05,
+            "load_generating": 0.05,
+        }
+        starts.append(np.array([base.get(n, guess.get(n, 0.0)) for n in names]))
+    return starts
+
+
+def require_full_rank(model: JointModel, jacobian: np.ndarray) -> None:
+    """Refuse a regression that is singular to working precision.
+
+    Parameters
+    ----------
+    model : JointModel
+    jacobian : ndarray, shape (m, p)
+
+    Raises
+    ------
+    IdentificationError
+        Naming each parameter whose column is zero, or the parameters whose columns are collinear.
+    """
+    if len(jacobian) <= jacobian.shape[1]:
+        raise IdentificationError(
+            f"{len(jacobian)} usable samples for the {jacobian.shape[1]} parameters of family '{model.family}'; "
+            "expected many more: lengthen the recording or lower [processing] decimate and dead_band"
+        )
+    norms = np.linalg.norm(jacobian, axis=0)
+    top = norms.max()
+    absent = [n for n, c in zip(model.names, norms, strict=True) if not c > 1e-12 * top]
+    if absent:
+        raise IdentificationError(
+            f"{' and '.join(absent)} cannot be identified: nothing in the recordings excites "
+            f"{'it' if len(absent) == 1 else 'them'} (family '{model.family}')"
+        )
+    _, singular, rows = np.linalg.svd(jacobian / norms, full_matrices=False)
+    if singular[-1] < 1e-7 * singular[0]:
+        tied = [n for n, c in zip(model.names, rows[-1], strict=True) if abs(c) > 0.2]
+        raise IdentificationError(
+            f"{' and '.join(tied)} cannot be told apart in these recordings: their effects are proportional "
+            f"(family '{model.family}')"
+        )
+
+
+def speed_weights(model: JointModel, data: Stack, residual: np.ndarray) -> np.ndarray:
+    """Weights 1 / standard deviation of the residual, per recording and per band of speed, shape (m,).
+
+    What a friction model misses sits at low speed: those samples then count for less.
+    """
+    speed = data.reduced([np.abs(m.velocity) for m in data.motions])
+    edges = np.quantile(speed, np.linspace(0.0, 1.0, SPEED_BINS + 1)[1:-1])
+    band = np.searchsorted(edges, speed)
+    owner = np.repeat(np.arange(len(data.motions)), data.lengths)
+    group = owner * SPEED_BINS + band
+    power = np.bincount(group, residual**2)
+    count = np.bincount(group)
+    free = 1.0 - len(model.symbols) / len(residual)
+    sd = np.sqrt(power[group] / np.maximum(count[group], 1) / free)
+    floor = 0.05 * np.sqrt(np.mean(residual**2)) + np.finfo(float).tiny
+    return 1.0 / np.maximum(sd, floor)
+
+
+def robust_weights(residual: np.ndarray) -> np.ndarray:
+    """Square roots of Huber's weights, shape (m,), for residuals scaled by their median absolute deviation."""
+    scale = 1.4826 * np.median(np.abs(residual - np.median(residual))) + np.finfo(float).tiny
+    return np.sqrt(np.minimum(1.0, HUBER * scale / np.maximum(np.abs(residual), np.finfo(float).tiny)))
+
+
+def solve_weighted(model: JointModel, data: Stack, first: Solution, consistent: bool = True) -> Solution:
+    """Weighted least squares: weights from the residuals of `first`, refined twice.
+
+    Parameters
+    ----------
+    model : JointModel
+    data : Stack
+    first : Solution
+        Ordinary least squares.
+    consistent : bool
+
+    Returns
+    -------
+    Solution
+    """
+    found = first
+    for _ in range(3):
+        w = speed_weights(model, data, found.residual)
+        found = solve(model, data, weights=w, consistent=consistent, after=found)
+    return found
+
+
+def solve_robust(model: JointModel, data: Stack, first: Solution, consistent: bool = True) -> Solution:
+    """Iteratively reweighted least squares with Huber's weights, until no value moves by more than 1e-6 of its size.
+
+    Parameters
+    ----------
+    model : JointModel
+    data : Stack
+    first : Solution
+        Ordinary least squares.
+    consistent : bool
+
+    Returns
+    -------
+    Solution
+    """
+    found = first
+    for iteration in range(50):
+        w = robust_weights(found.residual)
+        before, found = found, solve(model, data, weights=w, consistent=consistent, after=found)
+        step = np.max(np.abs(found.values - before.values) / np.maximum(np.abs(before.values), 1e-9))
+        if step < 1e-6:
+            return replace(found, iterations=iteration + 1, converged=True)
+    return replace(found, iterations=50, converged=False)

@@ -1,0 +1,215 @@
+"""Plain sentences: what these recordings show, what they cannot show, and what to record next."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from .._errors import IdentificationError
+from ..models.joint import JointModel
+from ..recordings.study import Study
+from ..recordings.study_file import Rig
+from ..signals.effort import CHANNELS
+from ..signals.motion import Motion
+from .fit import FamilyFit, Parameter, Verdict
+from .regression import Stack, solve
+
+MEANING = {
+    "inertia": "it hardly accelerates",
+    "gravity": "it hardly leaves its resting angle",
+    "gravity_cosine": "its range of angles is too small",
+    "stribeck": "it spends too little time just above zero speed",
+    "stribeck_velocity": "it spends too little time just above zero speed",
+    "load_friction": "the load hardly changes",
+    "load_motoring": "the load hardly changes",
+    "load_generating": "the load hardly changes",
+    "offset": "friction in the two directions hides it",
+}
+
+
+def sign_error(model: JointModel, data: Stack, rig: Rig) -> None:
+    """Refuse recordings in which the drive's effort acts against the motion it causes.
+
+    Parameters
+    ----------
+    model : JointModel
+        The symmetric family.
+    data : Stack
+    rig : Rig
+
+    Raises
+    ------
+    IdentificationError
+        If the drive takes work out of the joint and the unbounded inertia is negative beyond doubt.
+    """
+    found = solve(model, data, consistent=False)
+    values = dict(zip(model.names, found.values, strict=True))
+    noise = np.sqrt(np.mean(found.residual**2) / np.maximum(np.sum(found.jacobian**2, axis=0), 1e-300))
+    sure = {n for n, v, s in zip(model.names, found.values, noise, strict=True) if v < -10.0 * s}
+    work = sum(float(np.sum(m.effort * m.velocity)) / m.fs for m in data.motions)
+    if work < 0.0 and "inertia" in sure:
+        channel = " or ".join(CHANNELS[rig.drive.kind])
+        raise IdentificationError(
+            f"the drive takes {-work:.3g} units of work out of the joint and the inertia comes out negative "
+            f"({values['inertia']:.3g} {model.unit('inertia')}): the sign of the drive or of the position is reversed; "
+            f"set sign = -1 on channel '{channel}' or 'position' in study.toml"
+        )
+
+
+def verdicts(
+    study: Study,
+    fits: Mapping[str, FamilyFit],
+    best: str,
+    failures: Mapping[str, str],
+    data: Stack,
+    everything: Sequence[Motion],
+    constant: Parameter | None,
+) -> tuple[Verdict, ...]:
+    """Everything a reader must know before using the numbers.
+
+    Parameters
+    ----------
+    study : Study
+    fits : mapping of str to FamilyFit
+    best : str
+        The family chosen.
+    failures : mapping of str to str
+        Families that could not be fitted, and why.
+    data : Stack
+    everything : sequence of Motion
+    constant : Parameter, optional
+        The drive constant, where payloads gave it.
+
+    Returns
+    -------
+    tuple of Verdict
+    """
+    found: list[Verdict] = []
+    fit = fits[best]
+    rotary = study.rig.motion == "rotary"
+    if np.isfinite(fit.heldout_effort_error):
+        found.append(
+            Verdict(
+                "good" if fit.heldout_r2 > 0.8 else "warning",
+                f"The '{best}' family predicts effort it has never seen with an error of "
+                f"{fit.heldout_effort_error:.2g} % (R2 {fit.heldout_r2:.3f}); on the fitted recordings "
+                f"{fit.fitted_effort_error:.2g} %.",
+            )
+        )
+        found += _comparison(fits, best)
+    else:
+        found.append(
+            Verdict(
+                "warning",
+                'No recording is held out (use = "validate"): nothing here says how the model predicts new data.',
+            )
+        )
+    top = max(float(np.abs(m.velocity).max()) for m in data.motions)
+    speed = f"{np.degrees(top):.3g} deg/s" if rotary else f"{top:.3g} m/s"
+    for parameter in fit.estimate.parameters:
+        name = parameter.name.replace("_", " ")
+        if parameter.at_bound:
+            found.append(
+                Verdict(
+                    "note",
+                    f"{name} is held at its physical bound ({parameter.value:.3g} {parameter.unit}): unbounded, these "
+                    "recordings would ask for a value that no joint can have, so the model misses something else.",
+                )
+            )
+        elif not parameter.identifiable:
+            low, high = parameter.interval(study.model.confidence)
+            why = MEANING.get(parameter.name, f"it never moves faster than {speed}")
+            found.append(
+                Verdict(
+                    "warning",
+                    f"{name} is not identifiable from these recordings: {why} (interval {low:.3g} to {high:.3g} "
+                    f"{parameter.unit}).",
+                )
+            )
+    if fit.estimate.scaled_condition_number > 100.0:
+        found.append(
+            Verdict(
+                "warning",
+                f"The regressor's columns are nearly collinear (condition number {fit.estimate.scaled_condition_number:.0f} "
+                "with columns scaled to equal length): some parameters trade off against each other. A richer motion helps.",
+            )
+        )
+    white = fit.estimate.whiteness
+    if white is not None and white.effective_share < 0.5:
+        found.append(
+            Verdict(
+                "note",
+                f"Residuals are coloured: 100 samples carry about as much as {max(100 * white.effective_share, 1):.0f} independent "
+                "ones. Intervals allow for it; textbook intervals would be too narrow.",
+            )
+        )
+    if study.rig.drive.kind != "torque" and study.rig.drive.constant is None:
+        unit = fit.model.effort_unit
+        if constant is not None:
+            low, high = constant.interval(study.model.confidence)
+            found.append(
+                Verdict(
+                    "good",
+                    f"The drive gives {constant.value:.4g} {constant.unit} (interval {low:.4g} to {high:.4g}), from the "
+                    "known payloads: put it into study.toml to have results in SI.",
+                )
+            )
+        else:
+            found.append(
+                Verdict(
+                    "note",
+                    f"No drive constant is known, so parameters are per {'ampere' if unit == 'A' else 'volt'}: shapes and "
+                    "ratios are meaningful, absolute masses are not. A recording with a known payload would give it.",
+                )
+            )
+    if "load_friction" in fit.model.names:
+        found.append(
+            Verdict(
+                "note",
+                "Without a known load, motoring and generating load friction cannot be told apart from the load itself: "
+                "one coefficient stands for both, and inertia and gravity are scaled accordingly.",
+            )
+        )
+    for family, why in failures.items():
+        found.append(Verdict("note", f"The '{family}' family could not be fitted: {why}."))
+    found += _methods(fit)
+    return tuple(found)
+
+
+def _comparison(fits: Mapping[str, FamilyFit], best: str) -> list[Verdict]:
+    plain = fits.get("symmetric")
+    if plain is None or best == "symmetric":
+        if plain is not None and len(fits) > 1:
+            return [
+                Verdict("note", "No richer friction family predicts held-out effort better than the symmetric one.")
+            ]
+        return []
+    gain = 100.0 * (1.0 - fits[best].heldout_effort_error / plain.heldout_effort_error)
+    return [
+        Verdict(
+            "good" if gain > 2.0 else "note",
+            f"It is {gain:.2g} % better on held-out effort than symmetric friction "
+            f"({plain.heldout_effort_error:.3g} %)" + ("." if gain > 2.0 else ": too little to matter."),
+        )
+    ]
+
+
+def _methods(fit: FamilyFit) -> list[Verdict]:
+    """Where an estimator disagrees with least squares by more than both intervals allow."""
+    found = []
+    for name, other in fit.others.items():
+        apart = [
+            p.name
+            for p, q in zip(fit.estimate.parameters, other.parameters, strict=True)
+            if abs(p.value - q.value) > 3.0 * np.hypot(p.standard_error, q.standard_error) and not q.at_bound
+        ]
+        if apart:
+            found.append(
+                Verdict(
+                    "note",
+                    f"Estimator '{name}' disagrees with least squares on {', '.join(apart)} by more than three standard "
+                    "errors: the friction model is not the whole truth, and each method weighs the misfit differently.",
+                )
+            )
+    return found

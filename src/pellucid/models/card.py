@@ -1,0 +1,146 @@
+"""Model cards: an identified joint as a JSON file that can be read by a person, reloaded, compared and deployed."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from .._errors import PellucidError
+from ..recordings.atomic import write_text_atomically
+from .joint import SYMBOLS, JointModel
+
+FORMAT = 1
+"""Version of the card's layout; a reader refuses a newer one."""
+
+
+@dataclass(frozen=True)
+class CardParameter:
+    """Value, standard error and interval of one parameter, in `unit`."""
+
+    name: str
+    unit: str
+    value: float
+    standard_error: float
+    interval: tuple[float, float]
+    at_bound: bool = False
+    identifiable: bool = True
+
+
+@dataclass(frozen=True)
+class ModelCard:
+    """An identified joint.
+
+    Parameters
+    ----------
+    study, family, method : str
+    motion : {"rotary", "prismatic"}
+    effort_unit : str
+        "N*m", "N", "A" or "V".
+    lifts : str
+        What positive motion does.
+    parameters : tuple of CardParameter
+    covariance : tuple of tuple of float
+        In the order of the parameters, SI.
+    known : mapping of str to float
+        Parameters that were fixed beforehand, SI.
+    velocity_range : float
+        Largest speed seen while fitting: beyond it the model is a guess [rad/s or m/s].
+    drive : mapping of str to float
+        `gain` (effort per command unit) and `back_emf`.
+    heldout_effort_error : float or None
+        [%]
+    processing : str
+    confidence : float
+    checksums : mapping of str to str
+        SHA-256 of the files it came from, by recording.
+    pellucid : str
+        Version that wrote it.
+    """
+
+    study: str
+    family: str
+    method: str
+    motion: str
+    effort_unit: str
+    lifts: str
+    parameters: tuple[CardParameter, ...]
+    covariance: tuple[tuple[float, ...], ...]
+    known: Mapping[str, float]
+    velocity_range: float
+    drive: Mapping[str, float]
+    heldout_effort_error: float | None
+    processing: str
+    confidence: float
+    checksums: Mapping[str, str]
+    pellucid: str
+    format: int = field(default=FORMAT)
+
+    def model(self) -> JointModel:
+        """The joint model whose free symbols the card's parameters are."""
+        symbols = tuple(SYMBOLS[p.name] for p in self.parameters)
+        return JointModel(self.family, symbols, self.motion, self.effort_unit, dict(self.known))
+
+    @property
+    def values(self) -> np.ndarray:
+        """Parameter values, shape (p,), SI."""
+        return np.array([p.value for p in self.parameters])
+
+    def __getitem__(self, name: str) -> CardParameter:
+        for parameter in self.parameters:
+            if parameter.name == name:
+                return parameter
+        raise KeyError(f"{name!r}; this card has {', '.join(p.name for p in self.parameters)}")
+
+
+def write_card(path: Path, card: ModelCard) -> None:
+    """Write a card as JSON, atomically.
+
+    Parameters
+    ----------
+    path : Path
+    card : ModelCard
+    """
+    write_text_atomically(path, json.dumps(asdict(card), indent=2, allow_nan=False) + "\n")
+
+
+def read_card(path: Path) -> ModelCard:
+    """Read a card.
+
+    Parameters
+    ----------
+    path : Path
+
+    Returns
+    -------
+    ModelCard
+
+    Raises
+    ------
+    PellucidError
+        If the file is missing, is not a model card, or was written by a newer version.
+    """
+    try:
+        table = json.loads(Path(path).read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        raise PellucidError(f"{path}: no such model card; run 'pellucid identify' on its study first") from None
+    except (UnicodeDecodeError, json.JSONDecodeError) as error:
+        raise PellucidError(f"{path}: not a model card ({error})") from None
+    version = table.get("format") if isinstance(table, dict) else None
+    if not isinstance(version, int):
+        raise PellucidError(f"{path}: not a model card: no integer 'format'")
+    if version > FORMAT:
+        raise PellucidError(f"{path}: a model card of format {version}; this version reads up to {FORMAT}")
+    try:
+        parameters = tuple(CardParameter(**(p | {"interval": tuple(p["interval"])})) for p in table["parameters"])
+        covariance = tuple(tuple(row) for row in table["covariance"])
+        card = ModelCard(**(table | {"parameters": parameters, "covariance": covariance}))
+        unknown = [p.name for p in parameters if p.name not in SYMBOLS]
+    except (KeyError, TypeError) as error:
+        raise PellucidError(f"{path}: not a model card of format {FORMAT}: {error}") from None
+    if unknown:
+        raise PellucidError(f"{path}: unknown parameters {', '.join(unknown)}")
+    return card

@@ -1,0 +1,123 @@
+"""A recording's motion, simulated by the core: the joint alone, or with the machine's own controller around it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from .. import _core
+
+SUBSTEP = 2.5e-4  # s; longest substep: halving it moves simulated efforts by less than their noise
+MAX_SUBSTEPS = 40
+
+
+@dataclass(frozen=True)
+class LoopSetting:
+    """The machine's own controller, as the core takes it (gains in the command's unit per rad or m).
+
+    `kind` is "none" (the reference is the command), "p", "pi", "pd", "cascade" or "velocity_pi".
+    """
+
+    kind: str = "none"
+    kp: float = 0.0
+    ki: float = 0.0
+    kd: float = 0.0
+    kv: float = 0.0
+    limit: float = 0.0
+    velocity_span: int = 0
+
+
+@dataclass(frozen=True)
+class Drive:
+    """tau = gain * command - back_emf * velocity."""
+
+    gain: float = 1.0
+    back_emf: float = 0.0
+
+
+@dataclass(frozen=True)
+class Trace:
+    """Simulated signals at the sampling instants, each shape (n,), SI; `jacobians` map the same names to (n, k)."""
+
+    position: np.ndarray
+    velocity: np.ndarray
+    acceleration: np.ndarray
+    command: np.ndarray
+    effort: np.ndarray
+    measured_position: np.ndarray
+    jacobians: dict[str, np.ndarray] | None = None
+
+
+def substeps_for(period: float) -> int:
+    """Substeps of one sampling period, so that none is longer than `SUBSTEP`."""
+    return int(np.clip(np.ceil(period / SUBSTEP), 1, MAX_SUBSTEPS))
+
+
+def simulate(
+    vector: np.ndarray,
+    reference: np.ndarray,
+    period: float,
+    *,
+    loop: LoopSetting,
+    drive: Drive,
+    injected: np.ndarray | None = None,
+    position0: float = 0.0,
+    velocity0: float = 0.0,
+    stiction: bool = True,
+    active: np.ndarray | None = None,
+) -> Trace:
+    """Simulate a joint, with true stiction, or with smooth friction and exact Jacobians.
+
+    Parameters
+    ----------
+    vector : ndarray, shape (13,)
+        The core's parameters, SI.
+    reference : ndarray, shape (n,)
+        What the controller follows [rad or m], or the command itself where `loop.kind` is "none".
+    period : float
+        Sampling period of the recording and of the controller [s].
+    loop : LoopSetting
+    drive : Drive
+    injected : ndarray, shape (n,), optional
+        Added to the command after the controller's limit, in its unit.
+    position0, velocity0 : float
+        Initial state [rad or m; per second].
+    stiction : bool
+        True stiction; smooth friction otherwise (`vector` then needs a velocity width).
+    active : ndarray of int, shape (k,), optional
+        Core parameters to differentiate with respect to; needs smooth friction.
+
+    Returns
+    -------
+    Trace
+
+    Raises
+    ------
+    ValueError
+        If shapes or settings do not fit together.
+    """
+    settings = dict(
+        reference=np.ascontiguousarray(reference, float),
+        period=period,
+        substeps=substeps_for(period),
+        loop=loop.kind,
+        kp=loop.kp,
+        ki=loop.ki,
+        kd=loop.kd,
+        kv=loop.kv,
+        limit=loop.limit,
+        velocity_span=loop.velocity_span,
+        gain=drive.gain,
+        back_emf=drive.back_emf,
+        injected=None if injected is None else np.ascontiguousarray(injected, float),
+        position0=position0,
+        velocity0=velocity0,
+    )
+    if active is None:
+        return Trace(*_core.simulate(vector, stiction=stiction, **settings))
+    *signals, d_position, d_velocity, d_acceleration, d_effort = _core.simulate_jacobian(
+        vector, active=np.asarray(active, np.int64), **settings
+    )
+    names = ("position", "velocity", "acceleration", "effort")
+    return Trace(*signals, dict(zip(names, (d_position, d_velocity, d_acceleration, d_effort), strict=True)))

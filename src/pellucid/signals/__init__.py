@@ -1,0 +1,1 @@
+"""What happens to samples between a recording and a model: zero-phase filters, derivatives, resampling, effort."""

@@ -1,0 +1,95 @@
+"""From what a drive reports (current, voltage, duty, torque) to the effort at the joint."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from .._errors import RecordingError
+from ..recordings.recording import Recording
+from ..recordings.study_file import Drive, Rig
+
+CHANNELS = {"torque": ("torque", "force"), "current": ("current",), "voltage": ("voltage", "duty")}
+
+
+@dataclass(frozen=True)
+class DriveModel:
+    """tau = gain * command - back_emf * velocity.
+
+    Parameters
+    ----------
+    gain : float
+        Effort per unit of the command channel (1 where the constant is unknown).
+    back_emf : float
+        Effort per velocity that a voltage drive loses to its own motion [N*m*s/rad or N*s/m].
+    effort_unit : str
+        "N*m", "N", or the command's own unit "A" or "V" where the constant is unknown.
+    """
+
+    gain: float
+    back_emf: float
+    effort_unit: str
+
+
+def drive_model(rig: Rig) -> DriveModel:
+    """The drive's effort per command, from the rig's constants.
+
+    A voltage drive with resistance R and joint-side constant K = gear ratio x torque constant gives
+    tau = K/R u - K^2/R v; without R the constant is effort per volt (an amplifier that controls current).
+
+    Parameters
+    ----------
+    rig : Rig
+
+    Returns
+    -------
+    DriveModel
+    """
+    drive: Drive = rig.drive
+    si = {"rotary": "N*m", "prismatic": "N"}[rig.motion]
+    if drive.kind == "torque":
+        return DriveModel(1.0, 0.0, si)
+    if drive.constant is None:
+        return DriveModel(1.0, 0.0, {"current": "A", "voltage": "V"}[drive.kind])
+    constant = drive.constant * drive.gear_ratio
+    if drive.kind == "voltage" and drive.resistance is not None:
+        return DriveModel(constant / drive.resistance, constant**2 / drive.resistance, si)
+    return DriveModel(constant, 0.0, si)
+
+
+def command_of(recording: Recording, rig: Rig) -> np.ndarray:
+    """The drive's command as recorded: torque, current, or voltage (duty times supply where only duty is recorded).
+
+    Parameters
+    ----------
+    recording : Recording
+    rig : Rig
+
+    Returns
+    -------
+    ndarray, shape (n,)
+        [N*m], [N], [A] or [V].
+
+    Raises
+    ------
+    RecordingError
+        If the recording has none of the channels this kind of drive needs.
+    """
+    drive = rig.drive
+    for name in CHANNELS[drive.kind]:
+        if name in recording and name != "duty":
+            return recording[name]
+    if drive.kind == "voltage" and "duty" in recording:
+        supply = drive.supply if drive.supply is not None else None
+        if "supply" in recording:
+            supply = recording["supply"]
+        if supply is None:
+            raise RecordingError(
+                f"{recording.path}: channel 'duty' needs a supply voltage; found neither [rig.drive] supply nor a channel 'supply'"
+            )
+        return recording["duty"] * supply
+    raise RecordingError(
+        f"{recording.path}: a {drive.kind} drive needs one of the channels "
+        f"{', '.join(CHANNELS[drive.kind])}; found {', '.join(recording.channels)}"
+    )

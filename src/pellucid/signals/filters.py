@@ -1,0 +1,90 @@
+"""Zero-phase filters and derivatives for identification. Both sides of a regression pass through the same ones [1]_.
+
+.. [1] M. Gautier, "Dynamic identification of robots with power model", Proc. IEEE ICRA, 1997 (parallel filtering).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy import signal
+
+
+def zero_phase_lowpass(samples: np.ndarray, cutoff: float, order: int, fs: float) -> np.ndarray:
+    """Butterworth low-pass run forwards and backwards along axis 0: no delay, twice the attenuation.
+
+    Parameters
+    ----------
+    samples : ndarray, shape (n,) or (n, k)
+        Signals, any unit.
+    cutoff, fs : float
+        -3 dB frequency of one pass, and the sampling rate [Hz].
+    order : int
+        Order of one pass.
+
+    Returns
+    -------
+    ndarray, same shape as `samples`
+
+    Raises
+    ------
+    ValueError
+        If the cutoff is not below half the sampling rate, or there are too few samples to start the filter.
+    """
+    if not 0.0 < cutoff < fs / 2.0:
+        raise ValueError(f"low-pass at {cutoff:g} Hz; expected above 0 and below half the sampling rate, {fs / 2:g} Hz")
+    sos = signal.butter(order, cutoff, fs=fs, output="sos")
+    padding = 3 * (2 * len(sos) + 1)
+    if len(samples) <= padding:
+        raise ValueError(f"{len(samples)} samples; an order-{order} zero-phase filter needs more than {padding}")
+    return signal.sosfiltfilt(sos, samples, axis=0)
+
+
+def central_difference(samples: np.ndarray, fs: float) -> np.ndarray:
+    """Derivative by central differences, one-sided at the two borders.
+
+    Parameters
+    ----------
+    samples : ndarray, shape (n,)
+    fs : float
+        Sampling rate [Hz].
+
+    Returns
+    -------
+    ndarray, shape (n,)
+        In the signal's unit per second.
+    """
+    return np.gradient(samples, 1.0 / fs)
+
+
+def decimate(samples: np.ndarray, factor: int) -> np.ndarray:
+    """Keep one sample in `factor` along axis 0, after a zero-phase anti-aliasing filter (Chebyshev I, order 8, 0.8 of
+    the new Nyquist frequency). Both sides of a regression must pass through it.
+
+    Parameters
+    ----------
+    samples : ndarray, shape (n,) or (n, k)
+    factor : int
+        1 returns the samples as they are.
+
+    Returns
+    -------
+    ndarray, shape (ceil(n / factor),) or (ceil(n / factor), k)
+    """
+    if factor == 1:
+        return samples
+    return signal.decimate(samples, factor, ftype="iir", axis=0, zero_phase=True)
+
+
+def runs(mask: np.ndarray) -> list[slice]:
+    """Stretches of consecutive True samples, as slices, in order.
+
+    Parameters
+    ----------
+    mask : ndarray of bool, shape (n,)
+
+    Returns
+    -------
+    list of slice
+    """
+    edges = np.flatnonzero(np.diff(np.concatenate(([False], mask, [False])).astype(np.int8)))
+    return [slice(int(a), int(b)) for a, b in zip(edges[::2], edges[1::2], strict=True)]

@@ -1,0 +1,204 @@
+"""A recording made ready for identification: evenly sampled, filtered once, differentiated, effort beside motion."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from .._errors import RecordingError
+from ..recordings.recording import Recording
+from ..recordings.study import Study
+from ..recordings.study_file import Processing
+from .effort import DriveModel, command_of, drive_model
+from .filters import central_difference, decimate, runs, zero_phase_lowpass
+
+
+@dataclass(frozen=True)
+class Motion:
+    """One uninterrupted stretch of a recording.
+
+    Parameters
+    ----------
+    recording, split : str
+        The recording's name, and "fitted" or "heldout".
+    fs : float
+        Sampling rate [Hz].
+    time, position, velocity, acceleration, effort : ndarray, shape (n,)
+        SI; filtered with the same zero-phase low-pass. Effort is at the joint, in the drive's effort unit.
+    raw_position, command : ndarray, shape (n,)
+        As recorded [rad or m; the drive's unit].
+    reference, injected : ndarray, shape (n,), or None
+        What the machine's own controller followed, and what was added after its limit.
+    inner : slice
+        Samples left after `trim` at either border.
+    decimate : int
+        One sample in so many enters a regression.
+    dead_band : float
+        Slower samples do not [rad/s or m/s].
+    payload : tuple of float
+        Known added mass and its distance from the axis [kg, m].
+    """
+
+    recording: str
+    split: str
+    fs: float
+    time: np.ndarray
+    position: np.ndarray
+    velocity: np.ndarray
+    acceleration: np.ndarray
+    effort: np.ndarray
+    raw_position: np.ndarray
+    command: np.ndarray
+    reference: np.ndarray | None
+    injected: np.ndarray | None
+    inner: slice
+    decimate: int
+    dead_band: float
+    payload: tuple[float, float] = (0.0, 0.0)
+
+    def reduce(self, samples: np.ndarray) -> np.ndarray:
+        """Trim and decimate: the last, common step of both sides of a regression.
+
+        Parameters
+        ----------
+        samples : ndarray, shape (n,) or (n, k)
+
+        Returns
+        -------
+        ndarray, shape (m,) or (m, k)
+        """
+        return decimate(samples[self.inner], self.decimate)
+
+    @property
+    def moving(self) -> np.ndarray:
+        """Reduced samples faster than the dead band, shape (m,): those a regression uses."""
+        speed = np.abs(self.reduce(self.velocity))
+        return speed > self.dead_band if self.dead_band > 0.0 else np.ones(len(speed), bool)
+
+
+def evenly_sampled(recording: Recording, processing: Processing) -> tuple[float, np.ndarray, dict[str, np.ndarray]]:
+    """Sampling rate [Hz], time, shape (n,), and channels on an even grid; interpolated only where the study says so.
+
+    Parameters
+    ----------
+    recording : Recording
+    processing : Processing
+        `resample` [Hz] asks for linear interpolation on a grid of that rate.
+
+    Returns
+    -------
+    fs, time, channels
+    """
+    time = recording.time
+    values = {name: channel.samples for name, channel in recording.channels.items() if name != "time"}
+    if processing.resample is None:
+        return recording.fs, time, values
+    fs = processing.resample
+    grid = time[0] + np.arange(int(np.floor((time[-1] - time[0]) * fs)) + 1) / fs
+    held = {"enabled"}
+    nearest = np.clip(np.searchsorted(time, grid, side="right") - 1, 0, len(time) - 1)
+    return fs, grid, {n: x[nearest] if n in held else np.interp(grid, time, x) for n, x in values.items()}
+
+
+def differentiate(position: np.ndarray, fs: float, processing: Processing) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Filtered position, velocity and acceleration, as the study's processing says; simulated positions take this way too.
+
+    Parameters
+    ----------
+    position : ndarray, shape (n,)
+        [rad or m].
+    fs : float
+        Sampling rate [Hz].
+    processing : Processing
+
+    Returns
+    -------
+    position, velocity, acceleration : ndarray, shape (n,)
+        SI.
+    """
+    smooth = _filtered(position, fs, processing)
+    velocity = central_difference(smooth, fs)
+    return smooth, velocity, central_difference(velocity, fs)
+
+
+def _filtered(samples: np.ndarray, fs: float, processing: Processing) -> np.ndarray:
+    if processing.lowpass is None:
+        return np.asarray(samples, float)
+    return zero_phase_lowpass(samples, processing.lowpass, processing.order, fs)
+
+
+def motions(study: Study, use: str | None = None) -> tuple[Motion, ...]:
+    """Every stretch of every recording of a study in which the drive was enabled, filtered and differentiated.
+
+    Parameters
+    ----------
+    study : Study
+    use : {"fit", "validate"}, optional
+        Only recordings of this use.
+
+    Returns
+    -------
+    tuple of Motion
+
+    Raises
+    ------
+    RecordingError
+        If a recording lacks position or the drive's channel, or is too short for the filter.
+    """
+    model = drive_model(study.rig)
+    return tuple(m for r in study.recordings(use) for m in _stretches(r, study, model))
+
+
+def _stretches(recording: Recording, study: Study, model: DriveModel) -> Iterator[Motion]:
+    processing, loop = study.processing, study.rig.loop
+    if "position" not in recording:
+        raise RecordingError(
+            f"{recording.path}: no channel 'position'; found {', '.join(recording.channels)}. "
+            "Identification needs the joint's position in [channels]"
+        )
+    command_of(recording, study.rig)
+    fs, time, channels = evenly_sampled(recording, processing)
+    even = replace(
+        recording,
+        channels={
+            "time": replace(recording.channels["time"], samples=time),
+            **{n: replace(recording.channels[n], samples=x) for n, x in channels.items()},
+        },
+    )
+    command = command_of(even, study.rig)
+    injected = even[loop.injected] if loop is not None and loop.injected and loop.injected in even else None
+    reference = even["reference"] if "reference" in even else None
+    shortest = max(2 * processing.trim + 30 * processing.decimate, 60)
+    stretches = [s for s in runs(np.asarray(even.enabled, bool)) if s.stop - s.start >= shortest]
+    if not stretches:
+        raise RecordingError(
+            f"{recording.path}: {len(time)} samples, no enabled stretch of at least {shortest}; "
+            "expected a longer recording, a smaller [processing] decimate or trim"
+        )
+    for part in stretches:
+        raw = even["position"][part]
+        try:
+            position, velocity, acceleration = differentiate(raw, fs, processing)
+            effort = model.gain * _filtered(command[part], fs, processing) - model.back_emf * velocity
+        except ValueError as error:
+            raise RecordingError(f"{recording.path}: {error}") from None
+        yield Motion(
+            recording=recording.name,
+            split="fitted" if recording.use == "fit" else "heldout",
+            fs=fs,
+            time=time[part],
+            position=position,
+            velocity=velocity,
+            acceleration=acceleration,
+            effort=effort,
+            raw_position=raw,
+            command=command[part],
+            reference=None if reference is None else reference[part],
+            injected=None if injected is None else injected[part],
+            inner=slice(processing.trim, len(raw) - processing.trim),
+            decimate=processing.decimate,
+            dead_band=processing.dead_band,
+            payload=(0.0, 0.0) if recording.payload is None else (recording.payload.mass, recording.payload.distance),
+        )

@@ -1,0 +1,82 @@
+"""The three public joints, from init to results.json."""
+
+import json
+import shutil
+
+import numpy as np
+import pytest
+import scipy.io
+
+from pellucid.datasets import init
+from pellucid.identification.identify import identify
+from pellucid.identification.save import rows_of, save
+from pellucid.recordings.study import open_study
+
+
+def figures(fit):
+    return {row.id: row.value for row in rows_of(fit)}
+
+
+def test_emps_open_loop_follows_the_measured_position(emps_fit):
+    found = figures(emps_fit)
+    assert found["emps.directional.openloop.identification.rmse_mm"] <= 2.65
+    assert found["emps.directional.openloop.pulses.rmse_mm"] < 15.0
+
+
+def test_a_better_friction_model_predicts_the_pulses_better(emps_fit):
+    assert emps_fit.families["directional"].heldout_effort_error < emps_fit.families["symmetric"].heldout_effort_error
+
+
+def test_closed_loop_methods_agree_with_least_squares_on_the_inertia(emps_fit):
+    fit = emps_fit.families["symmetric"]
+    for method in ("wls", "irls", "iv", "didim", "output_error"):
+        assert fit.others[method]["inertia"].value == pytest.approx(fit["inertia"].value, rel=0.02), method
+
+
+def test_sydney(tmp_path, data_folder):
+    study = init(tmp_path / "s", dataset="sydney_pendulum")
+    found = figures(identify(study, families=["symmetric"], thorough=False))
+    assert 0.222 <= found["sydney_pendulum.symmetric.inertia"] <= 0.248
+    assert 16.0 <= found["sydney_pendulum.symmetric.gravity"] <= 17.6
+    assert found["sydney_pendulum.symmetric.r2"] >= 0.98
+    assert found["sydney_pendulum.symmetric.heldout.r2"] >= 0.93
+
+
+def test_bam_load_dependence_shows_on_held_out_trajectories(tmp_path, data_folder):
+    study = init(tmp_path / "b", dataset="bam_xl330")
+    found = figures(identify(study, families=["symmetric", "load"]))
+    assert found["bam_xl330.load.heldout.effort_error"] < found["bam_xl330.symmetric.heldout.effort_error"]
+    assert np.isfinite(found["bam_xl330.load.heldout.angle_mae_deg"])
+
+
+def test_names_of_files_and_columns_do_not_matter(tmp_path, data_folder):
+    """The same recording under another study name, file name and column names gives the same figures."""
+    original = init(tmp_path / "a", dataset="emps")
+    copy = tmp_path / "b"
+    shutil.copytree(original.folder, copy)
+    renamed = {"t": "clock", "qm": "alpha", "qg": "beta", "vir": "gamma", "pulses_N": "delta"}
+    text = (copy / "study.toml").read_text(encoding="utf-8").replace('name = "emps"', 'name = "slide7"')
+    for old, new in renamed.items():
+        text = text.replace(f'column = "{old}"', f'column = "{new}"')
+    for i, old in enumerate(("DATA_EMPS_PULSES.mat", "DATA_EMPS.mat")):
+        content = scipy.io.loadmat(copy / "recordings" / old)
+        content = {renamed.get(k, k): v for k, v in content.items() if not k.startswith("__")}
+        (copy / "recordings" / old).unlink()
+        scipy.io.savemat(copy / "recordings" / f"run{i}.mat", content)
+        text = text.replace(f"recordings/{old}", f"recordings/run{i}.mat")
+    (copy / "study.toml").write_text(text, encoding="utf-8")
+    ours = figures(identify(original, families=["symmetric", "directional"]))
+    theirs = figures(identify(open_study(copy), families=["symmetric", "directional"]))
+    assert {k.removeprefix("emps."): v for k, v in ours.items()} == {
+        k.removeprefix("slide7."): v for k, v in theirs.items()
+    }
+    assert len(ours) > 40
+
+
+def test_identifying_twice_gives_the_same_bits_and_replaces_its_own_rows(tmp_path, data_folder):
+    study = init(tmp_path / "s", dataset="sydney_pendulum")
+    save(study, identify(study, families=["symmetric"], thorough=False))
+    first = study.results_path.read_text(encoding="utf-8")
+    save(study, identify(study, families=["symmetric"], thorough=False))
+    assert study.results_path.read_text(encoding="utf-8") == first
+    assert json.loads(first)["figures"]

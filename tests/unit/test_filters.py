@@ -1,0 +1,48 @@
+"""Zero-phase filtering, derivatives, decimation, stretches."""
+
+import numpy as np
+import pytest
+
+from pellucid.signals.filters import central_difference, decimate, runs, zero_phase_lowpass
+
+FS = 1000.0
+TIME = np.arange(4000) / FS
+
+
+def test_a_slow_sine_passes_without_delay():
+    x = np.sin(2 * np.pi * 2.0 * TIME)
+    y = zero_phase_lowpass(x, 100.0, 4, FS)
+    assert np.abs(y - x)[200:-200].max() < 1e-6
+
+
+def test_a_fast_sine_is_removed():
+    y = zero_phase_lowpass(np.sin(2 * np.pi * 400.0 * TIME), 100.0, 4, FS)
+    assert np.abs(y[200:-200]).max() < 1e-4
+
+
+def test_the_derivative_of_a_parabola_is_exact_inside():
+    assert central_difference(3.0 * TIME**2, FS)[1:-1] == pytest.approx(6.0 * TIME[1:-1], abs=1e-9)
+
+
+def test_decimation_treats_columns_as_single_signals():
+    x = np.stack([np.sin(2 * np.pi * 3.0 * TIME), np.cos(2 * np.pi * 5.0 * TIME)], axis=1)
+    both = decimate(x, 10)
+    assert both[:, 1] == pytest.approx(decimate(x[:, 1].copy(), 10), abs=1e-12)
+    assert decimate(x, 1) is x
+
+
+@pytest.mark.parametrize("cutoff", [0.0, -1.0, 500.0, 900.0])
+def test_an_impossible_cutoff_is_refused(cutoff):
+    with pytest.raises(ValueError, match="half the sampling rate"):
+        zero_phase_lowpass(TIME, cutoff, 4, FS)
+
+
+def test_too_few_samples_are_refused():
+    with pytest.raises(ValueError, match="12 samples"):
+        zero_phase_lowpass(TIME[:12], 100.0, 4, FS)
+
+
+def test_runs_are_the_stretches_of_true():
+    assert runs(np.array([0, 1, 1, 0, 1], bool)) == [slice(1, 3), slice(4, 5)]
+    assert runs(np.zeros(3, bool)) == []
+    assert runs(np.ones(3, bool)) == [slice(0, 3)]

@@ -1,0 +1,181 @@
+"""Least squares in its three forms: they find what is there, and refuse what is not."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from motions import TRUTH, motion_of, vector_of
+from pellucid._errors import IdentificationError
+from pellucid.identification.consistency import enforce_pseudo_inertia, least_inertia
+from pellucid.identification.drive_constant import drive_constant
+from pellucid.identification.regression import solve, solve_robust, solve_weighted, stack
+from pellucid.identification.verdicts import sign_error
+from pellucid.models.joint import joint_model
+
+
+def model(family="symmetric", **options):
+    return joint_model(family, **({"motion": "rotary", "effort_unit": "N*m", "gravity": "sine"} | options))
+
+
+def values_of(found, which):
+    return dict(zip(which.names, found.values, strict=True))
+
+
+def test_ordinary_least_squares_is_exact_without_noise():
+    found = values_of(solve(model(), stack([motion_of(vector_of())])), model())
+    expected = {"inertia": 0.08, "gravity": 3.0, "viscous": 0.2, "coulomb": 0.5, "offset": 0.1}
+    assert found == pytest.approx(expected, rel=1e-9)
+
+
+def test_it_equals_numpys_least_squares_on_a_plain_regressor():
+    motion = motion_of(vector_of(), effort_sd=0.3)
+    v = motion.velocity
+    plain = np.stack([motion.acceleration, np.sin(motion.position), v, np.sign(v), np.ones_like(v)], axis=1)
+    expected = np.linalg.lstsq(plain, motion.effort, rcond=None)[0]
+    assert solve(model(), stack([motion])).values == pytest.approx(expected, rel=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("family", "changes"),
+    [
+        ("directional", {"offset": 0.0, "coulomb_positive": 0.6, "viscous_negative": 0.3}),
+        ("load", {"load_motoring": 0.08, "load_generating": 0.08}),
+        ("stribeck", {"stribeck": 0.2, "stribeck_velocity": 0.1}),
+    ],
+)
+def test_every_family_finds_its_own_truth(family, changes):
+    truth = vector_of(**changes)
+    which = model(family)
+    found = solve(which, stack([motion_of(truth), motion_of(truth, seed=2)]))
+    assert which.vector(found.values) == pytest.approx(truth, rel=1e-4, abs=1e-5)
+
+
+def test_a_known_gravity_tells_motoring_from_generating_load_friction():
+    truth = vector_of(load_motoring=0.10, load_generating=0.03)
+    which = model("load", known={"gravity": TRUTH["gravity_sine"]}, separate_load=True)
+    found = values_of(solve(which, stack([motion_of(truth), motion_of(truth, seed=2)])), which)
+    assert found["load_motoring"] == pytest.approx(0.10, rel=1e-3)
+    assert found["load_generating"] == pytest.approx(0.03, rel=1e-3)
+
+
+def test_negative_friction_is_refused_by_the_bounds_and_allowed_without_them():
+    data = stack([motion_of(vector_of(viscous_positive=-0.05, viscous_negative=-0.05))])
+    bounded, free = solve(model(), data), solve(model(), data, consistent=False)
+    at = model().names.index("viscous")
+    assert bounded.values[at] == 0.0
+    assert bounded.at_bound[at]
+    assert free.values[at] == pytest.approx(-0.05)
+    assert not free.at_bound[at]
+
+
+def test_robust_least_squares_shrugs_off_outliers():
+    motion = motion_of(vector_of(), effort_sd=0.02)
+    spoiled = motion.effort.copy()
+    spoiled[::37] += 8.0
+    data = stack([replace(motion, effort=spoiled)])
+    plain = solve(model(), data)
+    robust = solve_robust(model(), data, plain)
+    at = model().names.index("offset")
+    assert abs(plain.values[at] - 0.1) > 0.15
+    assert robust.values[at] == pytest.approx(0.1, abs=0.01)
+    assert robust.converged
+
+
+def test_weighted_least_squares_listens_to_the_quieter_recording():
+    quiet, loud = motion_of(vector_of(), effort_sd=0.01), motion_of(vector_of(), seed=3, effort_sd=2.0, name="loud")
+    data = stack([quiet, loud])
+    truth = np.array([0.08, 3.0, 0.2, 0.5, 0.1])
+    plain = solve(model(), data)
+    weighted = solve_weighted(model(), data, plain)
+    assert np.linalg.norm((weighted.values - truth) / truth) < 0.2 * np.linalg.norm((plain.values - truth) / truth)
+
+
+def test_constant_velocity_cannot_show_inertia():
+    motion = motion_of(vector_of())
+    time = motion.time
+    steady = replace(
+        motion, position=0.1 * time, velocity=np.full_like(time, 0.1), acceleration=np.zeros_like(time)
+    )
+    with pytest.raises(IdentificationError, match="inertia cannot be identified: nothing in the recordings excites it"):
+        solve(model(), stack([steady]))
+
+
+def test_collinear_effects_are_named():
+    motion = motion_of(vector_of())
+    one_way = replace(motion, velocity=np.abs(motion.velocity) + 0.01)
+    with pytest.raises(IdentificationError, match="coulomb and offset cannot be told apart"):
+        solve(model(), stack([one_way]))
+
+
+def test_too_few_samples_are_refused():
+    motion = motion_of(vector_of(), seconds=0.02)
+    with pytest.raises(IdentificationError, match="4 usable samples"):
+        solve(model(), stack([motion]))
+
+
+def test_a_dead_band_above_every_speed_is_refused():
+    with pytest.raises(IdentificationError, match="no sample is faster than the dead band of 100"):
+        stack([replace(motion_of(vector_of()), dead_band=100.0)])
+
+
+def test_nothing_to_fit_is_refused():
+    with pytest.raises(IdentificationError, match='use = "fit"'):
+        stack([])
+
+
+def test_the_pseudo_inertia_condition_moves_the_inertia_and_says_so():
+    data = stack([motion_of(vector_of(inertia=0.02), effort_sd=0.05)])
+    found = solve(model(), data)
+    mass = 1.5
+    least = least_inertia(model(), found.values, mass)
+    assert least == pytest.approx((3.0 / 9.80665) ** 2 / mass, rel=0.05)
+    assert found.values[0] < least
+    after, active = enforce_pseudo_inertia(model(), data, found, mass)
+    assert active
+    assert after.values[0] == pytest.approx(least_inertia(model(), after.values, mass), rel=1e-6)
+    assert after.at_bound[0]
+    # The constrained optimum costs less than simply raising the inertia.
+    raised = found.values.copy()
+    raised[0] = least
+    naive = found.residual - found.jacobian @ (raised - found.values)
+    assert np.sum(after.residual**2) < np.sum(naive**2)
+
+
+def test_a_consistent_solution_is_left_alone():
+    data = stack([motion_of(vector_of(), effort_sd=0.05)])
+    found = solve(model(), data)
+    same, active = enforce_pseudo_inertia(model(), data, found, 10.0)
+    assert not active
+    assert same is found
+
+
+def test_the_drive_constant_comes_from_two_payloads():
+    gain = 1.7
+    data = stack(
+        [
+            motion_of(vector_of(), gain=gain, effort_sd=0.02),
+            motion_of(vector_of(), gain=gain, effort_sd=0.02, seed=4, payload=(2.0, 0.15), name="loaded"),
+        ]
+    )
+    found = drive_constant(model(effort_unit="A"), data)
+    assert found.unit == "N*m/A"
+    low, high = found.interval()
+    assert low < gain < high
+    assert high - low < 0.05
+
+
+def test_one_payload_cannot_give_the_drive_constant():
+    data = stack([motion_of(vector_of(), payload=(2.0, 0.15))])
+    with pytest.raises(IdentificationError, match="at least two different payloads"):
+        drive_constant(model(effort_unit="A"), data)
+
+
+def test_a_reversed_drive_is_named():
+    from types import SimpleNamespace
+
+    motion = motion_of(vector_of(), effort_sd=0.05)
+    rig = SimpleNamespace(drive=SimpleNamespace(kind="current"))
+    sign_error(model(), stack([motion]), rig)
+    with pytest.raises(IdentificationError, match="the sign of the drive or of the position is reversed"):
+        sign_error(model(), stack([replace(motion, effort=-motion.effort)]), rig)
