@@ -16,10 +16,10 @@ if TYPE_CHECKING:
     from . import datasets as datasets
     from . import report as report
     from .datasets import init as init
+    from .demonstration.demo import demo as demo
     from .identification.check import check as check
     from .identification.compare import compare as compare
     from .identification.identify import identify as identify
-    from .lab.demo import demo as demo
     from .recordings.study import open_study as open
 
 _WHERE = {
@@ -30,7 +30,7 @@ _WHERE = {
     "report": ("report", None),
     "init": ("datasets", "init"),
     "datasets": ("datasets", None),
-    "demo": ("lab.demo", "demo"),
+    "demo": ("demonstration.demo", "demo"),
 }
 
 __all__ = ["__version__", "check", "compare", "datasets", "demo", "identify", "init", "open", "report"]

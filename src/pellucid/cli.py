@@ -57,9 +57,9 @@ def init(
         raise StudyError(f"init needs --dataset NAME; known: {', '.join(datasets.names())}")
     study = datasets.init(folder, dataset=dataset, progress=sys.stderr.isatty())
     out = _console()
-    out.print(f"{folder}: study {study.name!r}, {_count(len(study.recordings()), 'recording')}.", highlight=False)
+    _say(out, f"{folder}: study {study.name!r}, {_count(len(study.recordings()), 'recording')}.")
     _list(out, [("note", note) for note in study.notes])
-    out.print(f"study.toml says what they mean. Next: pellucid check {folder}", highlight=False)
+    _say(out, f"study.toml says what they mean. Next: pellucid check {folder}")
 
 
 @app.command()
@@ -76,9 +76,9 @@ def check(folder: Folder) -> None:
     refused = [f for f in faults if f.severity == "refuse"]
     _list(out, [("warning" if f.severity == "refuse" else "note", f.message) for f in faults])
     if refused:
-        out.print(f"Not fit to identify from: {_count(len(refused), 'fault')}.", highlight=False)
+        _say(out, f"Not fit to identify from: {_count(len(refused), 'fault')}.")
         raise typer.Exit(1)
-    out.print(f"Fit to identify from. Next: pellucid identify {folder}", highlight=False)
+    _say(out, f"Fit to identify from. Next: pellucid identify {folder}")
 
 
 @app.command()
@@ -95,19 +95,14 @@ def identify(
     study = open_study(folder)
     with _progress() as tell:
         fit = run(study, families=tuple(family) if family else None, on_progress=tell)
-    rows = save(study, fit)
+    save(study, fit)
     if json:
-        from .recordings.results import rows_to_json
-
-        typer.echo(rows_to_json(rows))
+        _print_json(study)
         return
     out = _console()
     _print_fit(out, study, fit)
-    out.print(
-        f"Model cards in {study.models_dir}, every figure in {study.results_path}.\n"
-        f"Next: pellucid report {folder}",
-        highlight=False,
-    )
+    _say(out, f"Model cards in {study.models_dir}, every figure in {study.results_path}.")
+    _say(out, f"Next: pellucid report {folder}")
 
 
 @app.command()
@@ -119,7 +114,7 @@ def report(folder: Folder) -> None:
     study = open_study(folder)
     with _progress() as tell:
         page = write_report(study, on_progress=tell)
-    _console().print(f"Report: {page}", highlight=False, soft_wrap=True)
+    _say(_console(), f"Report: {page}")
 
 
 @app.command()
@@ -145,7 +140,7 @@ def compare(
             "changed" if row.changed else "",
         )
     out = _console()
-    out.print(f"\n{found.family} friction; A is {a}, B is {b}", highlight=False)
+    _say(out, f"\n{found.family} friction; A is {a}, B is {b}")
     out.print(table)
     _print_verdicts(out, found.verdicts)
 
@@ -155,20 +150,22 @@ def demo(
     out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder for the demo's studies.")] = Path("demo"),
 ) -> None:
     """Identify and report example joints, in about a minute."""
-    from .lab.demo import demo as run
-    from .report.document import write_report
+    from .demonstration.demo import demo as run
 
     with _progress() as tell:
-        made = run(out, on_progress=lambda text, share: tell(text, 0.8 * share))
-        pages = []
-        for i, (study, fit) in enumerate(made):
-            tell(f"report of {study.name}", 0.8 + 0.2 * i / len(made))
-            pages.append(write_report(study, fit))
+        made = run(out, on_progress=tell)
     console = _console()
-    for study, fit in made:
+    for study, fit, _ in made.studies:
         _print_fit(console, study, fit)
-    for page in pages:
-        console.print(f"Report: {page}", highlight=False, soft_wrap=True)
+    if made.coverages:
+        table = _table("residuals", ">repetitions", ">lowest coverage %", ">textbook intervals %")
+        for c in made.coverages:
+            table.add_row(c.colour, str(c.repetitions), f"{c.lowest:.1f}", f"{c.textbook:.1f}")
+        _say(console, "How often 95 % intervals hold the truth, known for a virtual joint:")
+        console.print(table)
+    _list(console, [("note", note) for note in made.notes])
+    for study, _, page in made.studies:
+        _say(console, f"Report of {study.name}: {page}")
 
 
 @app.command()
@@ -184,7 +181,7 @@ def datasets_list() -> None:
     """Names, titles and terms of the public data sets, and whether they are on this machine."""
     from . import datasets
 
-    table = _table("name", "what it is", "terms", "here")
+    table = _table("name", "what it is~", "terms~", "here")
     for name in datasets.names():
         found = datasets.info(name)
         try:
@@ -236,7 +233,12 @@ def main() -> None:
 def _console() -> Console:
     from rich.console import Console
 
-    return Console()
+    return Console(highlight=False)
+
+
+def _say(out: Console, text: str) -> None:
+    """A line as it is: paths are neither wrapped nor read as markup."""
+    out.print(text, markup=False, soft_wrap=True)
 
 
 @contextmanager
@@ -248,43 +250,45 @@ def _progress() -> Iterator[Callable[[str, float], None]]:
     from rich.console import Console
     from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeElapsedColumn
 
-    columns = (TextColumn("{task.description:<30}"), BarColumn(24), TaskProgressColumn(), TimeElapsedColumn())
+    columns = (TextColumn("{task.description}"), BarColumn(24), TaskProgressColumn(), TimeElapsedColumn())
     with Progress(*columns, console=Console(stderr=True), transient=True) as progress:
         task = progress.add_task("", total=1.0)
         yield lambda text, share: progress.update(task, description=text, completed=share)
 
 
 def _table(*heads: str) -> Table:
-    """A table without frames; a head that begins with > sets its column to the right."""
+    """A table without frames; a head that begins with > sets its column to the right, one that ends with ~ may wrap."""
     from rich.box import SIMPLE_HEAD
     from rich.table import Table
 
     table = Table(box=SIMPLE_HEAD, pad_edge=False, padding=(0, 1), header_style="dim", safe_box=True)
     for head in heads:
-        table.add_column(head.removeprefix(">"), justify="right" if head.startswith(">") else "left")
+        table.add_column(
+            head.removeprefix(">").removesuffix("~"),
+            justify="right" if head.startswith(">") else "left",
+            no_wrap=not head.endswith("~"),
+        )
     return table
 
 
 def _print_fit(out: Console, study: Study, fit: JointFit) -> None:
-    from .report.quantities import interval, number, percent, unit_text
+    from .report.quantities import number, parameter_interval, percent, relative_sd, unit_text
 
     level = study.model.confidence
     best = fit.families[fit.best]
     split = "held-out" if best.heldout_effort_error == best.heldout_effort_error else "fitted"
     error = best.heldout_effort_error if split == "held-out" else best.fitted_effort_error
-    out.print(
-        f"\n[bold]{fit.study}[/bold]: {fit.best} friction, {split} effort error {percent(error)} %", highlight=False
-    )
+    _say(out, f"\n{fit.study}: {fit.best} friction, {split} effort error {percent(error)} %")
     table = _table("parameter", ">value", f"{100.0 * level:.4g} % interval", "unit", ">SD %", "")
     shown = [*best.estimate.parameters, *([fit.drive_constant] if fit.drive_constant is not None else [])]
     for p in shown:
         table.add_row(
             p.name,
             number(p.value, p.standard_error),
-            interval(*p.interval(level), p.standard_error),
+            parameter_interval(p, level),
             unit_text(p.unit),
-            percent(p.relative_sd),
-            "at bound" if p.at_bound else "" if p.identifiable else "unidentified",
+            relative_sd(p),
+            "at bound" if p.at_bound else "" if p.identifiable else "unclear",
         )
     out.print(table)
     if len(fit.families) > 1:
@@ -302,6 +306,17 @@ def _print_fit(out: Console, study: Study, fit: JointFit) -> None:
             )
         out.print(table)
     _print_verdicts(out, fit.verdicts)
+
+
+def _print_json(study: Study) -> None:
+    from dataclasses import asdict
+    from json import dumps
+
+    from .recordings.results import read_rows
+
+    # Read back, since the file knows null for what is not finite.
+    rows = [asdict(row) for row in read_rows(study.results_path) if row.command == "identify"]
+    typer.echo(dumps({"figures": rows}, indent=1, ensure_ascii=False))
 
 
 def _print_verdicts(out: Console, verdicts: Sequence[Verdict]) -> None:

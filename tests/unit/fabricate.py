@@ -101,7 +101,8 @@ def fit(
             predictions.append(
                 Prediction(
                     f"{'fit' if split == 'fitted' else 'trial'}_{i + 1}", split, time, q, v, a, y_hat, effort,
-                    predicted, error, 1.0 - (error / 100.0) ** 2, half, float(np.mean(np.abs(effort - predicted) < half)),
+                    predicted, error, 1.0 - (error / 100.0) ** 2, half,
+                    float(np.mean(np.abs(effort - predicted) < half)),
                 )
             )  # fmt: skip
         pools = {

@@ -18,7 +18,21 @@ from ..recordings.study import Study
 from ..signals.motion import motions
 from . import figures
 from .figures import Drawing, Trace
-from .quantities import EFFORTS, FAMILIES, METHODS, MODES, READINGS, interval, label, number, percent, unit_text
+from .quantities import (
+    EFFORTS,
+    FAMILIES,
+    METHODS,
+    MODES,
+    READINGS,
+    interval,
+    label,
+    number,
+    parameter_interval,
+    percent,
+    prose,
+    relative_sd,
+    unit_text,
+)
 from .style import SANS, css_variables
 
 PAGE = "index.html"
@@ -201,12 +215,12 @@ def _content(study: Study, fit: JointFit, drawings: Mapping[str, list[Drawing]])
         "study": fit.study,
         "headline": _headline(study, fit),
         "tiles": _tiles(fit, level),
-        "verdicts": fit.verdicts,
+        "verdicts": [{"kind": v.kind, "text": prose(v.text)} for v in fit.verdicts],
         "sections": sections,
         "best": fit.best,
         "best_words": FAMILIES.get(fit.best, fit.best),
         "parameters": _parameters(fit, best.estimate, level),
-        "estimate_notes": best.estimate.notes,
+        "estimate_notes": [prose(note) for note in best.estimate.notes],
         "other_parameters": [
             {"family": f.family, "table": _parameters(fit, f.estimate, level)}
             for f in fit.families.values()
@@ -235,7 +249,7 @@ def _headline(study: Study, fit: JointFit) -> str:
     def recordings(count: int) -> str:
         return "one recording" if count == 1 else f"{count} recordings"
 
-    text = f"The {study.rig.joint}, a {fit.motion} joint, identified from {recordings(used['fitted'])}. "
+    text = f"The {study.rig.joint} is a {fit.motion} joint, identified from {recordings(used['fitted'])}. "
     effort = EFFORTS.get(fit.effort_unit, "effort").lower()
     if np.isfinite(best.heldout_effort_error):
         text += (
@@ -290,7 +304,7 @@ def _tile(p: Parameter, level: float) -> dict[str, str]:
         "what": label(p.name).replace(" friction", ""),
         "figure": number(p.value, p.standard_error),
         "unit": unit_text(p.unit),
-        "more": f"{interval(*p.interval(level), p.standard_error)} ({100.0 * level:.4g} %)",
+        "more": f"{parameter_interval(p, level)} ({100.0 * level:.4g} %)",
     }
 
 
@@ -307,10 +321,10 @@ def _parameters(fit: JointFit, estimate: Estimate, level: float) -> Table:
         shown.append(fit.drive_constant)
     for p in shown:
         cells = [label(p.name), number(p.value, p.standard_error), unit_text(p.unit) or "–"]
-        cells.append(interval(*p.interval(level), p.standard_error))
+        cells.append(parameter_interval(p, level))
         if booted:
             cells.append(interval(*p.bootstrap, p.standard_error) if p.bootstrap is not None else "–")
-        cells += [f"{percent(p.relative_sd)} %", parameter_note(p)]
+        cells += [f"{relative_sd(p)} %".replace("– %", "–"), parameter_note(p)]
         rows.append(Row(tuple(cells)))
     return Table(tuple(heads), tuple(rows), frozenset(range(len(heads) - 1)) - {0, 2}, wide=True)
 
@@ -329,13 +343,10 @@ def _families_words(fit: JointFit) -> str:
     if len(fit.families) == 1:
         return f"Only one family was asked for, {fit.best}: {FAMILIES.get(fit.best, fit.best)}."
     judged = any(np.isfinite(f.heldout_effort_error) for f in fit.families.values())
-    return (
-        "A richer model always fits better; whether it knows more shows on recordings that were not fitted. "
-        + (
-            "The family with the smallest held-out error is called best."
-            if judged
-            else "Nothing was held out here, so the smallest fitted error decides, which favours the richest model."
-        )
+    return "A richer model always fits better; whether it knows more shows on recordings that were not fitted. " + (
+        "The family with the smallest held-out error is called best."
+        if judged
+        else "Nothing was held out here, so the smallest fitted error decides, which favours the richest model."
     )
 
 
@@ -425,8 +436,14 @@ def _p_value(p: float) -> str:
 def _simulated(fit: JointFit, family: FamilyFit | None) -> Table:
     reading = READINGS[fit.motion]
     rows = []
-    for method, made in (family.simulations if family is not None else {}).items():
-        for s in figures.whole_recordings(made):
+    runs = [
+        (method, s)
+        for method, made in (family.simulations if family is not None else {}).items()
+        for s in figures.whole_recordings(made)
+    ]
+    places = list(dict.fromkeys((s.mode, s.recording) for _, s in runs))
+    for mode, recording in sorted(places, key=lambda place: list(MODES).index(place[0])):
+        for method, s in ((m, s) for m, s in runs if (s.mode, s.recording) == (mode, recording)):
             rows.append(
                 Row(
                     (
@@ -461,20 +478,23 @@ def _simulated(fit: JointFit, family: FamilyFit | None) -> Table:
 
 def _estimators(family: FamilyFit, level: float) -> Table:
     estimates = {family.estimate.method: family.estimate, **family.others}
-    heads = ["Estimator"]
+    heads = ["Parameter", *(METHODS.get(m, m) for m in estimates)]
+    rows = []
     for name in family.model.names:
         unit = unit_text(family.model.unit(name))
-        heads.append(label(name) + (f" ({unit})" if unit else ""))
-    rows = []
-    for method, estimate in estimates.items():
-        cells = [METHODS.get(method, method)]
-        for name in family.model.names:
-            p = estimate[name]
+        cells = [label(name) + (f" ({unit})" if unit else "")]
+        for p in (estimate[name] for estimate in estimates.values()):
             half = 0.5 * (p.interval(level)[1] - p.interval(level)[0])
             cells.append(f"{number(p.value, p.standard_error)} ± {number(half, p.standard_error)}")
-        cells.append(f"{estimate.iterations}" + ("" if estimate.converged else ", not converged"))
-        rows.append(Row(tuple(cells), method == family.estimate.method))
-    heads.append("Iterations")
+        rows.append(Row(tuple(cells)))
+    rows.append(
+        Row(
+            (
+                "Iterations",
+                *(f"{e.iterations}" + ("" if e.converged else ", not converged") for e in estimates.values()),
+            )
+        )
+    )
     return Table(
         tuple(heads),
         tuple(rows),
@@ -486,10 +506,10 @@ def _estimators(family: FamilyFit, level: float) -> Table:
 
 def _provenance(study: Study, fit: JointFit) -> list[tuple[str, str]]:
     rig = study.rig
-    drive = {"torque": "measured effort", "current": "current", "voltage": "voltage"}.get(rig.drive.kind, "")
+    effort = EFFORTS.get(fit.effort_unit, "Effort")
     entries = [
         ("Joint", f"{rig.joint}, {fit.motion}" + (f"; positive is {fit.lifts}" if fit.lifts else "")),
-        ("Effort from", f"{drive}, in {unit_text(fit.effort_unit)}"),
+        (effort, _drive(study, fit)),
         ("Processing", fit.filter_note),
         *(("Note", note) for note in study.notes),
     ]
@@ -499,6 +519,22 @@ def _provenance(study: Study, fit: JointFit) -> list[tuple[str, str]]:
     versions = ", ".join(f"{n} {version(n)}" for n in ("pellucid", "numpy", "scipy", "matplotlib"))
     entries.append(("Made with", f"{versions}, Python {platform.python_version()}"))
     return entries
+
+
+def _drive(study: Study, fit: JointFit) -> str:
+    """Where the effort comes from, in words."""
+    drive = study.rig.drive
+    if drive.kind == "torque":
+        return "as a sensor measured it"
+    if drive.constant is None:
+        return f"the drive's own {drive.kind}: no constant is known, so results are per {drive.kind}"
+    unit = f"{fit.effort_unit}/{ {'current': 'A', 'voltage': 'V'}[drive.kind] }".replace(" ", "")
+    text = f"from the drive's {drive.kind}, constant {number(drive.constant)} {unit_text(unit)}"
+    if drive.gear_ratio != 1.0:
+        text += f", gear ratio {drive.gear_ratio:g}"
+    if drive.resistance is not None:
+        text += f", resistance {number(drive.resistance)} Ω (back-EMF allowed for)"
+    return text
 
 
 def _checksums(fit: JointFit) -> Table:

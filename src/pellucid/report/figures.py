@@ -185,8 +185,8 @@ def effort(fit: JointFit, family: FamilyFit, name: str = "effort") -> Drawing:
             # A zoom shows every sample; the overview only needs the outline.
             bt, bp = (t, p) if axis is zoom else _every(LINE_POINTS, t, p)
             axis.fill_between(bt, bp - half, bp + half, color=colour(first.split), alpha=0.2, linewidth=0)
-            _line(axis, t, m, color=colour("measured"), linewidth=1.0)
-            _line(axis, t, p, color=colour(first.split), linewidth=1.3)
+            _line(axis, t, m, color=colour("measured"), linewidth=2.2 if axis is zoom else 1.2)
+            _line(axis, t, p, color=colour(first.split), linewidth=1.1)
             axis.set_xlim(low, high)
         wide.axvspan(*window, color=colour("faint"), alpha=0.25, linewidth=0)
         _tidy(wide, first=True, text=_effort_label(fit))
@@ -469,6 +469,8 @@ def families(fit: JointFit, name: str = "families") -> Drawing:
             axis.set_ylabel("")
         if k + columns < count:
             axis.set_xlabel("")
+        else:
+            axis.tick_params(axis="x", labelbottom=True)
         error, split = (
             (family.heldout_effort_error, "held out")
             if np.isfinite(family.heldout_effort_error)
@@ -542,7 +544,7 @@ def _branches(limits: tuple[float, float]) -> list[np.ndarray]:
 
 
 def _loaded(family: FamilyFit) -> bool:
-    return any(name.startswith("load_") for name in family.model.names)
+    return any(p.name.startswith("load_") and p.value > 1e-3 for p in family.estimate.parameters)
 
 
 def _heldout(fit: JointFit) -> bool:
@@ -698,15 +700,29 @@ def _origin(axis: Axes) -> None:
 def _label_ends(axis: Axes, ends: Sequence[tuple[float, str, str]]) -> None:
     """Names at the right ends of curves, moved apart where they would overlap."""
     low, high = axis.get_ylim()
-    gap = 0.06 * (high - low)
-    placed: list[float] = []
-    for y, text, tone in sorted(ends):
-        at = max(y, placed[-1] + gap) if placed else y
-        placed.append(at)
+    ends = sorted(ends)
+    for at, (_, text, tone) in zip(_apart([y for y, *_ in ends], 0.06 * (high - low)), ends, strict=True):
         axis.annotate(
             text, (1.0, at), xytext=(5, 0), xycoords=("axes fraction", "data"), textcoords="offset points",
             va="center", color=tone, fontsize=8.5, annotation_clip=False,
         )  # fmt: skip
+
+
+def _apart(heights: Sequence[float], gap: float) -> list[float]:
+    """Ascending heights at least `gap` apart, each group centred on where its members wanted to be."""
+    groups: list[list[float]] = []
+    for y in heights:
+        groups.append([y])
+        while len(groups) > 1 and _centre(groups[-1]) - _centre(groups[-2]) < gap * (
+            0.5 * (len(groups[-1]) + len(groups[-2]))
+        ):
+            last = groups.pop()
+            groups[-1] += last
+    return [_centre(g) + gap * (i - 0.5 * (len(g) - 1)) for g in groups for i in range(len(g))]
+
+
+def _centre(group: Sequence[float]) -> float:
+    return sum(group) / len(group)
 
 
 def _line(axis: Axes, time: np.ndarray, values: np.ndarray, **style) -> None:
@@ -753,6 +769,7 @@ def _by_recording(parts: Sequence[Prediction] | Sequence[Simulation]) -> list[li
 
 def _whole(group: Sequence[Simulation]) -> Simulation:
     """Simulated stretches of one recording as one, with breaks between; its errors pool them."""
+
     def joined(of: Callable) -> np.ndarray:
         return _joined(group, of)[0]
 
@@ -785,7 +802,9 @@ def _shown(runs: Sequence[Simulation]) -> list[Simulation]:
 
 
 def _rest(count: int) -> str:
-    return f" {count} more {'recording is' if count == 1 else 'recordings are'} in the table below." if count > 0 else ""
+    if count <= 0:
+        return ""
+    return f" {count} more {'recording is' if count == 1 else 'recordings are'} in the table below."
 
 
 def _joined(group: Sequence, *of: Callable) -> tuple[np.ndarray, ...]:
@@ -834,7 +853,7 @@ def _every(points: int, *arrays: np.ndarray) -> tuple[np.ndarray, ...]:
     return tuple(a[keep] for a in arrays)
 
 
-def _busiest(time: np.ndarray, values: np.ndarray, share: float = 0.09) -> tuple[float, float]:
+def _busiest(time: np.ndarray, values: np.ndarray, share: float = 0.035) -> tuple[float, float]:
     """The window in which the values vary most, free of breaks if there is one: where a zoom tells most."""
     t0, t1 = float(np.nanmin(time)), float(np.nanmax(time))
     good = np.isfinite(time) & np.isfinite(values)
@@ -858,7 +877,7 @@ def _busiest(time: np.ndarray, values: np.ndarray, share: float = 0.09) -> tuple
 def _running_median(x: np.ndarray, y: np.ndarray, bins: int = 22) -> tuple[np.ndarray, np.ndarray]:
     edges = np.linspace(*np.quantile(x, (0.01, 0.99)), bins + 1)
     which = np.digitize(x, edges) - 1
-    enough = max(5, len(x) // 500)
+    enough = max(12, len(x) // 150)
     rows = [
         (0.5 * (edges[b] + edges[b + 1]), np.median(y[which == b]))
         if np.sum(which == b) >= enough

@@ -3,9 +3,13 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
+
+from ..identification.fit import Parameter
+from ..models.joint import SYMBOLS
 
 MINUS = "\N{MINUS SIGN}"
 _SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
@@ -137,6 +141,22 @@ def interval(low: float, high: float, uncertainty: float) -> str:
     return f"{number(low, uncertainty)} to {number(high, uncertainty)}"
 
 
+def parameter_interval(parameter: Parameter, level: float) -> str:
+    """A parameter's interval as text; one that a physical bound holds has an interval on one side of it only."""
+    low, high = parameter.interval(level)
+    symbol = SYMBOLS.get(parameter.name)
+    if parameter.at_bound and symbol is not None:
+        low, high = max(low, symbol.lower), min(high, symbol.upper)
+    return interval(low, high, parameter.standard_error)
+
+
+def relative_sd(parameter: Parameter) -> str:
+    """Standard error as a percentage of the value, as text; a dash where the value is at a bound or all but zero."""
+    if parameter.at_bound:
+        return "–"
+    return "> 1000" if parameter.relative_sd > 1000.0 else percent(parameter.relative_sd)
+
+
 def percent(value: float) -> str:
     """A percentage as read: three significant digits above 0.1 %, two below, without the sign."""
     if not math.isfinite(value):
@@ -146,6 +166,14 @@ def percent(value: float) -> str:
     if abs(value) >= 100.0:
         return number(value, digits=3)
     return number(value, digits=3 if abs(value) >= 0.1 else 2)
+
+
+def prose(text: str) -> str:
+    """A plain sentence with its typography: capital first letter, minus signs, units, R²."""
+    text = re.sub(r"(?<![\w^])-(?=[\d.])", MINUS, text)
+    text = re.sub(r"(?<=[A-Za-z])\*(?=[A-Za-z])", "·", text).replace("^2", "²")
+    text = re.sub(r"\bR2\b", "R²", text)
+    return text[:1].upper() + text[1:]
 
 
 def label(name: str) -> str:
