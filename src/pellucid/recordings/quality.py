@@ -107,10 +107,11 @@ def inspect(recording: Recording, study: Study) -> list[Fault]:
     _check_missing(recording, study, drive, add)
     if _check_time(recording, study, add):
         _check_length(recording, study, add)
-        frozen = "position" in recording and _check_frozen(recording, drive, add)
-        if not frozen:
-            _check_wrap(recording, study, add)
         _check_clipped(recording, study, drive, add)
+        cut = any(fault.kind == "clipped" and fault.channel == "position" for fault in faults)
+        # One cause is told once: a cut position rests too, and a freezing one jumps.
+        if "position" in recording and not cut and not _check_frozen(recording, drive, add):
+            _check_wrap(recording, add)
     _check_magnitude(recording, add)
     return sorted(faults, key=lambda fault: fault.severity != "refuse")
 
@@ -160,11 +161,8 @@ def _check_missing(recording, study, drive, add) -> None:
         found = f"{total} missing sample{'s' if total > 1 else ''} (NaN), the first at index {starts[0]}, " + (
             f"the longest run {lengths[longest]} from index {starts[longest]}"
         )
-        # Resampling interpolates, and a gap shorter than what the filter passes is then no loss.
-        span = lengths[longest] / _rate(recording) if _rate(recording) else math.inf
-        bridged = name != "time" and study.processing.resample is not None and span <= _bridgeable(recording, study)
         expected = "a number in every sample"
-        if name in _needed(study, drive) and not bridged:
+        if name in _needed(study, drive):
             add("refuse", "missing_samples", name, found, f"{expected}; choose a window without them")
         else:
             add("note", "missing_samples", name, found, expected)
@@ -239,7 +237,7 @@ def _check_length(recording, study, add) -> None:
     processing = study.processing
     fs = processing.resample or recording.fs
     n = len(recording) * fs / recording.fs
-    if processing.lowpass is not None and processing.lowpass >= fs / 2:
+    if processing.lowpass is not None and processing.lowpass > 0.49 * fs:
         add(
             "refuse",
             "rate",
@@ -323,7 +321,8 @@ def _why_frozen(q, effort, reference, step: _Steps, first: int, last: int) -> st
     n, stride = len(q), step.stride
     low, high = np.nanmin(q), np.nanmax(q)
     # A machine rests at its end stop, and arrives there at speed.
-    inside = low + 0.01 * step.range < q[first] < high - 0.01 * step.range
+    margin = max(0.01 * step.range, 2.5 * step.resolution)
+    inside = low + margin < q[first] < high - margin
     moved = np.abs(np.diff(q))
     elsewhere = np.delete(moved, slice(max(first - 1, 0), last + 1))
     elsewhere = elsewhere[np.isfinite(elsewhere)]
@@ -333,7 +332,9 @@ def _why_frozen(q, effort, reference, step: _Steps, first: int, last: int) -> st
     if inside and step.resolved and first > 3 * stride:
         # Two strides at speed up to the last sample: a single step may be two recordings joined into one.
         approach = np.diff(q[first - 1 - 2 * stride : first : stride])
-        if np.abs(approach).min() > 0.35 * step.typical:
+        speed = np.abs(approach).min()
+        lost = speed / stride * (last - first)
+        if speed > 0.35 * step.typical and lost > 8 * step.resolution:
             return "the samples before it move at speed"
     if reference is not None:
         error = np.abs(reference - q)
@@ -375,8 +376,8 @@ def _swings(effort: np.ndarray, first: int, last: int) -> int:
     return swings
 
 
-def _check_wrap(recording, study, add) -> None:
-    if "position" not in recording or not np.isfinite(recording["position"]).all():
+def _check_wrap(recording, add) -> None:
+    if not np.isfinite(recording["position"]).all():
         return
     q = recording["position"]
     moved, span = np.abs(np.diff(q)), float(np.ptp(q))

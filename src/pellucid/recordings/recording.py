@@ -84,6 +84,8 @@ class Recording:
         As study.toml names them.
     payload : Payload or None
         Known mass carried during the trial.
+    start : str
+        Where a simulation of it starts: ``"measured"`` or at ``"rest"``.
 
     Raises
     ------
@@ -100,6 +102,7 @@ class Recording:
     participant: str | None = None
     condition: str | None = None
     payload: Payload | None = None
+    start: str = "measured"
 
     def __post_init__(self):
         if "time" not in self.channels:

@@ -157,6 +157,7 @@ class Study:
             participant=entry.participant,
             condition=entry.condition,
             payload=payload,
+            start=entry.start,
         )
         self._loaded[name] = recording
         return recording

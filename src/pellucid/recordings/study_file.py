@@ -168,6 +168,8 @@ class Rig(_Table):
         ``"rotary"`` or ``"prismatic"``.
     lifts : str
         What positive motion does.
+    moving_mass : float or None
+        Upper limit on the mass that moves about a rotary axis [kg]; it bounds the inertia from below.
     drive, loop, limits
         Its tables; `loop` is None where the machine's controller is not known.
     """
@@ -175,6 +177,7 @@ class Rig(_Table):
     joint: str = "joint"
     motion: Literal["rotary", "prismatic"]
     lifts: str = ""
+    moving_mass: _quantity("kg", gt=0) | None = None
     drive: Drive
     loop: Loop | None = None
     limits: Limits = Limits()
@@ -367,6 +370,8 @@ class RecordingEntry(_Table):
         Who, and under which condition.
     payload : PayloadSpec or None
         Known mass carried.
+    start : str
+        Where a simulation of it starts: ``"measured"`` (position and velocity of the first samples) or ``"rest"``.
     channels : dict[str, ChannelSpec]
         Those that differ from, or are added to, ``[channels]``; complete.
     """
@@ -380,6 +385,7 @@ class RecordingEntry(_Table):
     participant: str | None = None
     condition: str | None = None
     payload: PayloadSpec | None = None
+    start: Literal["measured", "rest"] = "measured"
     channels: dict[str, ChannelSpec] = {}
 
     @model_validator(mode="after")

@@ -71,10 +71,12 @@ def _decode(path: Path) -> str:
 
 def _delimiter(lines: list[str]) -> str | None:
     for delimiter in ("\t", ";", ","):
-        if all(delimiter in line for line in lines[-3:]):
-            if delimiter == "," and all(_COMMA_NUMBER.fullmatch(f) for line in lines[-3:] for f in line.split()):
-                return None
-            return delimiter
+        # Titles above the header, or a last line cut short, need not have it.
+        divided = [line for line in lines if delimiter in line]
+        if 2 * len(divided) > len(lines):
+            fields = divided[-1].split()
+            decimal = delimiter == "," and len(fields) > 1 and all(_COMMA_NUMBER.fullmatch(f) for f in fields)
+            return None if decimal else delimiter
     return None
 
 

@@ -1,0 +1,121 @@
+"""What tests share: a seeded generator, the public recordings, and a small study made up on the spot."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from pellucid.recordings import Study, open_study
+
+NEARBY = Path(__file__).parents[1].parent / "shared" / "data"
+
+
+@pytest.fixture
+def rng() -> np.random.Generator:
+    return np.random.default_rng(20260115)
+
+
+@pytest.fixture(scope="session")
+def data_folder() -> Path:
+    """Folder with the public recordings, PELLUCID_DATA set to it."""
+    folder = Path(os.environ.get("PELLUCID_DATA", NEARBY))
+    if not folder.is_dir():
+        pytest.skip(f"no public recordings: neither PELLUCID_DATA nor {NEARBY.name} beside the checkout is there")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("PELLUCID_DATA", str(folder))
+        yield folder
+
+
+STUDY = """\
+name = "bench"
+
+[rig]
+joint = "elbow"
+motion = "rotary"
+lifts = "flexion"
+
+[rig.drive]
+kind = "current"
+torque_constant = "2 N*m/A"
+
+[channels]
+time = { column = "t", unit = "s" }
+position = { column = "q", unit = "rad" }
+current = { column = "i", unit = "A" }
+
+[processing]
+lowpass = "20 Hz"
+decimate = 5
+trim = 20
+
+[[recordings]]
+name = "sweep"
+file = "recordings/sweep.csv"
+protocol = "multisine"
+use = "fit"
+"""
+
+
+def swing(n: int = 2000, fs: float = 200.0) -> dict[str, np.ndarray]:
+    """A pendulum of 0.05 kg*m^2 and 1.5 N*m, driven through three sines: columns t, q, i."""
+    t = np.arange(n) / fs
+    parts = [(0.5, 0.4, 0.0), (0.3, 1.1, 0.7), (0.1, 2.3, 1.9)]
+    q, v, a = np.zeros(n), np.zeros(n), np.zeros(n)
+    for amplitude, frequency, phase in parts:
+        w = 2 * np.pi * frequency
+        q += amplitude * np.sin(w * t + phase)
+        v += amplitude * w * np.cos(w * t + phase)
+        a -= amplitude * w**2 * np.sin(w * t + phase)
+    torque = 0.05 * a + 1.5 * np.sin(q) + 0.1 * v + 0.2 * np.tanh(v / 0.05)
+    return {"t": t, "q": q, "i": torque / 2.0}
+
+
+@pytest.fixture
+def make_study(tmp_path):
+    """Write a study: `columns` of its one CSV, and pairs of texts to replace in its study.toml."""
+
+    def make(columns: dict[str, np.ndarray] | None = None, *changes: tuple[str, str], append: str = "") -> Study:
+        columns = swing() if columns is None else columns
+        text = STUDY
+        for old, new in changes:
+            assert old in text, old
+            text = text.replace(old, new)
+        folder = tmp_path / "bench"
+        (folder / "recordings").mkdir(parents=True, exist_ok=True)
+        (folder / "study.toml").write_text(text + append, encoding="utf-8")
+        rows = zip(*(column.tolist() for column in columns.values()), strict=True)
+        lines = [",".join(columns), *(",".join(map(repr, row)) for row in rows)]
+        (folder / "recordings" / "sweep.csv").write_text("\n".join(lines) + "\n", encoding="utf-8")
+        return open_study(folder)
+
+    make.swing = swing
+    return make
+
+
+@pytest.fixture(scope="session")
+def emps_study(data_folder, tmp_path_factory) -> Study:
+    from pellucid.datasets import init
+
+    return init(tmp_path_factory.mktemp("emps") / "emps", dataset="emps")
+
+
+@pytest.fixture(scope="session")
+def emps_fit(emps_study):
+    """The EMPS benchmark identified, once for all tests that judge it."""
+    from pellucid.identification.identify import identify
+
+    return identify(emps_study, families=["symmetric", "directional"])
+
+
+@pytest.fixture(scope="session")
+def emps_data(emps_study):
+    """The symmetric model, and the EMPS recording to fit, reduced."""
+    from pellucid.identification.regression import stack
+    from pellucid.models.joint import joint_model
+    from pellucid.signals.motion import motions
+
+    model = joint_model("symmetric", motion="prismatic", effort_unit="N", gravity="none")
+    return model, stack(motions(emps_study, "fit"))
