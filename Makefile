@@ -14,10 +14,10 @@ test: $(VENV)/.installed core-test
 	$(BIN)/ruff check .
 	$(BIN)/python -m pytest
 
-core-test:
-	cmake -S tests/core -B build/core -DCMAKE_BUILD_TYPE=Debug >/dev/null
-	cmake --build build/core --parallel
-	ctest --test-dir build/core --output-on-failure
+core-test: $(VENV)/.installed
+	$(BIN)/cmake -G Ninja -S tests/core -B build/core -DCMAKE_MAKE_PROGRAM=$(abspath $(BIN))/ninja >/dev/null
+	$(BIN)/cmake --build build/core
+	$(BIN)/ctest --test-dir build/core --output-on-failure
 
 bench: $(VENV)/.installed
 	$(BIN)/uv pip install --python $(BIN)/python -q -e '.[benchmark]'

@@ -235,7 +235,7 @@ nb::object simulate_batch(nb::handle parameters, const nb::kwargs& kwargs) {
     nb::gil_scoped_release release;
     const std::size_t rows = in.simulation.rows;
     // Whole blocks of lanes for every thread; a row's numbers do not depend on its neighbours.
-    const std::size_t share = ((rows + threads - 1) / threads + 15) / 16 * 16;
+    const std::size_t share = ((rows + threads - 1) / threads + 31) / 32 * 32;
     std::vector<std::thread> others;
     for (std::size_t first = share; first < rows; first += share)
       others.emplace_back([&in, first, last = first + share < rows ? first + share : rows] {

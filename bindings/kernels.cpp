@@ -9,10 +9,12 @@ namespace {
 
 namespace p = pellucid;
 
-// Two registers of doubles: the second works while the first waits for its own results.
-constexpr std::size_t width = 2 * p::detail::register_bytes / sizeof(double);
-using Block = p::Lanes<double, width>;
+// One register of doubles, and four: the others work while the first waits for its own results.
+using Block = p::Lanes<double, p::detail::register_bytes / sizeof(double)>;
+using Blocks = p::Lanes<double, 4 * p::detail::register_bytes / sizeof(double)>;
 using Dual = p::Dual<double, 8>;
+template <class S> constexpr std::size_t width_of = 1;
+template <std::size_t W> constexpr std::size_t width_of<p::Lanes<double, W>> = W;
 
 template <class S> p::JointCoefficients<S> joint(const double* parameters) {
   S values[p::parameter_count];
@@ -22,6 +24,7 @@ template <class S> p::JointCoefficients<S> joint(const double* parameters) {
 
 /// f(Block...) over n samples of the inputs.
 template <class F, class... In> void for_each(std::size_t n, double* out, F f, const In*... in) {
+  constexpr std::size_t width = width_of<Block>;
   for (std::size_t first = 0; first < n; first += width) {
     const std::size_t count = n - first < width ? n - first : width;
     const auto load = [first, count](const double* x) {
@@ -89,7 +92,8 @@ template <class S> struct Row {
   S read(const Rows& rows, std::size_t i) const { return rows.data == nullptr ? S(0) : S(rows.data[first * rows.stride + i]); }
   void write(double* out, std::size_t samples, std::size_t i, const S& x) const { out[first * samples + i] = p::value_of(x); }
 };
-template <> struct Row<Block> {
+template <std::size_t width> struct Row<p::Lanes<double, width>> {
+  using Block = p::Lanes<double, width>;
   std::size_t first, last;
 
   std::size_t lane(std::size_t i) const { return first + i < last ? first + i : last - 1; }
@@ -150,10 +154,14 @@ template <p::Friction mode, class S> void simulate_row(const Simulation& s, cons
 }
 
 template <p::Friction mode> void simulate_rows(const Simulation& s, std::size_t first, std::size_t last) {
-  for (; first < last; first += width) {
-    if (last - first == 1) return simulate_row<mode>(s, Row<double>{first});
-    simulate_row<mode>(s, Row<Block>{first, last - first < width ? last : first + width});
+  for (; last - first >= width_of<Blocks>; first += width_of<Blocks>)
+    simulate_row<mode>(s, Row<Blocks>{first, first + width_of<Blocks>});
+  while (last - first > 1) {
+    const std::size_t end = last - first < width_of<Block> ? last : first + width_of<Block>;
+    simulate_row<mode>(s, Row<Block>{first, end});
+    first = end;
   }
+  if (first < last) simulate_row<mode>(s, Row<double>{first});
 }
 
 void simulate(const Simulation& s, std::size_t first, std::size_t last) {

@@ -46,8 +46,8 @@ S step(const BiquadCoefficients<S, max_sections>& c, BiquadState<S, max_sections
   }
   const mask_t<S> keep = is_finite(y);
   for (std::size_t i = 0; i < count; ++i) {
-    state.s1[i] = select(keep & is_finite(state.s1[i]), state.s1[i], S(0));
-    state.s2[i] = select(keep & is_finite(state.s2[i]), state.s2[i], S(0));
+    state.s1[i] = select(both(keep, is_finite(state.s1[i])), state.s1[i], S(0));
+    state.s2[i] = select(both(keep, is_finite(state.s2[i])), state.s2[i], S(0));
   }
   return y;
 }

@@ -92,8 +92,8 @@ template <class T, std::size_t W> struct Mask {
   bool operator[](std::size_t lane) const noexcept {
     return part[lane / Lanes<T, W>::per_part][lane % Lanes<T, W>::per_part] != 0;
   }
-  friend Mask operator&(const Mask& a, const Mask& b) noexcept { return make([&](std::size_t i) { return a.part[i] & b.part[i]; }); }
-  friend Mask operator|(const Mask& a, const Mask& b) noexcept { return make([&](std::size_t i) { return a.part[i] | b.part[i]; }); }
+  friend Mask both(const Mask& a, const Mask& b) noexcept { return make([&](std::size_t i) { return a.part[i] & b.part[i]; }); }
+  friend Mask either(const Mask& a, const Mask& b) noexcept { return make([&](std::size_t i) { return a.part[i] | b.part[i]; }); }
   friend Mask operator!(const Mask& a) noexcept { return make([&](std::size_t i) { return ~a.part[i]; }); }
 };
 

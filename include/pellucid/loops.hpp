@@ -111,7 +111,7 @@ template <class S> S step(const LoopCoefficients<S>& c, LoopState<S>& state, con
   if (c.kind == LoopKind::pd) proportional = proportional + c.kd * (reference_rate - velocity);
   const S integral = state.integral + error * c.period;
   const S wanted = proportional + c.ki * integral;
-  const mask_t<S> waits = (abs(wanted) > c.limit) & same_sign(c.ki * error, wanted);
+  const mask_t<S> waits = both(abs(wanted) > c.limit, same_sign(c.ki * error, wanted));
   state.integral = select(waits, state.integral, integral);
   return clamp(proportional + c.ki * state.integral, -c.limit, c.limit);
 }

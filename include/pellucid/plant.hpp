@@ -86,7 +86,7 @@ S acceleration(const PlantCoefficients<S>& c, const S& position, const S& veloci
     rests = abs(net) <= breakaway(c.joint, gravity_effort, net);
     const S direction = select(velocity == S(0), sign(net), sign(velocity));
     const S slipping = acceleration(c.joint, gravity_effort, resistance(c.joint.friction, velocity, direction), effort);
-    return select(rests & (velocity == S(0)), S(0), slipping);
+    return select(both(rests, velocity == S(0)), S(0), slipping);
   }
 }
 
@@ -110,8 +110,8 @@ PlantOutput<S> step(const PlantCoefficients<S>& c, PlantState<S>& state, const P
     if (i == 0) out.acceleration = a;
     S next = v + c.substep * a;
     if constexpr (mode == Friction::stiction) {
-      const mask_t<S> crosses = !same_sign(v, next);
-      next = select(rests & crosses, S(0), next);
+      const mask_t<S> goes_on = same_sign(v, next);
+      next = select(both(rests, !goes_on), S(0), next);
     }
     v = next;
     q = q + c.substep * v;

@@ -50,7 +50,8 @@ template <class S> SafetyCoefficients<S> coefficients(const SafetyParams<S>& p) 
             is_finite(p.stop_margin) && p.max_age > S(0) && p.period > S(0) && is_finite(p.period);
   c.max_change = p.rate_limit * p.period;
   c.inverse_margin = p.stop_margin > S(0) ? S(1) / p.stop_margin : S(std::numeric_limits<S>::infinity());
-  c.max_gap = p.max_age < S(2000) ? static_cast<std::int32_t>(p.max_age * S(1e6)) : std::numeric_limits<std::int64_t>::max();
+  const bool bounded = p.max_age > S(0) && p.max_age < S(2000);  // what 32 bits of microseconds hold
+  c.max_gap = bounded ? static_cast<std::int32_t>(p.max_age * S(1e6)) : std::numeric_limits<std::int64_t>::max();
   return c;
 }
 

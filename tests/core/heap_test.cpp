@@ -1,0 +1,55 @@
+// The core asks for no memory: every allocation is counted while it runs.
+#include "example.hpp"
+
+#include <cstdlib>
+#include <new>
+
+namespace {
+long allocations = 0;
+}
+extern "C" {
+void* __real_malloc(std::size_t);
+void* __real_calloc(std::size_t, std::size_t);
+void* __real_realloc(void*, std::size_t);
+void* __wrap_malloc(std::size_t n) { ++allocations; return __real_malloc(n); }
+void* __wrap_calloc(std::size_t n, std::size_t size) { ++allocations; return __real_calloc(n, size); }
+void* __wrap_realloc(void* p, std::size_t n) { ++allocations; return __real_realloc(p, n); }
+}
+void* operator new(std::size_t n) { return __wrap_malloc(n); }
+void operator delete(void* p) noexcept { std::free(p); }
+void operator delete(void* p, std::size_t) noexcept { std::free(p); }
+
+namespace p = pellucid;
+
+int main() {
+  delete new volatile int(1);
+  check(allocations > 0, "the counter counts");
+  allocations = 0;
+  const auto c = p::coefficients(example_plant<double>());
+  const auto f = p::coefficients(example_plant<float>());
+  const auto d = p::coefficients(example_plant<p::Dual<double, 8>>());
+  const auto l = p::coefficients(example_plant<p::Lanes<double, 8>>());
+  const auto gate = p::coefficients(p::SafetyParams<double>{10, 500, 20, -1, 1.5, 0.2, 0.01, 3, 1e-3});
+  p::BiquadCoefficients<double> filter;
+  filter.count = 2;
+  p::PlantState<double> cs;
+  p::PlantState<float> fs;
+  p::PlantState<p::Dual<double, 8>> ds;
+  p::PlantState<p::Lanes<double, 8>> ls;
+  p::SafetyState<double> gs;
+  p::BiquadState<double> bs;
+  for (std::size_t k = 0; k < 100000; ++k) {
+    const double r = reference_at(k);
+    const double q = p::step<p::Friction::stiction>(c, cs, p::PlantInput<double>{r, 0, 0, 0}).measured_position;
+    p::step<p::Friction::smooth>(f, fs, p::PlantInput<float>{static_cast<float>(r), 0, 0, 0});
+    if (k % 100 == 0) {
+      p::step<p::Friction::smooth>(d, ds, {p::Dual<double, 8>(r), {}, {}, {}});
+      p::step<p::Friction::smooth>(l, ls, {p::Lanes<double, 8>(r), p::Lanes<double, 8>(0), p::Lanes<double, 8>(0), p::Lanes<double, 8>(0)});
+    }
+    p::step(gate, gs, p::SafetyInput<double>{p::step(filter, bs, q), q, 0, static_cast<std::int64_t>(k) * 1000, static_cast<std::uint32_t>(k), true});
+  }
+  const long counted = allocations;
+  std::printf("allocations in 100000 cycles: %ld\n", counted);
+  check(counted == 0, "no allocation");
+  return failures();
+}
