@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy import signal
 
 from pellucid.signals.filters import central_difference, decimate, runs, zero_phase_lowpass
 
@@ -46,3 +47,10 @@ def test_runs_are_the_stretches_of_true():
     assert runs(np.array([0, 1, 1, 0, 1], bool)) == [slice(1, 3), slice(4, 5)]
     assert runs(np.zeros(3, bool)) == []
     assert runs(np.ones(3, bool)) == [slice(0, 3)]
+
+
+@pytest.mark.parametrize("factor", [2, 10])
+def test_decimation_is_scipys(factor):
+    x = np.random.default_rng(1).standard_normal(4000).cumsum()
+    theirs = signal.decimate(x, factor, ftype="iir", zero_phase=True)
+    assert decimate(x, factor) == pytest.approx(theirs, rel=1e-9, abs=1e-9)

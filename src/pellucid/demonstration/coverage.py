@@ -1,4 +1,4 @@
-"""How often nominal intervals hold the truth: repeated identification of a virtual joint whose plant equals the model."""
+"""How often nominal intervals hold the truth: a virtual joint whose plant equals the model, identified many times."""
 
 from __future__ import annotations
 
@@ -8,12 +8,12 @@ import numpy as np
 
 from ..identification.regression import Stack, solve, stack
 from ..identification.uncertainty import sandwich
+from ..lab.virtual_joint import VirtualJoint, matched, record
 from ..models.joint import INDEX, joint_model
 from ..protocols.excitation import multisine
 from ..recordings.study_file import Processing
 from ..signals.filters import zero_phase_lowpass
 from ..signals.motion import Motion, differentiate
-from ..lab.virtual_joint import VirtualJoint, matched, record
 
 COLOURED_MEMORY = 0.05  # s: longer than a regression's sample, so that textbook intervals fail
 
@@ -50,9 +50,7 @@ def coverage(joint: VirtualJoint, colour: str, *, repetitions: int = 200, seed: 
     """
     rng = np.random.default_rng(seed)
     plant = matched(joint)
-    plant = type(plant)(
-        **{**plant.__dict__, "current_noise_memory": 0.0 if colour == "white" else COLOURED_MEMORY}
-    )
+    plant = type(plant)(**{**plant.__dict__, "current_noise_memory": 0.0 if colour == "white" else COLOURED_MEMORY})
     span = plant.motion_range
     half = 0.5 * (span["high"] - span["low"])
     reference = multisine(

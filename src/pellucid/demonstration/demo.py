@@ -26,7 +26,7 @@ VIRTUAL = "virtual"
 
 @dataclass(frozen=True)
 class Demonstration:
-    """What `demo` made: identified studies with their reports, the intervals' coverage, and what it had to leave out."""
+    """What `demo` made: identified studies and their reports, the intervals' coverage, and what it left out."""
 
     studies: tuple[tuple[Study, JointFit, Path], ...]
     coverages: tuple[Coverage, ...]

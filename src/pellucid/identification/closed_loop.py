@@ -26,7 +26,7 @@ from .._errors import IdentificationError
 from ..models.joint import JointModel
 from ..recordings.study_file import Processing, Rig
 from ..signals.motion import Motion, differentiate
-from .regression import Solution, Stack, bounds_of, linearised
+from .regression import Solution, Stack, at_bounds, last_call, linearised
 from .replay import can_close, replay
 
 TOLERANCE = 1e-3  # change of every value relative to its size at which iterations stop
@@ -93,15 +93,14 @@ def solve_instrumental(
         If there is no controller or reference, or the simulated loop diverges.
     """
     require_loop(rig, data)
-    values, converged, iteration = first.values, False, 0
-    for iteration in range(1, MAX_ITERATIONS + 1):
+    values, converged, iterations = first.values, False, 0
+    while not converged and iterations < MAX_ITERATIONS:
+        iterations += 1
         z, w, residual = _instruments(model, values, data, rig, processing)
         values, step = _bounded_step(model, values, np.linalg.lstsq(z.T @ w, z.T @ residual, rcond=None)[0])
         converged = step < TOLERANCE
-        if converged:
-            break
     z, w, residual = _instruments(model, values, data, rig, processing)
-    return _solution(model, values, w, residual, iteration, converged), z
+    return _solution(model, values, w, residual, iterations, converged), z
 
 
 def _instruments(
@@ -135,15 +134,14 @@ def solve_didim(model: JointModel, data: Stack, rig: Rig, processing: Processing
         If there is no controller or reference, or the simulated loop diverges.
     """
     require_loop(rig, data)
-    values, converged, iteration = first.values, False, 0
-    for iteration in range(1, MAX_ITERATIONS + 1):
+    values, converged, iterations = first.values, False, 0
+    while not converged and iterations < MAX_ITERATIONS:
+        iterations += 1
         w, residual = _on_simulated(model, values, data, rig, processing)
         values, step = _bounded_step(model, values, np.linalg.lstsq(w, residual, rcond=None)[0])
         converged = step < TOLERANCE
-        if converged:
-            break
     w, residual = _on_simulated(model, values, data, rig, processing)
-    return _solution(model, values, w, residual, iteration, converged)
+    return _solution(model, values, w, residual, iterations, converged)
 
 
 def _on_simulated(
@@ -180,7 +178,8 @@ def solve_output_error(model: JointModel, data: Stack, rig: Rig, first: Solution
     measured = [getattr(m, signal) for m in data.motions]
     everywhere = Stack(data.motions, data.targets, tuple(np.ones(len(s), bool) for s in data.scored))
 
-    def run(values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    @last_call
+    def at(values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         traces = [replay(model, values, m, rig, closed=closed, differentiate=True) for m in data.motions]
         residual = everywhere.reduced([getattr(t, signal) - x for t, x in zip(traces, measured, strict=True)])
         jacobian = everywhere.reduced([t.jacobians[signal] for t in traces])
@@ -189,17 +188,8 @@ def solve_output_error(model: JointModel, data: Stack, rig: Rig, first: Solution
             return np.full(len(residual), 1e6), np.zeros((len(residual), len(values)))
         return residual, jacobian
 
-    memo: dict[bytes, tuple[np.ndarray, np.ndarray]] = {}
-
-    def at(values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        key = values.tobytes()
-        if key not in memo:
-            memo.clear()
-            memo[key] = run(values)
-        return memo[key]
-
-    lower, upper = bounds_of(model, True)
-    start = np.clip(first.values, lower + 1e-9, np.where(np.isfinite(upper), upper - 1e-9, upper))
+    lower, upper = model.bounds()
+    start = np.clip(first.values, lower + 1e-9, np.where(np.isfinite(upper), upper * (1.0 - 1e-9), upper))
     if not np.any(at(start)[1]):
         raise IdentificationError("the simulated response diverges at the least-squares estimate")
     found = least_squares(
@@ -211,7 +201,7 @@ def solve_output_error(model: JointModel, data: Stack, rig: Rig, first: Solution
 
 def _bounded_step(model: JointModel, values: np.ndarray, step: np.ndarray) -> tuple[np.ndarray, float]:
     """The next values, kept physical, and the largest relative change."""
-    lower, upper = bounds_of(model, True)
+    lower, upper = model.bounds()
     after = np.clip(values + step, lower, upper)
     return after, float(np.max(np.abs(after - values) / np.maximum(np.abs(after), 1e-6 * np.abs(after).max())))
 
@@ -219,7 +209,5 @@ def _bounded_step(model: JointModel, values: np.ndarray, step: np.ndarray) -> tu
 def _solution(
     model: JointModel, values: np.ndarray, jacobian: np.ndarray, residual: np.ndarray, iterations: int, converged: bool
 ) -> Solution:
-    lower, upper = bounds_of(model, True)
-    scale = np.maximum(np.abs(values), 1e-9)
-    at_bound = (values - lower <= 1e-9 * scale) | (upper - values <= 1e-9 * scale)
-    return Solution(values, jacobian, residual, np.ones(len(residual)), at_bound, iterations, converged)
+    values, held = at_bounds(model, values, jacobian, residual)
+    return Solution(values, jacobian, residual, np.ones(len(residual)), held, iterations, converged)

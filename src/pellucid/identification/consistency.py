@@ -18,7 +18,7 @@ import numpy as np
 from scipy.optimize import minimize
 
 from ..models.joint import JointModel
-from .regression import GRAVITY, Solution, Stack, bounds_of, linearised
+from .regression import GRAVITY, Solution, Stack, linearised
 
 ROUNDS = 4  # relinearisations; a family that is linear in its parameters needs one
 
@@ -52,11 +52,11 @@ def enforce_pseudo_inertia(model: JointModel, data: Stack, found: Solution, mass
     i = model.names.index("inertia")
     if found.values[i] >= least_inertia(model, found.values, mass):
         return found, False
-    lower, upper = bounds_of(model, True)
+    lower, upper = model.bounds()
     values, jacobian, residual = found.values, found.jacobian, found.residual
-    linear = all(s.linear for s in model.symbols)
-    for _ in range(1 if linear else ROUNDS):
-        values = _nearest(model, values, jacobian * found.weights[:, None], residual * found.weights, mass, lower, upper)
+    w = found.weights
+    for _ in range(1 if model.linear else ROUNDS):
+        values = _nearest(model, values, jacobian * w[:, None], residual * w, mass, lower, upper)
         efforts, regressors = linearised(model, values, data.motions)
         jacobian, residual = data.reduced(regressors), data.target - data.reduced(efforts)
     at_bound = found.at_bound.copy()

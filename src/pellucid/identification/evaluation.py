@@ -44,7 +44,8 @@ def predict(
         whole.setdefault(motion.recording, []).append((motion, effort))
     made = []
     for name, parts in whole.items():
-        def joined(signal, parts=parts):  # noqa: ANN001, ANN202
+
+        def joined(signal, parts=parts):
             return np.concatenate([m.reduce(signal(m, e))[m.moving] for m, e in parts])
 
         effort = joined(lambda m, e: m.effort)

@@ -25,7 +25,9 @@ class Parameter:
     at_bound : bool
         A physical bound holds the value: its interval is then one-sided.
     identifiable : bool
-        False where the recording does not carry this parameter (see the verdicts).
+        False where the interval holds zero or the recording does not carry this parameter (see the verdicts).
+    influence : float
+        RMS effort that one unit of it makes, over the RMS effort: what its uncertainty matters.
     bootstrap : tuple of float, optional
         The block bootstrap's 95 % interval, in `unit`.
     """
@@ -36,6 +38,7 @@ class Parameter:
     standard_error: float
     at_bound: bool = False
     identifiable: bool = True
+    influence: float = float("nan")
     bootstrap: tuple[float, float] | None = None
 
     def interval(self, level: float = 0.95) -> tuple[float, float]:

@@ -23,6 +23,7 @@ from .uncertainty import block_bootstrap, memory, sandwich, whiteness
 from .verdicts import sign_error, verdicts
 
 SEED = 20261121
+PARSIMONY = 1.03
 Progress = Callable[[str, float], None]
 
 
@@ -74,6 +75,7 @@ def identify(
             gravity=study.model.gravity,
             known=study.model.known,
             separate_load="gravity" in study.model.known or "inertia" in study.model.known,
+            velocity_range=max(float(np.abs(m.velocity[m.inner]).max()) for m in data.motions),
         )
 
     sign_error(model_of("symmetric"), data, study.rig)
@@ -109,13 +111,15 @@ def identify(
 
 
 def best_family(fits: dict[str, FamilyFit]) -> str:
-    """The family that predicts held-out effort best (fitted effort where nothing is held out)."""
+    """The simplest family whose held-out effort error is within `PARSIMONY` of the smallest (fitted effort where
+    nothing is held out)."""
 
     def error(name: str) -> float:
         fit = fits[name]
         return fit.heldout_effort_error if np.isfinite(fit.heldout_effort_error) else fit.fitted_effort_error
 
-    return min(fits, key=error)
+    smallest = min(error(name) for name in fits)
+    return min((n for n in fits if error(n) <= PARSIMONY * smallest), key=lambda n: len(fits[n].model.symbols))
 
 
 def filter_note(study: Study) -> str:
@@ -125,9 +129,7 @@ def filter_note(study: Study) -> str:
     parts = []
     if p.resample:
         parts.append(f"resampled to {p.resample:g} Hz")
-    parts.append(
-        f"zero-phase Butterworth low-pass, order {p.order}, {p.lowpass:g} Hz" if p.lowpass else "no low-pass"
-    )
+    parts.append(f"zero-phase Butterworth low-pass, order {p.order}, {p.lowpass:g} Hz" if p.lowpass else "no low-pass")
     parts.append("central differences")
     if p.trim:
         parts.append(f"{p.trim} samples dropped at either border")
@@ -175,7 +177,7 @@ def fit_family(
 
 
 def _consistent(model: JointModel, data: Stack, found: Solution, study: Study) -> tuple[Solution, tuple[str, ...]]:
-    mass = getattr(study.rig, "moving_mass", None)
+    mass = study.rig.moving_mass
     if mass is None or model.motion != "rotary" or model.effort_unit != "N*m":
         return found, ()
     found, active = enforce_pseudo_inertia(model, data, found, mass)
@@ -203,24 +205,32 @@ def _thorough(
             return  # a method that does not converge on these data is left out; the verdicts say so
 
     if closed:
+
         def instrumental() -> Estimate:
             solution, z = solve_instrumental(model, data, rig, processing, first)
             return estimated(model, data, solution, "iv", instruments=z, level=level)
 
         attempt("iv", instrumental)
-        attempt("didim", lambda: estimated(model, data, solve_didim(model, data, rig, processing, first), "didim", level=level))
+        attempt(
+            "didim",
+            lambda: estimated(model, data, solve_didim(model, data, rig, processing, first), "didim", level=level),
+        )
     attempt(
         "output_error",
-        lambda: estimated(model, data, solve_output_error(model, data, rig, first), "output_error", lengths=stretches, level=level),
+        lambda: estimated(
+            model, data, solve_output_error(model, data, rig, first), "output_error", lengths=stretches, level=level
+        ),
     )
     simulations: dict[str, tuple[Simulation, ...]] = {}
-    solved = {"ls": first.values} | ({"output_error": others["output_error"].values} if "output_error" in others else {})
+    solved = {"ls": first.values} | (
+        {"output_error": others["output_error"].values} if "output_error" in others else {}
+    )
     for method, values in solved.items():
         made = []
         for motion in everything:
             if can_close(rig, motion):
-                made.append(simulation_of(model, values, motion, rig, closed=True))
-            made.append(simulation_of(model, values, motion, rig, closed=False))
+                made.append(simulation_of(model, values, motion, rig, processing, closed=True))
+            made.append(simulation_of(model, values, motion, rig, processing, closed=False))
         simulations[method] = tuple(made)
     return others, simulations
 
@@ -258,17 +268,23 @@ def estimated(
     """
     lengths = data.lengths if lengths is None else lengths
     w, rho = found.jacobian * found.weights[:, None], found.residual * found.weights
-    free = ~found.at_bound
+    norms = np.linalg.norm(found.jacobian, axis=0)
+    # A Stribeck velocity without a Stribeck level has no effect at all: no interval can be given.
+    idle = norms <= 1e-12 * norms.max()
+    free = ~found.at_bound & ~idle
     covariance = sandwich(w, rho, lengths, instruments, free)
     # A value held by a bound is uncertain too: its own curvature, the others held where they are.
     held = np.flatnonzero(found.at_bound)
-    for i in held:
+    for i in np.flatnonzero(found.at_bound & ~idle):
         covariance[i, i] = float(rho @ rho) / max(len(rho), 1) / max(float(w[:, i] @ w[:, i]), np.finfo(float).tiny)
     sd = np.sqrt(np.maximum(np.diag(covariance), 0.0))
     boot = None
     if method == "ls":
         block = int(np.clip(4 * memory(rho), 10, max(10, len(rho) // 20)))
-        boot = block_bootstrap(w, rho, found.values, block=block, rng=np.random.default_rng(SEED), level=level)
+        boot = np.full((len(free), 2), np.nan)
+        boot[free] = block_bootstrap(
+            w[:, free], rho, found.values[free], block=block, rng=np.random.default_rng(SEED), level=level
+        )
     names = model.names
     notes = notes + tuple(
         f"{names[i]} is held at its physical bound, {found.values[i]:.3g} {model.unit(names[i])}"
@@ -282,19 +298,20 @@ def estimated(
             value=float(found.values[i]),
             standard_error=float(sd[i]),
             at_bound=bool(found.at_bound[i]),
-            identifiable=bool(abs(found.values[i]) > 2.0 * sd[i]) and not found.at_bound[i],
-            bootstrap=None if boot is None or found.at_bound[i] else (float(boot[i, 0]), float(boot[i, 1])),
+            identifiable=bool(free[i] and abs(found.values[i]) > 2.0 * sd[i]),
+            influence=float(norms[i] / np.linalg.norm(data.target)) if len(norms) else float("nan"),
+            bootstrap=None if boot is None or not free[i] else (float(boot[i, 0]), float(boot[i, 1])),
         )
         for i, name in enumerate(names)
     )
-    norms = np.linalg.norm(found.jacobian, axis=0)
+    shown = found.jacobian[:, ~idle]
     return Estimate(
         model=model,
         method=method,
         parameters=parameters,
         covariance=covariance,
-        condition_number=float(np.linalg.cond(found.jacobian)),
-        scaled_condition_number=float(np.linalg.cond(found.jacobian / np.maximum(norms, np.finfo(float).tiny))),
+        condition_number=float(np.linalg.cond(shown)),
+        scaled_condition_number=float(np.linalg.cond(shown / norms[~idle])),
         residual_sd=float(np.sqrt(np.sum(found.residual**2) / max(len(rho) - len(names), 1))),
         samples=len(rho),
         iterations=found.iterations,

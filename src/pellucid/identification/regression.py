@@ -13,7 +13,7 @@ with F the same zero-phase filter and decimation on both sides.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -27,6 +27,7 @@ from ..signals.motion import Motion
 GRAVITY = 9.80665
 HUBER = 1.345  # 95 % efficiency on Gaussian residuals
 SPEED_BINS = 8
+MAX_REWEIGHTINGS = 30
 
 
 @dataclass(frozen=True)
@@ -77,7 +78,7 @@ def stack(motions: Sequence[Motion]) -> Stack:
         If there is no motion, or nothing in them is faster than the dead band.
     """
     if not motions:
-        raise IdentificationError("no recording is marked use = \"fit\"; at least one must be")
+        raise IdentificationError('no recording is marked use = "fit"; at least one must be')
     scored = tuple(m.moving for m in motions)
     if not any(s.any() for s in scored):
         top = max(float(np.abs(m.velocity).max()) for m in motions)
@@ -116,6 +117,30 @@ def linearised(
     return efforts, regressors
 
 
+def last_call(function: Callable[[np.ndarray], tuple]) -> Callable[[np.ndarray], tuple]:
+    """Remember the last point: SciPy asks for residual and Jacobian of the same point in two calls.
+
+    Parameters
+    ----------
+    function : callable
+        Of one array, shape (p,).
+
+    Returns
+    -------
+    callable
+    """
+    memory: dict[bytes, tuple] = {}
+
+    def remembered(values: np.ndarray) -> tuple:
+        key = values.tobytes()
+        if key not in memory:
+            memory.clear()
+            memory[key] = function(values)
+        return memory[key]
+
+    return remembered
+
+
 @dataclass(frozen=True)
 class Solution:
     """Where a solver ended.
@@ -133,12 +158,30 @@ class Solution:
     converged: bool
 
 
-def bounds_of(model: JointModel, consistent: bool) -> tuple[np.ndarray, np.ndarray]:
-    """Lower and upper bounds of the free symbols, each shape (p,); infinite where `consistent` is False and the model
-    is linear in the symbol."""
-    lower = np.array([s.lower if consistent or not s.linear else -np.inf for s in model.symbols])
-    upper = np.array([s.upper if consistent or not s.linear else np.inf for s in model.symbols])
-    return lower, upper
+def at_bounds(
+    model: JointModel, values: np.ndarray, jacobian: np.ndarray, residual: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Values closer to a physical bound than a thousandth of their noise are on it.
+
+    Parameters
+    ----------
+    model : JointModel
+    values : ndarray, shape (p,)
+    jacobian : ndarray, shape (m, p)
+    residual : ndarray, shape (m,)
+
+    Returns
+    -------
+    values : ndarray, shape (p,)
+        With those exactly at their bounds.
+    at_bound : ndarray of bool, shape (p,)
+    """
+    lower, upper = model.bounds()
+    power = np.sum(jacobian**2, axis=0)
+    noise = np.sqrt(np.mean(residual**2) / np.where(power > 0.0, power, np.inf))
+    near = 1e-3 * noise + 1e-9 * np.abs(values)
+    low, high = values - lower <= near, upper - values <= near
+    return np.where(low, lower, np.where(high, upper, values)), low | high
 
 
 def solve(
@@ -173,8 +216,11 @@ def solve(
         If the regressor is singular: the message names the parameters that cannot be told apart.
     """
     w = np.ones(len(data.target)) if weights is None else np.asarray(weights, float)
-    lower, upper = bounds_of(model, consistent)
-    if all(s.linear for s in model.symbols):
+    lower, upper = model.bounds()
+    if not consistent:
+        free = np.array([s.linear for s in model.symbols])
+        lower, upper = np.where(free, -np.inf, lower), np.where(free, np.inf, upper)
+    if model.linear:
         if after is None:
             efforts, regressors = linearised(model, np.zeros(len(model.symbols)), data.motions)
             jacobian, target = data.reduced(regressors), data.target - data.reduced(efforts)
@@ -186,9 +232,10 @@ def solve(
         values, iterations, converged = _solve_nonlinear(model, data, w, lower, upper, after)
         efforts, regressors = linearised(model, values, data.motions)
         jacobian, residual = data.reduced(regressors), data.target - data.reduced(efforts)
-    scale = np.maximum(np.abs(values), 1e-9)
-    at_bound = (values - lower <= 1e-9 * scale) | (upper - values <= 1e-9 * scale)
-    return Solution(values, jacobian, residual, w, at_bound, iterations, converged)
+    held = np.zeros(len(values), bool)
+    if consistent:
+        values, held = at_bounds(model, values, jacobian, residual)
+    return Solution(values, jacobian, residual, w, held, iterations, converged)
 
 
 def _solve_linear(
@@ -207,18 +254,27 @@ def _solve_nonlinear(
     model: JointModel, data: Stack, w: np.ndarray, lower: np.ndarray, upper: np.ndarray, after: Solution | None
 ) -> tuple[np.ndarray, int, bool]:
     starts = _starts(model, data, w) if after is None else [after.values]
-    require_full_rank(model, data.reduced(linearised(model, starts[0], data.motions)[1]) * w[:, None])
 
-    def residual(values: np.ndarray) -> np.ndarray:
-        return (data.reduced(predicted(model, values, data.motions)) - data.target) * w
-
-    def jacobian(values: np.ndarray) -> np.ndarray:
-        return data.reduced(linearised(model, values, data.motions)[1]) * w[:, None]
+    @last_call
+    def both(values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        efforts, regressors = linearised(model, values, data.motions)
+        rows = data.reduced([np.column_stack(pair) for pair in zip(efforts, regressors, strict=True)])
+        return (rows[:, 0] - data.target) * w, rows[:, 1:] * w[:, None]
 
     best = None
     for x0 in starts:
-        inside = np.clip(x0, lower + 1e-9, np.where(np.isfinite(upper), upper - 1e-9, upper))
-        found = least_squares(residual, inside, jac=jacobian, bounds=(lower, upper), x_scale="jac", max_nfev=60)
+        inside = np.clip(x0, lower + 1e-9, np.where(np.isfinite(upper), upper * (1.0 - 1e-9), upper))
+        found = least_squares(
+            lambda x: both(x)[0],
+            inside,
+            jac=lambda x: both(x)[1],
+            bounds=(lower, upper),
+            x_scale="jac",
+            xtol=1e-7,
+            ftol=1e-10,
+            # Reweighting moves the minimum a little each time: a few steps follow it.
+            max_nfev=100 if after is None else 8,
+        )
         if best is None or found.cost < best.cost:
             best = found
     return best.x, int(best.nfev), bool(best.success)
@@ -227,16 +283,15 @@ def _solve_nonlinear(
 def _starts(model: JointModel, data: Stack, w: np.ndarray) -> list[np.ndarray]:
     """Starting points of a nonlinear family: least squares of its linear part, at several Stribeck velocities."""
     names = model.names
-    linear = JointModel(
-        model.family, tuple(s for s in model.symbols if s.linear), model.motion, model.effort_unit, model.known
-    )
+    linear = replace(model, symbols=tuple(s for s in model.symbols if s.linear))
     base = dict(zip(linear.names, solve(linear, data, weights=w).values, strict=True))
     top = max(float(np.abs(m.velocity).max()) for m in data.motions)
     coulomb = np.mean([abs(v) for n, v in base.items() if n.startswith("coulomb")] or [0.0])
+    effort = float(np.sqrt(np.mean(data.target**2)))
     starts = []
-    for share in (0.02, 0.1, 0.4) if "stribeck_velocity" in names else (0.1,):
+    for share in (0.02, 0.1) if "stribeck_velocity" in names else (0.1,):
         guess = {
-            "stribeck": 0.2 * coulomb + 1e-6,
+            "stribeck": max(0.2 * coulomb, 0.02 * effort),
             "stribeck_velocity": share * top,
             "load_friction": 0.05,
             "load_motoring": 0.05,
@@ -328,7 +383,7 @@ def solve_weighted(model: JointModel, data: Stack, first: Solution, consistent: 
 
 
 def solve_robust(model: JointModel, data: Stack, first: Solution, consistent: bool = True) -> Solution:
-    """Iteratively reweighted least squares with Huber's weights, until no value moves by more than 1e-6 of its size.
+    """Iteratively reweighted least squares with Huber's weights, until no value moves by more than 1e-4 of its size.
 
     Parameters
     ----------
@@ -343,10 +398,10 @@ def solve_robust(model: JointModel, data: Stack, first: Solution, consistent: bo
     Solution
     """
     found = first
-    for iteration in range(50):
+    for iteration in range(MAX_REWEIGHTINGS):
         w = robust_weights(found.residual)
         before, found = found, solve(model, data, weights=w, consistent=consistent, after=found)
         step = np.max(np.abs(found.values - before.values) / np.maximum(np.abs(before.values), 1e-9))
-        if step < 1e-6:
+        if step < 1e-4:
             return replace(found, iterations=iteration + 1, converged=True)
-    return replace(found, iterations=50, converged=False)
+    return replace(found, iterations=MAX_REWEIGHTINGS, converged=False)

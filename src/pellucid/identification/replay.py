@@ -1,16 +1,19 @@
-"""A recorded motion played again by an identified joint: in the machine's own closed loop, or from the command alone."""
+"""A recorded motion played again by an identified joint: in its machine's closed loop, or from the command alone."""
 
 from __future__ import annotations
+
+from dataclasses import replace
 
 import numpy as np
 
 from ..models.joint import JointModel
 from ..models.simulate import Drive, LoopSetting, Trace, simulate
-from ..recordings.study_file import Rig
+from ..recordings.study_file import Processing, Rig
 from ..signals.effort import drive_model
-from ..signals.motion import Motion
+from ..signals.motion import Motion, differentiate, lowpassed
 from .fit import Simulation
 
+SIGNALS = ("position", "velocity", "acceleration", "effort")
 SMOOTHING = 0.01  # width of the smooth sign of velocity, as a share of a recording's largest speed
 
 
@@ -65,21 +68,21 @@ def replay(
         loop=loop_setting(rig) if closed else LoopSetting(),
         drive=Drive(drive.gain, drive.back_emf),
         injected=motion.injected if closed else None,
-        position0=float(motion.raw_position[0]),
-        velocity0=0.0 if closed else float(motion.velocity[0]),
+        position0=motion.initial[0],
+        velocity0=motion.initial[1],
         stiction=not differentiate,
         active=active,
     )
     if trace.jacobians is None:
         return trace
     chained = {name: jacobian @ spread[active] for name, jacobian in trace.jacobians.items()}
-    return Trace(
-        trace.position, trace.velocity, trace.acceleration, trace.command, trace.effort, trace.measured_position, chained
-    )
+    return replace(trace, jacobians=chained)
 
 
-def simulation_of(model: JointModel, values: np.ndarray, motion: Motion, rig: Rig, *, closed: bool) -> Simulation:
-    """Simulate one motion with true stiction and compare: simulated signals as they are, measured ones filtered.
+def simulation_of(
+    model: JointModel, values: np.ndarray, motion: Motion, rig: Rig, processing: Processing, *, closed: bool
+) -> Simulation:
+    """Simulate one motion with true stiction and compare, with measured and simulated signals filtered alike.
 
     Parameters
     ----------
@@ -87,6 +90,7 @@ def simulation_of(model: JointModel, values: np.ndarray, motion: Motion, rig: Ri
     values : ndarray, shape (p,)
     motion : Motion
     rig : Rig
+    processing : Processing
     closed : bool
 
     Returns
@@ -95,8 +99,9 @@ def simulation_of(model: JointModel, values: np.ndarray, motion: Motion, rig: Ri
     """
     trace = replay(model, values, motion, rig, closed=closed)
     inner = motion.inner
-    measured = {n: getattr(motion, n)[inner] for n in ("position", "velocity", "acceleration", "effort")}
-    simulated = {n: getattr(trace, n)[inner] for n in measured}
+    made = (*differentiate(trace.position, motion.fs, processing), lowpassed(trace.effort, motion.fs, processing))
+    measured = {n: getattr(motion, n)[inner] for n in SIGNALS}
+    simulated = {n: x[inner] for n, x in zip(SIGNALS, made, strict=True)}
     errors = {n: relative_error(measured[n], simulated[n]) for n in measured}
     difference = measured["position"] - simulated["position"]
     return Simulation(

@@ -12,7 +12,7 @@ from ..recordings.study import Study
 from ..recordings.study_file import Rig
 from ..signals.effort import CHANNELS
 from ..signals.motion import Motion
-from .fit import FamilyFit, Parameter, Verdict
+from .fit import Estimate, FamilyFit, Parameter, Verdict
 from .regression import Stack, solve
 
 MEANING = {
@@ -24,8 +24,13 @@ MEANING = {
     "load_friction": "the load hardly changes",
     "load_motoring": "the load hardly changes",
     "load_generating": "the load hardly changes",
+    "coulomb": "the other friction terms explain what it would",
+    "coulomb_positive": "the other friction terms explain what it would",
+    "coulomb_negative": "the other friction terms explain what it would",
     "offset": "friction in the two directions hides it",
 }
+NEGLIGIBLE = 0.05  # share of the RMS effort below which an interval around zero settles the matter
+TRADE_OFF = 0.9  # correlation of two estimates above which one is said to hide the other
 
 
 def sign_error(model: JointModel, data: Stack, rig: Rig) -> None:
@@ -119,7 +124,18 @@ def verdicts(
             )
         elif not parameter.identifiable:
             low, high = parameter.interval(study.model.confidence)
-            why = MEANING.get(parameter.name, f"it never moves faster than {speed}")
+            if 0.5 * (high - low) * parameter.influence < NEGLIGIBLE:
+                found.append(
+                    Verdict(
+                        "note",
+                        f"{name} is indistinguishable from zero: at most {max(abs(low), abs(high)):.2g} "
+                        f"{parameter.unit}, too little to matter.",
+                    )
+                )
+                continue
+            why = _rival(fit.estimate, parameter.name) or MEANING.get(
+                parameter.name, f"it never moves faster than {speed}"
+            )
             found.append(
                 Verdict(
                     "warning",
@@ -131,8 +147,9 @@ def verdicts(
         found.append(
             Verdict(
                 "warning",
-                f"The regressor's columns are nearly collinear (condition number {fit.estimate.scaled_condition_number:.0f} "
-                "with columns scaled to equal length): some parameters trade off against each other. A richer motion helps.",
+                "The regressor's columns are nearly collinear (condition number "
+                f"{fit.estimate.scaled_condition_number:.0f} with columns of equal length): some parameters trade off "
+                "against each other. A richer motion helps.",
             )
         )
     white = fit.estimate.whiteness
@@ -140,8 +157,9 @@ def verdicts(
         found.append(
             Verdict(
                 "note",
-                f"Residuals are coloured: 100 samples carry about as much as {max(100 * white.effective_share, 1):.0f} independent "
-                "ones. Intervals allow for it; textbook intervals would be too narrow.",
+                "Residuals are coloured: 100 samples carry about as much as "
+                f"{max(100 * white.effective_share, 1):.0f} independent ones. Intervals allow for it; textbook "
+                "intervals would be too narrow.",
             )
         )
     if study.rig.drive.kind != "torque" and study.rig.drive.constant is None:
@@ -151,24 +169,24 @@ def verdicts(
             found.append(
                 Verdict(
                     "good",
-                    f"The drive gives {constant.value:.4g} {constant.unit} (interval {low:.4g} to {high:.4g}), from the "
-                    "known payloads: put it into study.toml to have results in SI.",
+                    f"The drive gives {constant.value:.4g} {constant.unit} (interval {low:.4g} to {high:.4g}), from "
+                    "the known payloads: put it into study.toml to have results in SI.",
                 )
             )
         else:
             found.append(
                 Verdict(
                     "note",
-                    f"No drive constant is known, so parameters are per {'ampere' if unit == 'A' else 'volt'}: shapes and "
-                    "ratios are meaningful, absolute masses are not. A recording with a known payload would give it.",
+                    f"No drive constant is known, so parameters are per {'ampere' if unit == 'A' else 'volt'}: shapes "
+                    "and ratios are meaningful, absolute masses are not. A recording with a known payload gives it.",
                 )
             )
     if "load_friction" in fit.model.names:
         found.append(
             Verdict(
                 "note",
-                "Without a known load, motoring and generating load friction cannot be told apart from the load itself: "
-                "one coefficient stands for both, and inertia and gravity are scaled accordingly.",
+                "Without a known load, motoring and generating load friction cannot be told apart from the load "
+                "itself: one coefficient stands for both, and inertia and gravity are scaled accordingly.",
             )
         )
     for family, why in failures.items():
@@ -181,9 +199,7 @@ def _comparison(fits: Mapping[str, FamilyFit], best: str) -> list[Verdict]:
     plain = fits.get("symmetric")
     if plain is None or best == "symmetric":
         if plain is not None and len(fits) > 1:
-            return [
-                Verdict("note", "No richer friction family predicts held-out effort better than the symmetric one.")
-            ]
+            return [Verdict("note", "No richer friction family predicts held-out effort better by 3 % or more.")]
         return []
     gain = 100.0 * (1.0 - fits[best].heldout_effort_error / plain.heldout_effort_error)
     return [
@@ -193,6 +209,19 @@ def _comparison(fits: Mapping[str, FamilyFit], best: str) -> list[Verdict]:
             f"({plain.heldout_effort_error:.3g} %)" + ("." if gain > 2.0 else ": too little to matter."),
         )
     ]
+
+
+def _rival(estimate: Estimate, name: str) -> str | None:
+    """The parameter that hides another one, where two estimates are nearly proportional."""
+    names = [p.name for p in estimate.parameters]
+    sd = np.sqrt(np.diag(estimate.covariance))
+    i = names.index(name)
+    correlation = estimate.covariance[i] / np.maximum(sd * sd[i], np.finfo(float).tiny)
+    correlation[i] = 0.0
+    j = int(np.argmax(np.abs(correlation)))
+    if abs(correlation[j]) < TRADE_OFF:
+        return None
+    return f"it trades off against {names[j].replace('_', ' ')} (correlation {correlation[j]:+.2f})"
 
 
 def _methods(fit: FamilyFit) -> list[Verdict]:
@@ -208,8 +237,9 @@ def _methods(fit: FamilyFit) -> list[Verdict]:
             found.append(
                 Verdict(
                     "note",
-                    f"Estimator '{name}' disagrees with least squares on {', '.join(apart)} by more than three standard "
-                    "errors: the friction model is not the whole truth, and each method weighs the misfit differently.",
+                    f"Estimator '{name}' disagrees with least squares on {', '.join(apart)} by more than three "
+                    "standard errors: the friction model is not the whole truth, and each method weighs the misfit "
+                    "differently.",
                 )
             )
     return found

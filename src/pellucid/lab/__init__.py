@@ -1,1 +1,1 @@
-"""The virtual lab: joints whose physics is richer than the models identified from them, recorded as a real lab would."""
+"""The virtual lab: joints with richer physics than the models identified from them, recorded as a lab would."""

@@ -117,7 +117,7 @@ def parse_rig(text: str) -> VirtualJoint:
 
 
 def matched(joint: VirtualJoint) -> VirtualJoint:
-    """The same joint without anything the symmetric model lacks: for testing intervals, where plant must equal model."""
+    """The same joint without anything the symmetric model lacks: to test intervals, plant must equal model."""
     vector = joint.vector.copy()
     for name in ("gravity_cosine", "stribeck", "stribeck_velocity", "load_motoring", "load_generating"):
         vector[INDEX[name]] = 0.0
@@ -127,9 +127,7 @@ def matched(joint: VirtualJoint) -> VirtualJoint:
     return replace(joint, vector=vector, ripple_amplitude=0.0)
 
 
-def noise(
-    shape: tuple[int, ...], sd: float, memory: float, fs: float, rng: np.random.Generator
-) -> np.ndarray:
+def noise(shape: tuple[int, ...], sd: float, memory: float, fs: float, rng: np.random.Generator) -> np.ndarray:
     """Gaussian noise, white or first-order coloured, of standard deviation `sd` along the last axis of `shape`.
 
     Parameters

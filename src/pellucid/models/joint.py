@@ -73,6 +73,8 @@ SYMBOLS: Mapping[str, Symbol] = {
     )
 }
 
+STRIBECK_SHARE = 0.25
+
 FAMILIES: Mapping[str, frozenset[str]] = {
     "symmetric": frozenset(),
     "directional": frozenset({"directional"}),
@@ -120,6 +122,8 @@ class JointModel:
         Symbols fixed to a value, SI.
     motion, effort_unit : str
         "rotary" or "prismatic"; "N*m", "N", "A" or "V".
+    velocity_range : float
+        Largest speed the model is fitted on [rad/s or m/s].
     """
 
     family: str
@@ -127,6 +131,24 @@ class JointModel:
     motion: str
     effort_unit: str
     known: Mapping[str, float] = field(default_factory=dict)
+    velocity_range: float = np.inf
+
+    def bounds(self) -> tuple[np.ndarray, np.ndarray]:
+        """Physical lower and upper bounds of the free symbols, each shape (p,), SI.
+
+        A Stribeck velocity above `STRIBECK_SHARE` of the speeds seen would bend the whole curve instead of its start,
+        and could not be told from Coulomb and viscous friction.
+        """
+        lower = np.array([s.lower for s in self.symbols])
+        upper = np.array([s.upper for s in self.symbols])
+        if "stribeck_velocity" in self.names:
+            upper[self.names.index("stribeck_velocity")] = STRIBECK_SHARE * self.velocity_range
+        return lower, upper
+
+    @property
+    def linear(self) -> bool:
+        """Whether effort is linear in every free symbol."""
+        return all(s.linear for s in self.symbols)
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -165,6 +187,7 @@ def joint_model(
     gravity: str,
     known: Mapping[str, float] | None = None,
     separate_load: bool = False,
+    velocity_range: float = np.inf,
 ) -> JointModel:
     """The symbols a family frees on a joint.
 
@@ -180,6 +203,8 @@ def joint_model(
         Symbols fixed beforehand, SI.
     separate_load : bool
         Whether a known payload lets motoring and generating coefficients be told apart.
+    velocity_range : float
+        Largest speed the model will be fitted on [rad/s or m/s].
 
     Raises
     ------
@@ -204,4 +229,4 @@ def joint_model(
         names += ["load_motoring", "load_generating"] if separate_load else ["load_friction"]
     known = dict(known or {})
     symbols = tuple(SYMBOLS[n] for n in names if n not in known)
-    return JointModel(family, symbols, motion, effort_unit, known)
+    return JointModel(family, symbols, motion, effort_unit, known, velocity_range)

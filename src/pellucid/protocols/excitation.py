@@ -110,4 +110,6 @@ def _trapezoid(distance: float, velocity: float, acceleration: float, fs: float)
     rising = 0.5 * acceleration * np.minimum(time, ramp) ** 2
     cruising = velocity * np.clip(time - ramp, 0.0, total - 2.0 * ramp)
     braking = np.clip(time - (total - ramp), 0.0, ramp)
-    return np.sign(distance) * np.minimum(rising + cruising + velocity * braking - 0.5 * acceleration * braking**2, size)
+    return np.sign(distance) * np.minimum(
+        rising + cruising + velocity * braking - 0.5 * acceleration * braking**2, size
+    )

@@ -81,12 +81,11 @@ def command_of(recording: Recording, rig: Rig) -> np.ndarray:
         if name in recording and name != "duty":
             return recording[name]
     if drive.kind == "voltage" and "duty" in recording:
-        supply = drive.supply if drive.supply is not None else None
-        if "supply" in recording:
-            supply = recording["supply"]
+        supply = recording["supply"] if "supply" in recording.channels else drive.supply
         if supply is None:
             raise RecordingError(
-                f"{recording.path}: channel 'duty' needs a supply voltage; found neither [rig.drive] supply nor a channel 'supply'"
+                f"{recording.path}: channel 'duty' needs a supply voltage; found neither [rig.drive] supply "
+                "nor a channel 'supply'"
             )
         return recording["duty"] * supply
     raise RecordingError(

@@ -39,6 +39,8 @@ class Motion:
         Slower samples do not [rad/s or m/s].
     payload : tuple of float
         Known added mass and its distance from the axis [kg, m].
+    initial : tuple of float
+        Position and velocity where a simulation starts [rad or m; per second].
     """
 
     recording: str
@@ -57,6 +59,7 @@ class Motion:
     decimate: int
     dead_band: float
     payload: tuple[float, float] = (0.0, 0.0)
+    initial: tuple[float, float] = (0.0, 0.0)
 
     def reduce(self, samples: np.ndarray) -> np.ndarray:
         """Trim and decimate: the last, common step of both sides of a regression.
@@ -103,7 +106,7 @@ def evenly_sampled(recording: Recording, processing: Processing) -> tuple[float,
 
 
 def differentiate(position: np.ndarray, fs: float, processing: Processing) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Filtered position, velocity and acceleration, as the study's processing says; simulated positions take this way too.
+    """Filtered position, velocity and acceleration, as the study says; simulated positions take this way too.
 
     Parameters
     ----------
@@ -118,15 +121,44 @@ def differentiate(position: np.ndarray, fs: float, processing: Processing) -> tu
     position, velocity, acceleration : ndarray, shape (n,)
         SI.
     """
-    smooth = _filtered(position, fs, processing)
+    smooth = lowpassed(position, fs, processing)
     velocity = central_difference(smooth, fs)
     return smooth, velocity, central_difference(velocity, fs)
 
 
-def _filtered(samples: np.ndarray, fs: float, processing: Processing) -> np.ndarray:
+def lowpassed(samples: np.ndarray, fs: float, processing: Processing) -> np.ndarray:
+    """The study's zero-phase low-pass, shape (n,); the samples themselves where it states none."""
     if processing.lowpass is None:
         return np.asarray(samples, float)
     return zero_phase_lowpass(samples, processing.lowpass, processing.order, fs)
+
+
+START_SAMPLES = 20
+"""First samples whose parabola gives a recording's initial state: a filter's border would spoil its derivative."""
+
+
+def initial_state(position: np.ndarray, fs: float, start: str) -> tuple[float, float]:
+    """Position and velocity at the first sample, from a parabola through the first samples.
+
+    Parameters
+    ----------
+    position : ndarray, shape (n,)
+        As recorded [rad or m].
+    fs : float
+        [Hz]
+    start : {"measured", "rest"}
+        "rest" is the first position, at rest.
+
+    Returns
+    -------
+    position, velocity : float
+        [rad or m; per second]
+    """
+    if start == "rest":
+        return float(position[0]), 0.0
+    n = min(START_SAMPLES, len(position))
+    _, velocity, first = np.polyfit(np.arange(n) / fs, position[:n], 2)
+    return float(first), float(velocity)
 
 
 def motions(study: Study, use: str | None = None) -> tuple[Motion, ...]:
@@ -169,7 +201,7 @@ def _stretches(recording: Recording, study: Study, model: DriveModel) -> Iterato
     )
     command = command_of(even, study.rig)
     injected = even[loop.injected] if loop is not None and loop.injected and loop.injected in even else None
-    reference = even["reference"] if "reference" in even else None
+    reference = even["reference"] if "reference" in even.channels else None
     shortest = max(2 * processing.trim + 30 * processing.decimate, 60)
     stretches = [s for s in runs(np.asarray(even.enabled, bool)) if s.stop - s.start >= shortest]
     if not stretches:
@@ -181,7 +213,7 @@ def _stretches(recording: Recording, study: Study, model: DriveModel) -> Iterato
         raw = even["position"][part]
         try:
             position, velocity, acceleration = differentiate(raw, fs, processing)
-            effort = model.gain * _filtered(command[part], fs, processing) - model.back_emf * velocity
+            effort = model.gain * lowpassed(command[part], fs, processing) - model.back_emf * velocity
         except ValueError as error:
             raise RecordingError(f"{recording.path}: {error}") from None
         yield Motion(
@@ -200,5 +232,6 @@ def _stretches(recording: Recording, study: Study, model: DriveModel) -> Iterato
             inner=slice(processing.trim, len(raw) - processing.trim),
             decimate=processing.decimate,
             dead_band=processing.dead_band,
+            initial=initial_state(raw, fs, recording.start),
             payload=(0.0, 0.0) if recording.payload is None else (recording.payload.mass, recording.payload.distance),
         )
