@@ -17,7 +17,8 @@ from ..recordings.atomic import write_text_atomically
 from ..recordings.study import Study
 from ..signals.motion import motions
 from . import figures
-from .figures import Drawing, Trace
+from .drawing import Drawing, draw
+from .figures import Trace
 from .quantities import (
     EFFORTS,
     FAMILIES,
@@ -33,15 +34,20 @@ from .quantities import (
     relative_sd,
     unit_text,
 )
+from .series import whole_recordings
 from .style import SANS, css_variables
 
 PAGE = "index.html"
 
-WHY_ESTIMATORS_DIFFER = (
-    "They weigh the same misfit differently: least squares trusts the filtered motion as measured, weighted and robust "
-    "fits let noisy samples count for less, instrumental variables and DIDIM put a simulated motion in the place of "
-    "the measured one, so that its noise cannot bias them, and output error fits the simulated response itself; where "
-    "friction is not quite what the model says, they need not agree."
+WHAT_ESTIMATORS_DO = (
+    (("ls",), "least squares trusts the filtered motion as measured"),
+    (("wls", "irls"), "weighted and robust fits let noisy samples count for less"),
+    (
+        ("iv", "didim"),
+        "instrumental variables and DIDIM put a simulated motion in the place of the measured one, so that its noise "
+        "cannot bias them",
+    ),
+    (("output_error",), "output error fits the simulated response itself"),
 )
 
 
@@ -104,7 +110,7 @@ def write_report(
         tell("drawing", share + (1.0 - share) * i / len(plans))
         if make is None:
             continue
-        drawing = figures.draw(make, *arguments)
+        drawing = draw(make, *arguments)
         drawing.save(folder)
         drawings[group].append(drawing)
     source = (importlib.resources.files(__package__) / "template.html.j2").read_text(encoding="utf-8")
@@ -234,7 +240,7 @@ def _content(study: Study, fit: JointFit, drawings: Mapping[str, list[Drawing]])
         "families": _families(fit),
         "by_recording": _by_recording(fit),
         "diagnostics": _diagnostics(fit),
-        "estimators_words": WHY_ESTIMATORS_DIFFER,
+        "estimators_words": _estimators_words(compared),
         "estimators": _estimators(compared, level) if compared is not None else None,
         "provenance": _provenance(study, fit),
         "checksums": _checksums(fit),
@@ -439,7 +445,7 @@ def _simulated(fit: JointFit, family: FamilyFit | None) -> Table:
     runs = [
         (method, s)
         for method, made in (family.simulations if family is not None else {}).items()
-        for s in figures.whole_recordings(made)
+        for s in whole_recordings(made)
     ]
     places = list(dict.fromkeys((s.mode, s.recording) for _, s in runs))
     for mode, recording in sorted(places, key=lambda place: list(MODES).index(place[0])):
@@ -473,6 +479,18 @@ def _simulated(fit: JointFit, family: FamilyFit | None) -> Table:
         frozenset(range(4, len(heads))),
         "Relative errors of the simulated signals: the norm of the difference over the norm of what was measured.",
         True,
+    )
+
+
+def _estimators_words(family: FamilyFit | None) -> str:
+    """Why the estimators at hand differ, in one sentence."""
+    if family is None:
+        return ""
+    present = {family.estimate.method, *family.others}
+    does = [text for methods, text in WHAT_ESTIMATORS_DO if present & set(methods)]
+    return (
+        f"They weigh the same misfit differently: {', '.join(does[:-1])}{', and ' if len(does) > 1 else ''}{does[-1]}; "
+        "where friction is not quite what the model says, they need not agree."
     )
 
 
@@ -528,7 +546,9 @@ def _drive(study: Study, fit: JointFit) -> str:
         return "as a sensor measured it"
     if drive.constant is None:
         return f"the drive's own {drive.kind}: no constant is known, so results are per {drive.kind}"
-    unit = f"{fit.effort_unit}/{ {'current': 'A', 'voltage': 'V'}[drive.kind] }".replace(" ", "")
+    # With a resistance, a voltage drive's constant is the motor's own, per ampere.
+    per = "V" if drive.kind == "voltage" and drive.resistance is None else "A"
+    unit = f"{fit.effort_unit}/{per}"
     text = f"from the drive's {drive.kind}, constant {number(drive.constant)} {unit_text(unit)}"
     if drive.gear_ratio != 1.0:
         text += f", gear ratio {drive.gear_ratio:g}"

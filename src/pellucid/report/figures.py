@@ -1,76 +1,42 @@
-"""The figures of a report: from a fit to vector drawings. The only code of the package that imports Matplotlib.
+"""The figures of a report, each a function from a fit to a drawing.
 
-Figures are made with Matplotlib's objects alone (no pyplot, no global state, no window). Blue is fitted, orange is
-held out, dark grey is measured; colours and sizes live in `style`.
+Blue is fitted, orange is held out, dark grey is measured; colours and sizes live in `style`. Only this file and
+`drawing` import Matplotlib.
 """
 
 from __future__ import annotations
 
-import io
-import re
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path as FilePath
 
-import matplotlib
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.patches import PathPatch
-from matplotlib.path import Path
 from matplotlib.ticker import MaxNLocator
 
-from ..identification.fit import FamilyFit, JointFit, Prediction, Simulation
+from ..identification.fit import FamilyFit, JointFit, Simulation
 from ..models.friction import FrictionCurve, friction_curve
-from .quantities import (
-    EFFORTS,
-    METHODS,
-    READINGS,
-    Reading,
-    label,
-    percent,
-    unit_text,
+from .drawing import Drawing, Head, dots, heads, key, label_ends, line, origin, tidy
+from .quantities import EFFORTS, METHODS, READINGS, label, percent, unit_text
+from .series import (
+    LINE_POINTS,
+    autocorrelation,
+    broken,
+    busiest,
+    by_recording,
+    difference_unit,
+    every,
+    joined,
+    pooled_error,
+    running_median,
+    whole,
 )
-from .style import COLOURS, FIGURE_WIDTH, RC, SANS, colour, family_colour
+from .style import FIGURE_WIDTH, colour, family_colour
 
 COLUMNS = 4
 """Recordings side by side in one figure."""
-LINE_POINTS = 900
-"""A line keeps at most about so many points: the extremes of every stretch, so that no peak is lost."""
-DOT_POINTS = 1400
 SPLITS = {"fitted": "fitted", "heldout": "held out"}
-
-
-@dataclass(frozen=True)
-class Drawing:
-    """A figure and what is said of it.
-
-    Parameters
-    ----------
-    name : str
-        File name without suffix, and prefix of every id in the inline SVG.
-    figure : matplotlib.figure.Figure
-    caption : str
-        Plain text below the figure: what is drawn, and how to read it.
-    """
-
-    name: str
-    figure: Figure
-    caption: str
-
-    def inline(self) -> str:
-        """The figure as an ``<svg>`` element for an HTML page: ids of its own, colours as CSS variables."""
-        return inline_svg(self.figure, self.name)
-
-    def save(self, folder: FilePath) -> tuple[FilePath, ...]:
-        """Write ``<name>.svg`` and ``<name>.pdf`` into `folder`."""
-        written = []
-        with matplotlib.rc_context(dict(RC)):
-            for suffix, metadata in (("svg", {"Date": None}), ("pdf", {"CreationDate": None, "ModDate": None})):
-                path = FilePath(folder) / f"{self.name}.{suffix}"
-                self.figure.savefig(path, metadata=metadata, facecolor=colour("paper"))
-                written.append(path)
-        return tuple(written)
+"""What a split is called."""
 
 
 @dataclass(frozen=True)
@@ -86,28 +52,6 @@ class Trace:
     position: np.ndarray
     velocity: np.ndarray
     effort: np.ndarray
-
-
-def draw(make: Callable[..., Drawing], *args, **options) -> Drawing:
-    """Call a figure's function under the report's style.
-
-    Parameters
-    ----------
-    make : callable
-        One of the functions below.
-    *args, **options
-        Its arguments.
-
-    Returns
-    -------
-    Drawing
-    """
-    with matplotlib.rc_context(dict(RC)):
-        drawing = make(*args, **options)
-        # Once, so that every later output has the same layout.
-        drawing.figure.draw_without_rendering()
-        drawing.figure.set_layout_engine("none")
-        return drawing
 
 
 # --- the recordings -------------------------------------------------------------------------------------------------
@@ -138,12 +82,12 @@ def recordings(traces: Sequence[Trace], fit: JointFit, name: str = "recordings")
         (_effort_label(fit), "effort", 1.0),
     )
     for column, trace in enumerate(traces):
-        for row, (text, key, scale) in enumerate(rows):
+        for row, (text, signal, scale) in enumerate(rows):
             axis = axes[row, column]
-            _line(axis, trace.time, scale * getattr(trace, key), color=colour(trace.split), linewidth=1.1)
-            _tidy(axis, first=column == 0, text=text, ticks=5)
-        _head(axes[0, column], trace.recording, SPLITS[trace.split], trace.split)
+            line(axis, trace.time, scale * getattr(trace, signal), color=colour(trace.split), linewidth=1.1)
+            tidy(axis, first=column == 0, text=text, ticks=5)
         axes[2, column].set_xlabel("Time (s)")
+    heads(axes[0], [Head(t.recording, SPLITS[t.split], colour(t.split)) for t in traces])
     held = any(t.split == "heldout" for t in traces)
     return Drawing(
         name,
@@ -169,40 +113,46 @@ def effort(fit: JointFit, family: FamilyFit, name: str = "effort") -> Drawing:
     -------
     Drawing
     """
-    groups = _by_recording(family.predictions)
+    groups = by_recording(family.predictions)
     shown = [g for g in groups if g[0].split == "fitted"][:2] + [g for g in groups if g[0].split == "heldout"][:4]
     figure = Figure(figsize=(FIGURE_WIDTH, 0.5 + 2.15 * len(shown)), layout="constrained")
     axes = figure.subplots(len(shown), 2, squeeze=False, width_ratios=(2.3, 1.0), sharey=True)
     for row, group in enumerate(shown):
         first = group[0]
-        time, measured, predicted = _joined(group, lambda p: p.time, lambda p: p.effort, lambda p: p.predicted)
+        time, measured, predicted = joined(group, lambda p: p.time, lambda p: p.effort, lambda p: p.predicted)
         half = first.half_width
         wide, zoom = axes[row]
-        window = _busiest(time, measured)
+        window = busiest(time, measured)
         for axis, (low, high) in ((wide, (np.nanmin(time), np.nanmax(time))), (zoom, window)):
-            inside = (time >= low) & (time <= high) | np.isnan(time)
-            t, m, p = time[inside], measured[inside], predicted[inside]
+            within = (time >= low) & (time <= high) | np.isnan(time)
+            t, m, p = time[within], measured[within], predicted[within]
             # A zoom shows every sample; the overview only needs the outline.
-            bt, bp = (t, p) if axis is zoom else _every(LINE_POINTS, t, p)
+            bt, bp = broken(*((t, p) if axis is zoom else every(LINE_POINTS, t, p)))
             axis.fill_between(bt, bp - half, bp + half, color=colour(first.split), alpha=0.2, linewidth=0)
-            _line(axis, t, m, color=colour("measured"), linewidth=2.2 if axis is zoom else 1.2)
-            _line(axis, t, p, color=colour(first.split), linewidth=1.1)
+            line(axis, t, m, color=colour("measured"), linewidth=2.2 if axis is zoom else 1.2)
+            line(axis, t, p, color=colour(first.split), linewidth=1.1)
             axis.set_xlim(low, high)
-        wide.axvspan(*window, color=colour("faint"), alpha=0.25, linewidth=0)
-        _tidy(wide, first=True, text=_effort_label(fit))
-        _tidy(zoom, first=False)
-        error, covered = _pooled_error(group), float(np.mean(np.concatenate([_inside(p) for p in group])))
-        _head(
-            wide,
-            first.recording,
-            f"{SPLITS[first.split]} · error {percent(error)} % · {percent(100.0 * covered)} % of samples inside",
-            first.split,
+        tidy(wide, first=True, text=_effort_label(fit))
+        tidy(zoom, first=False)
+        zoom.xaxis.set_major_locator(MaxNLocator(4, steps=[1, 2, 2.5, 5, 10]))
+        if window[1] - window[0] < 0.4 * (np.nanmax(time) - np.nanmin(time)):
+            wide.axvspan(*window, color=colour("faint"), alpha=0.25, linewidth=0)
+            zoom.set_title("zoom on the grey window", color=colour("muted"), fontsize=8.5)
+        else:
+            zoom.set_visible(False)
+        error, covered = (
+            pooled_error(group),
+            np.average([p.coverage for p in group], weights=[len(p.time) for p in group]),
         )
-        zoom.set_title("zoom on the grey window", color=colour("muted"), fontsize=8.5)
+        rest = f"{SPLITS[first.split]} · error {percent(error)} % · {percent(100.0 * covered)} % of samples inside"
+        heads([wide], [Head(first.recording, rest, colour(first.split))])
         if row == 0:
-            _key(zoom, [("measured", colour("measured")), ("predicted", colour(first.split))])
-    for axis in axes[-1]:
-        axis.set_xlabel("Time (s)")
+            key(
+                zoom if zoom.get_visible() else wide,
+                [("measured", colour("measured")), ("predicted", colour(first.split))],
+            )
+        for axis in (wide, zoom):
+            axis.set_xlabel("Time (s)" if row == len(shown) - 1 else "")
     left_out = len(groups) - len(shown)
     return Drawing(
         name,
@@ -235,7 +185,7 @@ def simulation(
     """
     reading = READINGS[fit.motion]
     reference = next(iter(simulations))
-    chosen = _shown([_whole(g) for g in _by_recording(simulations[reference])])
+    chosen = _shown([whole(g) for g in by_recording(simulations[reference])])
     figure = Figure(figsize=(FIGURE_WIDTH, 7.0), layout="constrained")
     axes = figure.subplots(
         4,
@@ -246,31 +196,24 @@ def simulation(
         width_ratios=_durations([s.time for s in chosen]),
         height_ratios=(1.1, 0.9, 1.0, 1.0),
     )
-    off_scale, off_unit = _difference_unit(chosen, reading)
+    off_scale, off_unit = difference_unit(chosen, reading)
     for column, run in enumerate(chosen):
         top, off, speed, drive = axes[:, column]
-        for axis, key, scale in (
+        for axis, signal, scale in (
             (top, "position", reading.scale),
             (speed, "velocity", reading.scale),
             (drive, "effort", 1.0),
         ):
-            _line(axis, run.time, scale * np.asarray(run.measured[key]), color=colour("measured"), linewidth=1.1)
-            _line(
-                axis, run.time, scale * np.asarray(run.simulated[key]), color=colour(run.split), linewidth=1.1,
+            line(axis, run.time, scale * np.asarray(run.measured[signal]), color=colour("measured"), linewidth=1.1)
+            line(
+                axis, run.time, scale * np.asarray(run.simulated[signal]), color=colour(run.split), linewidth=1.1,
                 dashes=(4, 1.6),
             )  # fmt: skip
         for k, (method, runs) in enumerate(simulations.items()):
             tone = colour(run.split) if method == reference else colour("load")
-            for r in (_whole(g) for g in _by_recording(runs) if g[0].recording == run.recording):
+            for r in (whole(g) for g in by_recording(runs) if g[0].recording == run.recording):
                 difference = off_scale * (r.measured["position"] - r.simulated["position"])
-                _line(off, r.time, difference, color=tone, linewidth=1.0, zorder=3 - 0.1 * k)
-        errors = run.errors
-        _head(
-            top,
-            run.recording,
-            f"{SPLITS[run.split]} · position error {percent(errors.get('position', np.nan))} %",
-            run.split,
-        )
+                line(off, r.time, difference, color=tone, linewidth=1.0, zorder=3 - 0.1 * k)
         for axis, text in zip(
             (top, off, speed, drive),
             (
@@ -281,12 +224,19 @@ def simulation(
             ),
             strict=True,
         ):
-            _tidy(axis, first=column == 0, text=text, ticks=5)
+            tidy(axis, first=column == 0, text=text, ticks=5)
         drive.set_xlabel("Time (s)")
-    _key(axes[0, 0], [("measured", colour("measured")), ("simulated", colour(chosen[0].split))])
+    heads(
+        axes[0],
+        [
+            Head(r.recording, f"{SPLITS[r.split]} · position error {percent(r.errors['position'])} %", colour(r.split))
+            for r in chosen
+        ],
+    )
+    key(axes[0, 0], [("measured", colour("measured")), ("simulated", colour(chosen[0].split))])
     if len(simulations) > 1:
         tones = [colour(chosen[0].split), *[colour("load")] * (len(simulations) - 1)]
-        _key(axes[1, 0], [(METHODS.get(m, m), t) for m, t in zip(simulations, tones, strict=True)])
+        key(axes[1, 0], [(METHODS.get(m, m), t) for m, t in zip(simulations, tones, strict=True)])
     loop = {
         "closed_loop": "The identified joint simulated under the machine's own controller, from the recorded reference",
         "openloop": "The identified joint simulated from the recorded command alone, with nothing to correct it",
@@ -337,15 +287,15 @@ def residuals(fit: JointFit, family: FamilyFit, name: str = "residuals") -> Draw
                 continue
             x = np.concatenate([of(p) for p in chosen])
             y = np.concatenate([p.residual for p in chosen])
-            _dots(axis, x, y, colour(split), alpha=0.28, size=1.7)
-            centre, median = _running_median(x, y)
+            dots(axis, x, y, colour(split), alpha=0.28, size=1.7)
+            centre, median = running_median(x, y)
             axis.plot(centre, median, color=colour("paper"), linewidth=3.4, zorder=5)
             axis.plot(centre, median, color=colour(split), linewidth=1.8, zorder=6)
         axis.set_xlabel(text)
         axis.set_ylim(-limit, limit)
-        _tidy(axis, first=axis is axes[0], text=f"Residual ({unit})", ticks=6)
+        tidy(axis, first=axis is axes[0], text=f"Residual ({unit})", ticks=6)
     present = [s for s in SPLITS if any(p.split == s for p in family.predictions)]
-    _key(axes[0], [(SPLITS[s], colour(s)) for s in present])
+    key(axes[0], [(SPLITS[s], colour(s)) for s in present])
     return Drawing(
         name,
         figure,
@@ -374,7 +324,7 @@ def whiteness(fit: JointFit, family: FamilyFit, name: str = "whiteness") -> Draw
     found = family.estimate.whiteness
     lags = max(2, min(max(found.lags if found else 0, 60), len(whole.time) // 4))
     correlation = np.average(
-        [_autocorrelation(p.residual, lags) for p in chosen], axis=0, weights=[len(p.time) for p in chosen]
+        [autocorrelation(p.residual, lags) for p in chosen], axis=0, weights=[len(p.time) for p in chosen]
     )
     count = sum(len(p.time) for p in chosen)
     figure = Figure(figsize=(FIGURE_WIDTH, 2.3), layout="constrained")
@@ -388,7 +338,7 @@ def whiteness(fit: JointFit, family: FamilyFit, name: str = "whiteness") -> Draw
     axis.set_xlim(0.0, at[-1])
     axis.set_ylim(min(-0.25, 1.1 * correlation.min()), 1.05)
     axis.set_xlabel("Lag (s)")
-    _tidy(axis, first=True, text="Autocorrelation", ticks=4)
+    tidy(axis, first=True, text="Autocorrelation", ticks=4)
     return Drawing(
         name,
         figure,
@@ -432,9 +382,9 @@ def friction(fit: JointFit, name: str = "friction") -> Drawing:
         ends.append((float(curve.friction[-1]), family.family, family_colour(family.family)))
     right.set_title("every family, at no load", pad=9)
     right.set_xlabel(f"Velocity ({reading.velocity})")
-    _tidy(right, first=False, ticks=7)
-    _origin(right)
-    _label_ends(right, ends)
+    tidy(right, first=False, ticks=7)
+    origin(right)
+    label_ends(right, ends)
     return Drawing(
         name,
         figure,
@@ -494,7 +444,7 @@ def _friction_panel(axis: Axes, fit: JointFit, family: FamilyFit) -> None:
     offset = family["offset"].value if "offset" in family.model.names else family.model.known.get("offset", 0.0)
     x = reading.scale * np.concatenate([p.velocity for p in chosen])
     y = np.concatenate([p.effort - p.load - offset for p in chosen])
-    _dots(axis, x, y, colour("faint"), alpha=0.5, size=1.8)
+    dots(axis, x, y, colour("muted"), alpha=0.32, size=1.8 if len(x) > 600 else 2.4)
     tone = family_colour(family.family)
     velocity = _velocities(fit, family)
     top = 0.0
@@ -516,9 +466,9 @@ def _friction_panel(axis: Axes, fit: JointFit, family: FamilyFit) -> None:
     spread = float(np.quantile(np.abs(y), 0.99))
     limit = 1.12 * max(top, min(spread, 1.8 * top) if top else spread)
     axis.set_ylim(-limit, limit)
-    _origin(axis)
+    origin(axis)
     axis.set_xlabel(f"Velocity ({reading.velocity})")
-    _tidy(axis, first=True, text=f"Friction ({unit_text(fit.effort_unit)})", ticks=7)
+    tidy(axis, first=True, text=f"Friction ({unit_text(fit.effort_unit)})", ticks=7)
 
 
 def _curve(family: FamilyFit, velocity: np.ndarray, load: float) -> FrictionCurve:
@@ -569,7 +519,7 @@ def estimators(fit: JointFit, family: FamilyFit, name: str = "estimators") -> Dr
     """
     estimates = {family.estimate.method: family.estimate, **family.others}
     names = family.model.names
-    columns = min(len(names), 4)
+    columns = {5: 3, 6: 3, 9: 3}.get(len(names), min(len(names), 4))
     rows = -(-len(names) // columns)
     figure = Figure(figsize=(FIGURE_WIDTH, rows * (0.75 + 0.22 * len(estimates))), layout="constrained")
     axes = figure.subplots(rows, columns, squeeze=False, sharey=True)
@@ -583,6 +533,7 @@ def estimators(fit: JointFit, family: FamilyFit, name: str = "estimators") -> Dr
             tone = colour("fitted") if method == family.estimate.method else colour("measured")
             axis.plot(found.interval(), (row, row), color=tone, linewidth=1.4)
             axis.plot([found.value], [row], color=tone, marker="o", markersize=4.2)
+        axis.margins(x=0.06)
         axis.set_ylim(len(estimates) - 0.5, -0.5)
         axis.set_yticks(range(len(estimates)), [METHODS.get(m, m) for m in estimates])
         axis.tick_params(axis="y", labelcolor=colour("ink"), length=0)
@@ -644,7 +595,7 @@ def heldout(fit: JointFit, name: str = "heldout") -> Drawing:
     return Drawing(name, figure, "Effort error of each family: blue on what was fitted, orange on what was held out.")
 
 
-# --- drawing --------------------------------------------------------------------------------------------------------
+# --- common to several ----------------------------------------------------------------------------------------------
 
 
 def _effort_label(fit: JointFit) -> str:
@@ -655,142 +606,6 @@ def _durations(times: Iterable[np.ndarray]) -> list[float]:
     spans = [float(np.nanmax(t) - np.nanmin(t)) if len(t) else 1.0 for t in times]
     # Recordings of very different length stay readable side by side.
     return [max(s, 0.35 * max(spans)) for s in spans]
-
-
-def _tidy(axis: Axes, *, first: bool, text: str = "", ticks: int = 6) -> None:
-    axis.tick_params(length=3, width=0.7, pad=3)
-    axis.margins(x=0.01)
-    axis.yaxis.set_major_locator(MaxNLocator(ticks, steps=[1, 2, 2.5, 5, 10]))
-    if first:
-        axis.set_ylabel(text)
-    else:
-        axis.tick_params(axis="y", labelleft=False)
-
-
-def _head(axis: Axes, name: str, rest: str, split: str) -> None:
-    """A panel's head: the recording in bold ink, then what it was used for in its colour."""
-    axis.set_title("")
-    head = axis.annotate(
-        name, (0.0, 1.0), xytext=(0, 6), xycoords="axes fraction", textcoords="offset points", fontweight="bold",
-        fontsize=9.5, va="bottom",
-    )  # fmt: skip
-    axis.annotate(
-        rest, (1.0, 0.0), xytext=(8, 0.4), xycoords=head, textcoords="offset points", color=colour(split),
-        fontsize=8.5, va="bottom",
-    )  # fmt: skip
-
-
-def _key(axis: Axes, entries: Sequence[tuple[str, str]]) -> None:
-    """Names in their colours, in the panel's upper right corner: no boxes, no samples of lines."""
-    shift = 0.0
-    for text, tone in reversed(entries):
-        axis.annotate(
-            text, (1.0, 1.0), xytext=(-4 - shift, -3), xycoords="axes fraction", textcoords="offset points",
-            ha="right", va="top", color=tone, fontsize=8.5, fontweight="bold", zorder=9,
-            bbox={"boxstyle": "square,pad=0.12", "facecolor": colour("paper"), "alpha": 0.8, "linewidth": 0},
-        )  # fmt: skip
-        shift += 6.2 * len(text) + 8
-
-
-def _origin(axis: Axes) -> None:
-    axis.axhline(0.0, color=colour("faint"), linewidth=0.8, zorder=1)
-    axis.axvline(0.0, color=colour("faint"), linewidth=0.8, zorder=1)
-
-
-def _label_ends(axis: Axes, ends: Sequence[tuple[float, str, str]]) -> None:
-    """Names at the right ends of curves, moved apart where they would overlap."""
-    low, high = axis.get_ylim()
-    ends = sorted(ends)
-    for at, (_, text, tone) in zip(_apart([y for y, *_ in ends], 0.06 * (high - low)), ends, strict=True):
-        axis.annotate(
-            text, (1.0, at), xytext=(5, 0), xycoords=("axes fraction", "data"), textcoords="offset points",
-            va="center", color=tone, fontsize=8.5, annotation_clip=False,
-        )  # fmt: skip
-
-
-def _apart(heights: Sequence[float], gap: float) -> list[float]:
-    """Ascending heights at least `gap` apart, each group centred on where its members wanted to be."""
-    groups: list[list[float]] = []
-    for y in heights:
-        groups.append([y])
-        while len(groups) > 1 and _centre(groups[-1]) - _centre(groups[-2]) < gap * (
-            0.5 * (len(groups[-1]) + len(groups[-2]))
-        ):
-            last = groups.pop()
-            groups[-1] += last
-    return [_centre(g) + gap * (i - 0.5 * (len(g) - 1)) for g in groups for i in range(len(g))]
-
-
-def _centre(group: Sequence[float]) -> float:
-    return sum(group) / len(group)
-
-
-def _line(axis: Axes, time: np.ndarray, values: np.ndarray, **style) -> None:
-    time, values = _broken(np.asarray(time, float), np.asarray(values, float))
-    axis.plot(*_outline(time, values), **style)
-
-
-def _dots(axis: Axes, x: np.ndarray, y: np.ndarray, tone: str, *, alpha: float, size: float) -> None:
-    """Many dots as a few paths (round-capped strokes of no length): a hundredth of the markup of markers."""
-    keep = np.isfinite(x) & np.isfinite(y)
-    x, y = x[keep], y[keep]
-    if len(x) > DOT_POINTS:
-        chosen = np.sort(np.random.default_rng(0).choice(len(x), DOT_POINTS, replace=False))
-        x, y = x[chosen], y[chosen]
-    if not len(x):
-        return
-    tiny = 1e-4 * (np.ptp(x) or 1.0)
-    for part in np.array_split(np.arange(len(x)), 4):
-        if not len(part):
-            continue
-        vertices = np.empty((2 * len(part), 2))
-        vertices[0::2], vertices[1::2] = np.c_[x[part], y[part]], np.c_[x[part] + tiny, y[part]]
-        codes = np.tile([Path.MOVETO, Path.LINETO], len(part))
-        axis.add_patch(
-            PathPatch(
-                Path(vertices, codes), fill=False, edgecolor=tone, alpha=alpha, linewidth=size, capstyle="round",
-                zorder=2,
-            )
-        )  # fmt: skip
-    axis.update_datalim(np.c_[x, y])
-    axis.autoscale_view()
-
-
-# --- arrays to draw -------------------------------------------------------------------------------------------------
-
-
-def _by_recording(parts: Sequence[Prediction] | Sequence[Simulation]) -> list[list]:
-    """Stretches of one recording together, in the order of the recordings."""
-    groups: dict[str, list] = {}
-    for part in parts:
-        groups.setdefault(part.recording, []).append(part)
-    return list(groups.values())
-
-
-def _whole(group: Sequence[Simulation]) -> Simulation:
-    """Simulated stretches of one recording as one, with breaks between; its errors pool them."""
-
-    def joined(of: Callable) -> np.ndarray:
-        return _joined(group, of)[0]
-
-    names = list(group[0].measured)
-    measured = {n: joined(lambda s, n=n: s.measured[n]) for n in names}
-    simulated = {n: joined(lambda s, n=n: s.simulated[n]) for n in names}
-    errors = {
-        n: 100.0 * float(np.sqrt(np.nansum((measured[n] - simulated[n]) ** 2) / np.nansum(measured[n] ** 2)))
-        for n in names
-    }
-    off = measured["position"] - simulated["position"]
-    return Simulation(
-        group[0].recording, group[0].split, group[0].mode, joined(lambda s: s.time), measured, simulated, errors,
-        float(np.sqrt(np.nanmean(off**2))), float(np.nanmean(np.abs(off))),
-    )  # fmt: skip
-
-
-def whole_recordings(simulations: Sequence[Simulation]) -> list[Simulation]:
-    """Stretches of one recording and mode joined, errors pooled over them."""
-    modes = dict.fromkeys(s.mode for s in simulations)
-    return [_whole(g) for mode in modes for g in _by_recording([s for s in simulations if s.mode == mode])]
 
 
 def _shown(runs: Sequence[Simulation]) -> list[Simulation]:
@@ -805,154 +620,3 @@ def _rest(count: int) -> str:
     if count <= 0:
         return ""
     return f" {count} more {'recording is' if count == 1 else 'recordings are'} in the table below."
-
-
-def _joined(group: Sequence, *of: Callable) -> tuple[np.ndarray, ...]:
-    """Arrays of several stretches one after the other, with a break between."""
-    parts = [[np.append(np.asarray(f(p), float), np.nan) for p in group] for f in of]
-    return tuple(np.concatenate(p)[:-1] for p in parts)
-
-
-def _pooled_error(group: Sequence[Prediction]) -> float:
-    residual = np.concatenate([p.residual for p in group])
-    return 100.0 * float(np.linalg.norm(residual) / np.linalg.norm(np.concatenate([p.effort for p in group])))
-
-
-def _inside(prediction: Prediction) -> np.ndarray:
-    return np.abs(prediction.residual) <= prediction.half_width
-
-
-def _broken(time: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """A NaN wherever samples are missing, so that no line bridges what was not scored."""
-    steps = np.diff(time)
-    known = steps[np.isfinite(steps)]
-    if not len(known):
-        return time, values
-    gaps = np.flatnonzero(steps > 3.5 * np.median(known)) + 1
-    return np.insert(time, gaps, np.nan), np.insert(values, gaps, np.nan)
-
-
-def _outline(time: np.ndarray, values: np.ndarray, points: int = LINE_POINTS) -> tuple[np.ndarray, np.ndarray]:
-    """The least and the largest sample of each of `points` / 2 stretches, in order; breaks stay."""
-    if len(time) <= points:
-        return time, values
-    keep = {0, len(time) - 1, *np.flatnonzero(~np.isfinite(time) | ~np.isfinite(values)).tolist()}
-    for part in np.array_split(np.arange(len(time)), points // 2):
-        good = part[np.isfinite(values[part])]
-        if len(good):
-            keep.update((int(good[np.argmin(values[good])]), int(good[np.argmax(values[good])])))
-    index = np.array(sorted(keep))
-    return time[index], values[index]
-
-
-def _every(points: int, *arrays: np.ndarray) -> tuple[np.ndarray, ...]:
-    step = max(1, len(arrays[0]) // points)
-    keep = np.zeros(len(arrays[0]), bool)
-    keep[::step] = True
-    keep |= ~np.isfinite(arrays[0])
-    return tuple(a[keep] for a in arrays)
-
-
-def _busiest(time: np.ndarray, values: np.ndarray, share: float = 0.035) -> tuple[float, float]:
-    """The window in which the values vary most, free of breaks if there is one: where a zoom tells most."""
-    t0, t1 = float(np.nanmin(time)), float(np.nanmax(time))
-    good = np.isfinite(time) & np.isfinite(values)
-    time, values = time[good], values[good]
-    width = max(share * (t1 - t0), 40.0 * float(np.median(np.diff(time))) if len(time) > 1 else 0.0)
-    width = min(width, t1 - t0)
-    starts = np.linspace(t0, t1 - width, 60)
-    expected = np.median([np.sum((time >= s) & (time <= s + width)) for s in starts])
-
-    def variation(start: float) -> float:
-        inside = values[(time >= start) & (time <= start + width)]
-        if len(inside) < 3:
-            return -1.0
-        # Turning points as well as range: a single jump says little about a fit.
-        return float(np.ptp(inside) + 0.1 * np.sum(np.abs(np.diff(inside)))) * min(1.0, len(inside) / expected)
-
-    start = float(max(starts, key=variation))
-    return start, start + width
-
-
-def _running_median(x: np.ndarray, y: np.ndarray, bins: int = 22) -> tuple[np.ndarray, np.ndarray]:
-    edges = np.linspace(*np.quantile(x, (0.01, 0.99)), bins + 1)
-    which = np.digitize(x, edges) - 1
-    enough = max(12, len(x) // 150)
-    rows = [
-        (0.5 * (edges[b] + edges[b + 1]), np.median(y[which == b]))
-        if np.sum(which == b) >= enough
-        else (np.nan, np.nan)
-        for b in range(bins)
-    ]
-    return tuple(np.array(rows).T)
-
-
-def _autocorrelation(x: np.ndarray, lags: int) -> np.ndarray:
-    x = np.asarray(x, float) - np.mean(x)
-    n = len(x)
-    spectrum = np.fft.rfft(x, 2 * n)
-    full = np.fft.irfft(np.abs(spectrum) ** 2)[: lags + 1]
-    out = np.zeros(lags + 1)
-    out[: len(full)] = full / full[0] if full[0] > 0.0 else 0.0
-    return out
-
-
-def _difference_unit(simulations: Sequence[Simulation], reading: Reading) -> tuple[float, str]:
-    """Scale and unit for differences in position: finer than the reading's where they are tiny."""
-    largest = max(
-        float(np.nanmax(np.abs(np.asarray(s.measured["position"]) - np.asarray(s.simulated["position"]))))
-        for s in simulations
-    )
-    shown = reading.scale * largest
-    if reading.position == "mm" and shown < 0.1:
-        return reading.scale * 1e3, "µm"
-    if reading.position == "deg" and shown < 0.05:
-        return reading.scale * 1e3, "mdeg"
-    return reading.scale, reading.position
-
-
-# --- SVG ------------------------------------------------------------------------------------------------------------
-
-_NUMBER = re.compile(r"-?\d+\.\d{3,}")
-
-
-def inline_svg(figure: Figure, name: str) -> str:
-    """A figure as an ``<svg>`` element that can stand beside others in one HTML page.
-
-    Every id gets the figure's name as prefix, every colour of the style becomes its CSS variable (so that the page's
-    light and dark values apply), and coordinates keep two decimals.
-
-    Parameters
-    ----------
-    figure : matplotlib.figure.Figure
-    name : str
-        Unique in the page.
-
-    Returns
-    -------
-    str
-    """
-    buffer = io.StringIO()
-    with matplotlib.rc_context(dict(RC)):
-        figure.savefig(buffer, format="svg", metadata={"Date": None, "Creator": None, "Format": None, "Type": None})
-    text = buffer.getvalue()
-    text = text[text.index("<svg") :]
-    text = re.sub(r"<metadata>.*?</metadata>", "", text, flags=re.DOTALL)
-    text = re.sub(r'\bid="([^"]+)"', rf'id="{name}-\1"', text)
-    text = re.sub(r"url\(#([^)]+)\)", rf"url(#{name}-\1)", text)
-    text = re.sub(r'href="#([^"]+)"', rf'href="#{name}-\1"', text)
-    text = re.sub(r'(<svg[^>]*?) width="[^"]*"', r"\1", text, count=1)
-    text = re.sub(r'(<svg[^>]*?) height="[^"]*"', r"\1", text, count=1)
-    for attribute in (r'\bd="[^"]*"', r'\b(?:points|x|y|transform)="[^"]*"'):
-        text = re.sub(attribute, lambda m: _NUMBER.sub(lambda n: f"{float(n[0]):.2f}", m[0]), text)
-    text = re.sub(r" \n", " ", text)
-    for role, (light, _) in COLOURS.items():
-        text = text.replace(light, f"var(--{role})")
-    text = re.sub(r"font: ([^;\"]*?)'DejaVu Sans'[^;\"]*", rf"font: \1{SANS}".replace('"', "'"), text)
-    return text.strip()
-
-
-__all__ = [
-    "Drawing", "Trace", "draw", "effort", "estimators", "families", "friction", "heldout", "inline_svg", "recordings",
-    "residuals", "simulation", "whiteness", "whole_recordings",
-]  # fmt: skip

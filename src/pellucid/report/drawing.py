@@ -1,0 +1,248 @@
+"""Drawing by the report's rules: a figure with its caption, how it becomes SVG and PDF, and the marks it is made of.
+
+Figures are made with Matplotlib's objects alone: no pyplot, no global state, no window.
+"""
+
+from __future__ import annotations
+
+import io
+import re
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+
+import matplotlib
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.patches import PathPatch
+from matplotlib.path import Path as Outline
+from matplotlib.ticker import MaxNLocator
+
+from ..recordings.atomic import write_text_atomically
+from .series import broken, outline
+from .style import COLOURS, FIGURE_WIDTH, RC, SANS, colour
+
+DOT_POINTS = 1400
+"""A cloud of dots keeps at most so many."""
+
+_NUMBER = re.compile(r"-?\d+\.\d{3,}")
+
+
+@dataclass(frozen=True)
+class Drawing:
+    """A figure and what is said of it.
+
+    Parameters
+    ----------
+    name : str
+        File name without suffix, and prefix of every id in the inline SVG.
+    figure : matplotlib.figure.Figure
+    caption : str
+        Plain text below the figure: what is drawn, and how to read it.
+    """
+
+    name: str
+    figure: Figure
+    caption: str
+
+    @cached_property
+    def svg(self) -> str:
+        """The figure as an SVG file's text: the same for the same figure."""
+        buffer = io.StringIO()
+        with matplotlib.rc_context(dict(RC)):
+            self.figure.savefig(buffer, format="svg", metadata={"Date": None})
+        return _rounded(buffer.getvalue())
+
+    def inline(self) -> str:
+        """The figure as an ``<svg>`` element that can stand beside others in one HTML page.
+
+        Every id gets the figure's name as prefix, and every colour of the style becomes its CSS variable, so that the
+        page's light and dark values apply.
+        """
+        text = self.svg[self.svg.index("<svg") :]
+        text = re.sub(r"<metadata>.*?</metadata>", "", text, flags=re.DOTALL)
+        text = re.sub(r'\bid="([^"]+)"', rf'id="{self.name}-\1"', text)
+        text = re.sub(r"url\(#([^)]+)\)", rf"url(#{self.name}-\1)", text)
+        text = re.sub(r'href="#([^"]+)"', rf'href="#{self.name}-\1"', text)
+        for attribute in ("width", "height"):
+            text = re.sub(rf'(<svg[^>]*?) {attribute}="[^"]*"', r"\1", text, count=1)
+        for role, (light, _) in COLOURS.items():
+            text = text.replace(light, f"var(--{role})")
+        text = re.sub(r"font: ([^;\"]*?)'DejaVu Sans'[^;\"]*", rf"font: \1{SANS}".replace('"', "'"), text)
+        return text.strip()
+
+    def save(self, folder: Path) -> tuple[Path, Path]:
+        """Write ``<name>.svg`` and ``<name>.pdf`` into `folder`."""
+        folder = Path(folder)
+        drawn = write_text_atomically(folder / f"{self.name}.svg", self.svg)
+        printed = folder / f"{self.name}.pdf"
+        with matplotlib.rc_context(dict(RC)):
+            self.figure.savefig(printed, metadata={"CreationDate": None, "ModDate": None}, facecolor=colour("paper"))
+        return drawn, printed
+
+
+def _rounded(svg: str) -> str:
+    """Coordinates with two decimals: a hundredth of a point is below what any screen or printer shows."""
+    for attribute in (r'\bd="[^"]*"', r'\b(?:points|x|y|transform)="[^"]*"'):
+        svg = re.sub(attribute, lambda m: _NUMBER.sub(lambda n: f"{float(n[0]):.2f}", m[0]), svg)
+    return re.sub(r" \n", " ", svg)
+
+
+def draw(make: Callable[..., Drawing], *args, **options) -> Drawing:
+    """Call a figure's function under the report's style.
+
+    Parameters
+    ----------
+    make : callable
+        One of the functions of `figures`.
+    *args, **options
+        Its arguments.
+
+    Returns
+    -------
+    Drawing
+    """
+    with matplotlib.rc_context(dict(RC)):
+        drawing = make(*args, **options)
+        # Once, so that every later output has the same layout.
+        drawing.figure.draw_without_rendering()
+        drawing.figure.set_layout_engine("none")
+        return drawing
+
+
+def tidy(axis: Axes, *, first: bool, text: str = "", ticks: int = 6) -> None:
+    axis.tick_params(length=3, width=0.7, pad=3)
+    axis.margins(x=0.01)
+    axis.yaxis.set_major_locator(MaxNLocator(ticks, steps=[1, 2, 2.5, 5, 10]))
+    if first:
+        axis.set_ylabel(text)
+    else:
+        axis.tick_params(axis="y", labelleft=False)
+
+
+@dataclass(frozen=True)
+class Head:
+    """What stands above a panel: a name in bold ink, and the rest in `tone`."""
+
+    name: str
+    rest: str
+    tone: str
+
+
+def heads(axes: Sequence[Axes], texts: Sequence[Head]) -> None:
+    """Heads of a row of panels: on one line where every panel has room, else on two; a name too long is cut.
+
+    Parameters
+    ----------
+    axes : sequence of matplotlib.axes.Axes
+        Of one row, of one figure.
+    texts : sequence of Head
+        One for each.
+    """
+    ratios = np.array(axes[0].get_gridspec().get_width_ratios() or [1.0], float)
+    share = ratios[[a.get_subplotspec().colspan.start for a in axes]] / ratios.sum()
+    # What is left of the figure's width for panels, less the gaps; in points.
+    rooms = share * (72.0 * FIGURE_WIDTH - 70.0) - 14.0
+    name_width, rest_width = 6.6, 5.3  # points a character
+    one_line = all(
+        name_width * len(t.name) + rest_width * len(t.rest) + 10.0 <= r for t, r in zip(texts, rooms, strict=True)
+    )
+    for axis, text, room in zip(axes, texts, rooms, strict=True):
+        most = max(int(room / name_width), 6)
+        name = text.name if one_line or len(text.name) <= most else text.name[: most - 1] + "…"
+        # A blank title keeps the height; the texts themselves must not widen the layout.
+        axis.set_title(" " if one_line else " \n ", fontsize=9.5 if one_line else 9.0)
+        head = axis.annotate(
+            name, (0.0, 1.0), xytext=(0, 6 if one_line else 19), xycoords="axes fraction", textcoords="offset points",
+            fontweight="bold", fontsize=9.5, va="bottom",
+        )  # fmt: skip
+        if one_line:
+            rest = axis.annotate(
+                text.rest, (1.0, 0.0), xytext=(8, 0.4), xycoords=head, textcoords="offset points", color=text.tone,
+                fontsize=8.5, va="bottom",
+            )  # fmt: skip
+        else:
+            rest = axis.annotate(
+                text.rest, (0.0, 1.0), xytext=(0, 6), xycoords="axes fraction", textcoords="offset points",
+                color=text.tone, fontsize=8.5, va="bottom",
+            )  # fmt: skip
+        for artist in (head, rest):
+            artist.set_in_layout(False)
+
+
+def key(axis: Axes, entries: Sequence[tuple[str, str]]) -> None:
+    """Names in their colours, in the panel's upper right corner: no boxes, no samples of lines."""
+    shift = 0.0
+    for text, tone in reversed(entries):
+        axis.annotate(
+            text, (1.0, 1.0), xytext=(-4 - shift, -3), xycoords="axes fraction", textcoords="offset points",
+            ha="right", va="top", color=tone, fontsize=8.5, fontweight="bold", zorder=9,
+            bbox={"boxstyle": "square,pad=0.12", "facecolor": colour("paper"), "alpha": 0.8, "linewidth": 0},
+        )  # fmt: skip
+        shift += 6.2 * len(text) + 8
+
+
+def origin(axis: Axes) -> None:
+    axis.axhline(0.0, color=colour("faint"), linewidth=0.8, zorder=1)
+    axis.axvline(0.0, color=colour("faint"), linewidth=0.8, zorder=1)
+
+
+def label_ends(axis: Axes, ends: Sequence[tuple[float, str, str]]) -> None:
+    """Names at the right ends of curves, moved apart where they would overlap."""
+    low, high = axis.get_ylim()
+    ends = sorted(ends)
+    for at, (_, text, tone) in zip(_apart([y for y, *_ in ends], 0.06 * (high - low)), ends, strict=True):
+        axis.annotate(
+            text, (1.0, at), xytext=(5, 0), xycoords=("axes fraction", "data"), textcoords="offset points",
+            va="center", color=tone, fontsize=8.5, annotation_clip=False,
+        )  # fmt: skip
+
+
+def _apart(heights: Sequence[float], gap: float) -> list[float]:
+    """Ascending heights at least `gap` apart, each group centred on where its members wanted to be."""
+    groups: list[list[float]] = []
+    for y in heights:
+        groups.append([y])
+        while len(groups) > 1 and _centre(groups[-1]) - _centre(groups[-2]) < gap * (
+            0.5 * (len(groups[-1]) + len(groups[-2]))
+        ):
+            last = groups.pop()
+            groups[-1] += last
+    return [_centre(g) + gap * (i - 0.5 * (len(g) - 1)) for g in groups for i in range(len(g))]
+
+
+def _centre(group: Sequence[float]) -> float:
+    return sum(group) / len(group)
+
+
+def line(axis: Axes, time: np.ndarray, values: np.ndarray, **style) -> None:
+    time, values = broken(np.asarray(time, float), np.asarray(values, float))
+    axis.plot(*outline(time, values), **style)
+
+
+def dots(axis: Axes, x: np.ndarray, y: np.ndarray, tone: str, *, alpha: float, size: float) -> None:
+    """Many dots as a few paths (round-capped strokes of no length): a hundredth of the markup of markers."""
+    keep = np.isfinite(x) & np.isfinite(y)
+    x, y = x[keep], y[keep]
+    if len(x) > DOT_POINTS:
+        chosen = np.sort(np.random.default_rng(0).choice(len(x), DOT_POINTS, replace=False))
+        x, y = x[chosen], y[chosen]
+    if not len(x):
+        return
+    tiny = 1e-4 * (np.ptp(x) or 1.0)
+    for part in np.array_split(np.arange(len(x)), 4):
+        if not len(part):
+            continue
+        vertices = np.empty((2 * len(part), 2))
+        vertices[0::2], vertices[1::2] = np.c_[x[part], y[part]], np.c_[x[part] + tiny, y[part]]
+        codes = np.tile([Outline.MOVETO, Outline.LINETO], len(part))
+        axis.add_patch(
+            PathPatch(
+                Outline(vertices, codes), fill=False, edgecolor=tone, alpha=alpha, linewidth=size, capstyle="round",
+                zorder=2,
+            )
+        )  # fmt: skip
+    axis.update_datalim(np.c_[x, y])
+    axis.autoscale_view()
