@@ -263,7 +263,7 @@ def _headline(study: Study, fit: JointFit) -> str:
             f"{percent(best.heldout_effort_error)} %"
         )
         text += (
-            f"; of {len(fit.families)} friction families, {fit.best} friction does best."
+            f"; of {len(fit.families)} friction families, {fit.best} friction is the one to use."
             if len(fit.families) > 1
             else "."
         )
@@ -350,9 +350,9 @@ def _families_words(fit: JointFit) -> str:
         return f"Only one family was asked for, {fit.best}: {FAMILIES.get(fit.best, fit.best)}."
     judged = any(np.isfinite(f.heldout_effort_error) for f in fit.families.values())
     return "A richer model always fits better; whether it knows more shows on recordings that were not fitted. " + (
-        "The family with the smallest held-out error is called best."
+        "Best is the simplest family whose held-out error is close to the smallest."
         if judged
-        else "Nothing was held out here, so the smallest fitted error decides, which favours the richest model."
+        else "Nothing was held out here, so fitted errors decide, which favours rich models."
     )
 
 

@@ -151,7 +151,10 @@ def heads(axes: Sequence[Axes], texts: Sequence[Head]) -> None:
     )
     for axis, text, room in zip(axes, texts, rooms, strict=True):
         most = max(int(room / name_width), 6)
-        name = text.name if one_line or len(text.name) <= most else text.name[: most - 1] + "…"
+        name = text.name
+        if not one_line and len(name) > most:
+            # Recordings tend to differ at their ends.
+            name = f"{name[: most // 2 - 1]}…{name[-(most - most // 2) :]}"
         # A blank title keeps the height; the texts themselves must not widen the layout.
         axis.set_title(" " if one_line else " \n ", fontsize=9.5 if one_line else 9.0)
         head = axis.annotate(

@@ -229,7 +229,7 @@ def simulation(
     heads(
         axes[0],
         [
-            Head(r.recording, f"{SPLITS[r.split]} · position error {percent(r.errors['position'])} %", colour(r.split))
+            Head(r.recording, f"{SPLITS[r.split]} · position {percent(r.errors['position'])} %", colour(r.split))
             for r in chosen
         ],
     )
@@ -367,7 +367,9 @@ def friction(fit: JointFit, name: str = "friction") -> Drawing:
     figure = Figure(figsize=(FIGURE_WIDTH, 4.3), layout="constrained")
     left, right = figure.subplots(1, 2, sharey=True, width_ratios=(1.35, 1.0))
     _friction_panel(left, fit, best)
-    left.set_title(f"{best.family}: best on data it has not seen" if _heldout(fit) else best.family, pad=9)
+    left.set_title(
+        f"{best.family} friction, the best family" if len(fit.families) > 1 else f"{best.family} friction", pad=9
+    )
     ends = []
     reading = READINGS[fit.motion]
     for family in fit.families.values():
@@ -497,10 +499,6 @@ def _loaded(family: FamilyFit) -> bool:
     return any(p.name.startswith("load_") and p.value > 1e-3 for p in family.estimate.parameters)
 
 
-def _heldout(fit: JointFit) -> bool:
-    return any(np.isfinite(f.heldout_effort_error) for f in fit.families.values())
-
-
 # --- estimators and families in numbers -----------------------------------------------------------------------------
 
 
@@ -605,7 +603,8 @@ def _effort_label(fit: JointFit) -> str:
 def _durations(times: Iterable[np.ndarray]) -> list[float]:
     spans = [float(np.nanmax(t) - np.nanmin(t)) if len(t) else 1.0 for t in times]
     # Recordings of very different length stay readable side by side.
-    return [max(s, 0.35 * max(spans)) for s in spans]
+    least = 0.35 if len(spans) < 3 else 0.75
+    return [max(s, least * max(spans)) for s in spans]
 
 
 def _shown(runs: Sequence[Simulation]) -> list[Simulation]:

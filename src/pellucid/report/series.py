@@ -113,17 +113,12 @@ def busiest(time: np.ndarray, values: np.ndarray, share: float = 0.035) -> tuple
     return start, start + width
 
 
-def running_median(x: np.ndarray, y: np.ndarray, bins: int = 22) -> tuple[np.ndarray, np.ndarray]:
-    edges = np.linspace(*np.quantile(x, (0.01, 0.99)), bins + 1)
-    which = np.digitize(x, edges) - 1
-    enough = max(12, len(x) // 150)
-    rows = [
-        (0.5 * (edges[b] + edges[b + 1]), np.median(y[which == b]))
-        if np.sum(which == b) >= enough
-        else (np.nan, np.nan)
-        for b in range(bins)
-    ]
-    return tuple(np.array(rows).T)
+def running_median(x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Median of `y` over stretches of `x` that hold equally many samples, at the median of each stretch."""
+    order = np.argsort(x, kind="stable")
+    bins = int(np.clip(len(x) // 40, 3, 24))
+    parts = [part for part in np.array_split(order, bins) if len(part)]
+    return np.array([np.median(x[p]) for p in parts]), np.array([np.median(y[p]) for p in parts])
 
 
 def autocorrelation(x: np.ndarray, lags: int) -> np.ndarray:
