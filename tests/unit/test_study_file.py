@@ -62,9 +62,9 @@ def test_a_prismatic_rig_knows_no_gravity(make_study):
     [
         ("lowpass", "lowpas", 'line 18: [processing] lowpas: unknown key "lowpas"; the nearest valid one is "lowpass"'),
         ("torque_constant", "torque_const", 'the nearest valid one is "torque_constant"'),
-        ("[processing]", "[procesing]", 'line 17: procesing: unknown key "procesing"; the nearest valid one is "p'),
-        ("protocol", "protocoll", '[[recordings]] 1 protocoll: unknown key "protocoll"; the nearest valid one is'),
-        ('column = "q"', 'colum = "q"', '[channels] position.colum: unknown key "colum"; the nearest valid one is "col'),
+        ("[processing]", "[procesing]", 'line 17: procesing: unknown key "procesing"; the nearest valid one is "proc'),
+        ("protocol", "protocoll", '1 protocoll: unknown key "protocoll"; the nearest valid one is "protocol"'),
+        ('column = "q"', 'colum = "q"', 'position.colum: unknown key "colum"; the nearest valid one is "column"'),
         (', unit = "rad"', "", 'line 14: [channels] position: no unit found, expected one such as "rad"'),
         ('unit = "rad"', 'unit = "m"', '[channels] position: found the unit "m", expected "rad"'),
         ('unit = "rad"', 'unit = "counts"', "counts need a scale"),

@@ -1,0 +1,103 @@
+"""The public recordings as studies: what their owners state of them, and no fault where there is none."""
+
+import numpy as np
+import pytest
+
+from pellucid import datasets
+from pellucid.recordings import inspect
+
+
+@pytest.fixture(scope="module")
+def studies(data_folder, tmp_path_factory):
+    root = tmp_path_factory.mktemp("studies")
+    return {name: datasets.init(root / name, dataset=name) for name in datasets.names()}
+
+
+@pytest.mark.parametrize("name", datasets.names())
+def test_nothing_is_refused(studies, name):
+    study = studies[name]
+    refused = [f.message for r in study.recordings() for f in inspect(r, study) if f.severity == "refuse"]
+    assert refused == []
+    assert study.notes == ()
+
+
+def test_emps(studies):
+    fit, validate = studies["emps"].recordings()
+    assert (fit.name, fit.use, validate.name, validate.use) == ("identification", "fit", "pulses", "validate")
+    assert len(fit) == len(validate) == 24841
+    assert fit.fs == pytest.approx(1000.0, rel=1e-9)
+    assert fit["position"].max() == pytest.approx(0.2464, abs=1e-4)
+    assert {name: channel.unit for name, channel in validate.channels.items()} == {
+        "time": "s",
+        "position": "m",
+        "reference": "m",
+        "voltage": "V",
+        "pulse": "V",
+    }
+    # Stored as unsigned bytes: 0 to 5 V, and a difference may be negative.
+    assert set(np.unique(validate["pulse"])) == {0.0, 5.0}
+    assert np.diff(validate["pulse"]).min() == -5.0
+    assert "pulse" not in fit
+
+
+def test_emps_voltage_is_what_the_stated_loop_gives(studies):
+    """voltage = kv (kp (reference - position) - velocity), plus the pulse after the limit."""
+    study = studies["emps"]
+    loop, recording = study.rig.loop, study.recording("pulses")
+    q, span = recording["position"], loop.velocity_span
+    velocity = np.zeros_like(q)
+    mean = (q[1:] + q[:-1]) / 2
+    velocity[span:] = np.diff(mean) * recording.fs
+    command = loop.kv * (loop.kp * (recording["reference"] - q) - velocity)
+    command = np.clip(command, -loop.limit, loop.limit) + recording[loop.injected]
+    error = recording["voltage"] - command
+    assert np.std(error) < 0.25 * np.std(recording["voltage"])
+
+
+def test_sydney(studies):
+    first, last = studies["sydney_pendulum"].recordings()
+    assert (first.use, last.use) == ("fit", "validate")
+    assert len(first) + len(last) == 15570
+    assert len(first) / 15570 == pytest.approx(0.6, abs=0.001)
+    assert first.checksum == last.checksum
+    assert first.time[-1] < last.time[0]
+    assert first.fs == pytest.approx(200.0)
+    assert np.degrees(first["position"].min()) == pytest.approx(-92.07, abs=0.01)
+    assert (first["voltage"].min(), first["voltage"].max()) == (pytest.approx(-2.0, abs=1e-4), 5.0)
+    assert studies["sydney_pendulum"].rig.drive.constant is None
+
+
+def test_bam(studies):
+    study = studies["bam_xl330"]
+    recordings = study.recordings()
+    assert len(recordings) == 8
+    assert len(study.recordings("fit")) == 4
+    for recording in recordings:
+        # Negative duties are stored as 16 bits without a sign.
+        assert np.abs(recording["duty"]).max() <= 1.0
+        assert 180 < recording.fs < 290
+        assert recording.enabled.all() != recording.name.startswith("lift_and_drop")
+        assert recording.protocol in recording.name
+    assert study.recording("sin_time_square_kp400")["duty"].min() == -1.0
+    assert study.rig.drive.limit == 1.0
+    # A servo's high gain follows its reference better.
+    error = {
+        kp: np.sqrt(np.mean((r["reference"] - r["position"]) ** 2))
+        for kp in (100, 400)
+        for r in [study.recording(f"sin_sin_kp{kp}")]
+    }
+    assert error[400] < 0.7 * error[100]
+
+
+def test_bam_payload_is_in_the_gravity_of_a_quick_regression(studies):
+    """The pendulum's 0.49 kg at 0.10 m weigh 0.481 N*m; the rod adds some."""
+    study = studies["bam_xl330"]
+    drive = study.rig.drive
+    rows, torques = [], []
+    for recording in study.recordings("fit"):
+        slow = np.abs(np.gradient(recording["position"], recording.time)) < 0.5
+        torque = drive.constant / drive.resistance * recording["duty"] * drive.supply
+        rows.append(np.sin(recording["position"][slow]))
+        torques.append(torque[slow])
+    sine, torque = np.concatenate(rows), np.concatenate(torques)
+    assert 0.4 < sine @ torque / (sine @ sine) < 0.7
