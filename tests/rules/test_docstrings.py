@@ -1,0 +1,145 @@
+"""Every public function says what it takes, gives and refuses, in sections that can be read by a program."""
+
+import ast
+import re
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+
+import pellucid
+
+ROOT = Path(pellucid.__file__).parent
+SECTIONS = ("Parameters", "Attributes", "Returns", "Yields", "Raises", "Notes", "Examples", "References", "See Also")
+ARRAY = re.compile(r"\b(ndarray|array)\b")
+SHAPE = re.compile(r"shape \(|[Ss]hape|same shape|of the same length|\(n,|n samples|length n")
+
+
+@dataclass(frozen=True)
+class Documented:
+    """A public definition: where it is, its node, and its docstring's sections."""
+
+    where: str
+    node: ast.FunctionDef | ast.ClassDef
+    text: str
+    sections: dict[str, str]
+
+    @property
+    def parameters(self) -> list[str]:
+        args = self.node.args
+        names = [a.arg for a in (*args.posonlyargs, *args.args, *args.kwonlyargs)]
+        return [n for n in names if n not in ("self", "cls") and not n.startswith("_")]
+
+
+def sections_of(text: str) -> dict[str, str]:
+    """Section name to its text; numpydoc's underlined headings."""
+    parts = re.split(r"^(" + "|".join(SECTIONS) + r")\n-{3,}\n", text, flags=re.MULTILINE)
+    return dict(zip(parts[1::2], parts[2::2], strict=True))
+
+
+def described(section: str) -> set[str]:
+    """Names a section's entries describe: ``a, b : type`` stands for both."""
+    names = set()
+    for line in section.splitlines():
+        if line and not line[0].isspace():
+            names |= {n.strip().lstrip("*") for n in line.split(" : ")[0].split(",")}
+    return names
+
+
+def definitions():
+    for path in sorted(ROOT.rglob("*.py")):
+        tree = ast.parse(path.read_text(encoding="utf-8"))
+        where = path.relative_to(ROOT).as_posix()
+        for node in tree.body:
+            yield from _public(where, node)
+            if isinstance(node, ast.ClassDef) and not node.name.startswith("_"):
+                for inner in node.body:
+                    yield from _public(f"{where}:{node.name}", inner)
+
+
+def _public(where, node):
+    if isinstance(node, (ast.FunctionDef, ast.ClassDef)) and not node.name.startswith("_"):
+        text = ast.get_docstring(node) or ""
+        yield Documented(f"{where}:{node.lineno} {node.name}", node, text, sections_of(text))
+
+
+ALL = list(definitions())
+FUNCTIONS = [d for d in ALL if isinstance(d.node, ast.FunctionDef)]
+
+
+def test_every_module_says_what_it_is_for():
+    silent = [p for p in ROOT.rglob("*.py") if not ast.get_docstring(ast.parse(p.read_text(encoding="utf-8")))]
+    assert [p.relative_to(ROOT).as_posix() for p in silent] == []
+
+
+def test_every_public_name_is_documented():
+    silent = [d.where for d in ALL if not d.text and not _is_override(d.node)]
+    assert not silent, "\n".join(silent)
+
+
+def test_parameters_are_described():
+    """A function of more than two parameters describes each; a section that is there is complete."""
+    found = []
+    for d in FUNCTIONS:
+        names = set(d.parameters)
+        said = described(d.sections.get("Parameters", ""))
+        if said - names:
+            found.append(f"{d.where}: describes {sorted(said - names)}, which it does not take")
+        if "Parameters" in d.sections or len(names) > 2:
+            missing = {n for n in names - said if f"`{n}`" not in d.text}
+            if missing and not _is_command(d.node):
+                found.append(f"{d.where}: does not describe {sorted(missing)}")
+    assert not found, "\n".join(found)
+
+
+def test_what_is_raised_is_said():
+    """A public function that raises an error itself has a Raises section that names it, or the base of all."""
+    found = []
+    for d in FUNCTIONS:
+        raised = {
+            n.exc.func.id
+            for n in ast.walk(d.node)
+            if isinstance(n, ast.Raise) and isinstance(n.exc, ast.Call) and isinstance(n.exc.func, ast.Name)
+        }
+        raised = {r for r in raised if r.endswith("Error")}
+        said = d.sections.get("Raises", "")
+        missing = {r for r in raised if r not in said}
+        if missing and "PellucidError" not in said and not _is_command(d.node):
+            found.append(f"{d.where}: raises {sorted(missing)}, which Raises does not say")
+    assert not found, "\n".join(found)
+
+
+def test_arrays_have_a_shape():
+    """Where a section says that something is an array, it says of which shape."""
+    found = []
+    for d in ALL:
+        for name in ("Parameters", "Attributes", "Returns"):
+            for entry in _entries(d.sections.get(name, "")):
+                if ARRAY.search(entry.splitlines()[0]) and not SHAPE.search(entry):
+                    found.append(f"{d.where}: {name}: {entry.splitlines()[0]}")
+    assert not found, "\n".join(found)
+
+
+def _entries(section: str) -> list[str]:
+    return [e for e in re.split(r"\n(?=\S)", section.strip("\n")) if e]
+
+
+def _is_command(node) -> bool:
+    """A command's parameters are described by its options' help."""
+    return any("command" in ast.unparse(d) for d in node.decorator_list)
+
+
+def _is_override(node) -> bool:
+    """A property's setter says nothing that its getter did not."""
+    return any(ast.unparse(d).endswith(".setter") for d in getattr(node, "decorator_list", ()))
+
+
+@pytest.mark.parametrize(
+    ("section", "names"),
+    [
+        ("a : float\n    [m].\nb, c : int, optional\n", {"a", "b", "c"}),
+        ("*args, **options\n    Any.\n", {"args", "options"}),
+    ],
+)
+def test_sections_are_understood(section, names):
+    assert described(section) == names

@@ -1,0 +1,199 @@
+"""Who may import whom, who may plot, who may open files: the house's rules, read from the source itself."""
+
+import ast
+import re
+from pathlib import Path
+
+import pytest
+
+import pellucid
+
+ROOT = Path(pellucid.__file__).parent
+
+BASE = {"_errors", "units"}
+PHYSICS = BASE | {"models", "_core"}
+UP_TO_SIGNALS = BASE | {"recordings", "datasets", "signals", "protocols"}
+# The order of the flow; a layer may import what its entry names, and itself.
+ALLOWED = {
+    "_errors": set(),
+    "units": {"_errors"},
+    "recordings": BASE,
+    "datasets": BASE | {"recordings"},
+    "signals": BASE | {"recordings", "_core"},
+    "protocols": BASE | {"recordings", "signals"},
+    "models": BASE | {"_core"} | {"recordings.atomic"},  # physics knows no data; its cards are written whole
+    "identification": UP_TO_SIGNALS | PHYSICS,
+    "lab": UP_TO_SIGNALS | PHYSICS | {"identification"},
+    "controllers": PHYSICS,
+    "estimators": UP_TO_SIGNALS | PHYSICS | {"identification"},
+    "assessment": UP_TO_SIGNALS | PHYSICS - {"_core"} | {"identification", "estimators", "controllers"},
+    "report": UP_TO_SIGNALS | PHYSICS - {"_core"} | {"identification", "estimators", "controllers", "assessment"},
+    "published": UP_TO_SIGNALS | PHYSICS - {"_core"} | {"identification", "lab", "estimators", "controllers"}
+    | {"assessment", "report"},
+    "demonstration": UP_TO_SIGNALS | PHYSICS - {"_core"} | {"identification", "lab", "report"},
+    "cli": UP_TO_SIGNALS | PHYSICS - {"_core"} | {"identification", "lab", "estimators", "controllers", "assessment"}
+    | {"report", "published", "demonstration"},
+}  # fmt: skip
+PLOTTING = {"report"}
+CORE_USERS = {"models", "signals", "identification", "estimators", "controllers", "lab"}
+DRAWER = re.compile(r"utils?|helpers?|misc|common|tools|stuff")
+
+
+def sources(root: Path = ROOT):
+    return sorted(path for path in root.rglob("*.py") if "__pycache__" not in path.parts)
+
+
+def layer_of(path: Path, root: Path = ROOT) -> str:
+    return path.relative_to(root).with_suffix("").parts[0]
+
+
+def imports(path: Path, root: Path = ROOT):
+    """Line and target of every import, anywhere in a file: parts below the package, or ('', a top-level name)."""
+    here = path.relative_to(root).with_suffix("").parts
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.ImportFrom) and node.level:
+            base = here[: len(here) - node.level]
+            tail = tuple(node.module.split(".")) if node.module else ()
+            for alias in node.names:
+                yield node.lineno, (*base, *tail, alias.name)
+        elif isinstance(node, ast.ImportFrom):
+            parts = node.module.split(".")
+            for alias in node.names:
+                yield node.lineno, (*parts[1:], alias.name) if parts[0] == root.name else ("", parts[0])
+        elif isinstance(node, ast.Import):
+            for alias in node.names:
+                parts = alias.name.split(".")
+                yield node.lineno, tuple(parts[1:]) if parts[0] == root.name else ("", parts[0])
+
+
+def violations(root: Path = ROOT):
+    for path in sources(root):
+        layer = layer_of(path, root)
+        if layer == "__init__":
+            continue
+        where = path.relative_to(root).as_posix()
+        if layer not in ALLOWED:
+            yield f"{where}: the layer '{layer}' has no entry in ALLOWED"
+            continue
+        for line, target in imports(path, root):
+            if target[:1] == ("",):
+                if target[1] in ("matplotlib", "pylab") and layer not in PLOTTING:
+                    yield f"{where}:{line}: only {sorted(PLOTTING)} may import matplotlib"
+            elif (
+                target
+                and target[0] not in {layer, "__version__"}
+                and target[0] not in ALLOWED[layer]
+                and ".".join(target[:2]) not in ALLOWED[layer]
+            ):
+                yield f"{where}:{line}: {layer} may not import {'.'.join(target)}"
+
+
+def test_imports_follow_the_flow():
+    found = list(violations())
+    assert not found, "\n".join(found)
+
+
+def test_only_the_layers_that_compute_reach_into_the_core():
+    assert {layer for layer, allowed in ALLOWED.items() if "_core" in allowed} <= CORE_USERS
+
+
+@pytest.mark.parametrize(
+    ("file", "text", "said"),
+    [
+        ("models/a.py", "from ..recordings.study import Study", "models may not import recordings.study.Study"),
+        ("signals/a.py", "def f():\n    import matplotlib.pyplot", "only ['report'] may import matplotlib"),
+        ("report/a.py", "from .. import _core", "report may not import _core"),
+        ("helpful/a.py", "", "the layer 'helpful' has no entry"),
+    ],
+)
+def test_a_wrong_import_is_found(tmp_path, file, text, said):
+    path = tmp_path / "pellucid" / file
+    path.parent.mkdir(parents=True)
+    path.write_text(text, encoding="utf-8")
+    assert [v for v in violations(tmp_path / "pellucid") if said in v]
+
+
+def test_no_import_goes_in_a_circle():
+    """Module by module, imports that run at import time; none of a type checker's."""
+    names = {".".join(p.relative_to(ROOT).with_suffix("").parts): p for p in sources()}
+
+    def module(parts: tuple[str, ...]) -> str | None:
+        for end in (len(parts), len(parts) - 1):
+            for name in (".".join(parts[:end]), ".".join((*parts[:end], "__init__"))):
+                if name in names:
+                    return name
+        return None
+
+    edges = {}
+    for name, path in names.items():
+        tree = ast.parse(path.read_text(encoding="utf-8"))
+        late = {
+            n.lineno
+            for node in ast.walk(tree)
+            if isinstance(node, (ast.FunctionDef, ast.AsyncFunctionDef))
+            or (isinstance(node, ast.If) and "TYPE_CHECKING" in ast.unparse(node.test))
+            for n in ast.walk(node)
+            if isinstance(n, (ast.Import, ast.ImportFrom))
+        }
+        found = {module(t) for line, t in imports(path) if line not in late and t[:1] != ("",)}
+        edges[name] = {f for f in found if f and f != name}
+    done, trail = set(), []
+
+    def visit(name: str):
+        if name in trail:
+            pytest.fail("imports in a circle: " + " -> ".join([*trail[trail.index(name) :], name]))
+        if name in done:
+            return
+        trail.append(name)
+        for other in sorted(edges[name]):
+            visit(other)
+        trail.pop()
+        done.add(name)
+
+    for name in edges:
+        visit(name)
+
+
+# Where a file of the package's own is read or written, and why that is not opening data.
+OWN_FILES = {
+    "models/card.py": "model cards",
+    "report/document.py": "the page's template",
+    "lab": "the virtual lab writes recordings and reads its own rigs",
+    "published": "printed numbers",
+}
+OPENERS = re.compile(
+    r"\b(?:open|np\.load|np\.loadtxt|np\.genfromtxt|numpy\.load|loadmat|json\.load|csv\.reader|read_csv)\s*\("
+    r"|\.(?:read_text|read_bytes|open)\(|\b(?:scipy\.io|h5py|ezc3d|pyxdf|pyedflib)\b"
+)
+
+
+def test_only_readers_open_data_files():
+    found = []
+    for path in sources():
+        where = path.relative_to(ROOT).as_posix()
+        if layer_of(path) in {"recordings", "datasets"} or where in OWN_FILES or layer_of(path) in OWN_FILES:
+            continue
+        for number, line in enumerate(path.read_text(encoding="utf-8").splitlines(), 1):
+            if OPENERS.search(line.split("#")[0]) and "pellucid.open" not in line:
+                found.append(f"{where}:{number}: {line.strip()}")
+    assert not found, "\n".join(found)
+
+
+def test_one_concept_one_file():
+    names = [p for p in sources() if p.stem != "__init__"]
+    assert [p.name for p in names if DRAWER.fullmatch(p.stem)] == []
+    assert [p.name for p in ROOT.rglob("*") if p.is_dir() and DRAWER.fullmatch(p.name)] == []
+
+
+def test_no_data_set_is_named_in_code():
+    """A lab's recording and a public one take the same way: names of data sets are data."""
+    from pellucid import datasets
+
+    words = re.compile("|".join({*datasets.names(), *(n.split("_")[0] for n in datasets.names())}), re.IGNORECASE)
+    found = [
+        f"{path.relative_to(ROOT).as_posix()}:{number}: {line.strip()}"
+        for path in sources()
+        for number, line in enumerate(path.read_text(encoding="utf-8").splitlines(), 1)
+        if words.search(line)
+    ]
+    assert not found, "\n".join(found)

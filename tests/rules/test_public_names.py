@@ -1,0 +1,64 @@
+"""The names people may rely on, and what importing them costs: nothing until they are used."""
+
+import subprocess
+import sys
+
+import pytest
+
+import pellucid
+
+NAMES = ["__version__", "check", "compare", "datasets", "demo", "identify", "init", "open", "report"]
+COMMANDS = ["init", "check", "identify", "report", "compare", "demo", "version", "datasets"]
+HEAVY = ("numpy", "scipy", "matplotlib", "pydantic", "pint", "rich", "jinja2", "pooch")
+
+
+def test_public_names_are_frozen():
+    """A name leaves or joins this list on purpose, with a line in the documentation."""
+    assert sorted(pellucid.__all__) == NAMES
+    assert dir(pellucid) == pellucid.__all__
+
+
+def test_every_public_name_is_there():
+    for name in NAMES:
+        assert getattr(pellucid, name) is not None
+    assert all(callable(getattr(pellucid, n)) for n in NAMES if n not in ("__version__", "datasets"))
+
+
+def test_an_unknown_name_lists_the_known_ones():
+    with pytest.raises(AttributeError, match="identify"):
+        _ = pellucid.identity
+
+
+def test_report_is_a_function_and_a_folder():
+    """Whichever is imported first."""
+    from pellucid.report.document import write_report
+
+    assert callable(pellucid.report)
+    assert callable(write_report)
+
+
+def test_commands_are_frozen():
+    from pellucid.cli import app
+
+    named = [c.name or c.callback.__name__ for c in app.registered_commands]
+    named += [g.typer_instance.info.name for g in app.registered_groups]
+    assert sorted(named) == sorted(COMMANDS)
+
+
+def _loaded_by(code: str) -> set[str]:
+    script = f"import sys\n{code}\nprint('\\n'.join(m for m in sys.modules))"
+    run = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
+    return {line.split(".")[0] for line in run.stdout.splitlines()}
+
+
+def test_importing_costs_nothing():
+    assert not _loaded_by("import pellucid") & set(HEAVY)
+
+
+def test_help_loads_nothing_heavy():
+    """Told by what is loaded, not by the clock."""
+    code = (
+        "from pellucid.cli import app\n"
+        "try:\n    app(['--help'])\nexcept SystemExit as stop:\n    assert not stop.code\n"
+    )
+    assert not _loaded_by(code) & set(HEAVY)
