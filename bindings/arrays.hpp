@@ -23,7 +23,9 @@ inline std::string text(const Shape& shape) {
   for (std::size_t i = 0; i < shape.size(); ++i) result += (i > 0 ? ", " : "") + std::to_string(shape[i]);
   return result + (shape.size() == 1 ? ",)" : ")");
 }
-inline std::string same_length(const char* as, std::size_t n) { return "(" + std::to_string(n) + ",), as long as " + as; }
+inline std::string same_length(const char* as, std::size_t n) {
+  return "(" + std::to_string(n) + ",), as long as " + as;
+}
 
 /// A contiguous array of T that came in, and the object that owns it.
 template <class T> struct BasicArray {
@@ -53,7 +55,9 @@ template <class T> struct BasicResult {
   nb::capsule owner;
 
   explicit BasicResult(Shape extents)
-      : data(new T[count(extents)]()), shape(std::move(extents)), owner(data, [](void* p) noexcept { delete[] static_cast<T*>(p); }) {}
+      : data(new T[count(extents)]()),
+        shape(std::move(extents)),
+        owner(data, [](void* p) noexcept { delete[] static_cast<T*>(p); }) {}
   static std::size_t count(const Shape& extents) {
     std::size_t n = 1;
     for (const std::size_t extent : extents) n *= extent;
@@ -81,7 +85,9 @@ inline nb::object numbers(const char* name, nb::handle value) {
     throw nb::value_error((std::string(name) + ": expected an array of numbers; " + error.what()).c_str());
   }
   if (kind != "f" && kind != "i" && kind != "u" && kind != "b")
-    throw nb::value_error((std::string(name) + ": expected real numbers, got " + nb::str(array.attr("dtype")).c_str()).c_str());
+    throw nb::value_error(
+        (std::string(name) + ": expected real numbers, got " + nb::cast<std::string>(array.attr("dtype").attr("name")))
+            .c_str());
   return array;
 }
 
@@ -89,7 +95,8 @@ template <class T> BasicArray<T> read_array_of(const char* name, nb::handle valu
   nb::ndarray<const T, nb::c_contig, nb::device::cpu> view;
   nb::object owner = nb::borrow(value);
   if (!nb::try_cast(value, view, false)) {
-    owner = numbers(name, value).attr("astype")(std::is_same<T, float>::value ? "float32" : "float64", nb::arg("order") = "C");
+    owner = numbers(name, value)
+                .attr("astype")(std::is_same<T, float>::value ? "float32" : "float64", nb::arg("order") = "C");
     view = nb::cast<nb::ndarray<const T, nb::c_contig, nb::device::cpu>>(owner);
   }
   BasicArray<T> array{name, std::move(owner), view.data(), {}};
@@ -110,7 +117,8 @@ inline double read_number(const char* name, nb::handle value) {
 }
 
 inline long long read_integer(const char* name, nb::handle value, long long least, long long most) {
-  const std::string expected = std::string(name) + ": expected a whole number from " + std::to_string(least) + " to " + std::to_string(most);
+  const std::string expected =
+      std::string(name) + ": expected a whole number from " + std::to_string(least) + " to " + std::to_string(most);
   const nb::object index = nb::steal(PyNumber_Index(value.ptr()));
   int overflow = 0;
   const long long number = index.is_valid() ? PyLong_AsLongLongAndOverflow(index.ptr(), &overflow) : 0;
@@ -126,7 +134,9 @@ inline std::vector<std::size_t> read_indices(const char* name, nb::handle value,
   const Array indices = read_array(name, array);
   if (indices.shape.size() != 1) indices.fail("(k,)");
   if (indices.size() > 0 && kind != "i" && kind != "u")
-    throw nb::value_error((std::string(name) + ": expected integers, got " + nb::str(array.attr("dtype")).c_str()).c_str());
+    throw nb::value_error(
+        (std::string(name) + ": expected integers, got " + nb::cast<std::string>(array.attr("dtype").attr("name")))
+            .c_str());
   std::vector<std::size_t> result;
   for (std::size_t i = 0; i < indices.size(); ++i) {
     if (!(indices.data[i] >= 0 && indices.data[i] < static_cast<double>(end)))

@@ -21,9 +21,19 @@ namespace p = pellucid;
 const Kernels& kernels = best_kernels();
 
 constexpr const char* loop_names[] = {"none", "p", "pi", "pd", "cascade", "velocity_pi"};
-constexpr const char* setting_names[setting_count] = {
-    "kp", "ki", "kd", "kv", "limit", "gain", "back_emf", "encoder_quantum", "ripple_amplitude", "ripple_wave_number",
-    "ripple_phase", "position0", "velocity0"};
+constexpr const char* setting_names[setting_count] = {"kp",
+                                                      "ki",
+                                                      "kd",
+                                                      "kv",
+                                                      "limit",
+                                                      "gain",
+                                                      "back_emf",
+                                                      "encoder_quantum",
+                                                      "ripple_amplitude",
+                                                      "ripple_wave_number",
+                                                      "ripple_phase",
+                                                      "position0",
+                                                      "velocity0"};
 
 // ---- the joint ----
 
@@ -58,16 +68,16 @@ nb::object inverse_dynamics(nb::handle parameters, nb::handle position, nb::hand
   return effort.array();
 }
 
-nb::object inverse_dynamics_jacobian(nb::handle parameters, nb::handle position, nb::handle velocity, nb::handle acceleration,
-                                     nb::handle active) {
+nb::object inverse_dynamics_jacobian(nb::handle parameters, nb::handle position, nb::handle velocity,
+                                     nb::handle acceleration, nb::handle active) {
   const JointArguments in(parameters, {{"position", position}, {"velocity", velocity}, {"acceleration", acceleration}});
   const std::vector<std::size_t> indices = read_indices("active", active, p::parameter_count);
   Result effort({in.n});
   Result jacobian({in.n, indices.size()});
   {
     nb::gil_scoped_release release;
-    kernels.inverse_dynamics_jacobian(in.parameters.data, in.n, in[0], in[1], in[2], indices.data(), indices.size(), effort.data,
-                                      jacobian.data);
+    kernels.inverse_dynamics_jacobian(in.parameters.data, in.n, in[0], in[1], in[2], indices.data(), indices.size(),
+                                      effort.data, jacobian.data);
   }
   return nb::make_tuple(effort.array(), jacobian.array());
 }
@@ -107,7 +117,8 @@ nb::object load(nb::handle parameters, nb::handle position, nb::handle accelerat
 /// The keywords of a call, each taken once.
 class Keywords {
  public:
-  Keywords(const char* function, const nb::kwargs& kwargs) : function_(function), left_(nb::steal(PyDict_Copy(kwargs.ptr()))) {}
+  Keywords(const char* function, const nb::kwargs& kwargs)
+      : function_(function), left_(nb::steal(PyDict_Copy(kwargs.ptr()))) {}
 
   nb::object take(const char* name) {
     nb::object value = nb::borrow(PyDict_GetItemString(left_.ptr(), name));
@@ -173,7 +184,8 @@ struct SimulationArguments {
     simulation.velocity_span = keywords.count("velocity_span", 0, 0, p::max_velocity_span);
     simulation.loop = loop(keywords.take("loop"));
     simulation.stiction = truth(keywords.take("stiction"));
-    for (std::size_t i = 0; i < setting_count; ++i) simulation.settings[i] = setting(i, keywords.take(setting_names[i]), batch);
+    for (std::size_t i = 0; i < setting_count; ++i)
+      simulation.settings[i] = setting(i, keywords.take(setting_names[i]), batch);
 
     for (double*& output : simulation.output) {
       outputs.push_back(batch ? Result({simulation.rows, simulation.samples}) : Result({simulation.samples}));
@@ -280,8 +292,8 @@ template <class S> class Biquads {
     for (std::size_t i = 0; i < array.shape[0]; ++i) {
       const double* row = array.data + 6 * i;
       if (row[3] != 1.0) throw nb::value_error("sos: expected every a0 (column 3) to be 1");
-      coefficients_.section[i] = {static_cast<S>(row[0]), static_cast<S>(row[1]), static_cast<S>(row[2]), static_cast<S>(row[4]),
-                                  static_cast<S>(row[5])};
+      coefficients_.section[i] = {static_cast<S>(row[0]), static_cast<S>(row[1]), static_cast<S>(row[2]),
+                                  static_cast<S>(row[4]), static_cast<S>(row[5])};
     }
   }
   S step(S x) { return p::step(coefficients_, state_, x); }
@@ -303,14 +315,16 @@ class SafetyGate {
  public:
   SafetyGate(double effort_limit, double rate_limit, double velocity_limit, double position_min, double position_max,
              double stop_margin, double max_age, std::uint32_t max_repeats, double period)
-      : coefficients_(p::coefficients(p::SafetyParams<double>{effort_limit, rate_limit, velocity_limit, position_min, position_max,
-                                                              stop_margin, max_age, max_repeats, period})) {
+      : coefficients_(
+            p::coefficients(p::SafetyParams<double>{effort_limit, rate_limit, velocity_limit, position_min,
+                                                    position_max, stop_margin, max_age, max_repeats, period})) {
     reset();
   }
   double step(double command, double position, double velocity, double time, std::int64_t sequence) {
     const bool valid = std::fabs(time) < 9e12;  // microseconds that 64 bits hold; false for NaN
     const std::int64_t microseconds = valid ? std::llround(time * 1e6) : 0;
-    return p::step(coefficients_, state_, {command, position, velocity, microseconds, static_cast<std::uint32_t>(sequence), valid});
+    return p::step(coefficients_, state_,
+                   {command, position, velocity, microseconds, static_cast<std::uint32_t>(sequence), valid});
   }
   const char* fault() const { return p::safety_fault_names[static_cast<std::size_t>(state_.fault)]; }
   void reset() {
@@ -354,46 +368,58 @@ NB_MODULE(_core, m) {
   m.attr("PARAMETER_NAMES") = nb::tuple(names);
   m.attr("instructions") = b::kernels.instructions;
 
-  m.def("inverse_dynamics", b::inverse_dynamics, nb::arg("parameters"), nb::arg("position"), nb::arg("velocity"), nb::arg("acceleration"),
-        nb::sig(b::docs::inverse_dynamics_sig), b::docs::inverse_dynamics);
-  m.def("inverse_dynamics_jacobian", b::inverse_dynamics_jacobian, nb::arg("parameters"), nb::arg("position"), nb::arg("velocity"),
-        nb::arg("acceleration"), nb::arg("active"), nb::sig(b::docs::inverse_dynamics_jacobian_sig), b::docs::inverse_dynamics_jacobian);
-  m.def("forward_dynamics", b::forward_dynamics, nb::arg("parameters"), nb::arg("position"), nb::arg("velocity"), nb::arg("effort"),
-        nb::sig(b::docs::forward_dynamics_sig), b::docs::forward_dynamics);
-  m.def("friction", b::friction, nb::arg("parameters"), nb::arg("velocity"), nb::arg("load"), nb::sig(b::docs::friction_sig),
-        b::docs::friction);
-  m.def("load", b::load, nb::arg("parameters"), nb::arg("position"), nb::arg("acceleration"), nb::sig(b::docs::load_sig), b::docs::load);
-  m.def("simulate", b::simulate, nb::arg("parameters"), nb::arg("kwargs"), nb::sig(b::docs::simulate_sig), b::docs::simulate);
-  m.def("simulate_batch", b::simulate_batch, nb::arg("parameters"), nb::arg("kwargs"), nb::sig(b::docs::simulate_batch_sig),
-        b::docs::simulate_batch);
-  m.def("simulate_jacobian", b::simulate_jacobian, nb::arg("parameters"), nb::arg("kwargs"), nb::sig(b::docs::simulate_jacobian_sig),
-        b::docs::simulate_jacobian);
+  m.def("inverse_dynamics", b::inverse_dynamics, nb::arg("parameters").none(), nb::arg("position").none(),
+        nb::arg("velocity").none(), nb::arg("acceleration").none(), nb::sig(b::docs::inverse_dynamics_sig),
+        b::docs::inverse_dynamics);
+  m.def("inverse_dynamics_jacobian", b::inverse_dynamics_jacobian, nb::arg("parameters").none(),
+        nb::arg("position").none(), nb::arg("velocity").none(), nb::arg("acceleration").none(),
+        nb::arg("active").none(), nb::sig(b::docs::inverse_dynamics_jacobian_sig), b::docs::inverse_dynamics_jacobian);
+  m.def("forward_dynamics", b::forward_dynamics, nb::arg("parameters").none(), nb::arg("position").none(),
+        nb::arg("velocity").none(), nb::arg("effort").none(), nb::sig(b::docs::forward_dynamics_sig),
+        b::docs::forward_dynamics);
+  m.def("friction", b::friction, nb::arg("parameters").none(), nb::arg("velocity").none(), nb::arg("load").none(),
+        nb::sig(b::docs::friction_sig), b::docs::friction);
+  m.def("load", b::load, nb::arg("parameters").none(), nb::arg("position").none(), nb::arg("acceleration").none(),
+        nb::sig(b::docs::load_sig), b::docs::load);
+  m.def("simulate", b::simulate, nb::arg("parameters").none(), nb::arg("kwargs"), nb::sig(b::docs::simulate_sig),
+        b::docs::simulate);
+  m.def("simulate_batch", b::simulate_batch, nb::arg("parameters").none(), nb::arg("kwargs"),
+        nb::sig(b::docs::simulate_batch_sig), b::docs::simulate_batch);
+  m.def("simulate_jacobian", b::simulate_jacobian, nb::arg("parameters").none(), nb::arg("kwargs"),
+        nb::sig(b::docs::simulate_jacobian_sig), b::docs::simulate_jacobian);
 
   nb::class_<b::Biquads<double>>(m, "Biquads", b::docs::biquads)
-      .def(nb::init<nb::handle>(), nb::arg("sos"), nb::sig("def __init__(self, sos: ArrayLike) -> None"))
+      .def(nb::init<nb::handle>(), nb::arg("sos").none(), nb::sig("def __init__(self, sos: ArrayLike) -> None"))
       .def("step", &b::Biquads<double>::step, nb::arg("x"), "One sample.")
-      .def("filter", &b::Biquads<double>::filter, nb::arg("x"), nb::sig("def filter(self, x: ArrayLike) -> NDArray[float64]"),
+      .def("filter", &b::Biquads<double>::filter, nb::arg("x").none(),
+           nb::sig("def filter(self, x: ArrayLike) -> NDArray[float64]"),
            "Samples one after another, going on from the state.")
       .def("reset", &b::Biquads<double>::reset, "Back to a state of zeros.");
   nb::class_<b::Biquads<float>>(m, "BiquadsFloat", b::docs::biquads_float)
-      .def(nb::init<nb::handle>(), nb::arg("sos"), nb::sig("def __init__(self, sos: ArrayLike) -> None"))
+      .def(nb::init<nb::handle>(), nb::arg("sos").none(), nb::sig("def __init__(self, sos: ArrayLike) -> None"))
       .def("step", &b::Biquads<float>::step, nb::arg("x"), "One sample.")
-      .def("filter", &b::Biquads<float>::filter, nb::arg("x"), nb::sig("def filter(self, x: ArrayLike) -> NDArray[float32]"),
+      .def("filter", &b::Biquads<float>::filter, nb::arg("x").none(),
+           nb::sig("def filter(self, x: ArrayLike) -> NDArray[float32]"),
            "Samples one after another, going on from the state.")
       .def("reset", &b::Biquads<float>::reset, "Back to a state of zeros.");
 
   nb::class_<b::SafetyGate>(m, "SafetyGate", b::docs::safety_gate)
       .def(nb::init<double, double, double, double, double, double, double, std::uint32_t, double>(), nb::kw_only(),
-           nb::arg("effort_limit"), nb::arg("rate_limit"), nb::arg("velocity_limit"), nb::arg("position_min"), nb::arg("position_max"),
-           nb::arg("stop_margin"), nb::arg("max_age"), nb::arg("max_repeats"), nb::arg("period"))
+           nb::arg("effort_limit"), nb::arg("rate_limit"), nb::arg("velocity_limit"), nb::arg("position_min"),
+           nb::arg("position_max"), nb::arg("stop_margin"), nb::arg("max_age"), nb::arg("max_repeats"),
+           nb::arg("period"))
       .def("step", &b::SafetyGate::step, nb::arg("command"), nb::arg("position"), nb::arg("velocity"), nb::arg("time"),
            nb::arg("sequence"), b::docs::safety_gate_step)
       .def_prop_ro("fault", &b::SafetyGate::fault, b::docs::safety_gate_fault)
-      .def("reset", &b::SafetyGate::reset, "Open the gate again; the output goes on from where it is, within the rate limit.");
+      .def("reset", &b::SafetyGate::reset,
+           "Open the gate again; the output goes on from where it is, within the rate limit.");
 
   nb::module_ math = m.def_submodule("math", "The core's elementary functions, on float64 or float32 arrays.");
-  const auto elementary = [&math](const char* name, double (*in_double)(double), float (*in_float)(float), const char* signature) {
-    math.def(name, [in_double, in_float](nb::handle x) { return b::elementwise(in_double, in_float, x); }, nb::arg("x"), nb::sig(signature));
+  const auto elementary = [&math](const char* name, double (*in_double)(double), float (*in_float)(float),
+                                  const char* signature) {
+    math.def(
+        name, [in_double, in_float](nb::handle x) { return b::elementwise(in_double, in_float, x); },
+        nb::arg("x").none(), nb::sig(signature));
   };
   elementary("exp", b::call_exp<double>, b::call_exp<float>, "def exp(x: ArrayLike) -> NDArray");
   elementary("log", b::call_log<double>, b::call_log<float>, "def log(x: ArrayLike) -> NDArray");

@@ -5,9 +5,15 @@
 #include <cstring>
 
 namespace bindings {
-namespace baseline { extern const Kernels kernels; }
-namespace avx2 { extern const Kernels kernels; }
-namespace avx512 { extern const Kernels kernels; }
+namespace baseline {
+extern const Kernels kernels;
+}
+namespace avx2 {
+extern const Kernels kernels;
+}
+namespace avx512 {
+extern const Kernels kernels;
+}
 
 const Kernels& best_kernels() {
 #if defined(__x86_64__)

@@ -1,11 +1,13 @@
-// Signatures and docstrings of pellucid._core; `make stub` writes src/pellucid/_core.pyi from them.
+// Signatures and docstrings of pellucid._core; bindings/write_stub.py makes src/pellucid/_core.pyi of them.
 #pragma once
 
 namespace bindings::docs {
 
 constexpr const char* inverse_dynamics_sig =
-    "def inverse_dynamics(parameters: ArrayLike, position: ArrayLike, velocity: ArrayLike, acceleration: ArrayLike) -> NDArray[float64]";
-constexpr const char* inverse_dynamics = R"(Effort that moves a joint so: y + friction(v, y) + offset, y = J a + g_s sin q + g_c cos q.
+    "def inverse_dynamics(parameters: ArrayLike, position: ArrayLike, velocity: ArrayLike, acceleration: ArrayLike) -> "
+    "NDArray[float64]";
+constexpr const char* inverse_dynamics =
+    R"(Effort that moves a joint so: y + friction(v, y) + offset, y = J a + g_s sin q + g_c cos q.
 
 Parameters
 ----------
@@ -20,7 +22,8 @@ Returns
     Effort [N m]; N on a prismatic joint.)";
 
 constexpr const char* inverse_dynamics_jacobian_sig =
-    "def inverse_dynamics_jacobian(parameters: ArrayLike, position: ArrayLike, velocity: ArrayLike, acceleration: ArrayLike, "
+    "def inverse_dynamics_jacobian(parameters: ArrayLike, position: ArrayLike, velocity: ArrayLike, acceleration: "
+    "ArrayLike, "
     "active: ArrayLike) -> tuple[NDArray[float64], NDArray[float64]]";
 constexpr const char* inverse_dynamics_jacobian = R"(inverse_dynamics and its exact derivatives by some parameters.
 
@@ -41,8 +44,10 @@ jacobian : (n, k)
     d effort / d parameters[active].)";
 
 constexpr const char* forward_dynamics_sig =
-    "def forward_dynamics(parameters: ArrayLike, position: ArrayLike, velocity: ArrayLike, effort: ArrayLike) -> NDArray[float64]";
-constexpr const char* forward_dynamics = R"(Acceleration that an effort gives; the inverse of inverse_dynamics, in closed form.
+    "def forward_dynamics(parameters: ArrayLike, position: ArrayLike, velocity: ArrayLike, effort: ArrayLike) -> "
+    "NDArray[float64]";
+constexpr const char* forward_dynamics =
+    R"(Acceleration that an effort gives; the inverse of inverse_dynamics, in closed form.
 
 Parameters
 ----------
@@ -56,8 +61,10 @@ Returns
 (n,)
     Acceleration [rad/s^2].)";
 
-constexpr const char* friction_sig = "def friction(parameters: ArrayLike, velocity: ArrayLike, load: ArrayLike) -> NDArray[float64]";
-constexpr const char* friction = R"(Friction level(v) s + F_v v + alpha |y| s, with s = tanh(v / w), or sign(v) where w is 0.
+constexpr const char* friction_sig =
+    "def friction(parameters: ArrayLike, velocity: ArrayLike, load: ArrayLike) -> NDArray[float64]";
+constexpr const char* friction =
+    R"(Friction level(v) s + F_v v + alpha |y| s, with s = tanh(v / w), or sign(v) where w is 0.
 
 Parameters
 ----------
@@ -71,7 +78,8 @@ Returns
 (n,)
     Friction effort [N m], along +v.)";
 
-constexpr const char* load_sig = "def load(parameters: ArrayLike, position: ArrayLike, acceleration: ArrayLike) -> NDArray[float64]";
+constexpr const char* load_sig =
+    "def load(parameters: ArrayLike, position: ArrayLike, acceleration: ArrayLike) -> NDArray[float64]";
 constexpr const char* load = R"(Load y = J a + g_s sin q + g_c cos q that passes through the drive [N m].
 
 Parameters
@@ -82,10 +90,14 @@ position, acceleration : (n,)
     q [rad], a [rad/s^2].)";
 
 constexpr const char* simulate_sig =
-    "def simulate(parameters: ArrayLike, *, reference: ArrayLike, period: float, substeps: int = 4, loop: str = \"none\", "
-    "kp: float = 0, ki: float = 0, kd: float = 0, kv: float = 0, limit: float = 0, velocity_span: int = 0, gain: float = 1, "
-    "back_emf: float = 0, injected: ArrayLike | None = None, disturbance: ArrayLike | None = None, encoder_quantum: float = 0, "
-    "encoder_noise: ArrayLike | None = None, ripple_amplitude: float = 0, ripple_wave_number: float = 0, ripple_phase: float = 0, "
+    "def simulate(parameters: ArrayLike, *, reference: ArrayLike, period: float, substeps: int = 4, loop: str = "
+    "\"none\", "
+    "kp: float = 0, ki: float = 0, kd: float = 0, kv: float = 0, limit: float = 0, velocity_span: int = 0, gain: float "
+    "= 1, "
+    "back_emf: float = 0, injected: ArrayLike | None = None, disturbance: ArrayLike | None = None, encoder_quantum: "
+    "float = 0, "
+    "encoder_noise: ArrayLike | None = None, ripple_amplitude: float = 0, ripple_wave_number: float = 0, ripple_phase: "
+    "float = 0, "
     "position0: float = 0, velocity0: float = 0, stiction: bool = False) -> tuple[NDArray[float64], ...]";
 constexpr const char* simulate = R"(A joint under its own controller, sample by sample.
 
@@ -114,7 +126,8 @@ velocity_span : int
 gain, back_emf : float
     Effort per command, default 1, and effort lost per velocity, default 0.
 injected, disturbance, encoder_noise : (n,)
-    Added to the command after the limit, effort on the joint from outside [N m], added to the measured position [rad].
+    Added to the command after the limit; effort on the joint from outside [N m]; added to the measured position
+    [rad]. Default: none.
 encoder_quantum : float
     Smallest step of the encoder [rad]; 0: none. Default 0.
 ripple_amplitude, ripple_wave_number, ripple_phase : float
@@ -122,8 +135,8 @@ ripple_amplitude, ripple_wave_number, ripple_phase : float
 position0, velocity0 : float
     Where the joint starts [rad, rad/s]. Default 0.
 stiction : bool
-    True stiction: the true sign whatever velocity_width is, and a joint at rest under less than the breakaway effort
-    stays there to the bit. Default: smooth friction.
+    True stiction: the true sign whatever velocity_width is, and a joint at rest under less than the breakaway
+    effort stays there to the bit. Default: smooth friction.
 
 Returns
 -------
@@ -133,13 +146,18 @@ position, velocity, acceleration, command, effort, measured_position : (n,) each
     acceleration are those at the start of that period.)";
 
 constexpr const char* simulate_batch_sig =
-    "def simulate_batch(parameters: ArrayLike, *, reference: ArrayLike, period: float, substeps: int = 4, loop: str = \"none\", "
-    "kp: ArrayLike = 0, ki: ArrayLike = 0, kd: ArrayLike = 0, kv: ArrayLike = 0, limit: ArrayLike = 0, velocity_span: int = 0, "
-    "gain: ArrayLike = 1, back_emf: ArrayLike = 0, injected: ArrayLike | None = None, disturbance: ArrayLike | None = None, "
+    "def simulate_batch(parameters: ArrayLike, *, reference: ArrayLike, period: float, substeps: int = 4, loop: str = "
+    "\"none\", "
+    "kp: ArrayLike = 0, ki: ArrayLike = 0, kd: ArrayLike = 0, kv: ArrayLike = 0, limit: ArrayLike = 0, velocity_span: "
+    "int = 0, "
+    "gain: ArrayLike = 1, back_emf: ArrayLike = 0, injected: ArrayLike | None = None, disturbance: ArrayLike | None = "
+    "None, "
     "encoder_quantum: ArrayLike = 0, encoder_noise: ArrayLike | None = None, ripple_amplitude: ArrayLike = 0, "
-    "ripple_wave_number: ArrayLike = 0, ripple_phase: ArrayLike = 0, position0: ArrayLike = 0, velocity0: ArrayLike = 0, "
+    "ripple_wave_number: ArrayLike = 0, ripple_phase: ArrayLike = 0, position0: ArrayLike = 0, velocity0: ArrayLike = "
+    "0, "
     "stiction: bool = False, threads: int = 1) -> tuple[NDArray[float64], ...]";
-constexpr const char* simulate_batch = R"(Many joints at once, in the lanes of the processor; the same bits as `simulate` gives one by one.
+constexpr const char* simulate_batch =
+    R"(Many joints at once, in the lanes of the processor; the same bits as `simulate` gives one by one.
 
 Parameters
 ----------
@@ -158,12 +176,17 @@ position, velocity, acceleration, command, effort, measured_position : (m, n) ea
     As `simulate` returns them.)";
 
 constexpr const char* simulate_jacobian_sig =
-    "def simulate_jacobian(parameters: ArrayLike, *, active: ArrayLike, reference: ArrayLike, period: float, substeps: int = 4, "
-    "loop: str = \"none\", kp: float = 0, ki: float = 0, kd: float = 0, kv: float = 0, limit: float = 0, velocity_span: int = 0, "
+    "def simulate_jacobian(parameters: ArrayLike, *, active: ArrayLike, reference: ArrayLike, period: float, substeps: "
+    "int = 4, "
+    "loop: str = \"none\", kp: float = 0, ki: float = 0, kd: float = 0, kv: float = 0, limit: float = 0, "
+    "velocity_span: int = 0, "
     "gain: float = 1, back_emf: float = 0, injected: ArrayLike | None = None, disturbance: ArrayLike | None = None, "
-    "encoder_quantum: float = 0, encoder_noise: ArrayLike | None = None, ripple_amplitude: float = 0, ripple_wave_number: float = 0, "
-    "ripple_phase: float = 0, position0: float = 0, velocity0: float = 0, stiction: bool = False) -> tuple[NDArray[float64], ...]";
-constexpr const char* simulate_jacobian = R"(simulate, and the exact derivatives of its trajectory by some parameters of the joint.
+    "encoder_quantum: float = 0, encoder_noise: ArrayLike | None = None, ripple_amplitude: float = 0, "
+    "ripple_wave_number: float = 0, "
+    "ripple_phase: float = 0, position0: float = 0, velocity0: float = 0, stiction: bool = False) -> "
+    "tuple[NDArray[float64], ...]";
+constexpr const char* simulate_jacobian =
+    R"(simulate, and the exact derivatives of its trajectory by some parameters of the joint.
 
 The initial state is a constant. An encoder's staircase is differentiated as its mean slope. Smooth friction only.
 
@@ -179,7 +202,8 @@ position, velocity, acceleration, command, effort, measured_position : (n,) each
 d_position, d_velocity, d_acceleration, d_effort : (n, k) each
     Derivatives by parameters[active].)";
 
-constexpr const char* biquads = R"(A cascade of second-order sections (direct form II transposed) in float64, one sample at a time.
+constexpr const char* biquads =
+    R"(A cascade of second-order sections (direct form II transposed) in float64, one sample at a time.
 
 Parameters
 ----------
@@ -191,7 +215,8 @@ Notes
 A sample that is not finite passes through, and the state starts again at zeros.)";
 constexpr const char* biquads_float = "Biquads in float32, as on a microcontroller.";
 
-constexpr const char* safety_gate = R"(The last step of every controller: what goes out is finite and within the limits, whatever comes in.
+constexpr const char* safety_gate =
+    R"(The last step of every controller: what goes out is finite and within the limits, whatever comes in.
 
 A fault latches: the output ramps to 0 within the rate limit and stays there until reset(). Parameters that make no
 sense give 0 and the fault "configuration".
@@ -219,6 +244,6 @@ command, position, velocity : float
 time, sequence : float, int
     When they were measured [s], and the number of that sample.)";
 constexpr const char* safety_gate_fault =
-    "Why the gate is shut: 'none' while it is open, else 'configuration', 'not_finite', 'stale', 'out_of_order' or 'velocity'.";
+    "'none' while it is open, else 'configuration', 'not_finite', 'stale', 'out_of_order' or 'velocity'.";
 
 }  // namespace bindings::docs

@@ -40,11 +40,14 @@ template <class F, class... In> void for_each(std::size_t n, double* out, F f, c
 void inverse_dynamics(const double* parameters, std::size_t n, const double* position, const double* velocity,
                       const double* acceleration, double* effort) {
   const auto c = joint<Block>(parameters);
-  for_each(n, effort, [&c](Block q, Block v, Block a) { return p::inverse_dynamics(c, q, v, a); }, position, velocity, acceleration);
+  for_each(
+      n, effort, [&c](Block q, Block v, Block a) { return p::inverse_dynamics(c, q, v, a); }, position, velocity,
+      acceleration);
 }
 
 /// Parameters with derivatives by those of active[first...].
-void seed(const double* parameters, const std::size_t* active, std::size_t first, std::size_t k, Dual (&values)[p::parameter_count]) {
+void seed(const double* parameters, const std::size_t* active, std::size_t first, std::size_t k,
+          Dual (&values)[p::parameter_count]) {
   for (std::size_t i = 0; i < p::parameter_count; ++i) values[i] = Dual(parameters[i]);
   for (std::size_t j = first; j < k && j < first + 8; ++j) values[active[j]].derivative.set(j - first, 1.0);
 }
@@ -72,7 +75,9 @@ void inverse_dynamics_jacobian(const double* parameters, std::size_t n, const do
 void forward_dynamics(const double* parameters, std::size_t n, const double* position, const double* velocity,
                       const double* effort, double* acceleration) {
   const auto c = joint<Block>(parameters);
-  for_each(n, acceleration, [&c](Block q, Block v, Block t) { return p::forward_dynamics(c, q, v, t); }, position, velocity, effort);
+  for_each(
+      n, acceleration, [&c](Block q, Block v, Block t) { return p::forward_dynamics(c, q, v, t); }, position, velocity,
+      effort);
 }
 
 void friction(const double* parameters, std::size_t n, const double* velocity, const double* load, double* effort) {
@@ -89,8 +94,12 @@ void load(const double* parameters, std::size_t n, const double* position, const
 template <class S> struct Row {
   std::size_t first;
 
-  S read(const Rows& rows, std::size_t i) const { return rows.data == nullptr ? S(0) : S(rows.data[first * rows.stride + i]); }
-  void write(double* out, std::size_t samples, std::size_t i, const S& x) const { out[first * samples + i] = p::value_of(x); }
+  S read(const Rows& rows, std::size_t i) const {
+    return rows.data == nullptr ? S(0) : S(rows.data[first * rows.stride + i]);
+  }
+  void write(double* out, std::size_t samples, std::size_t i, const S& x) const {
+    out[first * samples + i] = p::value_of(x);
+  }
 };
 template <std::size_t width> struct Row<p::Lanes<double, width>> {
   using Block = p::Lanes<double, width>;
@@ -109,13 +118,21 @@ template <std::size_t width> struct Row<p::Lanes<double, width>> {
   }
 };
 
-template <class S> p::PlantParams<S> plant(const Simulation& s, const Row<S>& row, const S (&parameters)[p::parameter_count]) {
+template <class S>
+p::PlantParams<S> plant(const Simulation& s, const Row<S>& row, const S (&parameters)[p::parameter_count]) {
   const auto setting = [&](Setting which) { return row.read(s.settings[which], 0); };
   p::PlantParams<S> params;
   params.joint = p::joint_params(parameters);
-  params.drive = {setting(gain), setting(back_emf), setting(ripple_amplitude), setting(ripple_wave_number), setting(ripple_phase)};
-  params.loop = {static_cast<p::LoopKind>(s.loop), setting(kp), setting(ki), setting(kd), setting(kv), setting(limit),
-                 s.velocity_span, S(s.period)};
+  params.drive = {setting(gain), setting(back_emf), setting(ripple_amplitude), setting(ripple_wave_number),
+                  setting(ripple_phase)};
+  params.loop = {static_cast<p::LoopKind>(s.loop),
+                 setting(kp),
+                 setting(ki),
+                 setting(kd),
+                 setting(kv),
+                 setting(limit),
+                 s.velocity_span,
+                 S(s.period)};
   params.encoder = {setting(encoder_quantum)};
   params.substeps = s.substeps;
   return params;
@@ -129,19 +146,26 @@ void run(const Simulation& s, const Row<S>& row, const S (&parameters)[p::parame
   state.position = row.read(s.settings[position0], 0);
   state.velocity = row.read(s.settings[velocity0], 0);
   for (std::size_t i = 0; i < s.samples; ++i) {
-    const p::PlantInput<S> input{row.read(s.reference, i), row.read(s.injected, i), row.read(s.disturbance, i), row.read(s.encoder_noise, i)};
+    const p::PlantInput<S> input{row.read(s.reference, i), row.read(s.injected, i), row.read(s.disturbance, i),
+                                 row.read(s.encoder_noise, i)};
     use(i, p::step<mode>(c, state, input));
   }
 }
 
 template <class S> const S& member(const p::PlantOutput<S>& out, std::size_t i) {
   switch (i) {
-    case 0: return out.position;
-    case 1: return out.velocity;
-    case 2: return out.acceleration;
-    case 3: return out.command;
-    case 4: return out.effort;
-    default: return out.measured_position;
+    case 0:
+      return out.position;
+    case 1:
+      return out.velocity;
+    case 2:
+      return out.acceleration;
+    case 3:
+      return out.command;
+    case 4:
+      return out.effort;
+    default:
+      return out.measured_position;
   }
 }
 
@@ -169,7 +193,8 @@ void simulate(const Simulation& s, std::size_t first, std::size_t last) {
   simulate_rows<p::Friction::smooth>(s, first, last);
 }
 
-void simulate_jacobian(const Simulation& s, const std::size_t* active, std::size_t k, double* const (&derivative)[differentiated_count]) {
+void simulate_jacobian(const Simulation& s, const std::size_t* active, std::size_t k,
+                       double* const (&derivative)[differentiated_count]) {
   if (k == 0) return simulate(s, 0, 1);
   const Row<Dual> row{0};
   for (std::size_t first = 0; first < k; first += 8) {
@@ -177,7 +202,8 @@ void simulate_jacobian(const Simulation& s, const std::size_t* active, std::size
     seed(s.parameters.data, active, first, k, parameters);
     run<p::Friction::smooth>(s, row, parameters, [&](std::size_t i, const p::PlantOutput<Dual>& out) {
       for (std::size_t j = 0; j < output_count; ++j) row.write(s.output[j], s.samples, i, member(out, j));
-      for (std::size_t j = 0; j < differentiated_count; ++j) store(member(out, differentiated[j]), derivative[j] + i * k, first, k);
+      for (std::size_t j = 0; j < differentiated_count; ++j)
+        store(member(out, differentiated[j]), derivative[j] + i * k, first, k);
     });
   }
 }
@@ -186,8 +212,9 @@ void simulate_jacobian(const Simulation& s, const std::size_t* active, std::size
 
 namespace PELLUCID_ABI {
 extern const Kernels kernels;
-const Kernels kernels = {PELLUCID_INSTRUCTIONS, inverse_dynamics, inverse_dynamics_jacobian, forward_dynamics, friction, load,
-                         simulate, simulate_jacobian};
+const Kernels kernels = {
+    PELLUCID_INSTRUCTIONS, inverse_dynamics, inverse_dynamics_jacobian, forward_dynamics, friction, load, simulate,
+    simulate_jacobian};
 }  // namespace PELLUCID_ABI
 
 }  // namespace bindings

@@ -16,8 +16,20 @@ struct Rows {
 
 /// Settings of a simulation that are one number per row.
 enum Setting : std::size_t {
-  kp, ki, kd, kv, limit, gain, back_emf, encoder_quantum, ripple_amplitude, ripple_wave_number, ripple_phase,
-  position0, velocity0, setting_count
+  kp,
+  ki,
+  kd,
+  kv,
+  limit,
+  gain,
+  back_emf,
+  encoder_quantum,
+  ripple_amplitude,
+  ripple_wave_number,
+  ripple_phase,
+  position0,
+  velocity0,
+  setting_count
 };
 
 constexpr std::size_t output_count = 6;  // position, velocity, acceleration, command, effort, measured_position
@@ -42,13 +54,14 @@ struct Kernels {
   const char* instructions;
   void (*inverse_dynamics)(const double* parameters, std::size_t n, const double* position, const double* velocity,
                            const double* acceleration, double* effort);
-  void (*inverse_dynamics_jacobian)(const double* parameters, std::size_t n, const double* position, const double* velocity,
-                                    const double* acceleration, const std::size_t* active, std::size_t k, double* effort,
-                                    double* jacobian);
+  void (*inverse_dynamics_jacobian)(const double* parameters, std::size_t n, const double* position,
+                                    const double* velocity, const double* acceleration, const std::size_t* active,
+                                    std::size_t k, double* effort, double* jacobian);
   void (*forward_dynamics)(const double* parameters, std::size_t n, const double* position, const double* velocity,
                            const double* effort, double* acceleration);
   void (*friction)(const double* parameters, std::size_t n, const double* velocity, const double* load, double* effort);
-  void (*load)(const double* parameters, std::size_t n, const double* position, const double* acceleration, double* effort);
+  void (*load)(const double* parameters, std::size_t n, const double* position, const double* acceleration,
+               double* effort);
   /// Rows first to last - 1.
   void (*simulate)(const Simulation&, std::size_t first, std::size_t last);
   /// The one row, and its derivatives by parameters[active], each of samples rows of k.

@@ -17,8 +17,8 @@ template <class S> struct DriveParams {
 
 /// What follows from DriveParams once.
 template <class S> struct DriveCoefficients {
-  DriveParams<S> params{};    ///< as they are
-  bool any_ripple = false;    ///< whether there is ripple, in some lane
+  DriveParams<S> params{};  ///< as they are
+  bool any_ripple = false;  ///< whether there is ripple, in some lane
 };
 
 template <class S> DriveCoefficients<S> coefficients(const DriveParams<S>& params) noexcept {

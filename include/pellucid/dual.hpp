@@ -18,8 +18,8 @@ template <class T, std::size_t N = 8> struct Dual {
 
   Dual() noexcept = default;
   /// A constant.
-  template <class A, std::enable_if_t<std::is_arithmetic<A>::value, int> = 0>
-  explicit Dual(A x) noexcept : value(static_cast<T>(x)) {}
+  template <class A, std::enable_if_t<std::is_arithmetic<A>::value, int> = 0> explicit Dual(A x) noexcept
+      : value(static_cast<T>(x)) {}
   Dual(T x, const Derivative& dx) noexcept : value(x), derivative(dx) {}
   /// The parameter of number `index`: its derivative by itself is 1.
   static Dual parameter(T x, std::size_t index) noexcept {
@@ -28,8 +28,12 @@ template <class T, std::size_t N = 8> struct Dual {
     return result;
   }
 
-  friend Dual operator+(const Dual& a, const Dual& b) noexcept { return {a.value + b.value, a.derivative + b.derivative}; }
-  friend Dual operator-(const Dual& a, const Dual& b) noexcept { return {a.value - b.value, a.derivative - b.derivative}; }
+  friend Dual operator+(const Dual& a, const Dual& b) noexcept {
+    return {a.value + b.value, a.derivative + b.derivative};
+  }
+  friend Dual operator-(const Dual& a, const Dual& b) noexcept {
+    return {a.value - b.value, a.derivative - b.derivative};
+  }
   friend Dual operator*(const Dual& a, const Dual& b) noexcept {
     return {a.value * b.value, a.derivative * b.value + b.derivative * a.value};
   }
@@ -66,13 +70,17 @@ template <class T, std::size_t N> Dual<T, N> select(bool mask, const Dual<T, N>&
   return mask ? a : b;
 }
 template <class T, std::size_t N> T value_of(const Dual<T, N>& x) noexcept { return x.value; }
-template <class T, std::size_t N> Dual<T, N> with_value(const Dual<T, N>& x, T value) noexcept { return {value, x.derivative}; }
+template <class T, std::size_t N> Dual<T, N> with_value(const Dual<T, N>& x, T value) noexcept {
+  return {value, x.derivative};
+}
 template <class T, std::size_t N> bool is_identically_zero(const Dual<T, N>& x) noexcept {
   return x.value == T(0) && is_identically_zero(x.derivative);
 }
 
 /// |x|' = sign(x) x'
-template <class T, std::size_t N> Dual<T, N> abs(const Dual<T, N>& x) noexcept { return {abs(x.value), x.derivative * sign(x.value)}; }
+template <class T, std::size_t N> Dual<T, N> abs(const Dual<T, N>& x) noexcept {
+  return {abs(x.value), x.derivative * sign(x.value)};
+}
 template <class T, std::size_t N> Dual<T, N> copysign(const Dual<T, N>& x, const Dual<T, N>& s) noexcept {
   const T value = copysign(x.value, s.value);
   return {value, x.derivative * (sign(x.value) * sign(value))};
@@ -87,7 +95,9 @@ template <class T, std::size_t N> Dual<T, N> exp(const Dual<T, N>& x) noexcept {
   const T power = exp(x.value);
   return {power, x.derivative * power};
 }
-template <class T, std::size_t N> Dual<T, N> log(const Dual<T, N>& x) noexcept { return {log(x.value), x.derivative * (T(1) / x.value)}; }
+template <class T, std::size_t N> Dual<T, N> log(const Dual<T, N>& x) noexcept {
+  return {log(x.value), x.derivative * (T(1) / x.value)};
+}
 template <class T, std::size_t N> Dual<T, N> tanh(const Dual<T, N>& x) noexcept {
   const T tangent = tanh(x.value);
   return {tangent, x.derivative * (T(1) - tangent * tangent)};

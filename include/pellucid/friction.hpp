@@ -1,8 +1,9 @@
 // Friction of a joint and its drive: Coulomb with a Stribeck rise, viscous, and proportional to the load.
 //
-// The load-dependent part, with one coefficient while the motor lifts the load and another while the load drives the
-// motor back, follows Linderoth, Stolt, Robertsson and Johansson (IROS 2013) and the gear models it cites; the rise
-// towards rest is Stribeck's in the form of Armstrong-Hélouvry, Dupont and Canudas de Wit (Automatica 30, 1994, Eq. 5).
+// The load-dependent part, with one coefficient while power flows from motor to load and another while it flows back,
+// goes back to Hamon, Gautier and Garrec, "Dynamic identification of robots with a dry friction model depending on load
+// and velocity", IROS 2010; the rise towards rest is Stribeck's in its exponential form, as surveyed by
+// Armstrong-Helouvry, Dupont and Canudas de Wit, Automatica 30(7), 1994.
 #pragma once
 
 #include "math.hpp"
@@ -12,15 +13,15 @@ inline namespace PELLUCID_ABI {
 
 /// Friction of a joint. Efforts are N m and velocities rad/s on a rotary joint, N and m/s on a prismatic one.
 template <class S> struct FrictionParams {
-  S coulomb_positive{};    ///< F_c+, level while v > 0 [N m], >= 0
-  S coulomb_negative{};    ///< F_c-, level while v < 0 [N m], >= 0
-  S viscous_positive{};    ///< F_v+, slope while v > 0 [N m s/rad], >= 0
-  S viscous_negative{};    ///< F_v-, slope while v < 0 [N m s/rad], >= 0
-  S stribeck{};            ///< F_s, extra level at rest [N m], >= 0
-  S stribeck_velocity{};   ///< v_s, where the extra level has fallen to 1/e [rad/s]; below 1e-9: no extra level
-  S load_motoring{};       ///< alpha_m, friction per load while power flows from motor to load [1], >= 0
-  S load_generating{};     ///< alpha_g, friction per load while the load drives the motor [1], 0 to 0.95
-  S velocity_width{};      ///< w, of the smooth sign tanh(v / w) [rad/s]; below 1e-9: the true sign
+  S coulomb_positive{};   ///< F_c+, level while v > 0 [N m], >= 0
+  S coulomb_negative{};   ///< F_c-, level while v < 0 [N m], >= 0
+  S viscous_positive{};   ///< F_v+, slope while v > 0 [N m s/rad], >= 0
+  S viscous_negative{};   ///< F_v-, slope while v < 0 [N m s/rad], >= 0
+  S stribeck{};           ///< F_s, extra level at rest [N m], >= 0
+  S stribeck_velocity{};  ///< v_s, where the extra level has fallen to 1/e [rad/s]; below 1e-9: no extra level
+  S load_motoring{};      ///< alpha_m, friction per load while power flows from motor to load [1], >= 0
+  S load_generating{};    ///< alpha_g, friction per load while the load drives the motor [1], 0 to 0.95
+  S velocity_width{};     ///< w, of the smooth sign tanh(v / w) [rad/s]; below 1e-9: the true sign
 };
 
 /// What follows from FrictionParams once.
@@ -75,7 +76,8 @@ template <class S, class R> S level(const FrictionCoefficients<S>& c, const R& v
 }
 
 /// The resistance at velocity v while the joint slips, or is about to slip, in the direction s.
-template <class S, class R> Resistance<S> resistance(const FrictionCoefficients<S>& c, const R& velocity, const S& direction) noexcept {
+template <class S, class R>
+Resistance<S> resistance(const FrictionCoefficients<S>& c, const R& velocity, const S& direction) noexcept {
   const S viscous = select(direction < S(0), c.viscous_negative, c.viscous_positive);
   return {direction, level(c, velocity, direction) * direction + viscous * velocity};
 }
@@ -102,7 +104,8 @@ template <class S, class R> S friction(const FrictionCoefficients<S>& c, const R
 
 /// The load y that passes through the drive when the effort T is left after the resistance; the inverse of
 /// T = y + alpha |y| s: y = T / (1 + alpha_m |s|) where T s > 0, y = T / (1 - alpha_g |s|) elsewhere.
-template <class S> S transmitted_load(const FrictionCoefficients<S>& c, const Resistance<S>& at, const S& effort) noexcept {
+template <class S>
+S transmitted_load(const FrictionCoefficients<S>& c, const Resistance<S>& at, const S& effort) noexcept {
   if (!c.any_load) return effort;
   const S alpha = select(same_sign(effort, at.direction), c.load_motoring, -c.load_generating);
   return effort / (S(1) + alpha * abs(at.direction));

@@ -11,18 +11,18 @@ inline namespace PELLUCID_ABI {
 
 /// What identification finds of a joint.
 template <class S> struct JointParams {
-  S inertia{};                 ///< J, all that turns, at the joint [kg m^2] (kg if prismatic), > 0
-  S gravity_sine{};            ///< g_s, gravity effort per sin q [N m]
-  S gravity_cosine{};          ///< g_c, gravity effort per cos q [N m]
-  S offset{};                  ///< effort that is always there [N m]
+  S inertia{};                   ///< J, all that turns, at the joint [kg m^2] (kg if prismatic), > 0
+  S gravity_sine{};              ///< g_s, gravity effort per sin q [N m]
+  S gravity_cosine{};            ///< g_c, gravity effort per cos q [N m]
+  S offset{};                    ///< effort that is always there [N m]
   FrictionParams<S> friction{};  ///< friction of joint and drive
 };
 
 /// How many numbers a joint is, in the one order that every array of parameters has.
 constexpr std::size_t parameter_count = 13;
 constexpr const char* parameter_names[parameter_count] = {
-    "inertia",          "gravity_sine",     "gravity_cosine", "offset",            "coulomb_positive",
-    "coulomb_negative", "viscous_positive", "viscous_negative", "stribeck",        "stribeck_velocity",
+    "inertia",          "gravity_sine",     "gravity_cosine",   "offset",   "coulomb_positive",
+    "coulomb_negative", "viscous_positive", "viscous_negative", "stribeck", "stribeck_velocity",
     "load_motoring",    "load_generating",  "velocity_width"};
 
 /// JointParams from numbers in the order of parameter_names.
@@ -32,13 +32,13 @@ template <class S> JointParams<S> joint_params(const S (&p)[parameter_count]) no
 
 /// What follows from JointParams once.
 template <class S> struct JointCoefficients {
-  S inertia{};                       ///< J [kg m^2]
-  S inverse_inertia{};               ///< 1 / J [1/(kg m^2)]
-  S gravity_sine{};                  ///< g_s [N m]
-  S gravity_cosine{};                ///< g_c [N m]
-  S offset{};                        ///< [N m]
+  S inertia{};                         ///< J [kg m^2]
+  S inverse_inertia{};                 ///< 1 / J [1/(kg m^2)]
+  S gravity_sine{};                    ///< g_s [N m]
+  S gravity_cosine{};                  ///< g_c [N m]
+  S offset{};                          ///< [N m]
   FrictionCoefficients<S> friction{};  ///< of joint and drive
-  bool any_gravity = false;          ///< whether gravity can be other than 0, in some lane
+  bool any_gravity = false;            ///< whether gravity can be other than 0, in some lane
 };
 
 template <class S> JointCoefficients<S> coefficients(const JointParams<S>& params) noexcept {
@@ -66,8 +66,8 @@ template <class S, class R> S load(const JointCoefficients<S>& c, const R& posit
 }
 
 /// Effort that moves the joint so: y + friction(v, y) + offset [N m].
-template <class S, class R>
-S inverse_dynamics(const JointCoefficients<S>& c, const R& position, const R& velocity, const R& acceleration) noexcept {
+template <class S, class R> S inverse_dynamics(const JointCoefficients<S>& c, const R& position, const R& velocity,
+                                               const R& acceleration) noexcept {
   const S y = load(c, position, acceleration);
   return y + friction(c.friction, velocity, y) + c.offset;
 }

@@ -39,8 +39,8 @@ template <class T, std::size_t W> struct Lanes {
 
   Lanes() noexcept = default;
   /// The same number in every lane.
-  template <class A, std::enable_if_t<std::is_arithmetic<A>::value, int> = 0>
-  explicit Lanes(A x) noexcept : Lanes(make([x](std::size_t) { return static_cast<T>(x) - Vector{}; })) {}
+  template <class A, std::enable_if_t<std::is_arithmetic<A>::value, int> = 0> explicit Lanes(A x) noexcept
+      : Lanes(make([x](std::size_t) { return static_cast<T>(x) - Vector{}; })) {}
 
   template <class F> static Lanes make(F f) noexcept { return make(f, Index{}); }
   template <class F, std::size_t... I> static Lanes make(F f, std::index_sequence<I...>) noexcept {
@@ -51,25 +51,59 @@ template <class T, std::size_t W> struct Lanes {
   T operator[](std::size_t lane) const noexcept { return part[lane / per_part][lane % per_part]; }
   void set(std::size_t lane, T x) noexcept { part[lane / per_part][lane % per_part] = x; }
 
-  friend Lanes operator+(const Lanes& a, const Lanes& b) noexcept { return make([&](std::size_t i) { return a.part[i] + b.part[i]; }); }
-  friend Lanes operator-(const Lanes& a, const Lanes& b) noexcept { return make([&](std::size_t i) { return a.part[i] - b.part[i]; }); }
-  friend Lanes operator*(const Lanes& a, const Lanes& b) noexcept { return make([&](std::size_t i) { return a.part[i] * b.part[i]; }); }
-  friend Lanes operator/(const Lanes& a, const Lanes& b) noexcept { return make([&](std::size_t i) { return a.part[i] / b.part[i]; }); }
-  friend Lanes operator*(const Lanes& a, T b) noexcept { return make([&](std::size_t i) { return a.part[i] * b; }); }
-  friend Lanes operator-(const Lanes& a) noexcept { return make([&](std::size_t i) { return -a.part[i]; }); }
+  friend Lanes operator+(const Lanes& a, const Lanes& b) noexcept {
+    return make([&](std::size_t i) { return a.part[i] + b.part[i]; });
+  }
+  friend Lanes operator-(const Lanes& a, const Lanes& b) noexcept {
+    return make([&](std::size_t i) { return a.part[i] - b.part[i]; });
+  }
+  friend Lanes operator*(const Lanes& a, const Lanes& b) noexcept {
+    return make([&](std::size_t i) { return a.part[i] * b.part[i]; });
+  }
+  friend Lanes operator/(const Lanes& a, const Lanes& b) noexcept {
+    return make([&](std::size_t i) { return a.part[i] / b.part[i]; });
+  }
+  friend Lanes operator*(const Lanes& a, T b) noexcept {
+    return make([&](std::size_t i) { return a.part[i] * b; });
+  }
+  friend Lanes operator-(const Lanes& a) noexcept {
+    return make([&](std::size_t i) { return -a.part[i]; });
+  }
 
-  friend Lanes operator&(const Lanes& a, const Lanes& b) noexcept { return make([&](std::size_t i) { return a.part[i] & b.part[i]; }); }
-  friend Lanes operator|(const Lanes& a, const Lanes& b) noexcept { return make([&](std::size_t i) { return a.part[i] | b.part[i]; }); }
-  friend Lanes operator^(const Lanes& a, const Lanes& b) noexcept { return make([&](std::size_t i) { return a.part[i] ^ b.part[i]; }); }
-  friend Lanes operator<<(const Lanes& a, int n) noexcept { return make([&](std::size_t i) { return a.part[i] << n; }); }
-  friend Lanes operator>>(const Lanes& a, int n) noexcept { return make([&](std::size_t i) { return a.part[i] >> n; }); }
+  friend Lanes operator&(const Lanes& a, const Lanes& b) noexcept {
+    return make([&](std::size_t i) { return a.part[i] & b.part[i]; });
+  }
+  friend Lanes operator|(const Lanes& a, const Lanes& b) noexcept {
+    return make([&](std::size_t i) { return a.part[i] | b.part[i]; });
+  }
+  friend Lanes operator^(const Lanes& a, const Lanes& b) noexcept {
+    return make([&](std::size_t i) { return a.part[i] ^ b.part[i]; });
+  }
+  friend Lanes operator<<(const Lanes& a, int n) noexcept {
+    return make([&](std::size_t i) { return a.part[i] << n; });
+  }
+  friend Lanes operator>>(const Lanes& a, int n) noexcept {
+    return make([&](std::size_t i) { return a.part[i] >> n; });
+  }
 
-  friend Mask<T, W> operator<(const Lanes& a, const Lanes& b) noexcept { return Mask<T, W>::make([&](std::size_t i) { return a.part[i] < b.part[i]; }); }
-  friend Mask<T, W> operator>(const Lanes& a, const Lanes& b) noexcept { return Mask<T, W>::make([&](std::size_t i) { return a.part[i] > b.part[i]; }); }
-  friend Mask<T, W> operator<=(const Lanes& a, const Lanes& b) noexcept { return Mask<T, W>::make([&](std::size_t i) { return a.part[i] <= b.part[i]; }); }
-  friend Mask<T, W> operator>=(const Lanes& a, const Lanes& b) noexcept { return Mask<T, W>::make([&](std::size_t i) { return a.part[i] >= b.part[i]; }); }
-  friend Mask<T, W> operator==(const Lanes& a, const Lanes& b) noexcept { return Mask<T, W>::make([&](std::size_t i) { return a.part[i] == b.part[i]; }); }
-  friend Mask<T, W> operator!=(const Lanes& a, const Lanes& b) noexcept { return Mask<T, W>::make([&](std::size_t i) { return a.part[i] != b.part[i]; }); }
+  friend Mask<T, W> operator<(const Lanes& a, const Lanes& b) noexcept {
+    return Mask<T, W>::make([&](std::size_t i) { return a.part[i] < b.part[i]; });
+  }
+  friend Mask<T, W> operator>(const Lanes& a, const Lanes& b) noexcept {
+    return Mask<T, W>::make([&](std::size_t i) { return a.part[i] > b.part[i]; });
+  }
+  friend Mask<T, W> operator<=(const Lanes& a, const Lanes& b) noexcept {
+    return Mask<T, W>::make([&](std::size_t i) { return a.part[i] <= b.part[i]; });
+  }
+  friend Mask<T, W> operator>=(const Lanes& a, const Lanes& b) noexcept {
+    return Mask<T, W>::make([&](std::size_t i) { return a.part[i] >= b.part[i]; });
+  }
+  friend Mask<T, W> operator==(const Lanes& a, const Lanes& b) noexcept {
+    return Mask<T, W>::make([&](std::size_t i) { return a.part[i] == b.part[i]; });
+  }
+  friend Mask<T, W> operator!=(const Lanes& a, const Lanes& b) noexcept {
+    return Mask<T, W>::make([&](std::size_t i) { return a.part[i] != b.part[i]; });
+  }
 };
 
 template <class T, std::size_t W> struct Mask {
@@ -92,9 +126,15 @@ template <class T, std::size_t W> struct Mask {
   bool operator[](std::size_t lane) const noexcept {
     return part[lane / Lanes<T, W>::per_part][lane % Lanes<T, W>::per_part] != 0;
   }
-  friend Mask both(const Mask& a, const Mask& b) noexcept { return make([&](std::size_t i) { return a.part[i] & b.part[i]; }); }
-  friend Mask either(const Mask& a, const Mask& b) noexcept { return make([&](std::size_t i) { return a.part[i] | b.part[i]; }); }
-  friend Mask operator!(const Mask& a) noexcept { return make([&](std::size_t i) { return ~a.part[i]; }); }
+  friend Mask both(const Mask& a, const Mask& b) noexcept {
+    return make([&](std::size_t i) { return a.part[i] & b.part[i]; });
+  }
+  friend Mask either(const Mask& a, const Mask& b) noexcept {
+    return make([&](std::size_t i) { return a.part[i] | b.part[i]; });
+  }
+  friend Mask operator!(const Mask& a) noexcept {
+    return make([&](std::size_t i) { return ~a.part[i]; });
+  }
 };
 
 template <class T, std::size_t W> struct ScalarTraits<Lanes<T, W>> {
@@ -115,7 +155,9 @@ template <class T, std::size_t W> bool any(const Mask<T, W>& mask) noexcept {
   return result;
 }
 template <class T, std::size_t W> bool all(const Mask<T, W>& mask) noexcept { return !any(!mask); }
-template <class T, std::size_t W> bool is_identically_zero(const Lanes<T, W>& x) noexcept { return all(x == Lanes<T, W>(0)); }
+template <class T, std::size_t W> bool is_identically_zero(const Lanes<T, W>& x) noexcept {
+  return all(x == Lanes<T, W>(0));
+}
 
 template <class T, std::size_t W>
 Lanes<T, W> select(const Mask<T, W>& mask, const Lanes<T, W>& a, const Lanes<T, W>& b) noexcept {

@@ -70,11 +70,11 @@ template <class S> LoopCoefficients<S> coefficients(const LoopParams<S>& params)
 
 /// What a loop remembers.
 template <class S> struct LoopState {
-  S integral{};                      ///< of e [unit of e times s]
-  S positions[max_velocity_span]{};  ///< the last measured positions, a ring [rad]
+  S integral{};                       ///< of e [unit of e times s]
+  S positions[max_velocity_span]{};   ///< the last measured positions, a ring [rad]
   S references[max_velocity_span]{};  ///< the last references, a ring [rad]
-  std::uint32_t next = 0;            ///< where the ring is written next
-  bool started = false;              ///< false until the first sample, which fills both rings
+  std::uint32_t next = 0;             ///< where the ring is written next
+  bool started = false;               ///< false until the first sample, which fills both rings
 };
 
 /// What a loop is given each period.
@@ -98,7 +98,8 @@ template <class S> S step(const LoopCoefficients<S>& c, LoopState<S>& state, con
   constexpr std::uint32_t wrap = max_velocity_span - 1;
   const S past_position = state.positions[(state.next - c.velocity_span) & wrap];
   const S past_reference = state.references[(state.next - c.reference_span) & wrap];
-  const S velocity = c.velocity_span == 0 ? input.true_velocity : (input.position - past_position) * c.inverse_velocity_time;
+  const S velocity =
+      c.velocity_span == 0 ? input.true_velocity : (input.position - past_position) * c.inverse_velocity_time;
   const S reference_rate = (input.reference - past_reference) * c.inverse_reference_time;
   state.positions[state.next] = input.position;
   state.references[state.next] = input.reference;

@@ -21,12 +21,13 @@ inline namespace PELLUCID_ABI {
 
 /// What a scalar type S is made of. Lanes and Dual specialise it.
 template <class S> struct ScalarTraits {
-  static_assert(std::is_same<S, double>::value || std::is_same<S, float>::value, "S must be double, float, Lanes or Dual");
-  using Value = S;     ///< the floating-point type inside
-  using Real = S;      ///< S without its derivatives
-  using Mask = bool;   ///< what a comparison gives
+  static_assert(std::is_same<S, double>::value || std::is_same<S, float>::value,
+                "S must be double, float, Lanes or Dual");
+  using Value = S;                                                                ///< the floating-point type inside
+  using Real = S;                                                                 ///< S without its derivatives
+  using Mask = bool;                                                              ///< what a comparison gives
   using Bits = std::conditional_t<sizeof(S) == 8, std::uint64_t, std::uint32_t>;  ///< its bit pattern
-  static constexpr bool is_real = true;  ///< false for Dual
+  static constexpr bool is_real = true;                                           ///< false for Dual
 };
 template <class S> using value_t = typename ScalarTraits<S>::Value;
 template <class S> using real_t = typename ScalarTraits<S>::Real;
@@ -93,25 +94,25 @@ template <class T> struct Format;  // of an IEEE 754 number
 template <> struct Format<double> {
   static constexpr int mantissa = 52;
   static constexpr std::uint64_t bias = 1023;
-  static constexpr double integer = 4503599627370496.0;        // 2^52: from here on, every number is an integer
-  static constexpr double rounder = 6755399441055744.0;        // 1.5 * 2^52: adding it rounds to an integer
-  static constexpr std::uint64_t one = 0x3ff0000000000000u;    // 1
+  static constexpr double integer = 4503599627370496.0;      // 2^52: from here on, every number is an integer
+  static constexpr double rounder = 6755399441055744.0;      // 1.5 * 2^52: adding it rounds to an integer
+  static constexpr std::uint64_t one = 0x3ff0000000000000u;  // 1
   static constexpr std::uint64_t sqrt_half = 0x3fe6a09e667f3bcdu;
-  static constexpr double exp_min = -746.0, exp_max = 710.0;   // exp is 0, infinite beyond
-  static constexpr double tanh_max = 20.0;                     // tanh is 1 beyond
-  static constexpr double quarter_turns = 268435456.0;         // 2^28: what the reduction of sin and cos carries
+  static constexpr double exp_min = -746.0, exp_max = 710.0;  // exp is 0, infinite beyond
+  static constexpr double tanh_max = 20.0;                    // tanh is 1 beyond
+  static constexpr double quarter_turns = 268435456.0;        // 2^28: what the reduction of sin and cos carries
   static constexpr double ln2[2] = {0.6931471803691238, 1.9082149292705877e-10};
   static constexpr double half_pi[5] = {1.5707963109016418, 1.5893254712295857e-08, 6.123233932053594e-17,
                                         6.368317055225283e-25, 1.082856673921914e-32};  // 25 bits each
-  static constexpr double exp[10] = {0.16666666666666677, 0.04166666666666658, 0.008333333333322158,
+  static constexpr double exp[10] = {0.16666666666666677,   0.04166666666666658,    0.008333333333322158,
                                      0.0013888888888942644, 0.00019841269884944283, 2.4801587198275015e-05,
                                      2.755724529230863e-06, 2.7557386992718014e-07, 2.5108687156538372e-08,
                                      2.087892944912792e-09};
-  static constexpr double sin[6] = {-0.16666666666666632, 0.008333333333322413, -0.00019841269829807808,
+  static constexpr double sin[6] = {-0.16666666666666632,  0.008333333333322413,    -0.00019841269829807808,
                                     2.755731369191808e-06, -2.5050758115276912e-08, 1.5896795653837948e-10};
-  static constexpr double cos[6] = {0.0416666666666666, -0.0013888888888874125, 2.4801587289482194e-05,
-                                    -2.7557314352335047e-07, 2.087572327348275e-09, -1.1359647814765908e-11};
-  static constexpr double log[7] = {0.6666666666666734, 0.39999999999413965, 0.2857142874256181, 0.2222219855384012,
+  static constexpr double cos[6] = {0.0416666666666666,      -0.0013888888888874125, 2.4801587289482194e-05,
+                                    -2.7557314352335047e-07, 2.087572327348275e-09,  -1.1359647814765908e-11};
+  static constexpr double log[7] = {0.6666666666666734,  0.39999999999413965, 0.2857142874256181, 0.2222219855384012,
                                     0.18183565403617577, 0.15314021227342856, 0.14796259956538046};
 };
 template <> struct Format<float> {
@@ -134,7 +135,9 @@ template <> struct Format<float> {
 };
 
 /// c[0] + c[1] x + ... + c[n-1] x^(n-1), by Estrin's pairs: half the depth of Horner's rule.
-template <class S, class T> S polynomial(S x, const T (&c)[3]) noexcept { return (S(c[0]) + S(c[1]) * x) + S(c[2]) * (x * x); }
+template <class S, class T> S polynomial(S x, const T (&c)[3]) noexcept {
+  return (S(c[0]) + S(c[1]) * x) + S(c[2]) * (x * x);
+}
 template <class S, class T> S polynomial(S x, const T (&c)[5]) noexcept {
   const S x2 = x * x;
   return (S(c[0]) + S(c[1]) * x) + x2 * ((S(c[2]) + S(c[3]) * x) + S(c[4]) * x2);
@@ -163,8 +166,8 @@ template <class S> S power_of_two(S n_plus_rounder) noexcept {
 
 /// x = n ln 2 + r with |r| <= ln 2 / 2, and e^r - 1.
 template <class S> struct ExpReduction {
-  S n;       ///< a whole number
-  S expm1;   ///< e^r - 1
+  S n;      ///< a whole number
+  S expm1;  ///< e^r - 1
 };
 template <class S> ExpReduction<S> reduce_exp(S x) noexcept {
   using F = Format<value_t<S>>;
@@ -225,7 +228,8 @@ template <class S, if_real<S> = 0> S log(S x) noexcept {
   const S result = k * S(F::ln2[0]) - ((half_square - (tail + k * S(F::ln2[1]))) - f);
   const S infinity = S(std::numeric_limits<T>::infinity());
   const S finite = select(x < infinity, result, x);  // +inf and NaN
-  return select(x > S(0), finite, select(x < S(0), S(std::numeric_limits<T>::quiet_NaN()), select(x == S(0), -infinity, x)));
+  return select(x > S(0), finite,
+                select(x < S(0), S(std::numeric_limits<T>::quiet_NaN()), select(x == S(0), -infinity, x)));
 }
 
 /// The sine and the cosine of one angle.
@@ -267,7 +271,8 @@ template <class S, if_real<S> = 0> SinCos<S> sincos(S x) noexcept {
   const B sign_c = ((turns + B(1)) & B(2)) << to_sign;
   const mask_t<S> in_range = abs(n) <= S(F::quarter_turns);
   const S nan = S(std::numeric_limits<T>::quiet_NaN());
-  return {select(in_range, from_bits<S>(bits_of(s) ^ sign_s), nan), select(in_range, from_bits<S>(bits_of(c) ^ sign_c), nan)};
+  return {select(in_range, from_bits<S>(bits_of(s) ^ sign_s), nan),
+          select(in_range, from_bits<S>(bits_of(c) ^ sign_c), nan)};
 }
 template <class S, if_real<S> = 0> S sin(S x) noexcept { return sincos(x).sin; }
 template <class S, if_real<S> = 0> S cos(S x) noexcept { return sincos(x).cos; }

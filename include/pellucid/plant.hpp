@@ -49,9 +49,9 @@ template <class S> PlantCoefficients<S> coefficients(const PlantParams<S>& param
 }
 
 template <class S> struct PlantState {
-  S position{};          ///< q [rad]
-  S velocity{};          ///< v [rad/s]
-  LoopState<S> loop{};   ///< what the controller remembers
+  S position{};         ///< q [rad]
+  S velocity{};         ///< v [rad/s]
+  LoopState<S> loop{};  ///< what the controller remembers
 };
 
 /// What a plant is given each period.
@@ -73,9 +73,8 @@ template <class S> struct PlantOutput {
 };
 
 /// Acceleration at (q, v) [rad/s^2]; `rests` becomes true where stiction holds the joint, at v = 0, under this effort.
-template <Friction mode, class S>
-S acceleration(const PlantCoefficients<S>& c, const S& position, const S& velocity, const S& command, const S& disturbance,
-               mask_t<S>& rests) noexcept {
+template <Friction mode, class S> S acceleration(const PlantCoefficients<S>& c, const S& position, const S& velocity,
+                                                 const S& command, const S& disturbance, mask_t<S>& rests) noexcept {
   const S gravity_effort = gravity(c.joint, position);
   const S outside = ripple(c.drive, position) + disturbance;
   const S effort = drive_effort(c.drive, command, velocity) + outside;
@@ -99,7 +98,8 @@ PlantOutput<S> step(const PlantCoefficients<S>& c, PlantState<S>& state, const P
   out.position = state.position;
   out.velocity = state.velocity;
   out.measured_position = step(c.encoder, state.position, input.encoder_noise);
-  out.command = step(c.loop, state.loop, LoopInput<S>{input.reference, out.measured_position, state.velocity}) + input.injected;
+  out.command =
+      step(c.loop, state.loop, LoopInput<S>{input.reference, out.measured_position, state.velocity}) + input.injected;
   out.effort = drive_effort(c.drive, out.command, state.velocity);
 
   S q = state.position;

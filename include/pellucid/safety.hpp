@@ -24,22 +24,23 @@ template <class S> struct SafetyParams {
 
 /// Why a gate is shut.
 enum class SafetyFault : std::uint8_t {
-  none,            ///< it is open
-  configuration,   ///< its parameters make no sense
-  not_finite,      ///< the command, the position, the velocity or the time was NaN or infinite
-  stale,           ///< the sample was too old, seen too often, or came after too long a gap
-  out_of_order,    ///< the sequence number or the time went backwards
-  velocity,        ///< faster than velocity_limit
+  none,           ///< it is open
+  configuration,  ///< its parameters make no sense
+  not_finite,     ///< the command, the position, the velocity or the time was NaN or infinite
+  stale,          ///< the sample was too old, seen too often, or came after too long a gap
+  out_of_order,   ///< the sequence number or the time went backwards
+  velocity,       ///< faster than velocity_limit
 };
-constexpr const char* safety_fault_names[] = {"none", "configuration", "not_finite", "stale", "out_of_order", "velocity"};
+constexpr const char* safety_fault_names[] = {"none",  "configuration", "not_finite",
+                                              "stale", "out_of_order",  "velocity"};
 
 /// What follows from SafetyParams once.
 template <class S> struct SafetyCoefficients {
-  SafetyParams<S> params{};      ///< as they are
-  bool valid = false;            ///< whether they make sense
-  S max_change{};                ///< of the effort in a period [N m]
-  S inverse_margin{};            ///< 1 / stop_margin [1/rad], infinite for a margin of 0
-  std::int64_t max_gap = 0;      ///< max_age [us]
+  SafetyParams<S> params{};  ///< as they are
+  bool valid = false;        ///< whether they make sense
+  S max_change{};            ///< of the effort in a period [N m]
+  S inverse_margin{};        ///< 1 / stop_margin [1/rad], infinite for a margin of 0
+  std::int64_t max_gap = 0;  ///< max_age [us]
 };
 
 template <class S> SafetyCoefficients<S> coefficients(const SafetyParams<S>& p) noexcept {
@@ -57,12 +58,12 @@ template <class S> SafetyCoefficients<S> coefficients(const SafetyParams<S>& p) 
 
 /// What a gate is given each period.
 template <class S> struct SafetyInput {
-  S command{};                  ///< effort wanted [N m]
-  S position{};                 ///< of the joint [rad]
-  S velocity{};                 ///< of the joint [rad/s]
-  std::int64_t time = 0;        ///< when position and velocity were measured, on any clock that only goes on [us]
-  std::uint32_t sequence = 0;   ///< number of that sample; may wrap around
-  bool valid = true;            ///< false: the sensor itself says that this is no measurement
+  S command{};                 ///< effort wanted [N m]
+  S position{};                ///< of the joint [rad]
+  S velocity{};                ///< of the joint [rad/s]
+  std::int64_t time = 0;       ///< when position and velocity were measured, on any clock that only goes on [us]
+  std::uint32_t sequence = 0;  ///< number of that sample; may wrap around
+  bool valid = true;           ///< false: the sensor itself says that this is no measurement
 };
 
 /// What a gate remembers. Its fault can be read at any time.

@@ -12,8 +12,8 @@ template <class S> struct EncoderParams {
 
 /// What follows from EncoderParams once.
 template <class S> struct EncoderCoefficients {
-  S quantum{};                ///< [rad], 1 where there is none
-  mask_t<S> quantises{};      ///< whether there is a quantum
+  S quantum{};                 ///< [rad], 1 where there is none
+  mask_t<S> quantises{};       ///< whether there is a quantum
   bool any_quantises = false;  ///< in some lane
 };
 

@@ -16,7 +16,8 @@ template <class T> void recovers() {
   const auto c = low_pass<T>();
   p::BiquadState<T, 4> state;
   Random random(10);
-  for (const T bad : {std::numeric_limits<T>::quiet_NaN(), std::numeric_limits<T>::infinity(), -std::numeric_limits<T>::infinity()}) {
+  for (const T bad :
+       {std::numeric_limits<T>::quiet_NaN(), std::numeric_limits<T>::infinity(), -std::numeric_limits<T>::infinity()}) {
     p::step(c, state, T(1));
     check(!p::is_finite(p::step(c, state, bad)), "a sample that is not finite passes through");
     check(p::step(c, state, T(0)) == 0, "and does not stay");

@@ -14,10 +14,12 @@ inline void check(bool holds, const char* what, int line = __builtin_LINE(), con
   if (holds) return;
   if (++failures() <= 20) std::printf("%s:%d: %s\n", file, line, what);
 }
-template <class T> void check_close(T got, T wanted, T tolerance, const char* what, int line = __builtin_LINE(), const char* file = __builtin_FILE()) {
+template <class T> void check_close(T got, T wanted, T tolerance, const char* what, int line = __builtin_LINE(),
+                                    const char* file = __builtin_FILE()) {
   if (std::fabs(got - wanted) <= tolerance) return;
   if (++failures() <= 20)
-    std::printf("%s:%d: %s: got %.17g, wanted %.17g\n", file, line, what, static_cast<double>(got), static_cast<double>(wanted));
+    std::printf("%s:%d: %s: got %.17g, wanted %.17g\n", file, line, what, static_cast<double>(got),
+                static_cast<double>(wanted));
 }
 
 /// Numbers that look random and are the same everywhere (SplitMix64).

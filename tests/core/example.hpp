@@ -6,7 +6,11 @@
 #include <pellucid/pellucid.hpp>
 
 template <class S> pellucid::JointParams<S> example_joint() {
-  return {S(0.05), S(1.5), S(-0.2), S(0.05), {S(0.3), S(0.25), S(0.1), S(0.15), S(0.12), S(0.1), S(0.08), S(0.15), S(0.05)}};
+  return {S(0.05),
+          S(1.5),
+          S(-0.2),
+          S(0.05),
+          {S(0.3), S(0.25), S(0.1), S(0.15), S(0.12), S(0.1), S(0.08), S(0.15), S(0.05)}};
 }
 template <class S> pellucid::PlantParams<S> example_plant() {
   pellucid::PlantParams<S> params;
@@ -20,7 +24,10 @@ template <class S> pellucid::PlantParams<S> example_plant() {
 /// Parameters drawn at random, as a joint of an exoskeleton may have them.
 template <class S> pellucid::JointParams<S> random_joint(Random& random) {
   const auto in = [&random](double low, double high) { return S(random.uniform(low, high)); };
-  return {in(0.01, 2), in(-20, 20), in(-5, 5), in(-1, 1),
+  return {in(0.01, 2),
+          in(-20, 20),
+          in(-5, 5),
+          in(-1, 1),
           {in(0, 5), in(0, 5), in(0, 3), in(0, 3), in(0, 2), in(0.01, 0.5), in(0, 0.4), in(0, 0.6),
            random.uniform() < 0.5 ? S(0) : in(1e-3, 0.2)}};
 }

@@ -11,9 +11,18 @@ extern "C" {
 void* __real_malloc(std::size_t);
 void* __real_calloc(std::size_t, std::size_t);
 void* __real_realloc(void*, std::size_t);
-void* __wrap_malloc(std::size_t n) { ++allocations; return __real_malloc(n); }
-void* __wrap_calloc(std::size_t n, std::size_t size) { ++allocations; return __real_calloc(n, size); }
-void* __wrap_realloc(void* p, std::size_t n) { ++allocations; return __real_realloc(p, n); }
+void* __wrap_malloc(std::size_t n) {
+  ++allocations;
+  return __real_malloc(n);
+}
+void* __wrap_calloc(std::size_t n, std::size_t size) {
+  ++allocations;
+  return __real_calloc(n, size);
+}
+void* __wrap_realloc(void* p, std::size_t n) {
+  ++allocations;
+  return __real_realloc(p, n);
+}
 }
 void* operator new(std::size_t n) { return __wrap_malloc(n); }
 void operator delete(void* p) noexcept { std::free(p); }
@@ -44,9 +53,12 @@ int main() {
     p::step<p::Friction::smooth>(f, fs, p::PlantInput<float>{static_cast<float>(r), 0, 0, 0});
     if (k % 100 == 0) {
       p::step<p::Friction::smooth>(d, ds, {p::Dual<double, 8>(r), {}, {}, {}});
-      p::step<p::Friction::smooth>(l, ls, {p::Lanes<double, 8>(r), p::Lanes<double, 8>(0), p::Lanes<double, 8>(0), p::Lanes<double, 8>(0)});
+      p::step<p::Friction::smooth>(
+          l, ls, {p::Lanes<double, 8>(r), p::Lanes<double, 8>(0), p::Lanes<double, 8>(0), p::Lanes<double, 8>(0)});
     }
-    p::step(gate, gs, p::SafetyInput<double>{p::step(filter, bs, q), q, 0, static_cast<std::int64_t>(k) * 1000, static_cast<std::uint32_t>(k), true});
+    p::step(gate, gs,
+            p::SafetyInput<double>{p::step(filter, bs, q), q, 0, static_cast<std::int64_t>(k) * 1000,
+                                   static_cast<std::uint32_t>(k), true});
   }
   const long counted = allocations;
   std::printf("allocations in 100000 cycles: %ld\n", counted);

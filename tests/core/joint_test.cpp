@@ -20,7 +20,8 @@ template <class T> void laws() {
     check_close(p::inverse_dynamics(c, q, v, a), effort, 32 * epsilon * size, "inverse(forward) is the identity");
     const T wanted = static_cast<T>(random.uniform(-50, 50) * scale);
     const T back = p::forward_dynamics(c, q, v, p::inverse_dynamics(c, q, v, wanted));
-    check_close(back, wanted, 64 * epsilon * (p::abs(wanted) + T(60) / params.inertia), "forward(inverse) is the identity");
+    check_close(back, wanted, 64 * epsilon * (p::abs(wanted) + T(60) / params.inertia),
+                "forward(inverse) is the identity");
 
     // Friction takes power, whatever the load.
     const T load = static_cast<T>(random.uniform(-20, 20) * scale);

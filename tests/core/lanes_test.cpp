@@ -16,13 +16,46 @@ template <class T, std::size_t W> void functions() {
       x.set(i, round % 2 ? random.anything<T>() : static_cast<T>(random.uniform(-40, 40)));
       y.set(i, random.anything<T>());
     }
-    const L results[] = {x + y, x - y, x * y, x / y, -x, p::abs(x), p::copysign(x, y), p::sqrt(x), p::min(x, y), p::max(x, y),
-                         p::clamp(x, L(-1), L(1)), p::sign(x), p::round(x), p::exp(x), p::log(x), p::tanh(x), p::sin(x), p::cos(x)};
+    const L results[] = {x + y,
+                         x - y,
+                         x * y,
+                         x / y,
+                         -x,
+                         p::abs(x),
+                         p::copysign(x, y),
+                         p::sqrt(x),
+                         p::min(x, y),
+                         p::max(x, y),
+                         p::clamp(x, L(-1), L(1)),
+                         p::sign(x),
+                         p::round(x),
+                         p::exp(x),
+                         p::log(x),
+                         p::tanh(x),
+                         p::sin(x),
+                         p::cos(x)};
     for (std::size_t i = 0; i < W; ++i) {
       const T a = x[i], b = y[i];
-      const T wanted[] = {a + b, a - b, a * b, a / b, -a, p::abs(a), p::copysign(a, b), p::sqrt(a), p::min(a, b), p::max(a, b),
-                          p::clamp(a, T(-1), T(1)), p::sign(a), p::round(a), p::exp(a), p::log(a), p::tanh(a), p::sin(a), p::cos(a)};
-      for (std::size_t f = 0; f < sizeof wanted / sizeof *wanted; ++f) check(same_bits(results[f][i], wanted[f]), "a function in a lane");
+      const T wanted[] = {a + b,
+                          a - b,
+                          a * b,
+                          a / b,
+                          -a,
+                          p::abs(a),
+                          p::copysign(a, b),
+                          p::sqrt(a),
+                          p::min(a, b),
+                          p::max(a, b),
+                          p::clamp(a, T(-1), T(1)),
+                          p::sign(a),
+                          p::round(a),
+                          p::exp(a),
+                          p::log(a),
+                          p::tanh(a),
+                          p::sin(a),
+                          p::cos(a)};
+      for (std::size_t f = 0; f < sizeof wanted / sizeof *wanted; ++f)
+        check(same_bits(results[f][i], wanted[f]), "a function in a lane");
       check(p::is_finite(x)[i] == p::is_finite(a) && p::same_sign(x, y)[i] == p::same_sign(a, b), "a mask in a lane");
     }
   }
@@ -43,7 +76,8 @@ template <class T, std::size_t W, p::Friction mode> void plants() {
     one[i] = example_plant<T>();
     one[i].joint = random_joint<T>(random);
     one[i].joint.inertia = static_cast<T>(random.uniform(0.05, 0.2));
-    if (i == 1) one[i].joint.friction.stribeck = one[i].joint.friction.load_motoring = one[i].joint.friction.load_generating = 0;
+    if (i == 1)
+      one[i].joint.friction.stribeck = one[i].joint.friction.load_motoring = one[i].joint.friction.load_generating = 0;
     if (i == 2) one[i].joint.friction.velocity_width = one[i].joint.gravity_sine = one[i].joint.gravity_cosine = 0;
     if (i == 3) one[i].drive.ripple_amplitude = one[i].encoder.quantum = one[i].loop.limit = 0;
     put(all.joint.inertia, i, one[i].joint.inertia);
@@ -75,7 +109,8 @@ template <class T, std::size_t W, p::Friction mode> void plants() {
       const auto wanted = p::step<mode>(p::coefficients(one[i]), states[i], p::PlantInput<T>{r, 0, 0, 0});
       check(same_bits(out.position[i], wanted.position) && same_bits(out.velocity[i], wanted.velocity) &&
                 same_bits(out.acceleration[i], wanted.acceleration) && same_bits(out.command[i], wanted.command) &&
-                same_bits(out.effort[i], wanted.effort) && same_bits(out.measured_position[i], wanted.measured_position),
+                same_bits(out.effort[i], wanted.effort) &&
+                same_bits(out.measured_position[i], wanted.measured_position),
             "a plant in a lane");
     }
   }

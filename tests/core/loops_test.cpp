@@ -13,12 +13,18 @@ template <class T> void laws() {
   const T h = T(1e-3);
   check_close(first({LoopKind::none, 9, 9, 9, 9, 0, 0, h}, T(0.7), 2, 3), T(0.7), tolerance, "none");
   check_close(first({LoopKind::p, 5, 9, 9, 9, 0, 0, h}, T(0.7), T(0.2), 3), T(2.5), tolerance, "p");
-  check_close(first({LoopKind::pi, 5, 100, 9, 9, 0, 0, h}, T(0.7), T(0.2), 3), T(2.5) + 100 * h * T(0.5), tolerance, "pi");
+  check_close(first({LoopKind::pi, 5, 100, 9, 9, 0, 0, h}, T(0.7), T(0.2), 3), T(2.5) + 100 * h * T(0.5), tolerance,
+              "pi");
   check_close(first({LoopKind::pd, 5, 9, 2, 9, 0, 0, h}, T(0.7), T(0.2), 3), T(2.5) - 2 * 3, tolerance, "pd");
-  check_close(first({LoopKind::cascade, 5, 0, 9, 2, 0, 0, h}, T(0.7), T(0.2), 3), 2 * (T(2.5) - 3), tolerance, "cascade");
-  check_close(first({LoopKind::cascade, 5, 100, 9, 2, 0, 0, h}, T(0.7), T(0.2), 3), 2 * (T(2.5) - 3) + 100 * h * (T(2.5) - 3), tolerance, "cascade with integral");
-  check_close(first({LoopKind::velocity_pi, 5, 100, 9, 9, 0, 0, h}, T(0.7), T(0.2), 3), (5 + 100 * h) * (T(0.7) - 3), tolerance, "velocity_pi");
-  check(first({LoopKind::p, 5, 0, 0, 0, 1, 0, h}, T(0.7), T(0.2), 3) == 1 && first({LoopKind::p, 5, 0, 0, 0, 1, 0, h}, T(-0.7), T(0.2), 3) == -1, "limit");
+  check_close(first({LoopKind::cascade, 5, 0, 9, 2, 0, 0, h}, T(0.7), T(0.2), 3), 2 * (T(2.5) - 3), tolerance,
+              "cascade");
+  check_close(first({LoopKind::cascade, 5, 100, 9, 2, 0, 0, h}, T(0.7), T(0.2), 3),
+              2 * (T(2.5) - 3) + 100 * h * (T(2.5) - 3), tolerance, "cascade with integral");
+  check_close(first({LoopKind::velocity_pi, 5, 100, 9, 9, 0, 0, h}, T(0.7), T(0.2), 3), (5 + 100 * h) * (T(0.7) - 3),
+              tolerance, "velocity_pi");
+  check(first({LoopKind::p, 5, 0, 0, 0, 1, 0, h}, T(0.7), T(0.2), 3) == 1 &&
+            first({LoopKind::p, 5, 0, 0, 0, 1, 0, h}, T(-0.7), T(0.2), 3) == -1,
+        "limit");
 
   // The velocity spans `span` samples and is 0 at the start, whatever the true velocity is.
   for (std::uint32_t span = 1; span <= 8; ++span) {
@@ -28,7 +34,8 @@ template <class T> void laws() {
       const auto position = [](std::uint32_t i) { return static_cast<T>(i * i) / T(1024); };
       const T u = p::step(c, state, p::LoopInput<T>{0, position(k), 99});
       const std::uint32_t past = k < span ? 0 : k - span;
-      check_close(u, -(position(k) - position(past)) / (static_cast<T>(span) * h), 2000 * tolerance, "velocity over a span");
+      check_close(u, -(position(k) - position(past)) / (static_cast<T>(span) * h), 2000 * tolerance,
+                  "velocity over a span");
     }
   }
 }

@@ -30,7 +30,8 @@ template <class T> void compare(Worst& worst, T x, T got, Long exact, const char
     return check(std::isinf(got) && std::signbit(got) == std::signbit(exact), what);
   }
   if (std::isinf(got)) {
-    const bool at_the_brink = std::fabs(exact) > Long(std::numeric_limits<T>::max()) * (1 - 2 * Long(std::numeric_limits<T>::epsilon()));
+    const bool at_the_brink =
+        std::fabs(exact) > Long(std::numeric_limits<T>::max()) * (1 - 2 * Long(std::numeric_limits<T>::epsilon()));
     return check(at_the_brink, what);
   }
   if (std::isnan(got)) return check(false, what);
@@ -60,8 +61,10 @@ template <class T> struct Functions {
 template <class T> void sweep(const char* type, const double (&stated)[6]) {
   using L = std::numeric_limits<T>;
   Functions<T> f;
-  for (const T x : {T(0), -T(0), L::denorm_min(), -L::denorm_min(), L::min(), L::max(), L::lowest(), L::infinity(), -L::infinity(),
-                    L::quiet_NaN(), T(1), T(-1), L::epsilon(), T(0.5), T(710), T(709.78), T(-745), T(-746), T(88.72), T(-103.9)})
+  for (const T x : {T(0),      -T(0),       L::denorm_min(), -L::denorm_min(), L::min(),
+                    L::max(),  L::lowest(), L::infinity(),   -L::infinity(),   L::quiet_NaN(),
+                    T(1),      T(-1),       L::epsilon(),    T(0.5),           T(710),
+                    T(709.78), T(-745),     T(-746),         T(88.72),         T(-103.9)})
     f.at(x);
   Random random(1);
   for (int i = 0; i < 600000; ++i) {
@@ -81,7 +84,8 @@ template <class T> void sweep(const char* type, const double (&stated)[6]) {
   const Worst* worst[] = {&f.exp, &f.log, &f.sin, &f.cos, &f.tanh, &f.sqrt};
   const char* names[] = {"exp", "log", "sin", "cos", "tanh", "sqrt"};
   for (int i = 0; i < 6; ++i) {
-    std::printf("%-6s %-4s %.3Lf ulp at %.9Lg (stated %.1f)\n", type, names[i], worst[i]->error, worst[i]->at, stated[i]);
+    std::printf("%-6s %-4s %.3Lf ulp at %.9Lg (stated %.1f)\n", type, names[i], worst[i]->error, worst[i]->at,
+                stated[i]);
     check(worst[i]->error <= Long(stated[i]), names[i]);
   }
 }
@@ -93,16 +97,20 @@ template <class T> void small_functions() {
   for (int i = 0; i < 300000; ++i) {
     const T x = i % 2 ? random.anything<T>() : static_cast<T>(random.uniform(-1e6, 1e6));
     const T rounded = p::round(x);
-    check(std::isnan(x) ? std::isnan(rounded) : rounded == std::nearbyint(x) && std::signbit(rounded) == std::signbit(x), "round");
+    check(
+        std::isnan(x) ? std::isnan(rounded) : rounded == std::nearbyint(x) && std::signbit(rounded) == std::signbit(x),
+        "round");
     check(p::is_finite(x) == std::isfinite(x), "is_finite");
     check(std::isnan(x) || p::abs(x) == std::fabs(x), "abs");
     check(std::isnan(x) || p::copysign(x, T(-1)) == std::copysign(x, T(-1)), "copysign");
   }
   check(p::sign(T(3)) == 1 && p::sign(T(-3)) == -1 && p::sign(T(0)) == 0 && p::sign(nan) == 0, "sign");
-  check(p::clamp(T(3), T(-1), T(1)) == 1 && p::clamp(-inf, T(-1), T(1)) == -1 && std::isnan(p::clamp(nan, T(-1), T(1))), "clamp");
+  check(p::clamp(T(3), T(-1), T(1)) == 1 && p::clamp(-inf, T(-1), T(1)) == -1 && std::isnan(p::clamp(nan, T(-1), T(1))),
+        "clamp");
   check(p::min(T(1), T(2)) == 1 && p::max(T(1), T(2)) == 2, "min, max");
-  check(p::same_sign(T(1), L::min()) && p::same_sign(T(-1), -L::min()) && !p::same_sign(T(1), T(-1)) && !p::same_sign(T(0), T(1)) &&
-            !p::same_sign(nan, T(1)), "same_sign");
+  check(p::same_sign(T(1), L::min()) && p::same_sign(T(-1), -L::min()) && !p::same_sign(T(1), T(-1)) &&
+            !p::same_sign(T(0), T(1)) && !p::same_sign(nan, T(1)),
+        "same_sign");
   const p::SinCos<T> both = p::sincos(T(0.7));
   check(both.sin == p::sin(T(0.7)) && both.cos == p::cos(T(0.7)), "sincos");
 }

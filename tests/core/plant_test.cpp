@@ -17,10 +17,12 @@ void does_not_creep() {
       const double level = p::breakaway(c.joint, p::gravity(c.joint, q0), direction);
       for (int k = 0; k < 2000; ++k) {
         const double share = k % 2 ? 0.999 : random.uniform(0, 0.999);
-        const auto out = p::step<p::Friction::stiction>(c, state, p::PlantInput<double>{(held + direction * share * level) / 1.2, 0, 0, 0});
+        const auto out = p::step<p::Friction::stiction>(
+            c, state, p::PlantInput<double>{(held + direction * share * level) / 1.2, 0, 0, 0});
         check(out.position == q0 && out.velocity == 0 && out.acceleration == 0, "held to the bit");
       }
-      const auto out = p::step<p::Friction::stiction>(c, state, p::PlantInput<double>{(held + direction * (1.001 * level + 1e-6)) / 1.2, 0, 0, 0});
+      const auto out = p::step<p::Friction::stiction>(
+          c, state, p::PlantInput<double>{(held + direction * (1.001 * level + 1e-6)) / 1.2, 0, 0, 0});
       check(out.acceleration * direction > 0, "breaks away");
       state.position = q0;
       state.velocity = 0;
@@ -53,12 +55,15 @@ void keeps_energy() {
   const auto c = p::coefficients(params);
   p::PlantState<double> smooth, stiction;
   smooth.position = stiction.position = 1;
-  const auto energy = [](const p::PlantState<double>& s) { return 0.025 * s.velocity * s.velocity - 1.5 * std::cos(s.position); };
+  const auto energy = [](const p::PlantState<double>& s) {
+    return 0.025 * s.velocity * s.velocity - 1.5 * std::cos(s.position);
+  };
   for (int k = 0; k < 20000; ++k) {
     p::step<p::Friction::smooth>(c, smooth, p::PlantInput<double>{});
     p::step<p::Friction::stiction>(c, stiction, p::PlantInput<double>{});
     check_close(energy(smooth), energy({1, 0, {}}), 1e-3, "energy");
-    check(smooth.position == stiction.position && smooth.velocity == stiction.velocity, "no friction, no difference between modes");
+    check(smooth.position == stiction.position && smooth.velocity == stiction.velocity,
+          "no friction, no difference between modes");
   }
 }
 
@@ -84,11 +89,13 @@ void float_is_near() {
   double worst_position = 0, worst_velocity = 0;
   for (std::size_t k = 0; k < 20000; ++k) {
     const auto a = p::step<p::Friction::smooth>(c, exact, p::PlantInput<double>{reference_at(k), 0, 0, 0});
-    const auto b = p::step<p::Friction::smooth>(f, single, p::PlantInput<float>{static_cast<float>(reference_at(k)), 0, 0, 0});
+    const auto b =
+        p::step<p::Friction::smooth>(f, single, p::PlantInput<float>{static_cast<float>(reference_at(k)), 0, 0, 0});
     worst_position = std::fmax(worst_position, std::fabs(a.position - static_cast<double>(b.position)));
     worst_velocity = std::fmax(worst_velocity, std::fabs(a.velocity - static_cast<double>(b.velocity)));
   }
-  std::printf("float against double over 20 s: %.2g rad, %.2g rad/s (encoder step 1e-4 rad)\n", worst_position, worst_velocity);
+  std::printf("float against double over 20 s: %.2g rad, %.2g rad/s (encoder step 1e-4 rad)\n", worst_position,
+              worst_velocity);
   check(worst_position < 5e-4 && worst_velocity < 2e-2, "float is near double");
 }
 
@@ -101,7 +108,8 @@ template <class T> void total() {
     const auto any = [&random] { return random.anything<T>(); };
     params.joint = p::joint_params(values);
     params.drive = {any(), any(), any(), any(), any()};
-    params.loop = {static_cast<p::LoopKind>(random.bits() % 6), any(), any(), any(), any(), any(), static_cast<std::uint32_t>(random.bits()), any()};
+    params.loop = {static_cast<p::LoopKind>(random.bits() % 6), any(), any(), any(), any(), any(),
+                   static_cast<std::uint32_t>(random.bits()),   any()};
     params.encoder = {any()};
     params.substeps = static_cast<std::uint32_t>(random.bits() % 4);
     const auto c = p::coefficients(params);

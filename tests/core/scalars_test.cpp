@@ -7,7 +7,8 @@ template <class S, p::Friction mode> void plant(const char* name) {
   const auto c = p::coefficients(example_plant<S>());
   p::PlantState<S> state;
   p::PlantOutput<S> out;
-  for (std::size_t k = 0; k < 200; ++k) out = p::step<mode>(c, state, p::PlantInput<S>{S(reference_at(k)), S(0), S(0), S(0)});
+  for (std::size_t k = 0; k < 200; ++k)
+    out = p::step<mode>(c, state, p::PlantInput<S>{S(reference_at(k)), S(0), S(0), S(0)});
   check(p::all(p::is_finite(out.position)) && p::all(p::abs(out.position) > S(1e-3)), name);
 }
 

@@ -28,8 +28,9 @@ void pellucid_configure(const p::PlantParams<float>* params, const p::SafetyPara
 float pellucid_step(float reference, float position, float acceleration, std::int64_t time, std::uint32_t sequence) {
   const float velocity = p::step(filter, filter_state, position);
   const float feedback = p::step(loop, loop_state, p::LoopInput<float>{reference, position, velocity});
-  const float effort = p::inverse_dynamics(joint, position, velocity, acceleration) + feedback +
-                       p::log(p::abs(position)) * p::exp(-p::abs(velocity)) * p::sqrt(p::abs(reference)) * p::round(position);
+  const float effort =
+      p::inverse_dynamics(joint, position, velocity, acceleration) + feedback +
+      p::log(p::abs(position)) * p::exp(-p::abs(velocity)) * p::sqrt(p::abs(reference)) * p::round(position);
   return p::step(gate, gate_state, p::SafetyInput<float>{effort, position, velocity, time, sequence, true});
 }
 

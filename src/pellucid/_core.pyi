@@ -1,0 +1,376 @@
+"""
+The core: every physical model once, in C++ (include/pellucid). SI units throughout.
+"""
+
+from numpy import float32, float64
+from numpy.typing import ArrayLike, NDArray
+
+PARAMETER_NAMES: tuple[str, ...]
+
+instructions: str
+
+def inverse_dynamics(
+    parameters: ArrayLike, position: ArrayLike, velocity: ArrayLike, acceleration: ArrayLike
+) -> NDArray[float64]:
+    """
+    Effort that moves a joint so: y + friction(v, y) + offset, y = J a + g_s sin q + g_c cos q.
+
+    Parameters
+    ----------
+    parameters : (13,)
+        In the order of PARAMETER_NAMES.
+    position, velocity, acceleration : (n,)
+        q [rad], v [rad/s], a [rad/s^2]; metres on a prismatic joint.
+
+    Returns
+    -------
+    (n,)
+        Effort [N m]; N on a prismatic joint.
+    """
+
+def inverse_dynamics_jacobian(
+    parameters: ArrayLike, position: ArrayLike, velocity: ArrayLike, acceleration: ArrayLike, active: ArrayLike
+) -> tuple[NDArray[float64], NDArray[float64]]:
+    """
+    inverse_dynamics and its exact derivatives by some parameters.
+
+    Parameters
+    ----------
+    parameters : (13,)
+        In the order of PARAMETER_NAMES.
+    position, velocity, acceleration : (n,)
+        q [rad], v [rad/s], a [rad/s^2].
+    active : (k,) of int
+        Which parameters, as indices into PARAMETER_NAMES.
+
+    Returns
+    -------
+    effort : (n,)
+        [N m].
+    jacobian : (n, k)
+        d effort / d parameters[active].
+    """
+
+def forward_dynamics(
+    parameters: ArrayLike, position: ArrayLike, velocity: ArrayLike, effort: ArrayLike
+) -> NDArray[float64]:
+    """
+    Acceleration that an effort gives; the inverse of inverse_dynamics, in closed form.
+
+    Parameters
+    ----------
+    parameters : (13,)
+        In the order of PARAMETER_NAMES.
+    position, velocity, effort : (n,)
+        q [rad], v [rad/s], effort [N m].
+
+    Returns
+    -------
+    (n,)
+        Acceleration [rad/s^2].
+    """
+
+def friction(parameters: ArrayLike, velocity: ArrayLike, load: ArrayLike) -> NDArray[float64]:
+    """
+    Friction level(v) s + F_v v + alpha |y| s, with s = tanh(v / w), or sign(v) where w is 0.
+
+    Parameters
+    ----------
+    parameters : (13,)
+        In the order of PARAMETER_NAMES.
+    velocity, load : (n,)
+        v [rad/s] and the load y that passes through the drive [N m].
+
+    Returns
+    -------
+    (n,)
+        Friction effort [N m], along +v.
+    """
+
+def load(parameters: ArrayLike, position: ArrayLike, acceleration: ArrayLike) -> NDArray[float64]:
+    """
+    Load y = J a + g_s sin q + g_c cos q that passes through the drive [N m].
+
+    Parameters
+    ----------
+    parameters : (13,)
+        In the order of PARAMETER_NAMES.
+    position, acceleration : (n,)
+        q [rad], a [rad/s^2].
+    """
+
+def simulate(
+    parameters: ArrayLike,
+    *,
+    reference: ArrayLike,
+    period: float,
+    substeps: int = 4,
+    loop: str = "none",
+    kp: float = 0,
+    ki: float = 0,
+    kd: float = 0,
+    kv: float = 0,
+    limit: float = 0,
+    velocity_span: int = 0,
+    gain: float = 1,
+    back_emf: float = 0,
+    injected: ArrayLike | None = None,
+    disturbance: ArrayLike | None = None,
+    encoder_quantum: float = 0,
+    encoder_noise: ArrayLike | None = None,
+    ripple_amplitude: float = 0,
+    ripple_wave_number: float = 0,
+    ripple_phase: float = 0,
+    position0: float = 0,
+    velocity0: float = 0,
+    stiction: bool = False,
+) -> tuple[NDArray[float64], ...]:
+    """
+    A joint under its own controller, sample by sample.
+
+    Every period the loop reads the encoder once and holds its command; the joint moves in `substeps` of semi-implicit
+    Euler. A simulation that diverges returns values that are not finite.
+
+    Parameters
+    ----------
+    parameters : (13,)
+        In the order of PARAMETER_NAMES.
+    reference : (n,)
+        Of the loop [rad]; a velocity [rad/s] for "velocity_pi"; the command itself for "none".
+    period : float
+        Control period [s].
+    substeps : int
+        Integration steps per period, 1 to 1000000. Default 4.
+    loop : str
+        "none", "p" u = kp (r - q), "pi" with ki integral(r - q), "pd" with kd (r' - v), "cascade"
+        u = kv e + ki integral(e), e = kp (r - q) - v, or "velocity_pi" u = kp e + ki integral(e), e = r - v.
+    kp, ki, kd, kv : float
+        Its gains. Default 0.
+    limit : float
+        Of |u| before `injected` is added; 0: none. The integral waits while it would push further. Default 0.
+    velocity_span : int
+        Samples that the loop's velocity, a difference of measured positions, spans; 0: the true velocity. Default 0.
+    gain, back_emf : float
+        Effort per command, default 1, and effort lost per velocity, default 0.
+    injected, disturbance, encoder_noise : (n,)
+        Added to the command after the limit; effort on the joint from outside [N m]; added to the measured position
+        [rad]. Default: none.
+    encoder_quantum : float
+        Smallest step of the encoder [rad]; 0: none. Default 0.
+    ripple_amplitude, ripple_wave_number, ripple_phase : float
+        Effort on the joint A sin(n q + phi), which no current shows. Default 0.
+    position0, velocity0 : float
+        Where the joint starts [rad, rad/s]. Default 0.
+    stiction : bool
+        True stiction: the true sign whatever velocity_width is, and a joint at rest under less than the breakaway
+        effort stays there to the bit. Default: smooth friction.
+
+    Returns
+    -------
+    position, velocity, acceleration, command, effort, measured_position : (n,) each
+        At the sample instants k period, before the k-th period; the command (limited, with what was injected), the
+        effort gain command - back_emf v (as a current sensor sees it: without ripple and disturbance) and the
+        acceleration are those at the start of that period.
+    """
+
+def simulate_batch(
+    parameters: ArrayLike,
+    *,
+    reference: ArrayLike,
+    period: float,
+    substeps: int = 4,
+    loop: str = "none",
+    kp: ArrayLike = 0,
+    ki: ArrayLike = 0,
+    kd: ArrayLike = 0,
+    kv: ArrayLike = 0,
+    limit: ArrayLike = 0,
+    velocity_span: int = 0,
+    gain: ArrayLike = 1,
+    back_emf: ArrayLike = 0,
+    injected: ArrayLike | None = None,
+    disturbance: ArrayLike | None = None,
+    encoder_quantum: ArrayLike = 0,
+    encoder_noise: ArrayLike | None = None,
+    ripple_amplitude: ArrayLike = 0,
+    ripple_wave_number: ArrayLike = 0,
+    ripple_phase: ArrayLike = 0,
+    position0: ArrayLike = 0,
+    velocity0: ArrayLike = 0,
+    stiction: bool = False,
+    threads: int = 1,
+) -> tuple[NDArray[float64], ...]:
+    """
+    Many joints at once, in the lanes of the processor; the same bits as `simulate` gives one by one.
+
+    Parameters
+    ----------
+    parameters : (m, 13)
+        A joint a row.
+    reference, injected, disturbance, encoder_noise : (n,) or (m, n)
+        Shared, or one a row.
+    kp, ..., velocity0 : float or (m,)
+        Shared, or one a row. period, substeps, loop, velocity_span and stiction are shared.
+    threads : int
+        How many threads share the rows. Default 1.
+
+    Returns
+    -------
+    position, velocity, acceleration, command, effort, measured_position : (m, n) each
+        As `simulate` returns them.
+    """
+
+def simulate_jacobian(
+    parameters: ArrayLike,
+    *,
+    active: ArrayLike,
+    reference: ArrayLike,
+    period: float,
+    substeps: int = 4,
+    loop: str = "none",
+    kp: float = 0,
+    ki: float = 0,
+    kd: float = 0,
+    kv: float = 0,
+    limit: float = 0,
+    velocity_span: int = 0,
+    gain: float = 1,
+    back_emf: float = 0,
+    injected: ArrayLike | None = None,
+    disturbance: ArrayLike | None = None,
+    encoder_quantum: float = 0,
+    encoder_noise: ArrayLike | None = None,
+    ripple_amplitude: float = 0,
+    ripple_wave_number: float = 0,
+    ripple_phase: float = 0,
+    position0: float = 0,
+    velocity0: float = 0,
+    stiction: bool = False,
+) -> tuple[NDArray[float64], ...]:
+    """
+    simulate, and the exact derivatives of its trajectory by some parameters of the joint.
+
+    The initial state is a constant. An encoder's staircase is differentiated as its mean slope. Smooth friction only.
+
+    Parameters
+    ----------
+    active : (k,) of int
+        Which parameters, as indices into PARAMETER_NAMES.
+
+    Returns
+    -------
+    position, velocity, acceleration, command, effort, measured_position : (n,) each
+        As `simulate` returns them.
+    d_position, d_velocity, d_acceleration, d_effort : (n, k) each
+        Derivatives by parameters[active].
+    """
+
+class Biquads:
+    """
+    A cascade of second-order sections (direct form II transposed) in float64, one sample at a time.
+
+    Parameters
+    ----------
+    sos : (k, 6)
+        Rows b0, b1, b2, a0 = 1, a1, a2, as scipy.signal designs them; k at most 16.
+
+    Notes
+    -----
+    A sample that is not finite passes through, and the state starts again at zeros.
+    """
+
+    def __init__(self, sos: ArrayLike) -> None: ...
+    def step(self, x: float) -> float:
+        """One sample."""
+
+    def filter(self, x: ArrayLike) -> NDArray[float64]:
+        """Samples one after another, going on from the state."""
+
+    def reset(self) -> None:
+        """Back to a state of zeros."""
+
+class BiquadsFloat:
+    """Biquads in float32, as on a microcontroller."""
+
+    def __init__(self, sos: ArrayLike) -> None: ...
+    def step(self, x: float) -> float:
+        """One sample."""
+
+    def filter(self, x: ArrayLike) -> NDArray[float32]:
+        """Samples one after another, going on from the state."""
+
+    def reset(self) -> None:
+        """Back to a state of zeros."""
+
+class SafetyGate:
+    """
+    The last step of every controller: what goes out is finite and within the limits, whatever comes in.
+
+    A fault latches: the output ramps to 0 within the rate limit and stays there until reset(). Parameters that make no
+    sense give 0 and the fault "configuration".
+
+    Parameters
+    ----------
+    effort_limit, rate_limit : float
+        Of |effort| [N m] and of its rate [N m/s], > 0.
+    velocity_limit : float
+        Of |velocity| [rad/s]; beyond is a fault; infinite: none.
+    position_min, position_max, stop_margin : float
+        The stops [rad], infinite: none, and the distance over which the effort into them falls to 0 [rad].
+    max_age : float
+        Of a sample, and of a gap between two [s]; infinite: none.
+    max_repeats : int
+        How often one sample may be seen again.
+    period : float
+        Between two steps [s], > 0.
+    """
+
+    def __init__(
+        self,
+        *,
+        effort_limit: float,
+        rate_limit: float,
+        velocity_limit: float,
+        position_min: float,
+        position_max: float,
+        stop_margin: float,
+        max_age: float,
+        max_repeats: int,
+        period: float,
+    ) -> None: ...
+    def step(self, command: float, position: float, velocity: float, time: float, sequence: int) -> float:
+        """
+        One control period: the effort that may go to the motor [N m].
+
+        Parameters
+        ----------
+        command, position, velocity : float
+            Effort wanted [N m], and the joint's measured position [rad] and velocity [rad/s].
+        time, sequence : float, int
+            When they were measured [s], and the number of that sample.
+        """
+
+    @property
+    def fault(self) -> str:
+        """
+        'none' while it is open, else 'configuration', 'not_finite', 'stale', 'out_of_order' or 'velocity'.
+        """
+
+    def reset(self) -> None:
+        """
+        Open the gate again; the output goes on from where it is, within the rate limit.
+        """
+
+class math:
+    """The core's elementary functions, on float64 or float32 arrays."""
+
+    @staticmethod
+    def exp(x: ArrayLike) -> NDArray: ...
+    @staticmethod
+    def log(x: ArrayLike) -> NDArray: ...
+    @staticmethod
+    def sin(x: ArrayLike) -> NDArray: ...
+    @staticmethod
+    def cos(x: ArrayLike) -> NDArray: ...
+    @staticmethod
+    def tanh(x: ArrayLike) -> NDArray: ...
