@@ -67,9 +67,10 @@ def coverage(joint: VirtualJoint, colour: str, *, repetitions: int = 200, seed: 
     truth = np.array([plant.vector[INDEX[s.targets[0]]] for s in model.symbols])
     inside = np.zeros((repetitions, len(truth)), bool)
     textbook = np.zeros_like(inside)
-    processing = Processing(lowpass="20 Hz", decimate=20, trim=100)
+    processing = Processing(lowpass="60 Hz", decimate=20, trim=100)
+    dead_band = 0.1  # rad/s
     for i in range(repetitions):
-        data = _stacked(plant, taken, i, processing)
+        data = _stacked(plant, taken, i, processing, dead_band)
         found = solve(model, data)
         error = np.abs(found.values - truth)
         inside[i] = error <= 1.959964 * np.sqrt(np.diag(sandwich(found.jacobian, found.residual, data.lengths)))
@@ -79,7 +80,7 @@ def coverage(joint: VirtualJoint, colour: str, *, repetitions: int = 200, seed: 
     return Coverage(colour, repetitions, share, float(100.0 * textbook.mean(axis=0).min()))
 
 
-def _stacked(plant: VirtualJoint, taken: dict, i: int, processing: Processing) -> Stack:
+def _stacked(plant: VirtualJoint, taken: dict, i: int, processing: Processing, dead_band: float) -> Stack:
     raw, current = taken["position"][i], taken["current"][i]
     position, velocity, acceleration = differentiate(raw, plant.rate, processing)
     effort = plant.gain * zero_phase_lowpass(current, processing.lowpass, processing.order, plant.rate)
@@ -101,7 +102,9 @@ def _stacked(plant: VirtualJoint, taken: dict, i: int, processing: Processing) -
                 injected=None,
                 inner=slice(processing.trim, n - processing.trim),
                 decimate=processing.decimate,
-                dead_band=0.0,
+                dead_band=dead_band,
+                lowpass=processing.lowpass,
+                order=processing.order,
             )
         ]
     )

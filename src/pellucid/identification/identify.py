@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -17,7 +18,15 @@ from .consistency import enforce_pseudo_inertia
 from .drive_constant import drive_constant
 from .evaluation import pooled, predict
 from .fit import Estimate, FamilyFit, JointFit, Parameter, Simulation
-from .regression import Solution, Stack, solve, solve_robust, solve_weighted, stack
+from .regression import (
+    Solution,
+    Stack,
+    solve,
+    solve_robust,
+    solve_weighted,
+    stack,
+    with_known_stribeck_velocity,
+)
 from .replay import can_close, simulation_of
 from .uncertainty import block_bootstrap, memory, sandwich, whiteness
 from .verdicts import sign_error, verdicts
@@ -190,6 +199,16 @@ def _thorough(
     model: JointModel, data: Stack, first: Solution, everything: Sequence[Motion], study: Study
 ) -> tuple[dict[str, Estimate], dict[str, tuple[Simulation, ...]]]:
     rig, processing, level = study.rig, study.processing, study.model.confidence
+    if "stribeck_velocity" in model.names:
+        # Only least squares profiles over it; the others take its value.
+        at = model.names.index("stribeck_velocity")
+        model = with_known_stribeck_velocity(model, float(first.values[at]))
+        first = replace(
+            first,
+            values=np.delete(first.values, at),
+            jacobian=np.delete(first.jacobian, at, axis=1),
+            at_bound=np.delete(first.at_bound, at),
+        )
     weighted, robust = solve_weighted(model, data, first), solve_robust(model, data, first)
     others = {
         "wls": estimated(model, data, weighted, "wls", level=level),

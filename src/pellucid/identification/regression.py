@@ -17,17 +17,22 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.optimize import least_squares, lsq_linear
+from scipy.optimize import least_squares, lsq_linear, minimize_scalar
 
 from .. import _core
 from .._errors import IdentificationError
-from ..models.joint import JointModel
+from ..models.joint import NAMES, STRIBECK_SHARE, JointModel
 from ..signals.motion import Motion
 
 GRAVITY = 9.80665
 HUBER = 1.345  # 95 % efficiency on Gaussian residuals
 SPEED_BINS = 8
 MAX_REWEIGHTINGS = 30
+LOAD_START = 0.05
+SMOOTH_PART = np.isin(
+    NAMES, ("inertia", "gravity_sine", "gravity_cosine", "offset", "viscous_positive", "viscous_negative")
+).astype(float)
+"""1 for core parameters whose effort is smooth in the states, 0 for those that multiply the sign of velocity."""
 
 
 @dataclass(frozen=True)
@@ -98,22 +103,35 @@ def payload_effort(motion: Motion, rotary: bool) -> np.ndarray:
 
 
 def predicted(model: JointModel, values: np.ndarray, motions: Sequence[Motion]) -> list[np.ndarray]:
-    """The model's effort for each motion at full rate, shapes (n_i,), with the true sign of the velocity."""
+    """The model's effort for each motion at full rate, shapes (n_i,), with the true sign of the velocity, filtered as
+    the measured effort was."""
     vector = model.vector(values)
-    return [_core.inverse_dynamics(vector, m.position, m.velocity, m.acceleration) for m in motions]
+    efforts = []
+    for m in motions:
+        states = (m.position, m.velocity, m.acceleration)
+        smooth = _core.inverse_dynamics(vector * SMOOTH_PART, *states)
+        efforts.append(smooth + m.smooth(_core.inverse_dynamics(vector, *states) - smooth))
+    return efforts
 
 
 def linearised(
     model: JointModel, values: np.ndarray, motions: Sequence[Motion]
 ) -> tuple[list[np.ndarray], list[np.ndarray]]:
-    """Efforts, shapes (n_i,), and regressors, shapes (n_i, p), of each motion at `values`."""
+    """Efforts, shapes (n_i,), and regressors, shapes (n_i, p), of each motion at `values`, filtered as the measured
+    effort was: terms that are smooth in filtered states are filtered already, those in the sign of velocity are not."""
     vector, spread = model.vector(values), model.spread()
     active = np.flatnonzero(spread.any(axis=1))
+    keep = SMOOTH_PART[active]
     efforts, regressors = [], []
     for m in motions:
-        effort, jacobian = _core.inverse_dynamics_jacobian(vector, m.position, m.velocity, m.acceleration, active)
-        efforts.append(effort)
-        regressors.append(jacobian @ spread[active])
+        states = (m.position, m.velocity, m.acceleration)
+        effort, jacobian = _core.inverse_dynamics_jacobian(vector, *states, active)
+        smooth, part = _core.inverse_dynamics_jacobian(vector * SMOOTH_PART, *states, active)
+        whole = np.column_stack([effort, jacobian @ spread[active]])
+        part = np.column_stack([smooth, (part * keep) @ spread[active]])
+        filtered = part + m.smooth(whole - part)
+        efforts.append(filtered[:, 0])
+        regressors.append(filtered[:, 1:])
     return efforts, regressors
 
 
@@ -216,26 +234,36 @@ def solve(
         If the regressor is singular: the message names the parameters that cannot be told apart.
     """
     w = np.ones(len(data.target)) if weights is None else np.asarray(weights, float)
+    if "stribeck_velocity" in model.names:
+        return _solve_stribeck(model, data, w, consistent, after)
     lower, upper = model.bounds()
     if not consistent:
         free = np.array([s.linear for s in model.symbols])
         lower, upper = np.where(free, -np.inf, lower), np.where(free, np.inf, upper)
     if model.linear:
         if after is None:
-            efforts, regressors = linearised(model, np.zeros(len(model.symbols)), data.motions)
-            jacobian, target = data.reduced(regressors), data.target - data.reduced(efforts)
+            jacobian, effort = _rows(model, np.zeros(len(model.symbols)), data)
+            target = data.target - effort
         else:
             jacobian, target = after.jacobian, after.residual + after.jacobian @ after.values
         values = _solve_linear(model, jacobian * w[:, None], target * w, lower, upper)
         residual, iterations, converged = target - jacobian @ values, 1, True
     else:
         values, iterations, converged = _solve_nonlinear(model, data, w, lower, upper, after)
-        efforts, regressors = linearised(model, values, data.motions)
-        jacobian, residual = data.reduced(regressors), data.target - data.reduced(efforts)
+        jacobian, effort = _rows(model, values, data)
+        residual = data.target - effort
     held = np.zeros(len(values), bool)
     if consistent:
-        values, held = at_bounds(model, values, jacobian, residual)
+        snapped, held = at_bounds(model, values, jacobian, residual)
+        residual, values = residual - jacobian @ (snapped - values), snapped
     return Solution(values, jacobian, residual, w, held, iterations, converged)
+
+
+def _rows(model: JointModel, values: np.ndarray, data: Stack) -> tuple[np.ndarray, np.ndarray]:
+    """Reduced regressor (m, p) and effort (m,) at `values`."""
+    efforts, regressors = linearised(model, values, data.motions)
+    rows = data.reduced([np.column_stack(pair) for pair in zip(efforts, regressors, strict=True)])
+    return rows[:, 1:], rows[:, 0]
 
 
 def _solve_linear(
@@ -253,52 +281,91 @@ def _solve_linear(
 def _solve_nonlinear(
     model: JointModel, data: Stack, w: np.ndarray, lower: np.ndarray, upper: np.ndarray, after: Solution | None
 ) -> tuple[np.ndarray, int, bool]:
-    starts = _starts(model, data, w) if after is None else [after.values]
+    """Bounded least squares over a family with load friction, from its linear part or from an earlier solution."""
 
     @last_call
     def both(values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        efforts, regressors = linearised(model, values, data.motions)
-        rows = data.reduced([np.column_stack(pair) for pair in zip(efforts, regressors, strict=True)])
-        return (rows[:, 0] - data.target) * w, rows[:, 1:] * w[:, None]
+        jacobian, effort = _rows(model, values, data)
+        return (effort - data.target) * w, jacobian * w[:, None]
 
-    best = None
-    for x0 in starts:
-        inside = np.clip(x0, lower + 1e-9, np.where(np.isfinite(upper), upper * (1.0 - 1e-9), upper))
-        found = least_squares(
-            lambda x: both(x)[0],
-            inside,
-            jac=lambda x: both(x)[1],
-            bounds=(lower, upper),
-            x_scale="jac",
-            xtol=1e-7,
-            ftol=1e-10,
-            # Reweighting moves the minimum a little each time: a few steps follow it.
-            max_nfev=100 if after is None else 8,
+    if after is None:
+        linear = replace(model, symbols=tuple(s for s in model.symbols if s.linear))
+        base = dict(zip(linear.names, solve(linear, data, weights=w).values, strict=True))
+        start = np.array([base.get(name, LOAD_START) for name in model.names])
+    else:
+        start = after.values
+    found = least_squares(
+        lambda x: both(x)[0],
+        np.clip(start, lower + 1e-9, np.where(np.isfinite(upper), upper * (1.0 - 1e-9), upper)),
+        jac=lambda x: both(x)[1],
+        bounds=(lower, upper),
+        x_scale="jac",
+        xtol=1e-7,
+        ftol=1e-9,
+        # Reweighting moves the minimum a little each time: a few steps follow it.
+        max_nfev=60 if after is None else 8,
+    )
+    return found.x, int(found.nfev), bool(found.success)
+
+
+def with_known_stribeck_velocity(model: JointModel, velocity: float) -> JointModel:
+    """The same family with its Stribeck velocity held: the rest is then linear, or as good as."""
+    symbols = tuple(s for s in model.symbols if s.name != "stribeck_velocity")
+    return replace(model, symbols=symbols, known={**model.known, "stribeck_velocity": velocity})
+
+
+def _solve_stribeck(
+    model: JointModel, data: Stack, w: np.ndarray, consistent: bool, after: Solution | None
+) -> Solution:
+    """Profile over the Stribeck velocity: given it, the others follow without a local minimum to fall into."""
+    at = model.names.index("stribeck_velocity")
+    top = float(model.bounds()[1][at])
+    if not np.isfinite(top):
+        top = STRIBECK_SHARE * max(float(np.abs(m.velocity).max()) for m in data.motions)
+    previous = (
+        None
+        if after is None
+        else replace(after, values=np.delete(after.values, at), jacobian=np.delete(after.jacobian, at, axis=1))
+    )
+    tried: dict[float, Solution] = {}
+
+    def cost(log_velocity: float) -> float:
+        velocity = float(np.exp(log_velocity))
+        held = with_known_stribeck_velocity(model, velocity)
+        try:
+            found = solve(held, data, weights=w, consistent=consistent, after=previous)
+        except IdentificationError:
+            return np.inf  # no sample is slow enough to show so small a velocity
+        tried[velocity] = found
+        return float(np.sum((found.residual * w) ** 2))
+
+    if after is not None:
+        cost(np.log(after.values[at]))
+    else:
+        # Below the dead band the extra level would be an extrapolation.
+        lowest = min(max(0.02 * top, 2.0 * max(m.dead_band for m in data.motions)), top)
+        grid = np.log(np.geomspace(lowest, top, 6))
+        costs = [cost(x) for x in grid]
+        best = int(np.argmin(costs))
+        if np.isfinite(costs[best]) and tried[float(np.exp(grid[best]))].values[_stribeck_at(model)] > 0.0:
+            around = (grid[max(best - 1, 0)], grid[min(best + 1, len(grid) - 1)])
+            minimize_scalar(cost, bounds=around, method="bounded", options={"xatol": 0.02, "maxiter": 12})
+    if not tried:
+        raise IdentificationError(
+            f"stribeck cannot be identified: no sample is slower than {top:.3g} and outside the dead band "
+            f"(family '{model.family}')"
         )
-        if best is None or found.cost < best.cost:
-            best = found
-    return best.x, int(best.nfev), bool(best.success)
+    velocity = min(tried, key=lambda v: float(np.sum((tried[v].residual * w) ** 2)))
+    found = tried[velocity]
+    values = np.insert(found.values, at, velocity)
+    jacobian, _ = _rows(model, values, data)
+    held = np.insert(found.at_bound, at, velocity >= 0.999 * top)
+    return replace(found, values=values, jacobian=jacobian, at_bound=held, iterations=len(tried))
 
 
-def _starts(model: JointModel, data: Stack, w: np.ndarray) -> list[np.ndarray]:
-    """Starting points of a nonlinear family: least squares of its linear part, at several Stribeck velocities."""
-    names = model.names
-    linear = replace(model, symbols=tuple(s for s in model.symbols if s.linear))
-    base = dict(zip(linear.names, solve(linear, data, weights=w).values, strict=True))
-    top = max(float(np.abs(m.velocity).max()) for m in data.motions)
-    coulomb = np.mean([abs(v) for n, v in base.items() if n.startswith("coulomb")] or [0.0])
-    effort = float(np.sqrt(np.mean(data.target**2)))
-    starts = []
-    for share in (0.02, 0.1) if "stribeck_velocity" in names else (0.1,):
-        guess = {
-            "stribeck": max(0.2 * coulomb, 0.02 * effort),
-            "stribeck_velocity": share * top,
-            "load_friction": 0.05,
-            "load_motoring": 0.05,
-            "load_generating": 0.05,
-        }
-        starts.append(np.array([base.get(n, guess.get(n, 0.0)) for n in names]))
-    return starts
+def _stribeck_at(model: JointModel) -> int:
+    names = [n for n in model.names if n != "stribeck_velocity"]
+    return names.index("stribeck")
 
 
 def require_full_rank(model: JointModel, jacobian: np.ndarray) -> None:

@@ -229,8 +229,9 @@ def _methods(fit: FamilyFit) -> list[Verdict]:
     found = []
     for name, other in fit.others.items():
         apart = [
-            p.name
-            for p, q in zip(fit.estimate.parameters, other.parameters, strict=True)
+            q.name
+            for q in other.parameters
+            for p in (fit.estimate[q.name],)
             if abs(p.value - q.value) > 3.0 * np.hypot(p.standard_error, q.standard_error) and not q.at_bound
         ]
         if apart:

@@ -15,6 +15,7 @@ from ..models.joint import INDEX, NAMES
 from ..models.simulate import substeps_for
 from ..protocols.excitation import multisine, point_to_point
 from ..recordings.atomic import write_text_atomically
+from ..recordings.recording import Channel
 from ..recordings.study import Study, open_study
 from ..recordings.writers import write_csv
 
@@ -206,7 +207,9 @@ def record(joint: VirtualJoint, reference: np.ndarray, repetitions: int, rng: np
         kv=joint.loop["kv"],
         velocity_span=joint.loop["velocity_span"],
     )
-    sensed = command + noise((repetitions, n), joint.current_noise, joint.current_noise_memory, joint.rate, rng)
+    # Sampled in the middle of a centre-aligned PWM period: half of what flowed before, half of what flows after.
+    current = 0.5 * (command + np.concatenate([command[:, :1], command[:, :-1]], axis=1))
+    sensed = current + noise((repetitions, n), joint.current_noise, joint.current_noise_memory, joint.rate, rng)
     return {"time": np.arange(n) / joint.rate, "position": measured, "current": sensed}
 
 
@@ -239,8 +242,9 @@ reference = {{ column = "reference", unit = "rad" }}
 current = {{ column = "current", unit = "A" }}
 
 [processing]
-lowpass = "20 Hz"               # above the motion (below 2 Hz), far below the encoder's noise in acceleration
+lowpass = "60 Hz"               # well above the motion (below 3 Hz); decimation then takes both sides to 20 Hz
 decimate = 20
+dead_band = "0.1 rad/s"         # around reversals the joint sticks: friction is then anything up to its level
 trim = 100
 
 [model]
@@ -290,13 +294,13 @@ def write_study(folder: Path, joint: VirtualJoint, *, name: str, seed: int) -> S
         (folder / sub).mkdir(parents=True, exist_ok=True)
     for title, reference in references(joint, rng).items():
         taken = record(joint, reference, 1, rng)
-        columns = {
-            "time": taken["time"],
-            "position": taken["position"][0],
-            "reference": reference,
-            "current": taken["current"][0],
-        }
-        write_csv(folder / "recordings" / f"{title}.csv", columns)
+        columns = (
+            Channel("time", taken["time"], "s", "time"),
+            Channel("position", taken["position"][0], "rad", "position"),
+            Channel("reference", reference, "rad", "reference"),
+            Channel("current", taken["current"][0], "A", "current"),
+        )
+        write_csv(folder / "recordings" / f"{title}.csv", {c.name: c for c in columns})
         text += ENTRY.format(name=title, use="validate" if title.startswith("heldout") else "fit")
     truth = {"seed": seed, "parameters": dict(zip(NAMES, joint.vector.tolist(), strict=True))}
     write_text_atomically(folder / "lab" / "truth.json", json.dumps(truth, indent=2) + "\n")

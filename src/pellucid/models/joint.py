@@ -64,7 +64,7 @@ SYMBOLS: Mapping[str, Symbol] = {
         Symbol("coulomb", ("coulomb_positive", "coulomb_negative"), "effort", lower=0.0),
         Symbol("coulomb_positive", ("coulomb_positive",), "effort", lower=0.0),
         Symbol("coulomb_negative", ("coulomb_negative",), "effort", lower=0.0),
-        Symbol("stribeck", ("stribeck",), "effort", lower=0.0, linear=False),
+        Symbol("stribeck", ("stribeck",), "effort", lower=0.0),
         Symbol("stribeck_velocity", ("stribeck_velocity",), "velocity", lower=0.0, linear=False),
         # Without a known payload only the sum of the two coefficients shows: one value then drives both.
         Symbol("load_friction", ("load_motoring", "load_generating"), "ratio", lower=0.0, upper=0.9, linear=False),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -13,6 +14,8 @@ from ..recordings.study import Study
 from ..recordings.study_file import Processing
 from .effort import DriveModel, command_of, drive_model
 from .filters import central_difference, decimate, runs, zero_phase_lowpass
+
+SLOW_SHARE = 0.02
 
 
 @dataclass(frozen=True)
@@ -37,6 +40,8 @@ class Motion:
         One sample in so many enters a regression.
     dead_band : float
         Slower samples do not [rad/s or m/s].
+    lowpass, order : float or None, int
+        The low-pass that was applied [Hz].
     payload : tuple of float
         Known added mass and its distance from the axis [kg, m].
     initial : tuple of float
@@ -58,6 +63,8 @@ class Motion:
     inner: slice
     decimate: int
     dead_band: float
+    lowpass: float | None = None
+    order: int = 4
     payload: tuple[float, float] = (0.0, 0.0)
     initial: tuple[float, float] = (0.0, 0.0)
 
@@ -74,11 +81,29 @@ class Motion:
         """
         return decimate(samples[self.inner], self.decimate)
 
-    @property
+    def smooth(self, samples: np.ndarray) -> np.ndarray:
+        """The low-pass that position and effort went through, for what a model makes of the sign of velocity.
+
+        Parameters
+        ----------
+        samples : ndarray, shape (n,) or (n, k)
+
+        Returns
+        -------
+        ndarray, same shape
+        """
+        if self.lowpass is None:
+            return samples
+        return zero_phase_lowpass(samples, self.lowpass, self.order, self.fs)
+
+    @cached_property
     def moving(self) -> np.ndarray:
-        """Reduced samples faster than the dead band, shape (m,): those a regression uses."""
-        speed = np.abs(self.reduce(self.velocity))
-        return speed > self.dead_band if self.dead_band > 0.0 else np.ones(len(speed), bool)
+        """Reduced samples of which filters drew no more than `SLOW_SHARE` from samples slower than the dead band, shape
+        (m,): those a regression uses."""
+        slow = (np.abs(self.velocity) <= self.dead_band).astype(float)
+        if self.dead_band <= 0.0 or not slow.any():
+            return np.ones(len(self.reduce(slow)), bool)
+        return self.reduce(self.smooth(slow)) < SLOW_SHARE
 
 
 def evenly_sampled(recording: Recording, processing: Processing) -> tuple[float, np.ndarray, dict[str, np.ndarray]]:
@@ -232,6 +257,8 @@ def _stretches(recording: Recording, study: Study, model: DriveModel) -> Iterato
             inner=slice(processing.trim, len(raw) - processing.trim),
             decimate=processing.decimate,
             dead_band=processing.dead_band,
+            lowpass=processing.lowpass,
+            order=processing.order,
             initial=initial_state(raw, fs, recording.start),
             payload=(0.0, 0.0) if recording.payload is None else (recording.payload.mass, recording.payload.distance),
         )
