@@ -27,7 +27,8 @@ class Documented:
     @property
     def parameters(self) -> list[str]:
         args = self.node.args
-        names = [a.arg for a in (*args.posonlyargs, *args.args, *args.kwonlyargs)]
+        every = (*args.posonlyargs, *args.args, args.vararg, *args.kwonlyargs, args.kwarg)
+        names = [a.arg for a in every if a is not None]
         return [n for n in names if n not in ("self", "cls") and not n.startswith("_")]
 
 

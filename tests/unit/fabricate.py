@@ -186,9 +186,7 @@ def _simulations(predictions, motion: str, rng: np.random.Generator, size: float
             "position": p.position, "velocity": p.velocity, "acceleration": p.acceleration, "effort": p.effort,
         }  # fmt: skip
         for mode, share in (("closed_loop", 2e-4), ("openloop", 2e-2)):
-            simulated = {
-                n: x + size * share * np.abs(x).max() * _coloured(rng, len(x)) for n, x in measured.items()
-            }
+            simulated = {n: x + size * share * np.abs(x).max() * _coloured(rng, len(x)) for n, x in measured.items()}
             errors = {
                 n: 100.0 * float(np.linalg.norm(measured[n] - simulated[n]) / np.linalg.norm(measured[n]))
                 for n in measured

@@ -219,7 +219,7 @@ def _content(study: Study, fit: JointFit, drawings: Mapping[str, list[Drawing]])
         "dark": css_variables(dark=True),
         "sans": SANS,
         "study": fit.study,
-        "headline": _headline(study, fit),
+        "headline": prose(_headline(study, fit)),
         "tiles": _tiles(fit, level),
         "verdicts": [{"kind": v.kind, "text": prose(v.text)} for v in fit.verdicts],
         "sections": sections,

@@ -98,7 +98,7 @@ def draw(make: Callable[..., Drawing], *args, **options) -> Drawing:
     make : callable
         One of the functions of `figures`.
     *args, **options
-        Its arguments.
+        What it takes.
 
     Returns
     -------
@@ -113,6 +113,18 @@ def draw(make: Callable[..., Drawing], *args, **options) -> Drawing:
 
 
 def tidy(axis: Axes, *, first: bool, text: str = "", ticks: int = 6) -> None:
+    """Ticks and label by the report's rules.
+
+    Parameters
+    ----------
+    axis : matplotlib.axes.Axes
+    first : bool
+        Whether the panel is the first of its row, which alone carries label and numbers.
+    text : str
+        The vertical axis's label, with its unit.
+    ticks : int
+        At most so many.
+    """
     axis.tick_params(length=3, width=0.7, pad=3)
     axis.margins(x=0.01)
     axis.yaxis.set_major_locator(MaxNLocator(ticks, steps=[1, 2, 2.5, 5, 10]))
@@ -188,6 +200,7 @@ def key(axis: Axes, entries: Sequence[tuple[str, str]]) -> None:
 
 
 def origin(axis: Axes) -> None:
+    """Lines through zero, below the data."""
     axis.axhline(0.0, color=colour("faint"), linewidth=0.8, zorder=1)
     axis.axvline(0.0, color=colour("faint"), linewidth=0.8, zorder=1)
 
@@ -221,12 +234,27 @@ def _centre(group: Sequence[float]) -> float:
 
 
 def line(axis: Axes, time: np.ndarray, values: np.ndarray, **style) -> None:
+    """A curve of `values`, shape (n,), over `time`, shape (n,), on an `axis`: broken where samples are missing, its
+    outline alone where there are many; `style` is Matplotlib's."""
     time, values = broken(np.asarray(time, float), np.asarray(values, float))
     axis.plot(*outline(time, values), **style)
 
 
 def dots(axis: Axes, x: np.ndarray, y: np.ndarray, tone: str, *, alpha: float, size: float) -> None:
-    """Many dots as a few paths (round-capped strokes of no length): a hundredth of the markup of markers."""
+    """Many dots as a few paths (round-capped strokes of no length): a hundredth of the markup of markers.
+
+    Parameters
+    ----------
+    axis : matplotlib.axes.Axes
+    x, y : ndarray, shape (n,)
+        In the axis's units; what is not finite is left out.
+    tone : str
+        Colour.
+    alpha : float
+        Opacity, 0 to 1.
+    size : float
+        Diameter in points.
+    """
     keep = np.isfinite(x) & np.isfinite(y)
     x, y = x[keep], y[keep]
     if len(x) > DOT_POINTS:

@@ -137,7 +137,7 @@ def number(value: float, uncertainty: float = math.nan, digits: int = 4) -> str:
 
 
 def interval(low: float, high: float, uncertainty: float) -> str:
-    """Two ends of an interval, with the decimals its uncertainty allows."""
+    """`low` to `high`, with the decimals that their `uncertainty` allows."""
     return f"{number(low, uncertainty)} to {number(high, uncertainty)}"
 
 
@@ -169,7 +169,13 @@ def percent(value: float) -> str:
 
 
 def prose(text: str) -> str:
-    """A plain sentence with its typography: capital first letter, minus signs, units, R²."""
+    """A plain sentence with its typography: capital first letter, minus signs, units, R², names in words."""
+    for method, words in METHODS.items():
+        text = text.replace(f"'{method}'", words)
+    for name in (n for n in LABELS if "_" in n):
+        text = re.sub(rf"\b{name}\b", name.replace("_positive", " +").replace("_negative", f" {MINUS}"), text)
+    text = re.sub(r"(?<=[a-z])_(?=[a-z])", " ", text)
+    text = re.sub(r"(?<=\d) (?=%)", "\N{NO-BREAK SPACE}", text)
     text = re.sub(r"(?<![\w^])-(?=[\d.])", MINUS, text)
     text = re.sub(r"(?<=[A-Za-z])\*(?=[A-Za-z])", "·", text).replace("^2", "²")
     text = re.sub(r"\bR2\b", "R²", text)

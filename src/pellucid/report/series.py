@@ -57,6 +57,7 @@ def joined(group: Sequence, *of: Callable) -> tuple[np.ndarray, ...]:
 
 
 def pooled_error(group: Sequence[Prediction]) -> float:
+    """Effort error of several stretches together [%]."""
     residual = np.concatenate([p.residual for p in group])
     return 100.0 * float(np.linalg.norm(residual) / np.linalg.norm(np.concatenate([p.effort for p in group])))
 
@@ -72,7 +73,7 @@ def broken(time: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarray
 
 
 def outline(time: np.ndarray, values: np.ndarray, points: int = LINE_POINTS) -> tuple[np.ndarray, np.ndarray]:
-    """The least and the largest sample of each of `points` / 2 stretches, in order; breaks stay."""
+    """Of `time` and `values`, the least and the largest sample of each of `points` / 2 stretches; breaks stay."""
     if len(time) <= points:
         return time, values
     keep = {0, len(time) - 1, *np.flatnonzero(~np.isfinite(time) | ~np.isfinite(values)).tolist()}
@@ -85,6 +86,7 @@ def outline(time: np.ndarray, values: np.ndarray, points: int = LINE_POINTS) -> 
 
 
 def every(points: int, *arrays: np.ndarray) -> tuple[np.ndarray, ...]:
+    """About `points` samples of each array, evenly spaced; breaks in the first one stay."""
     step = max(1, len(arrays[0]) // points)
     keep = np.zeros(len(arrays[0]), bool)
     keep[::step] = True
@@ -93,7 +95,8 @@ def every(points: int, *arrays: np.ndarray) -> tuple[np.ndarray, ...]:
 
 
 def busiest(time: np.ndarray, values: np.ndarray, share: float = 0.035) -> tuple[float, float]:
-    """The window in which the values vary most, free of breaks if there is one: where a zoom tells most."""
+    """The window, a `share` of all `time`, in which the `values` vary most: where a zoom tells most. Free of breaks
+    if there is one."""
     t0, t1 = float(np.nanmin(time)), float(np.nanmax(time))
     good = np.isfinite(time) & np.isfinite(values)
     time, values = time[good], values[good]
@@ -114,14 +117,23 @@ def busiest(time: np.ndarray, values: np.ndarray, share: float = 0.035) -> tuple
 
 
 def running_median(x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Median of `y` over stretches of `x` that hold equally many samples, at the median of each stretch."""
+    """Median of `y` over stretches of `x`, at the median of each: none narrower than a 22nd of the range, so that
+    clustered samples stay one point, and none with too few samples to have a median worth drawing."""
     order = np.argsort(x, kind="stable")
-    bins = int(np.clip(len(x) // 40, 3, 24))
-    parts = [part for part in np.array_split(order, bins) if len(part)]
+    width = np.subtract(*np.quantile(x, (0.99, 0.01))) / 22.0
+    least = max(12, len(x) // 80)
+    parts, start = [], 0
+    for stop in range(1, len(order) + 1):
+        if stop - start >= least and x[order[stop - 1]] - x[order[start]] >= width:
+            parts.append(order[start:stop])
+            start = stop
+    if len(order) - start >= least:
+        parts.append(order[start:])
     return np.array([np.median(x[p]) for p in parts]), np.array([np.median(y[p]) for p in parts])
 
 
 def autocorrelation(x: np.ndarray, lags: int) -> np.ndarray:
+    """Autocorrelation of `x` at 0 to `lags` samples, shape (lags + 1,)."""
     x = np.asarray(x, float) - np.mean(x)
     n = len(x)
     spectrum = np.fft.rfft(x, 2 * n)
