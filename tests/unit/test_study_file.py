@@ -146,6 +146,18 @@ def test_a_negative_number_stored_unsigned(make_study):
     assert study.recording("sweep")["current"].tolist() == [0.0, 1.0, -1.0, -32768.0]
 
 
+def test_a_loop_takes_its_own_gains_and_reference(make_study):
+    reference = ("[processing]", 'reference = { column = "q", unit = "deg/s" }\n[processing]')
+    loop = '[rig.loop]\nkind = "velocity_pi"\nkp = 1.0\nki = 2.0\n'
+    study = make_study(None, reference, append=loop)
+    assert study.recording("sweep").channels["reference"].unit == "rad/s"
+    with pytest.raises(StudyError, match='reference: found the unit "deg/s", expected "rad"'):
+        make_study(None, reference)
+    assert make_study(None, append='[rig.loop]\nkind = "cascade"\nkp = 1.0\nkv = 2.0\nki = 0.5\n').rig.loop.ki == 0.5
+    with pytest.raises(StudyError, match=r"\[rig\] loop: kind = .p. expects the gains kp: unused kd"):
+        make_study(None, append='[rig.loop]\nkind = "p"\nkp = 1.0\nkd = 2.0\n')
+
+
 def test_a_recording_overrides_a_channel_in_part(make_study):
     study = make_study(
         None, append='channels.position = { sign = -1 }\nchannels.emg.biceps = { column = "i", unit = "mV" }\n'

@@ -262,7 +262,10 @@ def _check_frozen(recording, drive, add) -> bool:
     """Refuse a position that stays the same bits while the machine must have moved."""
     q, fs = recording["position"], recording.fs
     effort = np.where(recording.enabled, recording[drive], np.nan) if drive else None
-    reference = recording.channels["reference"].samples if "reference" in recording else None
+    reference = recording.channels.get("reference")
+    # A velocity loop's reference says nothing about where the position should be.
+    same = reference is not None and reference.unit == recording.channels["position"].unit
+    reference = reference.samples if same else None
     if not np.isfinite(q).any():
         return False
     if np.nanmin(q) == np.nanmax(q):

@@ -52,6 +52,16 @@ class _Table(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False, hide_input_in_errors=True)
 
 
+# Gains that a kind of loop needs, and those it may have.
+_GAINS = {
+    "p": (("kp",), ()),
+    "pi": (("kp", "ki"), ()),
+    "pd": (("kp", "kd"), ()),
+    "cascade": (("kp", "kv"), ("ki",)),
+    "velocity_pi": (("kp", "ki"), ()),
+}
+
+
 class Drive(_Table):
     """How the effort is known: ``[rig.drive]``.
 
@@ -106,7 +116,7 @@ class Loop(_Table):
     ----------
     kind : str
         ``"p"``, ``"pi"``, ``"pd"``, ``"cascade"`` (command = kv*(kp*(reference - position) - velocity)) or
-        ``"velocity_pi"``.
+        ``"velocity_pi"``, whose reference is a velocity.
     kp, ki, kd, kv : float or None
         Gains.
     limit : float or None
@@ -131,10 +141,10 @@ class Loop(_Table):
 
     @model_validator(mode="after")
     def _gains(self) -> Loop:
-        needed = {"p": "kp", "pi": "kp ki", "pd": "kp kd", "cascade": "kp kv", "velocity_pi": "kp ki"}
-        needed = needed[self.kind].split()
+        needed, optional = _GAINS[self.kind]
         missing = [gain for gain in needed if getattr(self, gain) is None]
-        unused = [g for g in ("kp", "ki", "kd", "kv") if g not in needed and getattr(self, g) is not None]
+        used = {*needed, *optional}
+        unused = [gain for gain in ("kp", "ki", "kd", "kv") if gain not in used and getattr(self, gain) is not None]
         if missing or unused:
             found = f"missing {', '.join(missing)}" if missing else f"unused {', '.join(unused)}"
             raise ValueError(f'kind = "{self.kind}" expects the gains {", ".join(needed)}: {found}')
@@ -467,7 +477,7 @@ def channel_unit(name: str, units: Mapping[str, str | None]) -> str | None:
         The rig's, from `rig_units`.
     """
     fixed = {
-        "time": "s", "position": "<coordinate>", "reference": "<coordinate>", "velocity": "<velocity>",
+        "time": "s", "position": "<coordinate>", "reference": "<reference>", "velocity": "<velocity>",
         "acceleration": "<acceleration>", "current": "A", "voltage": "V", "duty": "1", "supply": "V", "torque": "N*m",
         "force": "N", "enabled": "1", "temperature": "K",
     }  # fmt: skip
@@ -512,6 +522,7 @@ def rig_units(raw: Mapping[str, Any]) -> dict[str, str | None]:
         "motion": motion,
         "injected": loop.get("injected"),
         "<coordinate>": coordinate,
+        "<reference>": coordinate and (f"{coordinate}/s" if loop.get("kind") == "velocity_pi" else coordinate),
         "<velocity>": coordinate and f"{coordinate}/s",
         "<acceleration>": coordinate and f"{coordinate}/s^2",
         "<effort>": effort,

@@ -1,0 +1,41 @@
+"""docs/study-file.md says what is true of study.toml."""
+
+import re
+from pathlib import Path
+
+import pytest
+
+from pellucid.recordings import study_file
+from pellucid.recordings.study_file import parse_study_file
+
+PAGE = Path(__file__).parents[2] / "docs" / "study-file.md"
+TABLES = [
+    study_file.StudyFile,
+    study_file.Rig,
+    study_file.Drive,
+    study_file.Loop,
+    study_file.Limits,
+    study_file.Participant,
+    study_file.ChannelSpec,
+    study_file.Processing,
+    study_file.Model,
+    study_file.PayloadSpec,
+    study_file.RecordingEntry,
+]
+
+
+def test_the_example_is_valid(tmp_path):
+    (example,) = re.findall(r"```toml\n(.*?)```", PAGE.read_text(encoding="utf-8"), re.DOTALL)
+    (tmp_path / "study.toml").write_text(example, encoding="utf-8")
+    study = parse_study_file(tmp_path / "study.toml")
+    assert study.name == "my-elbow"
+    assert study.channels["position"].si_unit == "rad"
+    assert len(study.recordings) == 3
+
+
+@pytest.mark.parametrize("table", TABLES, ids=lambda table: table.__name__)
+def test_every_key_is_explained(table):
+    page = PAGE.read_text(encoding="utf-8")
+    keys = [key for key, field in table.model_fields.items() if not field.validation_alias]
+    absent = [key for key in keys if not re.search(rf"[`\[.\s]{key}[`\].\s]", page)]
+    assert absent == []
