@@ -29,7 +29,7 @@ from ..signals.motion import Motion, differentiate
 from .regression import Solution, Stack, at_bounds, last_call, linearised
 from .replay import can_close, replay
 
-TOLERANCE = 1e-3  # change of every value relative to its size at which iterations stop
+TOLERANCE = 1e-4  # RMS effort of any one value's change, over the RMS effort, at which iterations stop
 MAX_ITERATIONS = 30
 
 
@@ -97,7 +97,7 @@ def solve_instrumental(
     while not converged and iterations < MAX_ITERATIONS:
         iterations += 1
         z, w, residual = _instruments(model, values, data, rig, processing)
-        values, step = _bounded_step(model, values, np.linalg.lstsq(z.T @ w, z.T @ residual, rcond=None)[0])
+        values, step = _bounded_step(model, values, np.linalg.lstsq(z.T @ w, z.T @ residual, rcond=None)[0], w, data)
         converged = step < TOLERANCE
     z, w, residual = _instruments(model, values, data, rig, processing)
     return _solution(model, values, w, residual, iterations, converged), z
@@ -138,7 +138,7 @@ def solve_didim(model: JointModel, data: Stack, rig: Rig, processing: Processing
     while not converged and iterations < MAX_ITERATIONS:
         iterations += 1
         w, residual = _on_simulated(model, values, data, rig, processing)
-        values, step = _bounded_step(model, values, np.linalg.lstsq(w, residual, rcond=None)[0])
+        values, step = _bounded_step(model, values, np.linalg.lstsq(w, residual, rcond=None)[0], w, data)
         converged = step < TOLERANCE
     w, residual = _on_simulated(model, values, data, rig, processing)
     return _solution(model, values, w, residual, iterations, converged)
@@ -199,11 +199,14 @@ def solve_output_error(model: JointModel, data: Stack, rig: Rig, first: Solution
     return _solution(model, found.x, jacobian, -residual, int(found.nfev), bool(found.success))
 
 
-def _bounded_step(model: JointModel, values: np.ndarray, step: np.ndarray) -> tuple[np.ndarray, float]:
-    """The next values, kept physical, and the largest relative change."""
+def _bounded_step(
+    model: JointModel, values: np.ndarray, step: np.ndarray, w: np.ndarray, data: Stack
+) -> tuple[np.ndarray, float]:
+    """The next values, kept physical, and the largest change in effort that any of them makes."""
     lower, upper = model.bounds()
     after = np.clip(values + step, lower, upper)
-    return after, float(np.max(np.abs(after - values) / np.maximum(np.abs(after), 1e-6 * np.abs(after).max())))
+    change = np.abs(after - values) * np.linalg.norm(w, axis=0)
+    return after, float(change.max() / np.linalg.norm(data.target))
 
 
 def _solution(

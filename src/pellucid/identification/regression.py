@@ -21,18 +21,14 @@ from scipy.optimize import least_squares, lsq_linear, minimize_scalar
 
 from .. import _core
 from .._errors import IdentificationError
-from ..models.joint import NAMES, STRIBECK_SHARE, JointModel
-from ..signals.motion import Motion
+from ..models.joint import STRIBECK_SHARE, JointModel
+from ..signals.motion import SMOOTH_TERMS, Motion
 
 GRAVITY = 9.80665
 HUBER = 1.345  # 95 % efficiency on Gaussian residuals
 SPEED_BINS = 8
 MAX_REWEIGHTINGS = 30
 LOAD_START = 0.05
-SMOOTH_PART = np.isin(
-    NAMES, ("inertia", "gravity_sine", "gravity_cosine", "offset", "viscous_positive", "viscous_negative")
-).astype(float)
-"""1 for core parameters whose effort is smooth in the states, 0 for those that multiply the sign of velocity."""
 
 
 @dataclass(frozen=True)
@@ -108,9 +104,9 @@ def predicted(model: JointModel, values: np.ndarray, motions: Sequence[Motion]) 
     vector = model.vector(values)
     efforts = []
     for m in motions:
-        states = (m.position, m.velocity, m.acceleration)
-        smooth = _core.inverse_dynamics(vector * SMOOTH_PART, *states)
-        efforts.append(smooth + m.smooth(_core.inverse_dynamics(vector, *states) - smooth))
+        smooth = m.smooth_regressor @ vector[SMOOTH_TERMS]
+        whole = _core.inverse_dynamics(vector, m.position, m.velocity, m.acceleration)
+        efforts.append(smooth + m.smooth(whole - smooth))
     return efforts
 
 
@@ -121,15 +117,12 @@ def linearised(
     effort was: terms that are smooth in filtered states are filtered already, those in the sign of velocity are not."""
     vector, spread = model.vector(values), model.spread()
     active = np.flatnonzero(spread.any(axis=1))
-    keep = SMOOTH_PART[active]
     efforts, regressors = [], []
     for m in motions:
-        states = (m.position, m.velocity, m.acceleration)
-        effort, jacobian = _core.inverse_dynamics_jacobian(vector, *states, active)
-        smooth, part = _core.inverse_dynamics_jacobian(vector * SMOOTH_PART, *states, active)
+        effort, jacobian = _core.inverse_dynamics_jacobian(vector, m.position, m.velocity, m.acceleration, active)
         whole = np.column_stack([effort, jacobian @ spread[active]])
-        part = np.column_stack([smooth, (part * keep) @ spread[active]])
-        filtered = part + m.smooth(whole - part)
+        smooth = m.smooth_regressor @ np.column_stack([vector, spread])[SMOOTH_TERMS]
+        filtered = smooth + m.smooth(whole - smooth)
         efforts.append(filtered[:, 0])
         regressors.append(filtered[:, 1:])
     return efforts, regressors
@@ -332,8 +325,10 @@ def _solve_stribeck(
     def cost(log_velocity: float) -> float:
         velocity = float(np.exp(log_velocity))
         held = with_known_stribeck_velocity(model, velocity)
+        # A nonlinear rest starts where the last velocity's ended; a linear one must not reuse its regressor.
+        near = previous if held.linear else (list(tried.values()) or [previous])[-1]
         try:
-            found = solve(held, data, weights=w, consistent=consistent, after=previous)
+            found = solve(held, data, weights=w, consistent=consistent, after=near)
         except IdentificationError:
             return np.inf  # no sample is slow enough to show so small a velocity
         tried[velocity] = found
@@ -358,9 +353,37 @@ def _solve_stribeck(
     velocity = min(tried, key=lambda v: float(np.sum((tried[v].residual * w) ** 2)))
     found = tried[velocity]
     values = np.insert(found.values, at, velocity)
-    jacobian, _ = _rows(model, values, data)
     held = np.insert(found.at_bound, at, velocity >= 0.999 * top)
-    return replace(found, values=values, jacobian=jacobian, at_bound=held, iterations=len(tried))
+    jacobian, effort = _rows(model, values, data)
+    residual = data.target - effort
+    if after is None and found.values[_stribeck_at(model)] > 0.0 and not held[at]:
+        values, jacobian, residual = _polished(model, data, w, values, jacobian, residual, ~held)
+    return replace(found, values=values, jacobian=jacobian, residual=residual, at_bound=held, iterations=len(tried))
+
+
+def _polished(
+    model: JointModel,
+    data: Stack,
+    w: np.ndarray,
+    values: np.ndarray,
+    jacobian: np.ndarray,
+    residual: np.ndarray,
+    free: np.ndarray,
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Gauss-Newton steps over all free parameters together, as long as they help and stay physical."""
+    lower, upper = model.bounds()
+    for _ in range(4):
+        scale = np.linalg.norm(jacobian[:, free], axis=0)
+        step = np.zeros(len(values))
+        step[free] = np.linalg.lstsq(jacobian[:, free] / scale * w[:, None], residual * w, rcond=None)[0] / scale
+        trial = values + step
+        if np.any(trial < lower) or np.any(trial > upper):
+            break
+        trial_jacobian, effort = _rows(model, trial, data)
+        if not np.sum(((data.target - effort) * w) ** 2) < np.sum((residual * w) ** 2):
+            break
+        values, jacobian, residual = trial, trial_jacobian, data.target - effort
+    return values, jacobian, residual
 
 
 def _stribeck_at(model: JointModel) -> int:

@@ -8,6 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
+from .. import _core
 from .._errors import RecordingError
 from ..recordings.recording import Recording
 from ..recordings.study import Study
@@ -16,6 +17,13 @@ from .effort import DriveModel, command_of, drive_model
 from .filters import central_difference, decimate, runs, zero_phase_lowpass
 
 SLOW_SHARE = 0.02
+SMOOTH_TERMS = np.array(
+    [
+        _core.PARAMETER_NAMES.index(name)
+        for name in ("inertia", "gravity_sine", "gravity_cosine", "offset", "viscous_positive", "viscous_negative")
+    ]
+)
+"""Core parameters whose effort is smooth in the states; the others multiply the sign of velocity."""
 
 
 @dataclass(frozen=True)
@@ -95,6 +103,13 @@ class Motion:
         if self.lowpass is None:
             return samples
         return zero_phase_lowpass(samples, self.lowpass, self.order, self.fs)
+
+    @cached_property
+    def smooth_regressor(self) -> np.ndarray:
+        """The core's regressor of the terms that are smooth in the states, shape (n, k): it depends on no parameter."""
+        return _core.inverse_dynamics_jacobian(
+            np.zeros(len(_core.PARAMETER_NAMES)), self.position, self.velocity, self.acceleration, SMOOTH_TERMS
+        )[1]
 
     @cached_property
     def moving(self) -> np.ndarray:
