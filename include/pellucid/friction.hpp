@@ -86,7 +86,10 @@ Resistance<S> resistance(const FrictionCoefficients<S>& c, const R& velocity, co
 template <class S, class R> Resistance<S> resistance(const FrictionCoefficients<S>& c, const R& velocity) noexcept {
   S direction = S(sign(velocity));
   if (c.any_smooth) {
-    direction = select(c.smooth, tanh(c.inverse_velocity_width * velocity), direction);
+    const S ratio = c.inverse_velocity_width * velocity;
+    // Mostly a joint moves much faster than w, where tanh is 1 to the bit, and its derivative 0.
+    const bool all_fast = all(abs(ratio) > S(22));
+    if (!all_fast) direction = select(c.smooth, tanh(ratio), direction);
   }
   return resistance(c, velocity, direction);
 }

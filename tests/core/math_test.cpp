@@ -116,8 +116,8 @@ template <class T> void small_functions() {
 }
 
 int main() {
-  sweep<double>("double", {1.1, 1.0, 1.0, 1.0, 2.6, 0.51});
-  sweep<float>("float", {1.1, 1.0, 1.0, 1.0, 2.6, 0.51});
+  sweep<double>("double", {1.1, 1.0, 1.1, 1.1, 2.6, 0.51});
+  sweep<float>("float", {1.1, 1.0, 1.1, 1.1, 2.6, 0.51});
   small_functions<double>();
   small_functions<float>();
   return failures();

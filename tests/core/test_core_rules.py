@@ -15,35 +15,15 @@ ROOT = Path(__file__).parents[2]
 HEADERS = sorted((ROOT / "include" / "pellucid").glob("*.hpp"))
 # What a compiler may call on its own, and the one square root.
 ALLOWED = {"sqrtf", "memcpy", "memmove", "memset", "_GLOBAL_OFFSET_TABLE_", "__stack_chk_fail"}
-ALLOWED_ON_ARM = ALLOWED | {
-    f"__aeabi_{name}"
-    for name in [
-        "memcpy",
-        "memcpy4",
-        "memcpy8",
-        "memmove",
-        "memset",
-        "memset4",
-        "memclr",
-        "memclr4",
-        "memclr8",
-        "unwind_cpp_pr0",
-        "unwind_cpp_pr1",
-    ]
-}
+AEABI = (
+    "memcpy", "memcpy4", "memcpy8", "memmove", "memset", "memset4", "memclr", "memclr4", "memclr8",
+    "unwind_cpp_pr0", "unwind_cpp_pr1",
+)  # fmt: skip
+ALLOWED_ON_ARM = ALLOWED | {f"__aeabi_{name}" for name in AEABI}
 FREESTANDING = [
-    "-std=c++17",
-    "-O2",
-    "-ffp-contract=off",
-    "-ffreestanding",
-    "-fno-exceptions",
-    "-fno-rtti",
-    "-Wall",
-    "-Wextra",
-    "-Wconversion",
-    "-Wdouble-promotion",
-    "-Werror",
-]
+    "-std=c++17", "-O2", "-ffp-contract=off", "-ffreestanding", "-fno-exceptions", "-fno-rtti",
+    "-Wall", "-Wextra", "-Wconversion", "-Wdouble-promotion", "-Werror",
+]  # fmt: skip
 
 
 def build_files():
