@@ -154,9 +154,11 @@ def test_init_makes_a_whole_study(toy, tmp_path):
     assert [p.name for p in study.folder.parent.iterdir()] == ["new"]
 
 
-def test_init_takes_an_empty_folder_and_no_other(toy, tmp_path):
+def test_init_takes_an_empty_folder_and_no_other(toy, tmp_path, monkeypatch):
     (tmp_path / "new").mkdir()
-    datasets.init(tmp_path / "new", dataset="toy")
+    monkeypatch.chdir(tmp_path / "new")
+    assert [r.name for r in datasets.init(".", dataset="toy").recordings()] == ["one", "again"]
+    assert sorted(p.name for p in tmp_path.iterdir() if p.name[0] == ".") == []
     with pytest.raises(
         DatasetError, match=r"found a folder that holds recordings, study.toml, expected a new or empty"
     ):
@@ -175,7 +177,7 @@ def test_init_leaves_no_half_made_folder(toy, tmp_path, monkeypatch):
     datasets.fetch("toy")
     before = sorted(p.name for p in tmp_path.iterdir())
     monkeypatch.setattr(shutil, "copyfile", fail)
-    with pytest.raises(OSError, match="disk full"):
+    with pytest.raises(DatasetError, match="new: the study could not be made: disk full"):
         datasets.init(tmp_path / "new", dataset="toy")
     assert sorted(p.name for p in tmp_path.iterdir()) == before
 

@@ -6,7 +6,6 @@ import os
 from pathlib import Path
 
 from .._errors import DatasetError
-from ..recordings.study import checksum
 from .registry import Dataset, info
 
 DATA_VARIABLE = "PELLUCID_DATA"
@@ -106,6 +105,8 @@ def notes(name: str) -> tuple[str, ...]:
     DatasetError
         If its files are not on this machine.
     """
+    from ..recordings.study import checksum
+
     dataset, folder = info(name), path(name)
     found = {file: checksum(folder / file) for file in dataset.files}
     return tuple(

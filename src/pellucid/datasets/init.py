@@ -5,14 +5,15 @@ from __future__ import annotations
 import json
 import os
 import shutil
-import tempfile
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from .._errors import DatasetError
-from ..recordings import Study, open_study
-from ..recordings.study import STUDY_FILE
 from .fetch import fetch, notes, path
 from .registry import template
+
+if TYPE_CHECKING:
+    from ..recordings import Study
 
 
 def init(folder: str | os.PathLike, dataset: str, progress: bool = False) -> Study:
@@ -39,6 +40,8 @@ def init(folder: str | os.PathLike, dataset: str, progress: bool = False) -> Stu
     DatasetError
         If the folder is not empty, there is no such data set, or its files cannot be had. No folder is left then.
     """
+    from ..recordings.study import STUDY_FILE, open_study
+
     folder = Path(folder)
     source_file = template(dataset)
     if folder.is_file() or (folder.is_dir() and any(folder.iterdir())):
@@ -48,10 +51,10 @@ def init(folder: str | os.PathLike, dataset: str, progress: bool = False) -> Stu
         source = path(dataset)
     except DatasetError:
         source = fetch(dataset, progress=progress)
-    folder.parent.mkdir(parents=True, exist_ok=True)
     # Whoever looks sees the study whole or not at all.
-    building = Path(tempfile.mkdtemp(dir=folder.parent, prefix=f".{folder.name}."))
+    building = folder.absolute().parent / f".{folder.absolute().name}.{os.getpid()}"
     try:
+        building.mkdir(parents=True)
         text = _with_notes(source_file.read_text(encoding="utf-8"), notes(dataset))
         (building / STUDY_FILE).write_text(text, encoding="utf-8")
         for entry in open_study(building).config.recordings:
@@ -59,13 +62,11 @@ def init(folder: str | os.PathLike, dataset: str, progress: bool = False) -> Stu
             target.parent.mkdir(exist_ok=True)
             if not target.exists():
                 shutil.copyfile(source / target.name, target)
-        building.chmod(0o777 & ~_umask())
-        if folder.is_dir():
-            folder.rmdir()
-        building.rename(folder)
-    except BaseException:
+        _move(building, folder, last=STUDY_FILE)
+    except OSError as error:
+        raise DatasetError(f"{folder}: the study could not be made: {error}") from error
+    finally:
         shutil.rmtree(building, ignore_errors=True)
-        raise
     return open_study(folder)
 
 
@@ -77,7 +78,10 @@ def _with_notes(text: str, remarks: tuple[str, ...]) -> str:
     return f"{head}{line}{separator}{tail}"
 
 
-def _umask() -> int:
-    mask = os.umask(0)
-    os.umask(mask)
-    return mask
+def _move(building: Path, folder: Path, last: str) -> None:
+    if not folder.exists():
+        building.rename(folder)
+        return
+    # An empty folder may be where a shell stands, so it is filled, not replaced.
+    for item in sorted(building.iterdir(), key=lambda item: item.name == last):
+        item.rename(folder / item.name)

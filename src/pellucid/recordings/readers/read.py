@@ -39,7 +39,10 @@ def read_columns(path: Path) -> Columns:
         raise RecordingError(
             f'{path.name}: found the ending "{path.suffix}", expected one of {", ".join(sorted(FORMATS))}'
         )
-    values = importlib.import_module(f".{module}", __package__).read(path)
+    try:
+        values = importlib.import_module(f".{module}", __package__).read(path)
+    except OSError as error:
+        raise RecordingError(f"{path}: not readable: {error}") from error
     if all(isinstance(value, str) for value in values.values()):
         raise RecordingError(f"{path.name}: found no numeric column")
     return Columns(path, values)
