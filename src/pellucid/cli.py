@@ -272,23 +272,24 @@ def _table(*heads: str) -> Table:
 
 
 def _print_fit(out: Console, study: Study, fit: JointFit) -> None:
-    from .report.quantities import number, parameter_interval, percent, relative_sd, unit_text
+    from .report.quantities import number, parameter_note, percent, relative_sd, unit_text
 
     level = study.model.confidence
     best = fit.families[fit.best]
     split = "held-out" if best.heldout_effort_error == best.heldout_effort_error else "fitted"
     error = best.heldout_effort_error if split == "held-out" else best.fitted_effort_error
     _say(out, f"\n{fit.study}: {fit.best} friction, {split} effort error {percent(error)} %")
-    table = _table("parameter", ">value", f"{100.0 * level:.4g} % interval", "unit", ">SD %", "")
+    table = _table("parameter", ">value", f">± ({100.0 * level:.4g} %)", "unit", ">SD %", "")
     shown = [*best.estimate.parameters, *([fit.drive_constant] if fit.drive_constant is not None else [])]
     for p in shown:
+        low, high = p.interval(level)
         table.add_row(
             p.name,
             number(p.value, p.standard_error),
-            parameter_interval(p, level),
+            number(0.5 * (high - low), p.standard_error),
             unit_text(p.unit),
             relative_sd(p),
-            "at bound" if p.at_bound else "" if p.identifiable else "unclear",
+            parameter_note(p, level),
         )
     out.print(table)
     if len(fit.families) > 1:

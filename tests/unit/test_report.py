@@ -128,7 +128,7 @@ def test_the_same_fit_gives_the_same_bytes(fit, written, tmp_path):
 @pytest.mark.parametrize(
     "options",
     [
-        {"motion": "rotary", "fitted": 3, "heldout": 4, "samples": 400},
+        {"motion": "rotary", "fitted": 2, "heldout": 3, "samples": 300},
         {"heldout": 0, "samples": 400},
         {"families": ("symmetric",), "others": False, "simulated": False, "samples": 400},
         {"motion": "rotary", "effort_unit": "V", "families": ("load", "combined"), "samples": 400},

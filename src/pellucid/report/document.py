@@ -29,6 +29,7 @@ from .quantities import (
     label,
     number,
     parameter_interval,
+    parameter_note,
     percent,
     prose,
     relative_sd,
@@ -330,19 +331,9 @@ def _parameters(fit: JointFit, estimate: Estimate, level: float) -> Table:
         cells.append(parameter_interval(p, level))
         if booted:
             cells.append(interval(*p.bootstrap, p.standard_error) if p.bootstrap is not None else "–")
-        cells += [f"{relative_sd(p)} %".replace("– %", "–"), parameter_note(p)]
+        cells += [f"{relative_sd(p)} %".replace("– %", "–"), parameter_note(p, level)]
         rows.append(Row(tuple(cells)))
     return Table(tuple(heads), tuple(rows), frozenset(range(len(heads) - 1)) - {0, 2}, wide=True)
-
-
-def parameter_note(p: Parameter) -> str:
-    """What has to be said of a parameter beside its interval, in a few words."""
-    notes = []
-    if p.at_bound:
-        notes.append("held by its physical bound")
-    if not p.identifiable and not p.at_bound:
-        notes.append("not identifiable here")
-    return "; ".join(notes)
 
 
 def _families_words(fit: JointFit) -> str:
@@ -501,7 +492,10 @@ def _estimators(family: FamilyFit, level: float) -> Table:
     for name in family.model.names:
         unit = unit_text(family.model.unit(name))
         cells = [label(name) + (f" ({unit})" if unit else "")]
-        for p in (estimate[name] for estimate in estimates.values()):
+        for p in (estimate.get(name) for estimate in estimates.values()):
+            if p is None:
+                cells.append("held")
+                continue
             half = 0.5 * (p.interval(level)[1] - p.interval(level)[0])
             cells.append(f"{number(p.value, p.standard_error)} ± {number(half, p.standard_error)}")
         rows.append(Row(tuple(cells)))

@@ -527,7 +527,9 @@ def estimators(fit: JointFit, family: FamilyFit, name: str = "estimators") -> Dr
         reference = family.estimate[parameter]
         axis.axvspan(*reference.interval(), color=colour("faint"), alpha=0.25, linewidth=0)
         for row, (method, estimate) in enumerate(estimates.items()):
-            found = estimate[parameter]
+            found = estimate.get(parameter)
+            if found is None:
+                continue
             tone = colour("fitted") if method == family.estimate.method else colour("measured")
             axis.plot(found.interval(), (row, row), color=tone, linewidth=1.4)
             axis.plot([found.value], [row], color=tone, marker="o", markersize=4.2)

@@ -150,6 +150,16 @@ def parameter_interval(parameter: Parameter, level: float) -> str:
     return interval(low, high, parameter.standard_error)
 
 
+def parameter_note(parameter: Parameter, level: float) -> str:
+    """What has to be said of a parameter beside its interval, in a few words; nothing where all is well."""
+    low, high = parameter.interval(level)
+    if parameter.at_bound:
+        return "at its bound"
+    if parameter.identifiable:
+        return ""
+    return "may be zero" if low <= 0.0 <= high else "unclear"
+
+
 def relative_sd(parameter: Parameter) -> str:
     """Standard error as a percentage of the value, as text; a dash where the value is at a bound or all but zero."""
     if parameter.at_bound:

@@ -1,0 +1,242 @@
+"""The command line: each command calls its function, prints what fits a terminal, and fails in one sentence."""
+
+import json
+import sys
+from types import SimpleNamespace
+
+import fabricate
+import pytest
+from typer.testing import CliRunner
+
+import pellucid
+from pellucid import cli
+from pellucid._errors import DatasetError
+from pellucid.identification.fit import Verdict
+
+run = CliRunner().invoke
+
+
+@pytest.fixture(scope="module")
+def fit():
+    return fabricate.fit(samples=300, families=("symmetric", "directional", "load", "stribeck", "combined"))
+
+
+@pytest.fixture
+def bench(fit, tmp_path, monkeypatch):
+    """A study whose identification is known beforehand."""
+    study = fabricate.study(tmp_path / "bench", fit)
+    asked = []
+
+    def identify(study, *, families=None, on_progress=None):
+        asked.append(families)
+        on_progress("halfway", 0.5)
+        return fit
+
+    monkeypatch.setattr("pellucid.identification.identify.identify", identify)
+    monkeypatch.setattr("pellucid.report.document.identify", identify)
+    return SimpleNamespace(folder=study.folder, asked=asked)
+
+
+def as_program(monkeypatch, capsys, *arguments):
+    """Exit status, output and errors of ``pellucid ARGUMENTS``."""
+    monkeypatch.setattr(sys, "argv", ["pellucid", *map(str, arguments)])
+    with pytest.raises(SystemExit) as stopped:
+        cli.main()
+    out, err = capsys.readouterr()
+    return stopped.value.code, out, err
+
+
+def test_version():
+    assert run(cli.app, ["version"]).output == f"pellucid {pellucid.__version__}\n"
+
+
+def test_help_names_every_command_on_one_line_each():
+    text = run(cli.app, ["--help"]).output
+    for command in ("init", "check", "identify", "report", "compare", "demo", "version", "datasets"):
+        assert f"\n  {command} " in text
+    assert "..." not in text.split("Commands:")[1]
+
+
+def test_identify_prints_what_was_found(bench, fit):
+    result = run(cli.app, ["identify", str(bench.folder)])
+    assert result.exit_code == 0, result.output
+    lines = result.output.splitlines()
+    # Paths alone may be longer than a terminal.
+    assert max(len(line) for line in lines if str(bench.folder) not in line) <= 80
+    for p in fit.families[fit.best].estimate.parameters:
+        assert p.name in result.output
+    for family in fit.families:
+        assert family in result.output
+    assert "results.json" in result.output
+    assert f"pellucid report {bench.folder}" in result.output
+    assert (bench.folder / "models" / "joint.json").is_file()
+
+
+def test_the_widest_table_fits_80_columns(bench, fit, monkeypatch):
+    """The richest family, with the longest names and units."""
+    widest = fabricate.fit(samples=300, motion="rotary", families=("combined",), seed=3)
+    monkeypatch.setattr("pellucid.identification.identify.identify", lambda study, **_: widest)
+    folder = fabricate.study(bench.folder.parent / "rotary", widest).folder
+    result = run(cli.app, ["identify", str(folder)])
+    assert result.exit_code == 0, result.output
+    assert "stribeck_velocity" in result.output
+    assert "…" not in result.output
+    assert max(len(line) for line in result.output.splitlines() if str(folder) not in line) <= 80
+
+
+def test_families_can_be_chosen(bench):
+    run(cli.app, ["identify", str(bench.folder), "--family", "load", "--family", "symmetric"])
+    run(cli.app, ["identify", str(bench.folder)])
+    assert bench.asked == [("load", "symmetric"), None]
+
+
+def test_identify_prints_json(bench, fit):
+    result = run(cli.app, ["identify", str(bench.folder), "--json"])
+    rows = {row["id"]: row for row in json.loads(result.output)["figures"]}
+    assert rows["bench.symmetric.inertia"]["value"] == pytest.approx(fit.families["symmetric"]["inertia"].value)
+    assert rows["bench.symmetric.inertia"]["unit"] == "kg"
+
+
+def test_report_says_where_it_is(bench):
+    run(cli.app, ["identify", str(bench.folder)])
+    result = run(cli.app, ["report", str(bench.folder)])
+    assert result.exit_code == 0, result.output
+    assert f"Report: {bench.folder / 'report' / 'index.html'}" in result.output
+    assert (bench.folder / "report" / "index.html").is_file()
+    # The families that were identified, not whatever the study would try by itself.
+    assert set(bench.asked[-1]) == {"symmetric", "directional", "load", "stribeck", "combined"}
+
+
+def test_check_exits_1_where_recordings_are_not_fit(bench, monkeypatch):
+    assert run(cli.app, ["check", str(bench.folder)]).exit_code == 0
+    fault = SimpleNamespace(severity="refuse", message="bench.csv: channel position: found 40 frozen samples")
+    note = SimpleNamespace(severity="note", message="bench.csv: jitter")
+    monkeypatch.setattr("pellucid.identification.check.check", lambda study: [note])
+    result = run(cli.app, ["check", str(bench.folder)])
+    assert result.exit_code == 0
+    assert "jitter" in result.output
+    monkeypatch.setattr("pellucid.identification.check.check", lambda study: [note, fault])
+    result = run(cli.app, ["check", str(bench.folder)])
+    assert result.exit_code == 1
+    assert "frozen" in result.output
+    assert "1 fault." in result.output
+
+
+def test_compare_marks_what_changed(bench, monkeypatch):
+    def row(name, a, b, p):
+        return SimpleNamespace(
+            name=name, unit="N*m*s/rad", a=a, b=b, standard_error=0.01, z=0.0, p_value=p, changed=p < 0.05
+        )
+
+    found = SimpleNamespace(
+        family="symmetric",
+        rows=(row("viscous", 0.2, 0.4, 1e-9), row("coulomb", 0.5, 0.5, 0.9)),
+        verdicts=(Verdict("warning", "viscous changed."),),
+    )
+    monkeypatch.setattr("pellucid.identification.compare.compare", lambda a, b, family=None: found)
+    result = run(cli.app, ["compare", "A", "B"])
+    assert result.exit_code == 0, result.output
+    by_name = {line.split()[0]: line for line in result.output.splitlines() if line.strip()}
+    assert "changed" in by_name["viscous"]
+    assert "<0.001" in by_name["viscous"]
+    assert "changed" not in by_name["coulomb"]
+
+
+def test_identified_studies_compare(bench):
+    run(cli.app, ["identify", str(bench.folder)])
+    result = run(cli.app, ["compare", str(bench.folder), str(bench.folder)])
+    assert result.exit_code == 0, result.output
+    assert "No parameter changed" in result.output
+
+
+def test_demo_prints_every_study(fit, tmp_path, monkeypatch):
+    study = fabricate.study(tmp_path / "demo" / "bench", fit)
+    coverage = SimpleNamespace(colour="white", repetitions=200, lowest=94.5, textbook=94.0)
+    made = SimpleNamespace(
+        studies=((study, fit, study.report_dir / "index.html"),), coverages=(coverage,), notes=("no network",)
+    )
+    asked = []
+
+    def demo(out, *, on_progress=None):
+        asked.append(out)
+        return made
+
+    module = SimpleNamespace(demo=demo)
+    monkeypatch.setitem(sys.modules, "pellucid.demonstration.demo", module)
+    result = run(cli.app, ["demo", "--out", str(tmp_path / "demo")])
+    assert result.exit_code == 0, result.output
+    assert asked == [tmp_path / "demo"]
+    assert "94.5" in result.output
+    assert "no network" in result.output
+    assert str(study.report_dir / "index.html") in result.output
+
+
+def test_init_needs_a_data_set(monkeypatch, capsys, tmp_path):
+    code, out, err = as_program(monkeypatch, capsys, "init", tmp_path / "new")
+    assert code == 2
+    assert out == ""
+    assert err.startswith("pellucid: init needs --dataset NAME; known: ")
+    code, _, err = as_program(monkeypatch, capsys, "init", tmp_path / "new", "--rig", "elbow")
+    assert code == 2
+    assert "later version" in err
+    assert not (tmp_path / "new").exists()
+
+
+def test_init_says_what_comes_next(monkeypatch, fit, tmp_path):
+    monkeypatch.setattr(
+        "pellucid.datasets.init", lambda folder, dataset, progress: fabricate.study(folder, fit), raising=True
+    )
+    result = run(cli.app, ["init", str(tmp_path / "new"), "--dataset", "some"])
+    assert result.exit_code == 0, result.output
+    assert "2 recordings" in result.output
+    assert f"pellucid check {tmp_path / 'new'}" in result.output
+
+
+def test_datasets(monkeypatch, tmp_path):
+    from pellucid import datasets
+
+    def absent(name):
+        raise DatasetError(f"{name}: not here")
+
+    monkeypatch.setattr(datasets, "path", absent)
+    result = run(cli.app, ["datasets", "list"])
+    assert all(name in result.output for name in datasets.names())
+    assert max(map(len, result.output.splitlines())) <= 80
+    monkeypatch.setattr(datasets, "path", lambda name: tmp_path / name)
+    assert run(cli.app, ["datasets", "path", "any"]).output == f"{tmp_path / 'any'}\n"
+    monkeypatch.setattr(datasets, "fetch", lambda name, progress: tmp_path / name)
+    assert run(cli.app, ["datasets", "fetch", "any"]).output == f"{tmp_path / 'any'}\n"
+
+
+@pytest.mark.parametrize("command", ["check", "identify", "report"])
+def test_a_folder_that_is_no_study_is_one_sentence(command, monkeypatch, capsys, tmp_path):
+    code, out, err = as_program(monkeypatch, capsys, command, tmp_path / "nowhere")
+    assert code == 2
+    assert out == ""
+    assert err.startswith("pellucid: ")
+    assert "nowhere" in err
+    assert "Traceback" not in err
+
+
+def test_what_the_system_refuses_is_one_sentence(monkeypatch, capsys, bench):
+    def refuse(study, **_):
+        raise PermissionError(13, "Permission denied", "report/index.html")
+
+    monkeypatch.setattr("pellucid.report.document.write_report", refuse)
+    code, _, err = as_program(monkeypatch, capsys, "report", bench.folder)
+    assert (code, err) == (2, "pellucid: Permission denied: report/index.html\n")
+
+
+def test_progress_is_silent_where_nobody_watches(bench, monkeypatch, capsys):
+    _, _, err = as_program(monkeypatch, capsys, "identify", bench.folder)
+    assert err == ""
+
+
+def test_progress_is_shown_on_a_terminal(monkeypatch, capsys):
+    monkeypatch.setattr(sys.stderr, "isatty", lambda: True)
+    monkeypatch.setenv("TERM", "xterm")
+    with cli._progress() as tell:
+        tell("fitting symmetric", 0.4)
+    out, err = capsys.readouterr()
+    assert out == ""
+    assert "fitting symmetric" in err
