@@ -82,7 +82,7 @@ def fetch(name: str, base_url: str | None = None, progress: bool = False) -> Pat
             ) from error
         except OSError as error:
             raise DatasetError(
-                f"{name}: {file} could not be downloaded from {store.base_url}: {error}. {_advice(dataset)}"
+                f"{name}: {file} could not be downloaded from {store.base_url}: {_reason(error)}. {_advice(dataset)}"
             ) from error
     return folder
 
@@ -114,6 +114,17 @@ def notes(name: str) -> tuple[str, ...]:
         for file, expected in dataset.files.items()
         if found[file] != expected
     )
+
+
+def _reason(error: OSError) -> str:
+    import requests
+
+    if isinstance(error, requests.ConnectionError) and error.request is not None:
+        # Its own text is the whole chain of calls below it.
+        from urllib.parse import urlsplit
+
+        return f"no connection to {urlsplit(error.request.url).hostname}"
+    return str(error)
 
 
 def _given(dataset: Dataset) -> list[Path]:

@@ -107,6 +107,10 @@ class Estimate:
                 return parameter
         raise KeyError(f"{name!r}; this estimate has {', '.join(p.name for p in self.parameters)}")
 
+    def get(self, name: str) -> Parameter | None:
+        """A parameter, or None where this method held it at the reference's value."""
+        return next((p for p in self.parameters if p.name == name), None)
+
     @property
     def values(self) -> np.ndarray:
         """Parameter values, shape (p,), in the order of the model's symbols."""

@@ -114,12 +114,14 @@ def verdicts(
     speed = f"{np.degrees(top):.3g} deg/s" if rotary else f"{top:.3g} m/s"
     for parameter in fit.estimate.parameters:
         name = parameter.name.replace("_", " ")
+        if parameter.influence == 0.0:
+            continue  # the velocity of a Stribeck level that came out zero says nothing
         if parameter.at_bound:
             found.append(
                 Verdict(
                     "note",
-                    f"{name} is held at its physical bound ({parameter.value:.3g} {parameter.unit}): unbounded, these "
-                    "recordings would ask for a value that no joint can have, so the model misses something else.",
+                    f"{name} is held at its physical bound ({parameter.value:.3g} {parameter.unit}): there is none to see, or "
+                    "the model misses something that pushes it there.",
                 )
             )
         elif not parameter.identifiable:
