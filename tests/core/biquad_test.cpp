@@ -30,6 +30,17 @@ template <class T> void recovers() {
   }
 }
 
+template <class T> void overflows() {
+  // The output is finite, but what the section would remember is not.
+  p::BiquadCoefficients<T, 4> c;
+  c.section[0] = {T(1), T(4), T(4), T(0), T(0)};
+  c.count = 1;
+  p::BiquadState<T, 4> state;
+  const T largest = std::numeric_limits<T>::max();
+  check(p::step(c, state, largest) == largest, "the largest number passes");
+  check(p::step(c, state, T(1)) == 1 && p::is_finite(p::step(c, state, T(0))), "what would overflow is forgotten");
+}
+
 void gain_in_float() {
   const auto c = low_pass<float>();
   const auto d = low_pass<double>();
@@ -60,6 +71,8 @@ void resumes() {
 int main() {
   recovers<double>();
   recovers<float>();
+  overflows<double>();
+  overflows<float>();
   gain_in_float();
   resumes();
   return failures();
