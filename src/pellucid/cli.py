@@ -286,7 +286,7 @@ def _print_fit(out: Console, study: Study, fit: JointFit) -> None:
         table.add_row(
             p.name,
             number(p.value, p.standard_error),
-            number(0.5 * (high - low), p.standard_error),
+            number(0.5 * (high - low), p.standard_error) if high > low else "–",
             unit_text(p.unit),
             relative_sd(p),
             parameter_note(p, level),

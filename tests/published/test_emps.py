@@ -2,7 +2,12 @@
 
 import pytest
 
-PUBLISHED = {"inertia": (95.1089, 0.1085), "viscous": (203.5034, 1.1460), "coulomb": (20.3935, 0.1012), "offset": (-3.1648, 0.0444)}
+PUBLISHED = {
+    "inertia": (95.1089, 0.1085),
+    "viscous": (203.5034, 1.1460),
+    "coulomb": (20.3935, 0.1012),
+    "offset": (-3.1648, 0.0444),
+}
 DIRECTIONAL = {
     "inertia": (95.1540, 0.0827),
     "viscous_positive": (166.7061, 1.2326),

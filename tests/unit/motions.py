@@ -24,7 +24,9 @@ def vector_of(**changes):
     return vector
 
 
-def motion_of(vector, *, name="one", split="fitted", seed=1, effort_sd=0.0, seconds=20.0, fs=200.0, gain=1.0, payload=(0.0, 0.0)):
+def motion_of(
+    vector, *, name="one", split="fitted", seed=1, effort_sd=0.0, seconds=20.0, fs=200.0, gain=1.0, payload=(0.0, 0.0)
+):
     """A multisine motion with exact velocity and acceleration, and the effort it takes."""
     rng = np.random.default_rng(seed)
     time = np.arange(round(seconds * fs)) / fs

@@ -4,8 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-
 from motions import TRUTH, motion_of, vector_of
+
 from pellucid._errors import IdentificationError
 from pellucid.identification.consistency import enforce_pseudo_inertia, least_inertia
 from pellucid.identification.drive_constant import drive_constant
@@ -94,9 +94,7 @@ def test_weighted_least_squares_listens_to_the_quieter_recording():
 def test_constant_velocity_cannot_show_inertia():
     motion = motion_of(vector_of())
     time = motion.time
-    steady = replace(
-        motion, position=0.1 * time, velocity=np.full_like(time, 0.1), acceleration=np.zeros_like(time)
-    )
+    steady = replace(motion, position=0.1 * time, velocity=np.full_like(time, 0.1), acceleration=np.zeros_like(time))
     with pytest.raises(IdentificationError, match="inertia cannot be identified: nothing in the recordings excites it"):
         solve(model(), stack([steady]))
 

@@ -276,29 +276,35 @@ def _solve_nonlinear(
 ) -> tuple[np.ndarray, int, bool]:
     """Bounded least squares over a family with load friction, from its linear part or from an earlier solution."""
 
-    @last_call
-    def both(values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        jacobian, effort = _rows(model, values, data)
-        return (effort - data.target) * w, jacobian * w[:, None]
-
     if after is None:
         linear = replace(model, symbols=tuple(s for s in model.symbols if s.linear))
         base = dict(zip(linear.names, solve(linear, data, weights=w).values, strict=True))
         start = np.array([base.get(name, LOAD_START) for name in model.names])
     else:
         start = after.values
+    # Parameters in units of the effort they make: tolerances then mean the same in newtons, volts and amperes.
+    size = float(np.linalg.norm(data.target * w))
+    scale = size / np.linalg.norm(_rows(model, start, data)[0] * w[:, None], axis=0)
+
+    @last_call
+    def both(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        jacobian, effort = _rows(model, x * scale, data)
+        return (effort - data.target) * w / size, jacobian * scale * w[:, None] / size
+
+    low, high = lower / scale, upper / scale
+    inside = np.clip(start / scale, low + 1e-6, np.where(np.isfinite(high), high - 1e-6, high))
     found = least_squares(
         lambda x: both(x)[0],
-        np.clip(start, lower + 1e-9, np.where(np.isfinite(upper), upper * (1.0 - 1e-9), upper)),
+        inside,
         jac=lambda x: both(x)[1],
-        bounds=(lower, upper),
-        x_scale="jac",
-        xtol=1e-7,
-        ftol=1e-9,
+        bounds=(low, high),
+        xtol=1e-8,
+        ftol=1e-12,
+        gtol=1e-12,
         # Reweighting moves the minimum a little each time: a few steps follow it.
         max_nfev=60 if after is None else 8,
     )
-    return found.x, int(found.nfev), bool(found.success)
+    return found.x * scale, int(found.nfev), bool(found.success)
 
 
 def with_known_stribeck_velocity(model: JointModel, velocity: float) -> JointModel:

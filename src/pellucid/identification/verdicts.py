@@ -8,9 +8,9 @@ import numpy as np
 
 from .._errors import IdentificationError
 from ..models.joint import JointModel
+from ..recordings.quality import DRIVE_CHANNELS
 from ..recordings.study import Study
 from ..recordings.study_file import Rig
-from ..signals.effort import CHANNELS
 from ..signals.motion import Motion
 from .fit import Estimate, FamilyFit, Parameter, Verdict
 from .regression import Stack, solve
@@ -54,7 +54,7 @@ def sign_error(model: JointModel, data: Stack, rig: Rig) -> None:
     sure = {n for n, v, s in zip(model.names, found.values, noise, strict=True) if v < -10.0 * s}
     work = sum(float(np.sum(m.effort * m.velocity)) / m.fs for m in data.motions)
     if work < 0.0 and "inertia" in sure:
-        channel = " or ".join(CHANNELS[rig.drive.kind])
+        channel = " or ".join(DRIVE_CHANNELS[rig.drive.kind])
         raise IdentificationError(
             f"the drive takes {-work:.3g} units of work out of the joint and the inertia comes out negative "
             f"({values['inertia']:.3g} {model.unit('inertia')}): the sign of the drive or of the position is reversed; "

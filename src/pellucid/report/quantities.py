@@ -142,7 +142,9 @@ def interval(low: float, high: float, uncertainty: float) -> str:
 
 
 def parameter_interval(parameter: Parameter, level: float) -> str:
-    """A parameter's interval as text; one that a physical bound holds has an interval on one side of it only."""
+    """A parameter's interval as text; a physical bound cuts it, and a value that was chosen has none."""
+    if parameter.standard_error == 0.0:
+        return "–"
     low, high = parameter.interval(level)
     symbol = SYMBOLS.get(parameter.name)
     if parameter.at_bound and symbol is not None:
@@ -155,6 +157,8 @@ def parameter_note(parameter: Parameter, level: float) -> str:
     low, high = parameter.interval(level)
     if parameter.at_bound:
         return "at its bound"
+    if parameter.standard_error == 0.0:
+        return "not fitted"
     if parameter.identifiable:
         return ""
     return "may be zero" if low <= 0.0 <= high else "unclear"
@@ -162,7 +166,7 @@ def parameter_note(parameter: Parameter, level: float) -> str:
 
 def relative_sd(parameter: Parameter) -> str:
     """Standard error as a percentage of the value, as text; a dash where the value is at a bound or all but zero."""
-    if parameter.at_bound:
+    if parameter.at_bound or parameter.standard_error == 0.0:
         return "–"
     return "> 1000" if parameter.relative_sd > 1000.0 else percent(parameter.relative_sd)
 

@@ -7,10 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from .._errors import RecordingError
+from ..recordings.quality import DRIVE_CHANNELS
 from ..recordings.recording import Recording
 from ..recordings.study_file import Drive, Rig
-
-CHANNELS = {"torque": ("torque", "force"), "current": ("current",), "voltage": ("voltage", "duty")}
 
 
 @dataclass(frozen=True)
@@ -77,7 +76,7 @@ def command_of(recording: Recording, rig: Rig) -> np.ndarray:
         If the recording has none of the channels this kind of drive needs.
     """
     drive = rig.drive
-    for name in CHANNELS[drive.kind]:
+    for name in DRIVE_CHANNELS[drive.kind]:
         if name in recording and name != "duty":
             return recording[name]
     if drive.kind == "voltage" and "duty" in recording:
@@ -90,5 +89,5 @@ def command_of(recording: Recording, rig: Rig) -> np.ndarray:
         return recording["duty"] * supply
     raise RecordingError(
         f"{recording.path}: a {drive.kind} drive needs one of the channels "
-        f"{', '.join(CHANNELS[drive.kind])}; found {', '.join(recording.channels)}"
+        f"{', '.join(DRIVE_CHANNELS[drive.kind])}; found {', '.join(recording.channels)}"
     )

@@ -1,0 +1,191 @@
+"""The staged identification, on studies the virtual lab recorded: what it finds, says, writes and refuses."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from pellucid._errors import IdentificationError, PellucidError
+from pellucid.identification.check import check
+from pellucid.identification.compare import compare
+from pellucid.identification.identify import best_family, identify
+from pellucid.identification.save import rows_of, save
+from pellucid.lab.virtual_joint import bench_joint, matched, write_study
+from pellucid.models.card import read_card
+from pellucid.recordings.results import read_rows
+from pellucid.recordings.study import open_study
+
+
+@pytest.fixture(scope="module")
+def virtual(tmp_path_factory):
+    return write_study(tmp_path_factory.mktemp("lab") / "virtual", bench_joint(), name="virtual", seed=5)
+
+
+@pytest.fixture(scope="module")
+def fit(virtual):
+    return identify(virtual, families=["symmetric", "load"])
+
+
+def test_prediction_intervals_hold_on_a_plant_richer_than_the_model(fit):
+    held = [p for p in fit.families["load"].predictions if p.split == "heldout"]
+    assert len(held) == 2
+    for prediction in held:
+        assert 0.90 <= prediction.coverage <= 0.99
+
+
+def test_load_friction_is_found_and_predicts_better_than_symmetric(fit):
+    assert fit.best == "load"
+    assert fit["load_friction"].interval()[0] > 0.02
+    assert fit.families["load"].heldout_effort_error < 0.8 * fit.families["symmetric"].heldout_effort_error
+
+
+def test_every_method_runs_where_the_loop_is_known(fit):
+    family = fit.families["symmetric"]
+    assert set(family.others) == {"wls", "irls", "iv", "didim", "output_error"}
+    assert all(estimate.converged for estimate in family.others.values())
+    for simulation in family.simulations["ls"]:
+        assert np.isfinite(simulation.rmse)
+
+
+def test_progress_reaches_the_end(virtual):
+    told = []
+    identify(virtual, families=["symmetric"], thorough=False, on_progress=lambda text, share: told.append(share))
+    assert told[0] == 0.0
+    assert told[-1] == 1.0
+    assert told == sorted(told)
+
+
+def test_the_card_comes_back_as_it_was_written(virtual, fit):
+    rows = save(virtual, fit)
+    card = read_card(virtual.models_dir / "joint.json")
+    assert card.family == fit.best
+    assert card.values == pytest.approx(fit.families[fit.best].estimate.values, rel=1e-15)
+    assert np.array(card.covariance) == pytest.approx(fit.families[fit.best].estimate.covariance, rel=1e-12)
+    model = card.model()
+    assert model.vector(card.values) == pytest.approx(fit.families[fit.best].model.vector(card.values))
+    assert {row.id for row in read_rows(virtual.results_path)} == {row.id for row in rows}
+    for row in rows:
+        assert row.id.startswith("virtual.")
+        assert row.command == "identify"
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("not json", "not a model card"),
+        ("[]", "no integer 'format'"),
+        ('{"format": 99}', "a model card of format 99"),
+        ('{"format": 1, "parameters": []}', "not a model card of format 1"),
+    ],
+)
+def test_a_broken_card_is_refused(tmp_path, text, message):
+    path = tmp_path / "card.json"
+    path.write_text(text, encoding="utf-8")
+    with pytest.raises(PellucidError, match=message):
+        read_card(path)
+
+
+def test_a_missing_card_says_what_to_do(tmp_path):
+    with pytest.raises(PellucidError, match="run 'pellucid identify'"):
+        read_card(tmp_path / "models" / "joint.json")
+
+
+def test_the_simplest_family_wins_a_close_race(fit):
+    plain, rich = fit.families["symmetric"], fit.families["load"]
+    close = replace(rich, heldout_effort_error=0.98 * plain.heldout_effort_error)
+    clear = replace(rich, heldout_effort_error=0.90 * plain.heldout_effort_error)
+    assert best_family({"symmetric": plain, "load": close}) == "symmetric"
+    assert best_family({"symmetric": plain, "load": clear}) == "load"
+
+
+def test_an_unknown_family_is_refused(virtual):
+    with pytest.raises(IdentificationError, match="unknown friction family 'dahl'; known: symmetric"):
+        identify(virtual, families=["dahl"])
+
+
+def edited(study, folder, *changes, suffix=""):
+    """A copy of a study's study.toml beside the same recordings, with texts replaced."""
+    text = (study.folder / "study.toml").read_text(encoding="utf-8")
+    for old, new in changes:
+        assert old in text, old
+        text = text.replace(old, new)
+    folder.mkdir()
+    (folder / "recordings").symlink_to(study.folder / "recordings")
+    (folder / "study.toml").write_text(text + suffix, encoding="utf-8")
+    return open_study(folder)
+
+
+def test_a_reversed_current_is_named_by_identify_and_by_check(virtual, tmp_path):
+    wrong = edited(
+        virtual, tmp_path / "s", ('column = "current", unit = "A"', 'column = "current", unit = "A", sign = -1')
+    )
+    with pytest.raises(IdentificationError, match=r"set sign = -1 on channel 'current' or 'position' in study\.toml"):
+        identify(wrong, families=["symmetric"])
+    assert any("reversed" in fault.message for fault in check(wrong))
+
+
+def test_check_finds_nothing_wrong_with_a_sound_study(virtual):
+    assert [fault for fault in check(virtual) if fault.severity == "refuse"] == []
+
+
+def test_a_moving_mass_bounds_the_inertia_and_the_note_says_so(virtual, tmp_path):
+    study = edited(virtual, tmp_path / "s", ('motion = "rotary"', 'motion = "rotary"\nmoving_mass = "1 kg"'))
+    found = identify(study, families=["symmetric"], thorough=False).families["symmetric"]
+    assert found["inertia"].at_bound
+    assert found["inertia"].value == pytest.approx((found["gravity"].value / 9.80665) ** 2, rel=1e-6)
+    assert any("1 kg" in note for note in found.estimate.notes)
+
+
+def test_without_a_torque_constant_results_stay_per_ampere(virtual, tmp_path, fit):
+    study = edited(virtual, tmp_path / "s", ('torque_constant = "0.06 N*m/A"\n', ""))
+    found = identify(study, families=["symmetric"], thorough=False)
+    assert found.families["symmetric"]["inertia"].unit == "A*s^2/rad"
+    ratio = fit.families["symmetric"]["inertia"].value / found.families["symmetric"]["inertia"].value
+    assert ratio == pytest.approx(bench_joint().gain, rel=1e-9)
+    assert any("per ampere" in verdict.text for verdict in found.verdicts)
+
+
+def test_without_held_out_recordings_it_says_so(virtual, tmp_path):
+    study = edited(virtual, tmp_path / "s", ('use = "validate"', 'use = "fit"'))
+    found = identify(study, families=["symmetric"], thorough=False)
+    assert np.isnan(found.families["symmetric"].heldout_effort_error)
+    assert any("No recording is held out" in verdict.text for verdict in found.verdicts)
+    rows = {row.id: row for row in rows_of(found)}
+    assert "virtual.symmetric.heldout.r2" not in rows
+
+
+def test_a_slow_recording_is_told_that_viscous_friction_does_not_show(tmp_path):
+    joint = matched(bench_joint())
+    slow = replace(joint, motion_range=joint.motion_range | {"velocity": 0.25, "acceleration": 2.0}, current_noise=0.4)
+    study = write_study(tmp_path / "slow", slow, name="slow", seed=3)
+    fitted = 'file = "recordings/multisine.csv"\nuse = '
+    slow_only = edited(study, tmp_path / "s", (f'{fitted}"fit"', f'{fitted}"validate"'))
+    found = identify(slow_only, families=["symmetric"], thorough=False)
+    assert not found.families["symmetric"]["viscous"].identifiable
+    assert any(v.text.startswith("viscous is not identifiable") for v in found.verdicts)
+
+
+def test_two_recordings_of_one_joint_do_not_differ_and_a_worn_one_does(tmp_path):
+    joint = bench_joint()
+    worn = joint.vector.copy()
+    worn[4:6] *= 1.3
+    folders = []
+    for name, plant, seed in (("a", joint, 1), ("b", joint, 2), ("c", replace(joint, vector=worn), 3)):
+        study = write_study(tmp_path / name, plant, name=name, seed=seed)
+        save(study, identify(study, families=["load"], thorough=False))
+        folders.append(study.folder)
+    same, worse = compare(folders[0], folders[1]), compare(folders[0], folders[2])
+    assert not any(row.changed for row in same.rows)
+    assert "No parameter changed" in same.verdicts[0].text
+    assert {row.name for row in worse.rows if row.changed} >= {"coulomb"}
+    assert any("coulomb changed from" in verdict.text for verdict in worse.verdicts)
+
+
+def test_different_joints_are_not_compared(virtual, tmp_path, fit):
+    save(virtual, fit)
+    card = json.loads((virtual.models_dir / "joint.json").read_text(encoding="utf-8"))
+    other = tmp_path / "other.json"
+    other.write_text(json.dumps(card | {"motion": "prismatic"}), encoding="utf-8")
+    with pytest.raises(IdentificationError, match="motion is 'rotary' in the first and 'prismatic' in the second"):
+        compare(virtual.models_dir / "joint.json", other)
