@@ -5,7 +5,7 @@ DEMO   ?= demo
 BIN    := $(VENV)/bin
 CORE   := $(wildcard include/pellucid/*.hpp bindings/*.cpp bindings/*.hpp) CMakeLists.txt pyproject.toml
 
-.PHONY: demo test core-test bench clean
+.PHONY: demo test core-test python-test bench clean
 
 demo: $(VENV)/.installed
 	$(BIN)/pellucid demo --out $(DEMO)
@@ -13,6 +13,9 @@ demo: $(VENV)/.installed
 test: $(VENV)/.installed core-test
 	$(BIN)/ruff check .
 	$(BIN)/python -m pytest
+
+python-test: $(VENV)/.installed
+	$(BIN)/python -m pytest -q
 
 core-test: $(VENV)/.installed
 	$(BIN)/cmake -G Ninja -S tests/core -B build/core -DCMAKE_MAKE_PROGRAM=$(abspath $(BIN))/ninja >/dev/null
@@ -29,4 +32,4 @@ $(VENV)/.installed: $(CORE)
 	touch $@
 
 clean:
-	rm -rf build $(VENV)
+	rm -rf build .venv .venv-*

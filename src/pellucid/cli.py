@@ -335,7 +335,8 @@ def _list(out: Console, items: Sequence[tuple[str, str]]) -> None:
     grid = Table.grid(padding=(0, 1))
     for kind, text in items:
         mark, style = marks.get(kind, ("·", "dim"))
-        grid.add_row(Text(mark, style=style), Text(text))
+        # Folded, not cut: a message may hold an address longer than a line.
+        grid.add_row(Text(mark, style=style), Text(text, overflow="fold"))
     if items:
         out.print(Padding(grid, 0))
 

@@ -110,11 +110,13 @@ def test_report_says_where_it_is(bench):
 def test_check_exits_1_where_recordings_are_not_fit(bench, monkeypatch):
     assert run(cli.app, ["check", str(bench.folder)]).exit_code == 0
     fault = SimpleNamespace(severity="refuse", message="bench.csv: channel position: found 40 frozen samples")
-    note = SimpleNamespace(severity="note", message="bench.csv: jitter")
+    address = "https://example.org/" + "x" * 90
+    note = SimpleNamespace(severity="note", message=f"bench.csv: jitter {address}")
     monkeypatch.setattr("pellucid.identification.check.check", lambda study: [note])
     result = run(cli.app, ["check", str(bench.folder)])
     assert result.exit_code == 0
     assert "jitter" in result.output
+    assert address in "".join(line.strip() for line in result.output.splitlines())
     monkeypatch.setattr("pellucid.identification.check.check", lambda study: [note, fault])
     result = run(cli.app, ["check", str(bench.folder)])
     assert result.exit_code == 1

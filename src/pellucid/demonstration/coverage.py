@@ -30,6 +30,7 @@ class Coverage:
 
     @property
     def lowest(self) -> float:
+        """The worst parameter's coverage [%]."""
         return min(self.by_parameter.values())
 
 

@@ -38,6 +38,18 @@ def simulated_motions(
 ) -> tuple[Motion, ...]:
     """The motions as the closed loop of an identified joint makes them, through the same filter and derivatives.
 
+    Parameters
+    ----------
+    model : JointModel
+    values : ndarray, shape (p,)
+    motions : tuple of Motion
+    rig : Rig
+    processing : Processing
+
+    Returns
+    -------
+    tuple of Motion
+
     Raises
     ------
     IdentificationError

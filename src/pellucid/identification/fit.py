@@ -141,6 +141,7 @@ class Prediction:
 
     @property
     def residual(self) -> np.ndarray:
+        """What the model misses, shape (n,), in the effort's unit."""
         return self.effort - self.predicted
 
 
@@ -184,6 +185,7 @@ class FamilyFit:
 
     @property
     def family(self) -> str:
+        """The friction family's name."""
         return self.model.family
 
     def __getitem__(self, name: str) -> Parameter:

@@ -40,8 +40,8 @@ class Stack:
     motions : tuple of Motion
     targets : tuple of ndarray
         Filtered effort of each motion, reduced, scored samples only; shape (m_i,).
-    scored : tuple of ndarray of bool
-        Which reduced samples of each motion are used.
+    scored : tuple of ndarray
+        Which reduced samples of each motion are used, bool, shapes (n_i,).
     """
 
     motions: tuple[Motion, ...]
@@ -50,10 +50,12 @@ class Stack:
 
     @property
     def target(self) -> np.ndarray:
+        """All targets, shape (m,), in the effort's unit."""
         return np.concatenate(self.targets)
 
     @property
     def lengths(self) -> list[int]:
+        """Samples of each motion."""
         return [len(t) for t in self.targets]
 
     def reduced(self, signals: Sequence[np.ndarray]) -> np.ndarray:
@@ -99,8 +101,19 @@ def payload_effort(motion: Motion, rotary: bool) -> np.ndarray:
 
 
 def predicted(model: JointModel, values: np.ndarray, motions: Sequence[Motion]) -> list[np.ndarray]:
-    """The model's effort for each motion at full rate, shapes (n_i,), with the true sign of the velocity, filtered as
-    the measured effort was."""
+    """The model's effort for each motion, with the true sign of the velocity, filtered as the measured effort was.
+
+    Parameters
+    ----------
+    model : JointModel
+    values : ndarray, shape (p,)
+    motions : sequence of Motion
+
+    Returns
+    -------
+    list of ndarray, shapes (n_i,)
+        At full rate.
+    """
     vector = model.vector(values)
     efforts = []
     for m in motions:
@@ -113,8 +126,21 @@ def predicted(model: JointModel, values: np.ndarray, motions: Sequence[Motion]) 
 def linearised(
     model: JointModel, values: np.ndarray, motions: Sequence[Motion]
 ) -> tuple[list[np.ndarray], list[np.ndarray]]:
-    """Efforts, shapes (n_i,), and regressors, shapes (n_i, p), of each motion at `values`, filtered as the measured
-    effort was: terms that are smooth in filtered states are filtered already, those in the sign of velocity are not."""
+    """Efforts and regressors of each motion, filtered as the measured effort was: terms that are smooth in filtered
+    states are filtered already, those in the sign of velocity are not.
+
+    Parameters
+    ----------
+    model : JointModel
+    values : ndarray, shape (p,)
+        Where a family that is not linear is linearised.
+    motions : sequence of Motion
+
+    Returns
+    -------
+    efforts : list of ndarray, shapes (n_i,)
+    regressors : list of ndarray, shapes (n_i, p)
+    """
     vector, spread = model.vector(values), model.spread()
     active = np.flatnonzero(spread.any(axis=1))
     efforts, regressors = [], []
@@ -122,7 +148,10 @@ def linearised(
         effort, jacobian = _core.inverse_dynamics_jacobian(vector, m.position, m.velocity, m.acceleration, active)
         whole = np.column_stack([effort, jacobian @ spread[active]])
         smooth = m.smooth_regressor @ np.column_stack([vector, spread])[SMOOTH_TERMS]
-        filtered = smooth + m.smooth(whole - smooth)
+        signs = whole - smooth
+        kept = signs.any(axis=0)
+        filtered = smooth.copy()
+        filtered[:, kept] += m.smooth(signs[:, kept])
         efforts.append(filtered[:, 0])
         regressors.append(filtered[:, 1:])
     return efforts, regressors
@@ -433,9 +462,19 @@ def require_full_rank(model: JointModel, jacobian: np.ndarray) -> None:
 
 
 def speed_weights(model: JointModel, data: Stack, residual: np.ndarray) -> np.ndarray:
-    """Weights 1 / standard deviation of the residual, per recording and per band of speed, shape (m,).
+    """Weights 1 / standard deviation of the residual, per recording and per band of speed.
 
     What a friction model misses sits at low speed: those samples then count for less.
+
+    Parameters
+    ----------
+    model : JointModel
+    data : Stack
+    residual : ndarray, shape (m,)
+
+    Returns
+    -------
+    ndarray, shape (m,)
     """
     speed = data.reduced([np.abs(m.velocity) for m in data.motions])
     edges = np.quantile(speed, np.linspace(0.0, 1.0, SPEED_BINS + 1)[1:-1])

@@ -41,7 +41,18 @@ def save(study: Study, fit: JointFit) -> list[ResultRow]:
 
 
 def card_of(study: Study, fit: JointFit, family: FamilyFit) -> ModelCard:
-    """The model card of one family's least-squares estimate."""
+    """The model card of one family's least-squares estimate.
+
+    Parameters
+    ----------
+    study : Study
+    fit : JointFit
+    family : FamilyFit
+
+    Returns
+    -------
+    ModelCard
+    """
     level = study.model.confidence
     drive = drive_model(study.rig)
     fitted = [p for p in family.predictions if p.split == "fitted"]

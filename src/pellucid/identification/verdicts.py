@@ -120,8 +120,8 @@ def verdicts(
             found.append(
                 Verdict(
                     "note",
-                    f"{name} is held at its physical bound ({parameter.value:.3g} {parameter.unit}): there is none to see, or "
-                    "the model misses something that pushes it there.",
+                    f"{name} is held at its physical bound ({parameter.value:.3g} {parameter.unit}): there is none "
+                    "to see, or the model misses something that pushes it there.",
                 )
             )
         elif not parameter.identifiable:

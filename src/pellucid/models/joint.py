@@ -94,6 +94,17 @@ def unit_of(dimension: str, motion: str, effort_unit: str) -> str:
     """SI unit, as plain text, of a parameter of `dimension` when efforts are in `effort_unit`.
 
     A drive without a known constant keeps its own unit: an inertia is then in ``V*s^2/rad``, never silently in kg.
+
+    Parameters
+    ----------
+    dimension : str
+        As in `Symbol`.
+    motion : {"rotary", "prismatic"}
+    effort_unit : str
+
+    Returns
+    -------
+    str
     """
     q = UNITS[motion]["position"]
     if dimension == "effort":
@@ -152,6 +163,7 @@ class JointModel:
 
     @property
     def names(self) -> tuple[str, ...]:
+        """Names of the free symbols, in their order."""
         return tuple(s.name for s in self.symbols)
 
     def unit(self, name: str) -> str:

@@ -117,10 +117,12 @@ def effort(fit: JointFit, family: FamilyFit, name: str = "effort") -> Drawing:
     shown = [g for g in groups if g[0].split == "fitted"][:2] + [g for g in groups if g[0].split == "heldout"][:4]
     figure = Figure(figsize=(FIGURE_WIDTH, 0.5 + 2.15 * len(shown)), layout="constrained")
     axes = figure.subplots(len(shown), 2, squeeze=False, width_ratios=(2.3, 1.0), sharey=True)
+    gaps = False
     for row, group in enumerate(shown):
         first = group[0]
         time, measured, predicted = joined(group, lambda p: p.time, lambda p: p.effort, lambda p: p.predicted)
         half = first.half_width
+        gaps = gaps or len(broken(time, predicted)[0]) > len(time)
         wide, zoom = axes[row]
         window = busiest(time, measured)
         for axis, (low, high) in ((wide, (np.nanmin(time), np.nanmax(time))), (zoom, window)):
@@ -159,6 +161,7 @@ def effort(fit: JointFit, family: FamilyFit, name: str = "effort") -> Drawing:
         figure,
         f"Effort measured (grey) and predicted by the {family.family} model (colour); the band is the 95 % prediction "
         "interval. Error is the norm of the difference as a share of the norm of the effort."
+        + (" Lines break where samples are not scored (see Processing)." if gaps else "")
         + _rest(left_out).replace("the table below", "the table of held-out errors"),
     )
 
@@ -319,10 +322,12 @@ def whiteness(fit: JointFit, family: FamilyFit, name: str = "whiteness") -> Draw
     Drawing
     """
     chosen = [p for p in family.predictions if p.split == "fitted"] or list(family.predictions)
-    whole = max(chosen, key=lambda p: len(p.time))
-    step = float(np.median(np.diff(whole.time))) if len(whole.time) > 1 else 1.0
+    longest = max(chosen, key=lambda p: len(p.time))
+    # With samples left out, a lag is a count and no time.
+    even = all(len(broken(p.time, p.time)[0]) == len(p.time) for p in chosen)
+    step = float(np.median(np.diff(longest.time))) if even and len(longest.time) > 1 else 1.0
     found = family.estimate.whiteness
-    lags = max(2, min(max(found.lags if found else 0, 60), len(whole.time) // 4))
+    lags = max(2, min(max(found.lags if found else 0, 60), len(longest.time) // 4))
     correlation = np.average(
         [autocorrelation(p.residual, lags) for p in chosen], axis=0, weights=[len(p.time) for p in chosen]
     )
@@ -337,7 +342,7 @@ def whiteness(fit: JointFit, family: FamilyFit, name: str = "whiteness") -> Draw
     axis.plot(at, correlation, color=colour("fitted"), marker="o", markersize=2.2, linewidth=1.1)
     axis.set_xlim(0.0, at[-1])
     axis.set_ylim(min(-0.25, 1.1 * correlation.min()), 1.05)
-    axis.set_xlabel("Lag (s)")
+    axis.set_xlabel("Lag (s)" if even else "Lag (scored samples)")
     tidy(axis, first=True, text="Autocorrelation", ticks=4)
     return Drawing(
         name,

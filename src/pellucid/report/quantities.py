@@ -177,6 +177,8 @@ def percent(value: float) -> str:
         return number(value)
     if value == 0.0:
         return "0"
+    if abs(value) < 1e-4:
+        return "< 0.0001"
     if abs(value) >= 100.0:
         return number(value, digits=3)
     return number(value, digits=3 if abs(value) >= 0.1 else 2)

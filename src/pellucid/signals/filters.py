@@ -34,11 +34,16 @@ def zero_phase_lowpass(samples: np.ndarray, cutoff: float, order: int, fs: float
     """
     if not 0.0 < cutoff < fs / 2.0:
         raise ValueError(f"low-pass at {cutoff:g} Hz; expected above 0 and below half the sampling rate, {fs / 2:g} Hz")
-    sos = signal.butter(order, cutoff, fs=fs, output="sos")
+    sos = _butterworth(order, cutoff, fs)
     padding = 3 * (2 * len(sos) + 1)
     if len(samples) <= padding:
         raise ValueError(f"{len(samples)} samples; an order-{order} zero-phase filter needs more than {padding}")
     return signal.sosfiltfilt(sos, samples, axis=0)
+
+
+@lru_cache(maxsize=32)
+def _butterworth(order: int, cutoff: float, fs: float) -> np.ndarray:
+    return signal.butter(order, cutoff, fs=fs, output="sos")
 
 
 def central_difference(samples: np.ndarray, fs: float) -> np.ndarray:

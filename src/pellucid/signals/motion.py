@@ -167,7 +167,19 @@ def differentiate(position: np.ndarray, fs: float, processing: Processing) -> tu
 
 
 def lowpassed(samples: np.ndarray, fs: float, processing: Processing) -> np.ndarray:
-    """The study's zero-phase low-pass, shape (n,); the samples themselves where it states none."""
+    """The study's zero-phase low-pass; the samples themselves where it states none.
+
+    Parameters
+    ----------
+    samples : ndarray, shape (n,)
+    fs : float
+        [Hz]
+    processing : Processing
+
+    Returns
+    -------
+    ndarray, shape (n,)
+    """
     if processing.lowpass is None:
         return np.asarray(samples, float)
     return zero_phase_lowpass(samples, processing.lowpass, processing.order, fs)

@@ -1,0 +1,25 @@
+"""Run every benchmark, print a table, write benchmarks.json."""
+
+import json
+import platform
+import sys
+from pathlib import Path
+
+from pellucid.recordings.atomic import write_text_atomically
+
+from . import identification, plant
+
+
+def main() -> None:
+    rows = [row for module in (identification, plant) for row in module.run()]
+    width = max(len(row["name"]) for row in rows)
+    for row in rows:
+        print(f"{row['name']:<{width}}  {row['value']:>12.4g} {row['unit']:<6} {row['note']}")
+    out = Path(sys.argv[1]) if len(sys.argv) > 1 else Path("benchmarks.json")
+    machine = f"{platform.machine()}, Python {platform.python_version()}"
+    write_text_atomically(out, json.dumps({"machine": machine, "figures": rows}, indent=2) + "\n")
+    print(f"written to {out}")
+
+
+if __name__ == "__main__":
+    main()
