@@ -12,7 +12,7 @@ from ..models.joint import FAMILIES, JointModel, joint_model
 from ..recordings.quality import require_sound
 from ..recordings.study import Study
 from ..signals.effort import drive_model
-from ..signals.motion import Motion, motions
+from ..signals.motion import SLOW_SHARE, Motion, motions
 from .closed_loop import solve_didim, solve_instrumental, solve_output_error
 from .consistency import enforce_pseudo_inertia
 from .drive_constant import drive_constant
@@ -140,12 +140,14 @@ def filter_note(study: Study) -> str:
         parts.append(f"resampled to {p.resample:g} Hz")
     parts.append(f"zero-phase Butterworth low-pass, order {p.order}, {p.lowpass:g} Hz" if p.lowpass else "no low-pass")
     parts.append("central differences")
+    if p.lowpass:
+        parts.append("friction low-passed as effort is")
     if p.trim:
         parts.append(f"{p.trim} samples dropped at either border")
     if p.decimate > 1:
         parts.append(f"both sides decimated by {p.decimate}")
     if p.dead_band:
-        parts.append(f"samples slower than {p.dead_band:g} {unit} left out")
+        parts.append(f"samples left out that draw more than {SLOW_SHARE:.0%} from below {p.dead_band:g} {unit}")
     return "; ".join(parts)
 
 
