@@ -190,5 +190,7 @@ def whiteness(residual: np.ndarray, lengths: Sequence[int], lags: int = 20) -> W
     n = sum(len(p) for p in parts)
     rho = np.array([sum(float(p[k:] @ p[:-k]) for p in parts) / power for k in range(1, lags + 1)])
     statistic = float(n * (n + 2) * np.sum(rho**2 / (n - np.arange(1, lags + 1))))
-    share = float(np.clip(1.0 / max(1.0 + 2.0 * rho.sum(), 1e-3), 0.0, 1.0))
+    # Up to the first lag that is not positive: beyond it sample correlations are mostly noise.
+    memory = rho[: int(np.argmax(rho <= 0.0))] if np.any(rho <= 0.0) else rho
+    share = float(1.0 / (1.0 + 2.0 * memory.sum()))
     return Whiteness(float(rho[0]), statistic, float(chi2.sf(statistic, lags)), lags, share)

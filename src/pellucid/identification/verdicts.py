@@ -30,6 +30,14 @@ MEANING = {
     "offset": "friction in the two directions hides it",
 }
 NEGLIGIBLE = 0.05  # share of the RMS effort below which an interval around zero settles the matter
+INTERVAL_SLACK = 0.05  # share of held-out samples a prediction interval may miss beyond its level
+METHODS = {
+    "wls": "Weighted least squares",
+    "irls": "Robust least squares",
+    "iv": "The instrumental-variable estimate",
+    "didim": "DIDIM",
+    "output_error": "The output-error fit",
+}
 TRADE_OFF = 0.9  # correlation of two estimates above which one is said to hide the other
 
 
@@ -103,6 +111,7 @@ def verdicts(
             )
         )
         found += _comparison(fits, best)
+        found += _interval(fit, study.model.confidence)
     else:
         found.append(
             Verdict(
@@ -197,6 +206,21 @@ def verdicts(
     return tuple(found)
 
 
+def _interval(fit: FamilyFit, level: float) -> list[Verdict]:
+    """Whether the prediction interval, made on fitted residuals, holds on what was held out."""
+    held = [p for p in fit.predictions if p.split == "heldout"]
+    share = np.average([p.coverage for p in held], weights=[len(p.time) for p in held])
+    if share >= level - INTERVAL_SLACK:
+        return []
+    return [
+        Verdict(
+            "warning",
+            f"The {100 * level:.3g} % prediction interval holds only {100 * share:.0f} % of held-out samples: those "
+            "recordings ask for something that the fitted ones do not show.",
+        )
+    ]
+
+
 def _comparison(fits: Mapping[str, FamilyFit], best: str) -> list[Verdict]:
     plain = fits.get("symmetric")
     if plain is None or best == "symmetric":
@@ -231,7 +255,7 @@ def _methods(fit: FamilyFit) -> list[Verdict]:
     found = []
     for name, other in fit.others.items():
         apart = [
-            q.name
+            q.name.replace("_", " ")
             for q in other.parameters
             for p in (fit.estimate[q.name],)
             if abs(p.value - q.value) > 3.0 * np.hypot(p.standard_error, q.standard_error) and not q.at_bound
@@ -240,7 +264,7 @@ def _methods(fit: FamilyFit) -> list[Verdict]:
             found.append(
                 Verdict(
                     "note",
-                    f"Estimator '{name}' disagrees with least squares on {', '.join(apart)} by more than three "
+                    f"{METHODS.get(name, name)} disagrees with ordinary least squares on {', '.join(apart)} by more than three "
                     "standard errors: the friction model is not the whole truth, and each method weighs the misfit "
                     "differently.",
                 )
