@@ -5,7 +5,7 @@ import platform
 import sys
 from pathlib import Path
 
-from pellucid.recordings.atomic import write_text_atomically
+from pellucid._atomic import write_text_atomically
 
 from . import identification, plant
 

@@ -10,18 +10,19 @@ import pellucid
 
 ROOT = Path(pellucid.__file__).parent
 
-BASE = {"_errors", "units"}
+BASE = {"_atomic", "_errors", "units"}
 PHYSICS = BASE | {"models", "_core"}
 UP_TO_SIGNALS = BASE | {"recordings", "datasets", "signals", "protocols"}
 # The order of the flow; a layer may import what its entry names, and itself.
 ALLOWED = {
+    "_atomic": set(),
     "_errors": set(),
     "units": {"_errors"},
     "recordings": BASE,
     "datasets": BASE | {"recordings"},
     "signals": BASE | {"recordings", "_core"},
     "protocols": BASE | {"recordings", "signals"},
-    "models": BASE | {"_core"} | {"recordings.atomic"},  # physics knows no data; its cards are written whole
+    "models": BASE | {"_core"},  # physics knows no data
     "identification": UP_TO_SIGNALS | PHYSICS,
     "lab": UP_TO_SIGNALS | PHYSICS | {"identification"},
     "controllers": PHYSICS,

@@ -17,6 +17,7 @@ All three compare at the same place (the effort, after the same filter), but dif
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -105,14 +106,7 @@ def solve_instrumental(
         If there is no controller or reference, or the simulated loop diverges.
     """
     require_loop(rig, data)
-    values, converged, iterations = first.values, False, 0
-    while not converged and iterations < MAX_ITERATIONS:
-        iterations += 1
-        z, w, residual = _instruments(model, values, data, rig, processing)
-        values, step = _bounded_step(model, values, np.linalg.lstsq(z.T @ w, z.T @ residual, rcond=None)[0], w, data)
-        converged = step < TOLERANCE
-    z, w, residual = _instruments(model, values, data, rig, processing)
-    return _solution(model, values, w, residual, iterations, converged), z
+    return _iterated(model, data, first, lambda values: _instruments(model, values, data, rig, processing))
 
 
 def _instruments(
@@ -146,22 +140,34 @@ def solve_didim(model: JointModel, data: Stack, rig: Rig, processing: Processing
         If there is no controller or reference, or the simulated loop diverges.
     """
     require_loop(rig, data)
-    values, converged, iterations = first.values, False, 0
-    while not converged and iterations < MAX_ITERATIONS:
-        iterations += 1
-        w, residual = _on_simulated(model, values, data, rig, processing)
-        values, step = _bounded_step(model, values, np.linalg.lstsq(w, residual, rcond=None)[0], w, data)
-        converged = step < TOLERANCE
-    w, residual = _on_simulated(model, values, data, rig, processing)
-    return _solution(model, values, w, residual, iterations, converged)
+    return _iterated(model, data, first, lambda values: _on_simulated(model, values, data, rig, processing))[0]
 
 
 def _on_simulated(
     model: JointModel, values: np.ndarray, data: Stack, rig: Rig, processing: Processing
-) -> tuple[np.ndarray, np.ndarray]:
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     simulated = simulated_motions(model, values, data.motions, rig, processing)
     efforts, regressors = linearised(model, values, simulated)
-    return data.reduced(regressors), data.target - data.reduced(efforts)
+    w = data.reduced(regressors)
+    return w, w, data.target - data.reduced(efforts)
+
+
+def _iterated(
+    model: JointModel,
+    data: Stack,
+    first: Solution,
+    rows: Callable[[np.ndarray], tuple[np.ndarray, np.ndarray, np.ndarray]],
+) -> tuple[Solution, np.ndarray]:
+    """Repeat values += (Z^T W)^-1 Z^T rho, with Z, W and rho made anew at each values, until the effort stays."""
+    values, converged, iterations = first.values, False, 0
+    while not converged and iterations < MAX_ITERATIONS:
+        iterations += 1
+        z, w, residual = rows(values)
+        step = np.linalg.lstsq(z.T @ w, z.T @ residual, rcond=None)[0]
+        values, change = _bounded_step(model, values, step, w, data)
+        converged = change < TOLERANCE
+    z, w, residual = rows(values)
+    return _solution(model, values, w, residual, iterations, converged), z
 
 
 def solve_output_error(model: JointModel, data: Stack, rig: Rig, first: Solution) -> Solution:

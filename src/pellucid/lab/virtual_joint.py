@@ -11,10 +11,10 @@ from pathlib import Path
 import numpy as np
 
 from .. import _core
+from .._atomic import write_text_atomically
 from ..models.joint import INDEX, NAMES
 from ..models.simulate import substeps_for
 from ..protocols.excitation import multisine, point_to_point
-from ..recordings.atomic import write_text_atomically
 from ..recordings.recording import Channel
 from ..recordings.study import Study, open_study
 from ..recordings.writers import write_csv

@@ -9,8 +9,8 @@ from pathlib import Path
 
 import numpy as np
 
+from .._atomic import write_text_atomically
 from .._errors import PellucidError
-from ..recordings.atomic import write_text_atomically
 from .joint import SYMBOLS, JointModel
 
 FORMAT = 1

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from .atomic import write_text_atomically as write_text_atomically
+from .._atomic import write_text_atomically as write_text_atomically
 from .quality import Fault as Fault
 from .quality import drive_channel as drive_channel
 from .quality import inspect as inspect

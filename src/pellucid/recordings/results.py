@@ -10,8 +10,8 @@ from dataclasses import asdict, dataclass, fields, replace
 from pathlib import Path
 from typing import Any
 
+from .._atomic import write_text_atomically
 from .._errors import RecordingError
-from .atomic import write_text_atomically
 
 SPLITS = ("fitted", "heldout", "simulated")
 

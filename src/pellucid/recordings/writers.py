@@ -6,8 +6,8 @@ import os
 from collections.abc import Mapping
 from pathlib import Path
 
+from .._atomic import write_text_atomically
 from .._errors import RecordingError
-from .atomic import write_text_atomically
 from .recording import Channel
 
 

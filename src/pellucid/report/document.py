@@ -11,9 +11,9 @@ from pathlib import Path
 
 import numpy as np
 
+from .._atomic import write_text_atomically
 from ..identification.fit import Estimate, FamilyFit, JointFit, Parameter
 from ..identification.identify import identify
-from ..recordings.atomic import write_text_atomically
 from ..recordings.study import Study
 from ..signals.motion import motions
 from . import figures

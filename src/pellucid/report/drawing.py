@@ -20,7 +20,7 @@ from matplotlib.patches import PathPatch
 from matplotlib.path import Path as Outline
 from matplotlib.ticker import MaxNLocator
 
-from ..recordings.atomic import write_text_atomically
+from .._atomic import write_text_atomically
 from .series import broken, outline
 from .style import COLOURS, FIGURE_WIDTH, RC, SANS, colour
 
