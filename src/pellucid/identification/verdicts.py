@@ -265,8 +265,8 @@ def _methods(fit: FamilyFit) -> list[Verdict]:
                 Verdict(
                     "note",
                     f"{METHODS.get(name, name)} disagrees with ordinary least squares on {', '.join(apart)} by more "
-                    "than three standard errors: the friction model is not the whole truth, and each method weighs the misfit "
-                    "differently.",
+                    "than three standard errors: the friction model is not the whole truth, and each method weighs "
+                    "the misfit differently.",
                 )
             )
     return found
