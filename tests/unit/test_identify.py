@@ -189,3 +189,47 @@ def test_different_joints_are_not_compared(virtual, tmp_path, fit):
     other.write_text(json.dumps(card | {"motion": "prismatic"}), encoding="utf-8")
     with pytest.raises(IdentificationError, match="motion is 'rotary' in the first and 'prismatic' in the second"):
         compare(virtual.models_dir / "joint.json", other)
+
+
+def test_two_payloads_give_the_drive_constant_of_a_study(tmp_path):
+    """Recorded bare and with 1.5 kg at 0.2 m: the study then knows its torque per ampere, with an interval."""
+    mass, distance = 1.5, 0.2
+    joint = matched(bench_joint())
+    loaded = joint.vector.copy()
+    loaded[0] += mass * distance**2
+    loaded[1] += mass * 9.80665 * distance
+    folder = tmp_path / "bare"
+    study = write_study(folder, joint, name="bare", seed=1)
+    other = write_study(tmp_path / "loaded", replace(joint, vector=loaded), name="loaded", seed=2)
+    (folder / "recordings" / "loaded.csv").write_bytes((other.folder / "recordings" / "multisine.csv").read_bytes())
+    entry = (
+        '\n[[recordings]]\nname = "loaded"\nfile = "recordings/loaded.csv"\nuse = "fit"\n'
+        f'payload = {{ mass = "{mass} kg", distance = "{distance} m" }}\n'
+    )
+    known = edited(study, tmp_path / "known", suffix=entry)
+    bare = identify(study, families=["symmetric"]).families["symmetric"]
+    both = identify(known, families=["symmetric"]).families["symmetric"]
+    for p, q in zip(bare.estimate.parameters, both.estimate.parameters, strict=True):
+        assert p.value == pytest.approx(q.value, abs=3.0 * np.hypot(p.standard_error, q.standard_error)), p.name
+    loaded_loop = [s for s in both.simulations["ls"] if s.recording == "loaded" and s.mode == "closed_loop"]
+    assert loaded_loop[0].errors["effort"] < 5.0
+    unknown = edited(study, tmp_path / "s", ('torque_constant = "0.06 N*m/A"\n', ""), suffix=entry)
+    found = identify(unknown, families=["symmetric"], thorough=False)
+    low, high = found.drive_constant.interval()
+    assert low < joint.gain < high
+    assert high - low < 0.1 * joint.gain
+    rows = {row.id: row for row in rows_of(found)}
+    assert rows["bare.drive.constant"].unit == "N*m/A"
+    assert any("The drive gives" in verdict.text for verdict in found.verdicts)
+
+
+def test_one_payload_throughout_is_part_of_the_joint_and_the_verdict_says_why(virtual, tmp_path):
+    study = edited(
+        virtual,
+        tmp_path / "s",
+        ('torque_constant = "0.06 N*m/A"\n', ""),
+        ('use = "fit"', 'use = "fit"\npayload = { mass = "1 kg", distance = "0.1 m" }'),
+    )
+    found = identify(study, families=["symmetric"], thorough=False)
+    assert found.drive_constant is None
+    assert any("at least two different payloads" in verdict.text for verdict in found.verdicts)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from .._errors import PellucidError
 from ..models.joint import joint_model
-from ..recordings.quality import Fault, inspect
+from ..recordings.quality import Fault, drive_channel, inspect
 from ..recordings.study import Study
 from ..signals.effort import drive_model
 from ..signals.motion import motions
@@ -42,7 +42,7 @@ def check(study: Study) -> list[Fault]:
             known=study.model.known,
         )
         solve(model, data)
-        sign_error(model, data, study.rig)
+        sign_error(model, data, drive_channel(study.recordings("fit")[0], study))
     except PellucidError as error:
         faults.append(
             Fault(

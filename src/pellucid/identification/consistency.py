@@ -17,8 +17,8 @@ from dataclasses import replace
 import numpy as np
 from scipy.optimize import minimize
 
-from ..models.joint import JointModel
-from .regression import GRAVITY, Solution, Stack, linearised
+from ..models.joint import GRAVITY, JointModel
+from .regression import Solution, Stack, linearised
 
 ROUNDS = 4  # relinearisations; a family that is linear in its parameters needs one
 

@@ -10,13 +10,24 @@ otherwise :math:`\tau_p` is proportional to columns of W.
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from .._errors import IdentificationError
-from ..models.joint import JointModel
+from ..models.joint import GRAVITY, JointModel
+from ..signals.motion import Motion
 from .fit import Parameter
-from .regression import Stack, linearised, payload_effort
+from .regression import Stack, linearised
 from .uncertainty import sandwich
+
+
+def payload_effort(motion: Motion, rotary: bool) -> np.ndarray:
+    """Effort that a known payload takes, shape (n,): m l^2 a + m g l sin q (rotary) or m a (prismatic) [N*m or N]."""
+    mass, distance = motion.payload
+    if rotary:
+        return mass * distance * (distance * motion.acceleration + GRAVITY * np.sin(motion.position))
+    return mass * motion.acceleration
 
 
 def drive_constant(model: JointModel, data: Stack) -> Parameter:
@@ -44,6 +55,7 @@ def drive_constant(model: JointModel, data: Stack) -> Parameter:
             "the drive constant needs recordings with at least two different payloads (none counts as one); "
             f"found {data.motions[0].payload[0]:g} kg in all"
         )
+    model = replace(model, payload_scale=0.0)
     zero = np.zeros(len(model.symbols))
     efforts, regressors = linearised(model, zero, data.motions)
     known = data.reduced([payload_effort(m, model.motion == "rotary") for m in data.motions])

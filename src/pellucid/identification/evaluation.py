@@ -38,7 +38,7 @@ def predict(
     tuple of Prediction
         One per recording: the stretches of one recording are joined.
     """
-    vector = model.vector(values)
+    bare = model.vector(values)
     whole: dict[str, list[tuple[Motion, np.ndarray]]] = {}
     for motion, effort in zip(motions, predicted(model, values, motions), strict=True):
         whole.setdefault(motion.recording, []).append((motion, effort))
@@ -60,7 +60,7 @@ def predict(
                 position=joined(lambda m, e: m.position),
                 velocity=joined(lambda m, e: m.velocity),
                 acceleration=joined(lambda m, e: m.acceleration),
-                load=joined(lambda m, e: _core.load(vector, m.position, m.acceleration)),
+                load=joined(lambda m, e: _core.load(model.loaded(bare, *m.payload), m.position, m.acceleration)),
                 effort=effort,
                 predicted=modelled,
                 effort_error=relative_error(effort, modelled),

@@ -9,7 +9,7 @@ import numpy as np
 
 from .._errors import IdentificationError
 from ..models.joint import FAMILIES, JointModel, joint_model
-from ..recordings.quality import require_sound
+from ..recordings.quality import drive_channel, require_sound
 from ..recordings.study import Study
 from ..signals.effort import drive_model
 from ..signals.motion import SLOW_SHARE, Motion, motions
@@ -76,8 +76,11 @@ def identify(
     data = stack([m for m in everything if m.split == "fitted"])
     drive = drive_model(study.rig)
 
-    def model_of(family: str) -> JointModel:
-        return joint_model(
+    payloads = {m.payload for m in everything if m.payload[0]}
+    known_drive = drive.effort_unit in ("N*m", "N")
+
+    def model_of(family: str, constant: Parameter | None = None) -> JointModel:
+        plain = joint_model(
             family,
             motion=study.rig.motion,
             effort_unit=drive.effort_unit,
@@ -86,22 +89,27 @@ def identify(
             separate_load="gravity" in study.model.known or "inertia" in study.model.known,
             velocity_range=max(float(np.abs(m.velocity[m.inner]).max()) for m in data.motions),
         )
+        scale = 1.0 if known_drive else 0.0 if constant is None else 1.0 / constant.value
+        return replace(plain, payload_scale=scale)
 
-    sign_error(model_of("symmetric"), data, study.rig)
+    sign_error(model_of("symmetric"), data, drive_channel(recordings[0], study))
+    constant, no_constant = None, ""
+    if payloads and not known_drive:
+        try:
+            constant = drive_constant(model_of("symmetric"), data)
+        except IdentificationError as error:
+            no_constant = str(error)
     fits: dict[str, FamilyFit] = {}
     failures: dict[str, str] = {}
     for i, name in enumerate(names):
         tell(f"fitting {name}", (i + 0.2) / (len(names) + 0.5))
         try:
-            fits[name] = fit_family(model_of(name), data, everything, study, thorough=thorough)
+            fits[name] = fit_family(model_of(name, constant), data, everything, study, thorough=thorough)
         except IdentificationError as error:
             if name in ("symmetric", names[0]):
                 raise
             failures[name] = str(error)
-    tell("drive constant and verdicts", 1.0 - 0.3 / (len(names) + 0.5))
-    constant = None
-    if drive.effort_unit in ("A", "V") and any(m.payload[0] for m in data.motions):
-        constant = drive_constant(model_of("symmetric"), data)
+    tell("verdicts", 1.0 - 0.3 / (len(names) + 0.5))
     best = best_family(fits)
     result = JointFit(
         study=study.name,
@@ -110,7 +118,7 @@ def identify(
         lifts=study.rig.lifts,
         families=fits,
         best=best,
-        verdicts=verdicts(study, fits, best, failures, data, everything, constant),
+        verdicts=verdicts(study, fits, best, failures, data, everything, constant, no_constant),
         filter_note=filter_note(study),
         checksums={r.name: r.checksum for r in recordings},
         drive_constant=constant,

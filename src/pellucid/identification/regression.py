@@ -24,7 +24,6 @@ from .._errors import IdentificationError
 from ..models.joint import STRIBECK_SHARE, JointModel
 from ..signals.motion import SMOOTH_TERMS, Motion
 
-GRAVITY = 9.80665
 HUBER = 1.345  # 95 % efficiency on Gaussian residuals
 SPEED_BINS = 8
 MAX_REWEIGHTINGS = 30
@@ -92,14 +91,6 @@ def stack(motions: Sequence[Motion]) -> Stack:
     return Stack(tuple(motions), tuple(m.reduce(m.effort)[s] for m, s in zip(motions, scored, strict=True)), scored)
 
 
-def payload_effort(motion: Motion, rotary: bool) -> np.ndarray:
-    """Effort that a known payload takes, shape (n,): m l^2 a + m g l sin q (rotary) or m a (prismatic) [N*m or N]."""
-    mass, distance = motion.payload
-    if rotary:
-        return mass * distance * (distance * motion.acceleration + GRAVITY * np.sin(motion.position))
-    return mass * motion.acceleration
-
-
 def predicted(model: JointModel, values: np.ndarray, motions: Sequence[Motion]) -> list[np.ndarray]:
     """The model's effort for each motion, with the true sign of the velocity, filtered as the measured effort was.
 
@@ -114,9 +105,10 @@ def predicted(model: JointModel, values: np.ndarray, motions: Sequence[Motion]) 
     list of ndarray, shapes (n_i,)
         At full rate.
     """
-    vector = model.vector(values)
+    bare = model.vector(values)
     efforts = []
     for m in motions:
+        vector = model.loaded(bare, *m.payload)
         smooth = m.smooth_regressor @ vector[SMOOTH_TERMS]
         whole = _core.inverse_dynamics(vector, m.position, m.velocity, m.acceleration)
         efforts.append(smooth + m.smooth(whole - smooth))
@@ -141,10 +133,11 @@ def linearised(
     efforts : list of ndarray, shapes (n_i,)
     regressors : list of ndarray, shapes (n_i, p)
     """
-    vector, spread = model.vector(values), model.spread()
+    bare, spread = model.vector(values), model.spread()
     active = np.flatnonzero(spread.any(axis=1))
     efforts, regressors = [], []
     for m in motions:
+        vector = model.loaded(bare, *m.payload)
         effort, jacobian = _core.inverse_dynamics_jacobian(vector, m.position, m.velocity, m.acceleration, active)
         whole = np.column_stack([effort, jacobian @ spread[active]])
         smooth = m.smooth_regressor @ np.column_stack([vector, spread])[SMOOTH_TERMS]

@@ -62,7 +62,7 @@ def replay(
     spread = model.spread()
     active = np.flatnonzero(spread.any(axis=1)) if differentiate else None
     trace = simulate(
-        model.vector(values, velocity_width=width),
+        model.loaded(model.vector(values, velocity_width=width), *motion.payload),
         motion.reference if closed else motion.command,
         1.0 / motion.fs,
         loop=loop_setting(rig) if closed else LoopSetting(),

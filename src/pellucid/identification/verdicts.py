@@ -7,10 +7,8 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from .._errors import IdentificationError
-from ..models.joint import JointModel
-from ..recordings.quality import DRIVE_CHANNELS
+from ..models.joint import UNITS, JointModel
 from ..recordings.study import Study
-from ..recordings.study_file import Rig
 from ..signals.motion import Motion
 from .fit import Estimate, FamilyFit, Parameter, Verdict
 from .regression import Stack, solve
@@ -41,7 +39,7 @@ METHODS = {
 TRADE_OFF = 0.9  # correlation of two estimates above which one is said to hide the other
 
 
-def sign_error(model: JointModel, data: Stack, rig: Rig) -> None:
+def sign_error(model: JointModel, data: Stack, channel: str) -> None:
     """Refuse recordings in which the drive's effort acts against the motion it causes.
 
     Parameters
@@ -49,7 +47,8 @@ def sign_error(model: JointModel, data: Stack, rig: Rig) -> None:
     model : JointModel
         The symmetric family.
     data : Stack
-    rig : Rig
+    channel : str
+        The channel that carries the drive's command, for the message.
 
     Raises
     ------
@@ -62,9 +61,9 @@ def sign_error(model: JointModel, data: Stack, rig: Rig) -> None:
     sure = {n for n, v, s in zip(model.names, found.values, noise, strict=True) if v < -10.0 * s}
     work = sum(float(np.sum(m.effort * m.velocity)) / m.fs for m in data.motions)
     if work < 0.0 and "inertia" in sure:
-        channel = " or ".join(DRIVE_CHANNELS[rig.drive.kind])
+        unit = "J" if model.effort_unit in ("N*m", "N") else f"{model.effort_unit}*{UNITS[model.motion]['position']}"
         raise IdentificationError(
-            f"the drive takes {-work:.3g} units of work out of the joint and the inertia comes out negative "
+            f"the drive takes {-work:.3g} {unit} of work out of the joint and the inertia comes out negative "
             f"({values['inertia']:.3g} {model.unit('inertia')}): the sign of the drive or of the position is reversed; "
             f"set sign = -1 on channel '{channel}' or 'position' in study.toml"
         )
@@ -78,6 +77,7 @@ def verdicts(
     data: Stack,
     everything: Sequence[Motion],
     constant: Parameter | None,
+    no_constant: str = "",
 ) -> tuple[Verdict, ...]:
     """Everything a reader must know before using the numbers.
 
@@ -93,6 +93,8 @@ def verdicts(
     everything : sequence of Motion
     constant : Parameter, optional
         The drive constant, where payloads gave it.
+    no_constant : str
+        Why payloads did not give it.
 
     Returns
     -------
@@ -184,6 +186,8 @@ def verdicts(
                     "the known payloads: put it into study.toml to have results in SI.",
                 )
             )
+        elif no_constant:
+            found.append(Verdict("warning", f"{no_constant[0].upper()}{no_constant[1:]}."))
         else:
             found.append(
                 Verdict(

@@ -74,6 +74,7 @@ SYMBOLS: Mapping[str, Symbol] = {
 }
 
 STRIBECK_SHARE = 0.25
+GRAVITY = 9.80665  # m/s^2
 
 FAMILIES: Mapping[str, frozenset[str]] = {
     "symmetric": frozenset(),
@@ -135,6 +136,9 @@ class JointModel:
         "rotary" or "prismatic"; "N*m", "N", "A" or "V".
     velocity_range : float
         Largest speed the model is fitted on [rad/s or m/s].
+    payload_scale : float
+        `effort_unit` per SI unit of effort: 1 in SI, one over the drive constant per ampere or volt, 0 where that is
+        not known and payloads therefore count as part of the joint.
     """
 
     family: str
@@ -143,6 +147,7 @@ class JointModel:
     effort_unit: str
     known: Mapping[str, float] = field(default_factory=dict)
     velocity_range: float = np.inf
+    payload_scale: float = 1.0
 
     def bounds(self) -> tuple[np.ndarray, np.ndarray]:
         """Physical lower and upper bounds of the free symbols, each shape (p,), SI.
@@ -188,6 +193,27 @@ class JointModel:
             for target in SYMBOLS[name].targets:
                 vector[INDEX[target]] = value
         vector[INDEX["velocity_width"]] = velocity_width
+        return vector
+
+    def loaded(self, vector: np.ndarray, mass: float, distance: float) -> np.ndarray:
+        """A core vector with a payload on the moving segment: its inertia and its gravity are known.
+
+        Parameters
+        ----------
+        vector : ndarray, shape (13,)
+        mass, distance : float
+            [kg]; from the axis [m], of no account on a slide.
+
+        Returns
+        -------
+        ndarray, shape (13,)
+        """
+        if not mass or not self.payload_scale:
+            return vector
+        vector = vector.copy()
+        rotary = self.motion == "rotary"
+        vector[INDEX["inertia"]] += self.payload_scale * mass * (distance**2 if rotary else 1.0)
+        vector[INDEX["gravity_sine"]] += self.payload_scale * mass * distance * GRAVITY * rotary
         return vector
 
 
