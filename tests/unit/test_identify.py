@@ -160,7 +160,9 @@ def test_a_slow_recording_is_told_that_viscous_friction_does_not_show(tmp_path):
     slow = replace(joint, motion_range=joint.motion_range | {"velocity": 0.25, "acceleration": 2.0}, current_noise=0.4)
     study = write_study(tmp_path / "slow", slow, name="slow", seed=3)
     fitted = 'file = "recordings/multisine.csv"\nuse = '
-    slow_only = edited(study, tmp_path / "s", (f'{fitted}"fit"', f'{fitted}"validate"'))
+    slow_only = edited(
+        study, tmp_path / "s", (f'{fitted}"fit"', f'{fitted}"validate"'), ('"0.2 rad/s"', '"0.1 rad/s"')
+    )
     found = identify(slow_only, families=["symmetric"], thorough=False)
     assert not found.families["symmetric"]["viscous"].identifiable
     assert any(v.text.startswith("viscous is not identifiable") for v in found.verdicts)

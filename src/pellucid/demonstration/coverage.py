@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -15,6 +15,10 @@ from ..recordings.study_file import Processing
 from ..signals.filters import zero_phase_lowpass
 from ..signals.motion import Motion, differentiate
 
+PER_MOTION = 25  # repetitions with new noise before a new motion: a motion of its own can flatter or spoil intervals
+PROCESSING = Processing(lowpass="60 Hz", decimate=20, trim=100)
+DEAD_BAND = 0.2  # rad/s: a tenth of the top speed, so that what sticking leaves behind is small beside the noise
+QUANTILE = 1.959964
 COLOURED_MEMORY = 0.05  # s: longer than a regression's sample, so that textbook intervals fail
 
 
@@ -35,7 +39,7 @@ class Coverage:
 
 
 def coverage(joint: VirtualJoint, colour: str, *, repetitions: int = 200, seed: int = 2) -> Coverage:
-    """Identify a matched virtual joint again and again, with new noise each time.
+    """Identify a matched virtual joint again and again, with new noise each time and a new motion now and then.
 
     Parameters
     ----------
@@ -50,49 +54,40 @@ def coverage(joint: VirtualJoint, colour: str, *, repetitions: int = 200, seed: 
     Coverage
     """
     rng = np.random.default_rng(seed)
-    plant = matched(joint)
-    plant = type(plant)(**{**plant.__dict__, "current_noise_memory": 0.0 if colour == "white" else COLOURED_MEMORY})
+    memory = 0.0 if colour == "white" else COLOURED_MEMORY
+    plant = replace(matched(joint), current_noise_memory=memory)
     span = plant.motion_range
-    half = 0.5 * (span["high"] - span["low"])
-    reference = multisine(
-        plant.duration,
-        plant.rate,
-        fundamental=0.1,
-        harmonics=12,
-        amplitude=half,
-        centre=0.5 * (span["high"] + span["low"]),
-        rng=rng,
-    )
-    taken = record(plant, reference, repetitions, rng)
+    half, centre = 0.5 * (span["high"] - span["low"]), 0.5 * (span["high"] + span["low"])
     model = joint_model("symmetric", motion="rotary", effort_unit="N*m", gravity="sine")
     truth = np.array([plant.vector[INDEX[s.targets[0]]] for s in model.symbols])
-    inside = np.zeros((repetitions, len(truth)), bool)
-    textbook = np.zeros_like(inside)
-    processing = Processing(lowpass="60 Hz", decimate=20, trim=100)
-    dead_band = 0.1  # rad/s
-    for i in range(repetitions):
-        data = _stacked(plant, taken, i, processing, dead_band)
-        found = solve(model, data)
-        error = np.abs(found.values - truth)
-        inside[i] = error <= 1.959964 * np.sqrt(np.diag(sandwich(found.jacobian, found.residual, data.lengths)))
-        plain = np.linalg.inv(found.jacobian.T @ found.jacobian) * np.sum(found.residual**2) / len(found.residual)
-        textbook[i] = error <= 1.959964 * np.sqrt(np.diag(plain))
-    share = dict(zip(model.names, (100.0 * inside.mean(axis=0)).tolist(), strict=True))
-    return Coverage(colour, repetitions, share, float(100.0 * textbook.mean(axis=0).min()))
+    inside, textbook = [], []
+    for start in range(0, repetitions, PER_MOTION):
+        reference = multisine(
+            plant.duration, plant.rate, fundamental=0.1, harmonics=12, amplitude=half, centre=centre, rng=rng
+        )
+        taken = record(plant, reference, min(PER_MOTION, repetitions - start), rng)
+        for position, current in zip(taken["position"], taken["current"], strict=True):
+            data = _stacked(plant, taken["time"], position, current)
+            found = solve(model, data)
+            w, rho = found.jacobian, found.residual
+            error = np.abs(found.values - truth)
+            plain = np.linalg.inv(w.T @ w) * np.sum(rho**2) / (len(rho) - len(truth))
+            inside.append(error <= QUANTILE * np.sqrt(np.diag(sandwich(w, rho, data.lengths))))
+            textbook.append(error <= QUANTILE * np.sqrt(np.diag(plain)))
+    share = dict(zip(model.names, (100.0 * np.mean(inside, axis=0)).tolist(), strict=True))
+    return Coverage(colour, repetitions, share, float(100.0 * np.mean(textbook, axis=0).min()))
 
 
-def _stacked(plant: VirtualJoint, taken: dict, i: int, processing: Processing, dead_band: float) -> Stack:
-    raw, current = taken["position"][i], taken["current"][i]
-    position, velocity, acceleration = differentiate(raw, plant.rate, processing)
-    effort = plant.gain * zero_phase_lowpass(current, processing.lowpass, processing.order, plant.rate)
-    n = len(raw)
+def _stacked(plant: VirtualJoint, time: np.ndarray, raw: np.ndarray, current: np.ndarray) -> Stack:
+    position, velocity, acceleration = differentiate(raw, plant.rate, PROCESSING)
+    effort = plant.gain * zero_phase_lowpass(current, PROCESSING.lowpass, PROCESSING.order, plant.rate)
     return stack(
         [
             Motion(
-                recording=str(i),
+                recording="virtual",
                 split="fitted",
                 fs=plant.rate,
-                time=taken["time"],
+                time=time,
                 position=position,
                 velocity=velocity,
                 acceleration=acceleration,
@@ -101,11 +96,11 @@ def _stacked(plant: VirtualJoint, taken: dict, i: int, processing: Processing, d
                 command=current,
                 reference=None,
                 injected=None,
-                inner=slice(processing.trim, n - processing.trim),
-                decimate=processing.decimate,
-                dead_band=dead_band,
-                lowpass=processing.lowpass,
-                order=processing.order,
+                inner=slice(PROCESSING.trim, len(raw) - PROCESSING.trim),
+                decimate=PROCESSING.decimate,
+                dead_band=DEAD_BAND,
+                lowpass=PROCESSING.lowpass,
+                order=PROCESSING.order,
             )
         ]
     )

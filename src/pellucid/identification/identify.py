@@ -300,12 +300,10 @@ def estimated(
     norms = np.linalg.norm(found.jacobian, axis=0)
     # A Stribeck velocity without a Stribeck level has no effect at all: no interval can be given.
     idle = norms <= 1e-12 * norms.max()
-    free = ~found.at_bound & ~idle
+    free = ~idle
+    # Values on a bound stay in: the others' intervals must not take them for known.
     covariance = sandwich(w, rho, lengths, instruments, free)
-    # A value held by a bound is uncertain too: its own curvature, the others held where they are.
     held = np.flatnonzero(found.at_bound)
-    for i in np.flatnonzero(found.at_bound & ~idle):
-        covariance[i, i] = float(rho @ rho) / max(len(rho), 1) / max(float(w[:, i] @ w[:, i]), np.finfo(float).tiny)
     sd = np.sqrt(np.maximum(np.diag(covariance), 0.0))
     boot = None
     if method == "ls":
@@ -327,7 +325,7 @@ def estimated(
             value=float(found.values[i]),
             standard_error=float(sd[i]),
             at_bound=bool(found.at_bound[i]),
-            identifiable=bool(free[i] and abs(found.values[i]) > 2.0 * sd[i]),
+            identifiable=bool(free[i] and not found.at_bound[i] and abs(found.values[i]) > 2.0 * sd[i]),
             influence=float(norms[i] / np.linalg.norm(data.target)) if len(norms) else float("nan"),
             bootstrap=None if boot is None or not free[i] else (float(boot[i, 0]), float(boot[i, 1])),
         )

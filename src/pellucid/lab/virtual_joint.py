@@ -244,7 +244,7 @@ current = {{ column = "current", unit = "A" }}
 [processing]
 lowpass = "60 Hz"               # well above the motion (below 3 Hz); decimation then takes both sides to 20 Hz
 decimate = 20
-dead_band = "0.1 rad/s"         # around reversals the joint sticks: friction is then anything up to its level
+dead_band = "0.2 rad/s"         # around reversals the joint sticks: friction is then anything up to its level
 trim = 100
 
 [model]

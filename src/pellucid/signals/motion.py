@@ -118,7 +118,7 @@ class Motion:
         slow = (np.abs(self.velocity) <= self.dead_band).astype(float)
         if self.dead_band <= 0.0 or not slow.any():
             return np.ones(len(self.reduce(slow)), bool)
-        return self.reduce(self.smooth(slow)) < SLOW_SHARE
+        return np.abs(self.reduce(self.smooth(slow))) < SLOW_SHARE
 
 
 def evenly_sampled(recording: Recording, processing: Processing) -> tuple[float, np.ndarray, dict[str, np.ndarray]]:
