@@ -160,9 +160,7 @@ def test_a_slow_recording_is_told_that_viscous_friction_does_not_show(tmp_path):
     slow = replace(joint, motion_range=joint.motion_range | {"velocity": 0.25, "acceleration": 2.0}, current_noise=0.4)
     study = write_study(tmp_path / "slow", slow, name="slow", seed=3)
     fitted = 'file = "recordings/multisine.csv"\nuse = '
-    slow_only = edited(
-        study, tmp_path / "s", (f'{fitted}"fit"', f'{fitted}"validate"'), ('"0.2 rad/s"', '"0.1 rad/s"')
-    )
+    slow_only = edited(study, tmp_path / "s", (f'{fitted}"fit"', f'{fitted}"validate"'), ('"0.2 rad/s"', '"0.1 rad/s"'))
     found = identify(slow_only, families=["symmetric"], thorough=False)
     assert not found.families["symmetric"]["viscous"].identifiable
     assert any(v.text.startswith("viscous is not identifiable") for v in found.verdicts)
@@ -235,3 +233,22 @@ def test_one_payload_throughout_is_part_of_the_joint_and_the_verdict_says_why(vi
     found = identify(study, families=["symmetric"], thorough=False)
     assert found.drive_constant is None
     assert any("at least two different payloads" in verdict.text for verdict in found.verdicts)
+
+
+def test_a_joint_without_inertia_is_not_simulated_and_the_verdicts_say_so(virtual, tmp_path):
+    """Too slow and too noisy: the inertia comes out at its bound, zero, and a simulation would divide by it."""
+    still = replace(
+        matched(bench_joint()),
+        motion_range=bench_joint().motion_range | {"velocity": 0.25, "acceleration": 2.0},
+        current_noise=0.4,
+    )
+    study = write_study(tmp_path / "still", still, name="still", seed=3)
+    fitted = 'file = "recordings/multisine.csv"\nuse = '
+    slow = edited(study, tmp_path / "s", (f'{fitted}"fit"', f'{fitted}"validate"'), ('"0.2 rad/s"', '"0.1 rad/s"'))
+    found = identify(slow, families=["symmetric"])
+    assert found.families["symmetric"]["inertia"].value == 0.0
+    assert "simulation of multisine" in found.families["symmetric"].failures
+    assert any("the simulated joint diverges" in verdict.text for verdict in found.verdicts)
+    rows = {row.id for row in save(slow, found)}
+    assert "still.symmetric.inertia" in rows
+    assert not any(".openloop.multisine" in row for row in rows)

@@ -178,6 +178,8 @@ class FamilyFit:
     predictions: tuple[Prediction, ...] = ()
     simulations: Mapping[str, tuple[Simulation, ...]] = field(default_factory=dict)
     """Keyed by the method whose parameters were simulated ("ls", "output_error", ...)."""
+    failures: Mapping[str, str] = field(default_factory=dict)
+    """Methods, and simulated recordings, that came to nothing, and why."""
     fitted_effort_error: float = float("nan")
     fitted_r2: float = float("nan")
     heldout_effort_error: float = float("nan")

@@ -188,11 +188,8 @@ def fit_family(
     half_width = float(np.quantile(np.abs(first.residual), study.model.confidence))
     predictions = predict(model, first.values, everything, half_width)
     fitted, heldout = pooled(predictions, "fitted"), pooled(predictions, "heldout")
-    others: dict[str, Estimate] = {}
-    simulations: dict[str, tuple[Simulation, ...]] = {}
-    if thorough:
-        others, simulations = _thorough(model, data, first, everything, study)
-    return FamilyFit(model, estimate, others, predictions, simulations, *fitted, *heldout)
+    more = _thorough(model, data, first, everything, study) if thorough else ({}, {}, {})
+    return FamilyFit(model, estimate, more[0], predictions, more[1], more[2], *fitted, *heldout)
 
 
 def _consistent(model: JointModel, data: Stack, found: Solution, study: Study) -> tuple[Solution, tuple[str, ...]]:
@@ -207,7 +204,8 @@ def _consistent(model: JointModel, data: Stack, found: Solution, study: Study) -
 
 def _thorough(
     model: JointModel, data: Stack, first: Solution, everything: Sequence[Motion], study: Study
-) -> tuple[dict[str, Estimate], dict[str, tuple[Simulation, ...]]]:
+) -> tuple[dict[str, Estimate], dict[str, tuple[Simulation, ...]], dict[str, str]]:
+    """Estimates by the other methods, simulations, and what came to nothing."""
     rig, processing, level = study.rig, study.processing, study.model.confidence
     if "stribeck_velocity" in model.names:
         # Only least squares profiles over it; the others take its value.
@@ -227,11 +225,13 @@ def _thorough(
     closed = all(can_close(rig, m) for m in data.motions)
     stretches = [len(m.reduce(m.velocity)) for m in data.motions]
 
+    failures: dict[str, str] = {}
+
     def attempt(name: str, run: Callable[[], Estimate]) -> None:
         try:
             others[name] = run()
-        except (IdentificationError, np.linalg.LinAlgError):
-            return  # a method that does not converge on these data is left out; the verdicts say so
+        except (IdentificationError, np.linalg.LinAlgError) as error:
+            failures[name] = str(error)
 
     if closed:
 
@@ -257,11 +257,13 @@ def _thorough(
     for method, values in solved.items():
         made = []
         for motion in everything:
-            if can_close(rig, motion):
-                made.append(simulation_of(model, values, motion, rig, processing, closed=True))
-            made.append(simulation_of(model, values, motion, rig, processing, closed=False))
+            for is_closed in (True, False) if can_close(rig, motion) else (False,):
+                try:
+                    made.append(simulation_of(model, values, motion, rig, processing, closed=is_closed))
+                except IdentificationError as error:
+                    failures[f"simulation of {motion.recording}"] = str(error)
         simulations[method] = tuple(made)
-    return others, simulations
+    return others, simulations, failures
 
 
 def estimated(

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from .._errors import IdentificationError
 from ..models.joint import JointModel
 from ..models.simulate import Drive, LoopSetting, Trace, simulate
 from ..recordings.study_file import Processing, Rig
@@ -96,8 +97,15 @@ def simulation_of(
     Returns
     -------
     Simulation
+
+    Raises
+    ------
+    IdentificationError
+        If the simulation diverges.
     """
     trace = replay(model, values, motion, rig, closed=closed)
+    if not (np.all(np.isfinite(trace.acceleration)) and np.all(np.isfinite(trace.effort))):
+        raise IdentificationError(f"recording '{motion.recording}': the simulated joint diverges")
     inner = motion.inner
     made = (*differentiate(trace.position, motion.fs, processing), lowpassed(trace.effort, motion.fs, processing))
     measured = {n: getattr(motion, n)[inner] for n in SIGNALS}

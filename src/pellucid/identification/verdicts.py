@@ -206,6 +206,9 @@ def verdicts(
         )
     for family, why in failures.items():
         found.append(Verdict("note", f"The '{family}' family could not be fitted: {why}."))
+    found += [
+        Verdict("warning", f"{METHODS.get(what, what)} came to nothing: {why}.") for what, why in fit.failures.items()
+    ]
     found += _methods(fit)
     return tuple(found)
 
