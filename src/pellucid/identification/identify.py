@@ -18,16 +18,9 @@ from .consistency import enforce_pseudo_inertia
 from .drive_constant import drive_constant
 from .evaluation import pooled, predict
 from .fit import Estimate, FamilyFit, JointFit, Parameter, Simulation
-from .regression import (
-    Solution,
-    Stack,
-    solve,
-    solve_robust,
-    solve_weighted,
-    stack,
-    with_known_stribeck_velocity,
-)
+from .regression import Solution, Stack, solve, stack, with_known_stribeck_velocity
 from .replay import can_close, simulation_of
+from .reweighting import solve_robust, solve_weighted
 from .uncertainty import block_bootstrap, memory, sandwich, whiteness
 from .verdicts import sign_error, verdicts
 
