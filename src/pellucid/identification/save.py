@@ -126,6 +126,7 @@ def _estimate_rows(head: str, estimate: Estimate, plain: ResultRow) -> Iterator[
 def _simulation_rows(
     head: str, fit: JointFit, simulations: tuple[Simulation, ...], plain: ResultRow
 ) -> Iterator[ResultRow]:
+    plain = replace(plain, note=f"measured and simulated signals through the same filter; {plain.note}")
     angle, scale, tag = ("deg", 180.0 / np.pi, "deg") if fit.motion == "rotary" else ("mm", 1e3, "mm")
     for recording in dict.fromkeys(s.recording for s in simulations):
         for mode in ("closed_loop", "openloop"):
