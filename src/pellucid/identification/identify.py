@@ -111,7 +111,7 @@ def identify(
         lifts=study.rig.lifts,
         families=fits,
         best=best,
-        verdicts=verdicts(study, fits, best, failures, data, everything, constant, no_constant),
+        verdicts=verdicts(study, fits, best, failures, data, constant, no_constant),
         filter_note=filter_note(study),
         checksums={r.name: r.checksum for r in recordings},
         drive_constant=constant,
@@ -216,8 +216,7 @@ def _thorough(
         "irls": estimated(model, data, robust, "irls", level=level),
     }
     closed = all(can_close(rig, m) for m in data.motions)
-    stretches = [len(m.reduce(m.velocity)) for m in data.motions]
-
+    stretches = [len(scored) for scored in data.scored]
     failures: dict[str, str] = {}
 
     def attempt(name: str, run: Callable[[], Estimate]) -> None:
@@ -321,7 +320,7 @@ def estimated(
             standard_error=float(sd[i]),
             at_bound=bool(found.at_bound[i]),
             identifiable=bool(free[i] and not found.at_bound[i] and abs(found.values[i]) > 2.0 * sd[i]),
-            influence=float(norms[i] / np.linalg.norm(data.target)) if len(norms) else float("nan"),
+            influence=float(norms[i] / np.linalg.norm(data.target)),
             bootstrap=None if boot is None or not free[i] else (float(boot[i, 0]), float(boot[i, 1])),
         )
         for i, name in enumerate(names)

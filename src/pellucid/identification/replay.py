@@ -8,7 +8,7 @@ import numpy as np
 
 from .._errors import IdentificationError
 from ..models.joint import JointModel
-from ..models.simulate import Drive, LoopSetting, Trace, simulate
+from ..models.simulate import LoopSetting, Trace, simulate
 from ..recordings.study_file import Processing, Rig
 from ..signals.effort import drive_model
 from ..signals.motion import Motion, differentiate, lowpassed
@@ -67,7 +67,8 @@ def replay(
         motion.reference if closed else motion.command,
         1.0 / motion.fs,
         loop=loop_setting(rig) if closed else LoopSetting(),
-        drive=Drive(drive.gain, drive.back_emf),
+        gain=drive.gain,
+        back_emf=drive.back_emf,
         injected=motion.injected if closed else None,
         position0=motion.initial[0],
         velocity0=motion.initial[1],

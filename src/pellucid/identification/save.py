@@ -14,6 +14,7 @@ from ..recordings.results import ResultRow, write_rows
 from ..recordings.study import Study
 from ..signals.effort import drive_model
 from .fit import Estimate, FamilyFit, JointFit, Simulation
+from .replay import relative_error
 
 COMMAND = "identify"
 
@@ -127,7 +128,7 @@ def _simulation_rows(
     head: str, fit: JointFit, simulations: tuple[Simulation, ...], plain: ResultRow
 ) -> Iterator[ResultRow]:
     plain = replace(plain, note=f"measured and simulated signals through the same filter; {plain.note}")
-    angle, scale, tag = ("deg", 180.0 / np.pi, "deg") if fit.motion == "rotary" else ("mm", 1e3, "mm")
+    unit, scale = ("deg", 180.0 / np.pi) if fit.motion == "rotary" else ("mm", 1e3)
     for recording in dict.fromkeys(s.recording for s in simulations):
         for mode in ("closed_loop", "openloop"):
             parts = [s for s in simulations if s.recording == recording and s.mode == mode]
@@ -140,8 +141,8 @@ def _simulation_rows(
                     yield replace(own, id=f"{head}.sim.{recording}.{signal}", value=value, unit="%")
             rmse, mae = _pooled_position(parts)
             prefix = f"{head}.{'openloop' if mode == 'openloop' else 'sim'}.{recording}"
-            yield replace(own, id=f"{prefix}.rmse_{tag}", value=scale * rmse, unit=angle)
-            yield replace(own, id=f"{prefix}.mae_{tag}", value=scale * mae, unit=angle)
+            yield replace(own, id=f"{prefix}.rmse_{unit}", value=scale * rmse, unit=unit)
+            yield replace(own, id=f"{prefix}.mae_{unit}", value=scale * mae, unit=unit)
     if fit.motion == "rotary":
         held = [s for s in simulations if s.split == "heldout" and s.mode == "openloop"]
         if held:
@@ -152,7 +153,7 @@ def _simulation_rows(
 def _pooled_error(parts: list[Simulation], signal: str) -> float:
     measured = np.concatenate([s.measured[signal] for s in parts])
     simulated = np.concatenate([s.simulated[signal] for s in parts])
-    return float(100.0 * np.linalg.norm(measured - simulated) / np.linalg.norm(measured))
+    return relative_error(measured, simulated)
 
 
 def _pooled_position(parts: list[Simulation]) -> tuple[float, float]:

