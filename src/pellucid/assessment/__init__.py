@@ -1,0 +1,1 @@
+"""Judging: whether conditions differ, and by how much, from what participants did under each."""
