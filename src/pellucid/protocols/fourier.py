@@ -1,0 +1,452 @@
+r"""Periodic motions optimised so that a joint's parameters show as well as its limits allow.
+
+A finite Fourier series is periodic, band-limited and differentiable in closed form, and its coefficients can be chosen
+so that the regressor has the best condition [1]_ or the parameters the smallest joint confidence region, which is
+D-optimality [2]_.
+
+.. [1] J. Swevers, C. Ganseman, D. B. Tukel, J. De Schutter, H. Van Brussel, "Optimal robot excitation and
+   identification", IEEE Trans. Robot. Autom. 13, 1997.
+.. [2] A. C. Atkinson, A. N. Donev, R. D. Tobias, "Optimum Experimental Designs, with SAS", Oxford University Press,
+   2007.
+.. [3] H. Ehlich, K. Zeller, "Schwankung von Polynomen zwischen Gitterpunkten", Math. Z. 86, 1964.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import minimize
+
+CRITERIA = ("condition", "determinant")
+
+# Evaluations a search may spend, all restarts together: counted, not timed, so that equal seeds give equal motions.
+_EVALUATIONS = 6000
+_DEPENDENT = 1e6  # the cost of dependent columns in a search: finite, so that a line search can pass them
+_STARTS = 10  # random shapes drawn per restart, of which the best is refined
+_LOWEST_GRID = 1024  # points per period on which peaks are sought
+_EASES = np.arange(1.0, 4.01, 0.25)  # periods; how long easing may take where it is chosen here
+
+
+@dataclass(frozen=True, eq=False)
+class FourierSeries:
+    r"""A periodic motion of h harmonics, in the coefficients of its velocity.
+
+    .. math::  q(t) = q_0 + \sum_k \frac{a_k}{k\omega} \sin(k\omega t) - \frac{b_k}{k\omega} \cos(k\omega t),
+       \qquad \omega = 2\pi f_0
+
+    Attributes
+    ----------
+    fundamental : float
+        f_0 [Hz], > 0.
+    centre : float
+        q_0, the mean over a period [rad].
+    a, b : ndarray, shape (h,)
+        [rad/s].
+
+    Raises
+    ------
+    ValueError
+        If `fundamental` is not positive, or `a` and `b` are not finite arrays of the same length.
+    """
+
+    fundamental: float
+    centre: float
+    a: np.ndarray
+    b: np.ndarray
+
+    def __post_init__(self):
+        _require_positive(fundamental=self.fundamental)
+        if not np.isfinite(self.centre):
+            raise ValueError(f"centre is {self.centre}; expected a finite angle [rad]")
+        a, b = np.array(self.a, dtype=float), np.array(self.b, dtype=float)
+        if a.ndim != 1 or a.shape != b.shape or not len(a):
+            raise ValueError(f"a has shape {a.shape} and b {b.shape}; expected both (h,), h > 0")
+        if not (np.isfinite(a).all() and np.isfinite(b).all()):
+            raise ValueError("a and b hold values that are not finite")
+        object.__setattr__(self, "a", a)
+        object.__setattr__(self, "b", b)
+
+    @property
+    def period(self) -> float:
+        """[s]."""
+        return 1.0 / self.fundamental
+
+    def motion(self, time: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Position, velocity and acceleration, differentiated in closed form.
+
+        Parameters
+        ----------
+        time : ndarray, shape (n,)
+            [s].
+
+        Returns
+        -------
+        position, velocity, acceleration : ndarray, shape (n,)
+            [rad], [rad/s], [rad/s^2].
+        """
+        position, velocity, acceleration = _basis(time, self.fundamental, len(self.a)) @ np.concatenate(
+            [self.a, self.b]
+        )
+        return self.centre + position, velocity, acceleration
+
+    def peaks(self) -> tuple[float, float, float, float]:
+        """Lowest and highest position, and largest speed and acceleration: bounds for every instant.
+
+        A trigonometric polynomial of degree h exceeds its largest value on N evenly spaced points at most by the factor
+        1 / cos(pi h / N) [3]_, here less than 1.002; the bounds include it.
+
+        Returns
+        -------
+        low, high, velocity, acceleration : float
+            [rad], [rad], [rad/s], [rad/s^2].
+        """
+        grid, factor = _grid(self.fundamental, len(self.a), 1)
+        position, velocity, acceleration = self.motion(grid)
+        middle, half = 0.5 * (position.max() + position.min()), 0.5 * np.ptp(position) * factor
+        speed, change = factor * np.abs(velocity).max(), factor * np.abs(acceleration).max()
+        return float(middle - half), float(middle + half), float(speed), float(change)
+
+
+def scaled_to_limits(
+    a: np.ndarray,
+    b: np.ndarray,
+    *,
+    fundamental: float,
+    low: float,
+    high: float,
+    velocity: float,
+    acceleration: float,
+) -> FourierSeries:
+    """The largest motion of a given shape that keeps all limits, its extremes centred between `low` and `high`.
+
+    Parameters
+    ----------
+    a, b : ndarray, shape (h,)
+        The shape: coefficients as in `FourierSeries`, up to a common factor.
+    fundamental : float
+        [Hz].
+    low, high : float
+        Range of the position [rad].
+    velocity, acceleration : float
+        Largest of each [rad/s], [rad/s^2].
+
+    Returns
+    -------
+    FourierSeries
+        Touches, to less than 0.2 %, whichever limit binds first, and exceeds none at any instant.
+
+    Raises
+    ------
+    ValueError
+        If a limit is not positive, `low` is not below `high`, or the shape does not move.
+    """
+    _require_limits(fundamental, low, high, velocity, acceleration)
+    shape = FourierSeries(fundamental, 0.0, a, b)
+    lowest, highest, speed, change = shape.peaks()
+    if not speed > 0.0:
+        raise ValueError("all of a and b are zero; expected a shape that moves")
+    factor = min((high - low) / (highest - lowest), velocity / speed, acceleration / change)
+    centre = 0.5 * (low + high) - 0.5 * factor * (highest + lowest)
+    return FourierSeries(fundamental, centre, factor * shape.a, factor * shape.b)
+
+
+def excitation_cost(matrix: np.ndarray, criterion: str = "condition", *, scales: np.ndarray | None = None) -> float:
+    r"""How badly a motion shows the parameters: less is better.
+
+    Parameters
+    ----------
+    matrix : ndarray, shape (n, p)
+        The regressor W along the motion.
+    criterion : {"condition", "determinant"}
+        The condition number of W, or -log det(W'W / n).
+    scales : ndarray, shape (p,), optional
+        Typical size of each parameter, so that the columns of W are in the unit of the effort. Without them the
+        condition is that of columns of unit length, and the determinant that of W as it is.
+
+    Returns
+    -------
+    float
+        Infinite where the columns are linearly dependent.
+
+    Raises
+    ------
+    ValueError
+        If the criterion is unknown, `matrix` is not finite or has fewer rows than columns, or `scales` do not fit it.
+    """
+    _require_criterion(criterion)
+    matrix = np.asarray(matrix, dtype=float)
+    if matrix.ndim != 2 or not 0 < matrix.shape[1] <= len(matrix):
+        raise ValueError(f"the regressor has shape {matrix.shape}; expected (n, p), n >= p > 0")
+    if not np.isfinite(matrix).all():
+        raise ValueError("the regressor holds values that are not finite")
+    return _cost(matrix, criterion, _checked_scales(scales, matrix.shape[1]))
+
+
+def optimised_fourier(
+    regressor: Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray],
+    *,
+    fundamental: float,
+    harmonics: int,
+    low: float,
+    high: float,
+    velocity: float,
+    acceleration: float,
+    rng: np.random.Generator,
+    criterion: str = "condition",
+    scales: np.ndarray | None = None,
+    samples: int = 200,
+    restarts: int = 8,
+) -> FourierSeries:
+    """The Fourier series that shows a regressor's parameters best within a joint's limits [1]_.
+
+    Every candidate shape is scaled until it touches the limit that binds first (`scaled_to_limits`), so that the search
+    is without constraints: the best of a few random shapes is refined by Powell's method, `restarts` times. The search
+    is bounded by a count of evaluations, not by the clock: less than a second for 5 harmonics and 7 parameters.
+
+    Parameters
+    ----------
+    regressor : callable
+        ``regressor(position, velocity, acceleration)``, each of shape (n,) in [rad], [rad/s], [rad/s^2], gives the
+        matrix of shape (n, p).
+    fundamental : float
+        [Hz].
+    harmonics : int
+        h, > 0.
+    low, high : float
+        Range of the position [rad].
+    velocity, acceleration : float
+        Largest of each [rad/s], [rad/s^2].
+    rng : numpy.random.Generator
+        Draws the starting shapes.
+    criterion : {"condition", "determinant"}
+        What is made small, see `excitation_cost`; "determinant" is D-optimality [2]_.
+    scales : ndarray, shape (p,), optional
+        Typical size of each parameter, see `excitation_cost`.
+    samples : int
+        Instants per period at which the regressor is evaluated; at least 2 h + 1 and p.
+    restarts : int
+        > 0.
+
+    Returns
+    -------
+    FourierSeries
+        Never worse, at these instants, than any shape it was tried against; no limit is exceeded at any instant.
+
+    Raises
+    ------
+    ValueError
+        If an argument is out of range, the regressor's matrix has another shape than (n, p) or is not finite, or its
+        columns are linearly dependent on every motion tried.
+    """
+    _require_limits(fundamental, low, high, velocity, acceleration)
+    _require_criterion(criterion)
+    _require_count(harmonics=(harmonics, 1), restarts=(restarts, 1))
+    _require_count(samples=(samples, 2 * harmonics + 1))
+
+    grid, factor = _grid(fundamental, harmonics, samples)
+    basis, every = _basis(grid, fundamental, harmonics), len(grid) // samples
+    middle, half = 0.5 * (low + high), 0.5 * (high - low)
+
+    def motion(shape):
+        # `scaled_to_limits` on the search's own grid, of which the regressor sees every few points.
+        position, speed, change = basis @ shape
+        lowest, highest = position.min(), position.max()
+        most = (0.5 * (highest - lowest) / half, np.abs(speed).max() / velocity, np.abs(change).max() / acceleration)
+        size = 1.0 / (factor * max(max(most), np.finfo(float).tiny))
+        position = middle + size * (position[::every] - 0.5 * (lowest + highest))
+        return position, size * speed[::every], size * change[::every]
+
+    start = rng.standard_normal((restarts, _STARTS, 2 * harmonics))
+    first = np.asarray(regressor(*motion(start[0, 0])), dtype=float)
+    if first.ndim != 2 or len(first) != samples or not 0 < first.shape[1] <= samples:
+        raise ValueError(
+            f"the regressor gives shape {first.shape} for {samples} samples; expected ({samples}, p), p <= {samples}"
+        )
+    scales = _checked_scales(scales, first.shape[1])
+
+    def cost(shape):
+        matrix = np.asarray(regressor(*motion(shape)), dtype=float)
+        if not np.isfinite(matrix).all():
+            raise ValueError("the regressor gives values that are not finite within the limits")
+        value = _cost(matrix, criterion, scales)
+        return min(float(np.log(value)) if criterion == "condition" else value, _DEPENDENT)
+
+    best, least = None, _DEPENDENT
+    allowed = max(_EVALUATIONS // restarts - _STARTS, 2 * harmonics + 1)
+    for shapes in start:
+        costs = [cost(s) for s in shapes]
+        chosen = int(np.argmin(costs))
+        found = minimize(cost, shapes[chosen], method="Powell", options={"maxfev": allowed, "xtol": 1e-3, "ftol": 1e-4})
+        for shape, value in ((shapes[chosen], costs[chosen]), (found.x, float(found.fun))):
+            if value < least and np.any(shape):
+                best, least = shape, value
+    if best is None:
+        raise ValueError(
+            "the regressor's columns are linearly dependent on every motion tried; no motion tells them apart"
+        )
+    a, b = np.split(best, 2)
+    return scaled_to_limits(
+        a, b, fundamental=fundamental, low=low, high=high, velocity=velocity, acceleration=acceleration
+    )
+
+
+def play(
+    series: FourierSeries,
+    duration: float,
+    fs: float,
+    ease: float | None = None,
+    *,
+    velocity: float | None = None,
+    acceleration: float | None = None,
+) -> np.ndarray:
+    """A series as a position to follow that starts and ends at rest at the series' centre.
+
+    The excursion from the centre is multiplied by a quintic that rises from 0 to 1 while easing in and falls back while
+    easing out; position, velocity and acceleration are continuous. The multiplier never exceeds 1 and the centre lies
+    within the series' range, so the range holds always; that speed and acceleration hold is verified on a
+    fine grid.
+
+    Parameters
+    ----------
+    series : FourierSeries
+    duration, fs : float
+        [s], [Hz].
+    ease : float, optional
+        How long each easing takes [s]. Without it, the shortest from one to four periods, in quarters, that keeps the
+        limits.
+    velocity, acceleration : float, optional
+        Limits [rad/s], [rad/s^2]; without them, the series' own peaks.
+
+    Returns
+    -------
+    ndarray, shape (n,)
+        [rad]; the first and the last are the centre.
+
+    Raises
+    ------
+    ValueError
+        If an argument is not positive, the easings do not fit into the duration, or a limit would be exceeded.
+    """
+    _require_positive(duration=duration, fs=fs)
+    *_, speed, change = series.peaks()
+    velocity = speed if velocity is None else velocity
+    acceleration = change if acceleration is None else acceleration
+    _require_positive(velocity=velocity, acceleration=acceleration)
+    if ease is not None:
+        _require_positive(ease=ease)
+    n = round(duration * fs)
+    end = (n - 1) / fs
+    eases = _EASES * series.period if ease is None else np.array([ease])
+    fitting = eases[2.0 * eases <= end]
+    if not len(fitting):
+        raise ValueError(
+            f"easing in and out takes {2.0 * eases[0]:g} s; the samples span {max(end, 0.0):g} s: play it for longer"
+        )
+
+    fine = np.linspace(0.0, end, max(n, int(np.ceil(end * series.fundamental * _points(len(series.a))))) + 1)
+    motion = series.motion(fine)
+    reached = []
+    for trial in fitting:
+        _, speeds, changes = _eased(series.centre, motion, fine, end, trial)
+        reached.append((np.abs(speeds).max(), np.abs(changes).max()))
+        if reached[-1][0] <= velocity * (1.0 + 1e-9) and reached[-1][1] <= acceleration * (1.0 + 1e-9):
+            time = np.arange(n) / fs
+            return _eased(series.centre, series.motion(time), time, end, trial)[0]
+    speed, change = min(reached, key=lambda r: max(r[0] / velocity, r[1] / acceleration))
+    raise ValueError(
+        f"eased over {' or '.join(f'{e:g}' for e in fitting)} s the motion reaches {speed:.4g} rad/s and "
+        f"{change:.4g} rad/s^2; the limits are {velocity:.4g} and {acceleration:.4g}: ease for longer or raise them"
+    )
+
+
+def _basis(time: np.ndarray, fundamental: float, harmonics: int) -> np.ndarray:
+    """Shape (3, n, 2 h): position, velocity and acceleration per coefficient, those of a before those of b."""
+    rate = 2.0 * np.pi * fundamental * np.arange(1, harmonics + 1)
+    angle = np.asarray(time, dtype=float)[..., None] * rate
+    sine, cosine = np.sin(angle), np.cos(angle)
+    return np.stack(
+        [
+            np.concatenate([sine / rate, -cosine / rate], axis=-1),
+            np.concatenate([cosine, sine], axis=-1),
+            np.concatenate([-sine * rate, cosine * rate], axis=-1),
+        ]
+    )
+
+
+def _points(harmonics: int) -> int:
+    return max(_LOWEST_GRID, 64 * harmonics)
+
+
+def _grid(fundamental: float, harmonics: int, multiple: int) -> tuple[np.ndarray, float]:
+    """Instants of one period, a multiple of a number of them, and by how much peaks between them may be higher."""
+    n = -(-_points(harmonics) // multiple) * multiple
+    return np.arange(n) / (n * fundamental), float(1.0 / np.cos(np.pi * harmonics / n))
+
+
+def _cost(matrix: np.ndarray, criterion: str, scales: np.ndarray | None) -> float:
+    n, p = matrix.shape
+    if scales is not None:
+        matrix = matrix * scales
+    length = np.sqrt(np.einsum("ij,ij->j", matrix, matrix))
+    if not length.all():
+        return np.inf
+    singular = np.linalg.svd(matrix / length, compute_uv=False)
+    if singular[-1] <= n * np.finfo(float).eps * singular[0]:
+        return np.inf
+    if criterion == "determinant":
+        return float(p * np.log(n) - 2.0 * np.log(singular).sum() - 2.0 * np.log(length).sum())
+    if scales is not None:
+        singular = np.linalg.svd(matrix, compute_uv=False)
+    return float(singular[0] / singular[-1]) if singular[-1] > 0.0 else np.inf
+
+
+def _eased(centre, motion, time, end, ease):
+    """The motion with its excursion multiplied by the quintics of easing in and out; they do not overlap."""
+    position, velocity, acceleration = motion
+    rising = time < 0.5 * end
+    u = np.clip(np.where(rising, time, end - time) / ease, 0.0, 1.0)
+    level = u**3 * (10.0 - 15.0 * u + 6.0 * u**2)
+    slope = np.where(rising, 1.0, -1.0) * 30.0 * u**2 * (1.0 - u) ** 2 / ease
+    bend = 60.0 * u * (1.0 - u) * (1.0 - 2.0 * u) / ease**2
+    excursion = position - centre
+    return (
+        centre + level * excursion,
+        level * velocity + slope * excursion,
+        level * acceleration + 2.0 * slope * velocity + bend * excursion,
+    )
+
+
+def _require_positive(**values: float) -> None:
+    for name, value in values.items():
+        if not (np.isfinite(value) and value > 0.0):
+            raise ValueError(f"{name} is {value}; expected a finite number > 0")
+
+
+def _require_count(**values: tuple[int, int]) -> None:
+    for name, (value, least) in values.items():
+        if not isinstance(value, (int, np.integer)) or value < least:
+            raise ValueError(f"{name} is {value}; expected an integer >= {least}")
+
+
+def _require_limits(fundamental: float, low: float, high: float, velocity: float, acceleration: float) -> None:
+    _require_positive(fundamental=fundamental, velocity=velocity, acceleration=acceleration)
+    if not (np.isfinite([low, high]).all() and low < high):
+        raise ValueError(f"low is {low} and high {high}; expected finite angles, low < high")
+
+
+def _require_criterion(criterion: str) -> None:
+    if criterion not in CRITERIA:
+        raise ValueError(f"criterion is {criterion!r}; expected one of {', '.join(CRITERIA)}")
+
+
+def _checked_scales(scales: np.ndarray | None, columns: int) -> np.ndarray | None:
+    if scales is None:
+        return None
+    scales = np.asarray(scales, dtype=float)
+    if scales.shape != (columns,):
+        raise ValueError(f"scales has shape {scales.shape}; the regressor has {columns} columns: expected ({columns},)")
+    if not (np.isfinite(scales).all() and (scales > 0.0).all()):
+        raise ValueError("scales holds values that are not finite and > 0")
+    return scales
