@@ -205,3 +205,21 @@ def test_a_failed_write_leaves_the_file_as_it_was(tmp_path, monkeypatch):
         write_text_atomically(path, "half")
     assert path.read_text() == "whole"
     assert [p.name for p in tmp_path.iterdir()] == ["a.txt"]
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("t,q,i\n0,,1\n1,,\n2,3,\n", {"t": [0, 1, 2], "q": [np.nan, np.nan, 3], "i": [1, np.nan, np.nan]}),
+        ("t,q,i\n0,1,\n1,2,\n", {"t": [0, 1], "q": [1, 2], "i": [np.nan, np.nan]}),
+        ("t,q\n0,1,\n1,,\n", {"t": [0, 1], "q": [1, np.nan]}),
+        ("t;q;i\n0,5;;\n1;;2,5\n", {"t": [0.5, 1], "q": [np.nan, np.nan], "i": [np.nan, 2.5]}),
+        ("t,q\n,1\n1,NA\n", {"t": [np.nan, 1], "q": [1, np.nan]}),
+    ],
+)
+def test_empty_cells_are_missing(tmp_path, text, expected):
+    (tmp_path / "a.csv").write_text(text, encoding="utf-8")
+    values = read_columns(tmp_path / "a.csv").values
+    assert list(values) == list(expected)
+    for name, samples in expected.items():
+        np.testing.assert_array_equal(values[name], samples)

@@ -9,14 +9,17 @@ from pellucid.recordings import study_file
 from pellucid.recordings.study_file import parse_study_file
 
 PAGE = Path(__file__).parents[2] / "docs" / "study-file.md"
+EXAMPLES = re.findall(r"```toml\n(.*?)```", PAGE.read_text(encoding="utf-8"), re.DOTALL)
 TABLES = [
     study_file.StudyFile,
     study_file.Rig,
     study_file.Drive,
     study_file.Loop,
     study_file.Limits,
+    study_file.Slider,
     study_file.Participant,
     study_file.ChannelSpec,
+    study_file.Optical,
     study_file.Processing,
     study_file.Model,
     study_file.PayloadSpec,
@@ -25,12 +28,22 @@ TABLES = [
 
 
 def test_the_example_is_valid(tmp_path):
-    (example,) = re.findall(r"```toml\n(.*?)```", PAGE.read_text(encoding="utf-8"), re.DOTALL)
+    example, *_ = EXAMPLES
     (tmp_path / "study.toml").write_text(example, encoding="utf-8")
     study = parse_study_file(tmp_path / "study.toml")
     assert study.name == "my-elbow"
     assert study.channels["position"].si_unit == "rad"
     assert len(study.recordings) == 3
+
+
+def test_the_slider_s_examples_are_valid(tmp_path):
+    """They stand apart from the whole example, which has no slider: put into it."""
+    example, rail, optical = EXAMPLES
+    head, channels = example.split("[channels]")
+    (tmp_path / "study.toml").write_text(f"{head}{rail}[channels]{channels}{optical}", encoding="utf-8")
+    study = parse_study_file(tmp_path / "study.toml")
+    assert study.rig.slider.marker in study.optical.markers
+    assert [r.slider for r in study.recordings] == [None] * 4 + [0.152]
 
 
 @pytest.mark.parametrize("table", TABLES, ids=lambda table: table.__name__)

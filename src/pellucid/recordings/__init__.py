@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from .._atomic import write_text_atomically as write_text_atomically
+from .optical import OpticalRecording as OpticalRecording
 from .quality import Fault as Fault
 from .quality import drive_channel as drive_channel
 from .quality import inspect as inspect

@@ -11,6 +11,7 @@ from types import MappingProxyType
 import numpy as np
 
 from .._errors import RecordingError
+from .optical import OpticalRecording
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,6 +87,10 @@ class Recording:
         Known mass carried during the trial.
     start : str
         Where a simulation of it starts: ``"measured"`` or at ``"rest"``.
+    optical : OpticalRecording or None
+        What a motion capture saw of the trial, all of it even where the recording is a window.
+    slider : float or None
+        Where the carriage was clamped, by a ruler: distance from the axis [m].
 
     Raises
     ------
@@ -103,6 +108,8 @@ class Recording:
     condition: str | None = None
     payload: Payload | None = None
     start: str = "measured"
+    optical: OpticalRecording | None = None
+    slider: float | None = None
 
     def __post_init__(self):
         if "time" not in self.channels:

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from .._errors import RecordingError
+from .optical import OpticalRecording, read_optical
 from .recording import Channel, Payload, Recording
 
 if TYPE_CHECKING:
@@ -140,11 +141,7 @@ class Study:
     def _load(self, entry, name, path, files) -> Recording:
         if name in self._loaded:
             return self._loaded[name]
-        if path not in files:
-            from .readers import read_columns
-
-            files[path] = (read_columns(path), checksum(path))
-        columns, digest = files[path]
+        columns, digest = _read_once(path, files)
         channels = _channels(columns, self.config.channels_of(entry), entry.window)
         payload = Payload(entry.payload.mass, entry.payload.distance) if entry.payload else None
         recording = Recording(
@@ -158,9 +155,24 @@ class Study:
             condition=entry.condition,
             payload=payload,
             start=entry.start,
+            optical=self._load_optical(entry, files),
+            slider=entry.slider,
         )
         self._loaded[name] = recording
         return recording
+
+    def _load_optical(self, entry, files) -> OpticalRecording | None:
+        if entry.optical is None:
+            return None
+        path = self.folder / entry.optical
+        if not path.is_file():
+            raise RecordingError(
+                f'{path}: no such file, expected by optical of [[recordings]] "{entry.name}"{_present(path.parent)}'
+            )
+        columns, digest = _read_once(path, files)
+        rail, spec = self.rig.slider, self.config.optical
+        time = _to_si(columns.column(spec.time.column, "time"), spec.time)
+        return read_optical(columns, digest, time, spec, rail.marker if rail is not None else None)
 
 
 def open_study(folder: str | os.PathLike) -> Study:
@@ -192,6 +204,14 @@ def checksum(path: Path) -> str:
 
     with path.open("rb") as file:
         return hashlib.file_digest(file, "sha256").hexdigest()
+
+
+def _read_once(path: Path, files: dict[Path, tuple[Columns, str]]) -> tuple[Columns, str]:
+    if path not in files:
+        from .readers import read_columns
+
+        files[path] = (read_columns(path), checksum(path))
+    return files[path]
 
 
 def _channels(columns: Columns, specs: dict[str, ChannelSpec], window) -> dict[str, Channel]:

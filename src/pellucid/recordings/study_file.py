@@ -5,6 +5,7 @@ Quantities are texts with a unit; they become SI numbers here. ``docs/study-file
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -167,6 +168,28 @@ class Limits(_Table):
         return self
 
 
+class Slider(_Table):
+    """A carriage that moves freely on a rail along the moving segment: ``[rig.slider]``.
+
+    Attributes
+    ----------
+    low, high : float
+        The rail's ends, as distances from the joint's axis along the segment [m].
+    marker : str or None
+        Marker on the carriage, one of ``[optical]``'s; None where every position is known by a ruler.
+    """
+
+    low: _quantity("m", ge=0)
+    high: _quantity("m", gt=0)
+    marker: str | None = None
+
+    @model_validator(mode="after")
+    def _ordered(self) -> Slider:
+        if self.low >= self.high:
+            raise ValueError(f"found low = {self.low:g} m not below high = {self.high:g} m")
+        return self
+
+
 class Rig(_Table):
     """The machine: ``[rig]``.
 
@@ -180,8 +203,8 @@ class Rig(_Table):
         What positive motion does.
     moving_mass : float or None
         Upper limit on the mass that moves about a rotary axis [kg]; it bounds the inertia from below.
-    drive, loop, limits
-        Its tables; `loop` is None where the machine's controller is not known.
+    drive, loop, limits, slider
+        Its tables; `loop` is None where the machine's controller is not known, `slider` where the machine has none.
     """
 
     joint: str = "joint"
@@ -191,6 +214,13 @@ class Rig(_Table):
     drive: Drive
     loop: Loop | None = None
     limits: Limits = Limits()
+    slider: Slider | None = None
+
+    @model_validator(mode="after")
+    def _slider_turns(self) -> Rig:
+        if self.slider is not None and self.motion != "rotary":
+            raise ValueError(f'found [rig.slider] with motion = "{self.motion}", expected "rotary"')
+        return self
 
 
 class Participant(_Table):
@@ -276,6 +306,88 @@ class ChannelSpec(_Table):
         factor, offset = to_si_factor(table["unit"], expected, "")
         si = {"si_factor": factor, "si_offset": offset, "si_unit": expected or si_text(table["unit"])}
         return {**table, **{_DERIVED + key: value for key, value in si.items()}}
+
+
+class Optical(_Table):
+    """What the files of a motion capture hold, beside the machine's own: ``[optical]``.
+
+    Attributes
+    ----------
+    time : ChannelSpec
+        The motion capture's own clock.
+    unit : str
+        Of the coordinates.
+    markers : tuple of str
+        Names of the markers to read.
+    columns : str
+        Name of a coordinate's column: ``{marker}`` and ``{axis}`` (x, y, z) stand for what they say.
+    down : tuple of float
+        Direction of gravity along the lab's axes, of length 1.
+    """
+
+    time: ChannelSpec
+    unit: str
+    markers: tuple[str, ...]
+    columns: str = "{marker}_{axis}"
+    down: tuple[float, float, float]
+
+    @model_validator(mode="before")
+    @classmethod
+    def _name_time(cls, table: Any) -> Any:
+        if isinstance(table, dict) and isinstance(table.get("time"), dict):
+            return {**table, "time": {**table["time"], _DERIVED + "name": "time"}}
+        return table
+
+    @field_validator("time", mode="before")
+    @classmethod
+    def _time_is_a_table(cls, time: Any) -> Any:
+        if not isinstance(time, dict):
+            raise ValueError(f'found {time!r}, expected a table such as {{ column = "time", unit = "s" }}')
+        return time
+
+    @field_validator("unit")
+    @classmethod
+    def _length(cls, unit: str) -> str:
+        to_si_factor(unit, "m", "")
+        return unit
+
+    @field_validator("markers")
+    @classmethod
+    def _each_once(cls, markers: tuple) -> tuple:
+        if not markers or len(set(markers)) < len(markers):
+            raise ValueError(f"found {list(markers)}, expected at least one, each once")
+        return markers
+
+    @field_validator("columns")
+    @classmethod
+    def _both_vary(cls, columns: str) -> str:
+        if "{marker}" not in columns or "{axis}" not in columns:
+            raise ValueError(f'found "{columns}", expected {{marker}} and {{axis}} in it')
+        return columns
+
+    @field_validator("down", mode="before")
+    @classmethod
+    def _along_three_axes(cls, down: Any) -> Any:
+        if not isinstance(down, (list, tuple)) or len(down) != 3:
+            raise ValueError(f"found {down!r}, expected three numbers such as [0, 0, -1]")
+        return down
+
+    @field_validator("down")
+    @classmethod
+    def _unit_length(cls, down: tuple[float, float, float]) -> tuple[float, float, float]:
+        length = math.hypot(*down)
+        if length == 0.0:
+            raise ValueError("found [0, 0, 0], which points nowhere")
+        return (down[0] / length, down[1] / length, down[2] / length)
+
+    @property
+    def si_factor(self) -> float:
+        """Metres per `unit`."""
+        return to_si_factor(self.unit, "m", "")[0]
+
+    def column(self, marker: str, axis: str) -> str:
+        """Name of the column with one coordinate of a marker; `axis` is ``"x"``, ``"y"`` or ``"z"``."""
+        return self.columns.replace("{marker}", marker).replace("{axis}", axis)
 
 
 class Processing(_Table):
@@ -380,6 +492,10 @@ class RecordingEntry(_Table):
         Who, and under which condition.
     payload : PayloadSpec or None
         Known mass carried.
+    optical : str or None
+        Path of the motion capture's file of the same trial, from the study's folder.
+    slider : float or None
+        Where the carriage was clamped, by a ruler: distance from the axis [m].
     start : str
         Where a simulation of it starts: ``"measured"`` (position and velocity of the first samples) or ``"rest"``.
     channels : dict[str, ChannelSpec]
@@ -395,6 +511,8 @@ class RecordingEntry(_Table):
     participant: str | None = None
     condition: str | None = None
     payload: PayloadSpec | None = None
+    optical: str | None = None
+    slider: _quantity("m", ge=0) | None = None
     start: Literal["measured", "rest"] = "measured"
     channels: dict[str, ChannelSpec] = {}
 
@@ -402,6 +520,11 @@ class RecordingEntry(_Table):
     def _one_source(self) -> RecordingEntry:
         if (self.file is None) == (self.files is None):
             raise ValueError("expected one of file and files, found " + ("both" if self.file else "neither"))
+        if self.files is not None and self.optical is not None:
+            raise ValueError(
+                f'found optical = "{self.optical}" with files = "{self.files}", expected file: each recording has an '
+                "optical file of its own"
+            )
         if self.window is not None and self.window[0] >= self.window[1]:
             raise ValueError(f"window: found {self.window[0]:g} s to {self.window[1]:g} s, expected start before end")
         return self
@@ -418,8 +541,8 @@ class StudyFile(_Table):
         What to cite for the recordings; printed in the report.
     notes : tuple of str
         Remarks the report repeats.
-    rig, participants, channels, processing, model, recordings
-        Its tables.
+    rig, participants, channels, optical, processing, model, recordings
+        Its tables; `optical` is None where no motion capture took part.
     """
 
     name: str = Field(pattern=_NAME)
@@ -428,6 +551,7 @@ class StudyFile(_Table):
     rig: Rig
     participants: dict[str, Participant] = {}
     channels: dict[str, ChannelSpec]
+    optical: Optical | None = None
     processing: Processing = Processing()
     model: Model
     recordings: tuple[RecordingEntry, ...] = ()
@@ -459,6 +583,30 @@ class StudyFile(_Table):
                 raise ValueError(f'[[recordings]] the name "{entry.name}" is given twice, expected each once')
             if "time" not in self.channels_of(entry):
                 raise ValueError("[channels] no channel time found, expected one with its column and unit")
+        return self
+
+    @model_validator(mode="after")
+    def _places_the_slider(self) -> StudyFile:
+        rail = self.rig.slider
+        marker = rail.marker if rail is not None else None
+        if self.optical is not None and marker is not None and marker not in self.optical.markers:
+            raise ValueError(
+                f'[rig.slider] marker: found "{marker}", expected one of [optical] markers: '
+                f"{', '.join(self.optical.markers)}"
+            )
+        for entry in self.recordings:
+            where = f"[[recordings]] {entry.name}"
+            if entry.optical is not None and self.optical is None:
+                raise ValueError(f"{where}: found optical, expected a table [optical] that says what its file holds")
+            if entry.slider is not None and rail is None:
+                raise ValueError(f"{where}: found slider, expected a table [rig.slider] with the rail's ends")
+            if entry.slider is not None and not rail.low <= entry.slider <= rail.high:
+                raise ValueError(
+                    f"{where}: found slider = {entry.slider:g} m, expected {rail.low:g} m to {rail.high:g} m as "
+                    "[rig.slider] says"
+                )
+            if entry.optical is not None and rail is not None and marker is None:
+                raise ValueError(f"{where}: found optical, expected [rig.slider] marker: which one is on the carriage")
         return self
 
     def channels_of(self, entry: RecordingEntry) -> dict[str, ChannelSpec]:

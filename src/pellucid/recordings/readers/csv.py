@@ -43,7 +43,9 @@ def read(path: Path) -> dict[str, np.ndarray | str]:
         table = np.loadtxt([line for _, line in rows], delimiter=delimiter, comments=None, ndmin=2, dtype=np.float64)
         texts = None
     except ValueError:
-        table, texts = _slow(path, rows, delimiter)
+        # A last column that the header names may be empty throughout; one without a name is a delimiter too many.
+        named = header is not None and len(header) == len(_split(rows[0][1], delimiter)) and bool(header[-1])
+        table, texts = _empty_cells(rows, delimiter, named) or _slow(path, rows, delimiter, named)
     names = _names(path, header, table.shape[1])
     values: dict[str, np.ndarray | str] = {}
     for i, name in enumerate(names):
@@ -131,10 +133,28 @@ def _names(path: Path, header: list[str] | None, width: int) -> list[str]:
     return [f"{name}.{i}" if name in repeated else name for i, name in enumerate(names)]
 
 
-def _slow(path, rows, delimiter):
+def _empty_cells(rows, delimiter, named):
+    """The table where nothing but empty cells is in the way; None otherwise. A lost marker leaves many."""
+    if delimiter in (None, "\t") or not (named or any(not line.rstrip().endswith(delimiter) for _, line in rows)):
+        return None
+    filled, nan = [], f"{delimiter}nan{delimiter}"
+    for _, line in rows:
+        # Twice, for neighbours share a delimiter; a delimiter added at either end makes all cells inner ones.
+        text = f"{delimiter}{line.strip()}{delimiter}"
+        if 2 * delimiter in text:
+            text = text.replace(2 * delimiter, nan).replace(2 * delimiter, nan)
+        filled.append(text[1:-1])
+    try:
+        table = np.loadtxt(filled, delimiter=delimiter, comments=None, ndmin=2, dtype=np.float64)
+    except ValueError:
+        return None
+    return table, None
+
+
+def _slow(path, rows, delimiter, named):
     split = [(number, _split(line, delimiter)) for number, line in rows]
     width = len(split[0][1])
-    if width > 1 and all(not fields[-1] for _, fields in split if len(fields) == width):
+    if width > 1 and not named and all(not fields[-1] for _, fields in split if len(fields) == width):
         split = [(number, fields[:-1] if len(fields) == width else fields) for number, fields in split]
         width -= 1
     table = np.full((len(split), width), np.nan)

@@ -1,0 +1,128 @@
+"""What a motion capture saw of a trial: markers in the lab's axes, on a clock of its own."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from types import MappingProxyType
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from .._errors import RecordingError
+
+if TYPE_CHECKING:
+    from .readers import Columns
+    from .study_file import Optical
+
+AXES = ("x", "y", "z")
+"""What ``{axis}`` stands for in the name of a coordinate's column."""
+
+
+@dataclass(frozen=True, eq=False)
+class OpticalRecording:
+    """Marker trajectories of one trial.
+
+    Attributes
+    ----------
+    path : Path
+        The motion capture's file.
+    checksum : str
+        SHA-256 of the file, hexadecimal.
+    time : ndarray, shape (n,)
+        On the motion capture's own clock [s], read-only.
+    markers : Mapping[str, ndarray]
+        Marker to its coordinates along the lab's axes, each shape (n, 3) [m], read-only; NaN in all three where it was
+        lost.
+    down : ndarray, shape (3,)
+        Direction of gravity along the lab's axes, of length 1.
+    carriage : str or None
+        Marker on the slider's carriage, where study.toml names one.
+
+    Raises
+    ------
+    RecordingError
+        If a marker's shape does not fit time's, or the carriage's marker is not among them.
+    """
+
+    path: Path
+    checksum: str
+    time: np.ndarray = field(repr=False)
+    markers: Mapping[str, np.ndarray] = field(repr=False)
+    down: np.ndarray
+    carriage: str | None = None
+
+    def __post_init__(self):
+        n = len(self.time)
+        markers = {}
+        for name, given in self.markers.items():
+            samples = np.array(given, dtype=np.float64)
+            if samples.shape != (n, 3):
+                raise RecordingError(
+                    f"{self.path.name}: marker {name}: found shape {samples.shape}, expected ({n}, 3) as in time"
+                )
+            # Half a point is no point.
+            samples[~np.isfinite(samples).all(axis=1)] = np.nan
+            markers[name] = _frozen(samples)
+        if self.carriage is not None and self.carriage not in markers:
+            raise RecordingError(
+                f"{self.path.name}: found the markers {', '.join(markers) or 'none'}, expected {self.carriage}, the "
+                "carriage's, among them"
+            )
+        down = np.array(self.down, dtype=np.float64)
+        object.__setattr__(self, "time", _frozen(np.array(self.time, dtype=np.float64)))
+        object.__setattr__(self, "markers", MappingProxyType(markers))
+        object.__setattr__(self, "down", _frozen(down / np.linalg.norm(down)))
+
+    def __len__(self) -> int:
+        return len(self.time)
+
+    def seen(self, marker: str) -> np.ndarray:
+        """Frames in which a marker was seen, shape (n,) bool."""
+        return np.isfinite(self.markers[marker][:, 0])
+
+
+def read_optical(
+    columns: Columns, digest: str, time: np.ndarray, spec: Optical, carriage: str | None
+) -> OpticalRecording:
+    """Markers from a file's columns, in metres.
+
+    Parameters
+    ----------
+    columns : Columns
+        Of the motion capture's file.
+    digest : str
+        The file's SHA-256, hexadecimal.
+    time : ndarray, shape (n,)
+        The motion capture's clock [s].
+    spec : Optical
+        What study.toml says of the columns.
+    carriage : str or None
+        Marker on the slider's carriage.
+
+    Returns
+    -------
+    OpticalRecording
+
+    Raises
+    ------
+    RecordingError
+        If a marker's column is missing or of another length; names file, marker, found and expected.
+    """
+    markers = {}
+    for marker in spec.markers:
+        stored = [columns.column(spec.column(marker, axis), f"of marker {marker}") for axis in AXES]
+        for axis, samples in zip(AXES, stored, strict=True):
+            if len(samples) != len(time):
+                raise RecordingError(
+                    f"{columns.path.name}: marker {marker} (column {spec.column(marker, axis)!r}) has {len(samples)} "
+                    f"samples, expected {len(time)} as in time"
+                )
+        markers[marker] = spec.si_factor * np.column_stack(stored)
+    return OpticalRecording(columns.path, digest, time, markers, np.array(spec.down), carriage)
+
+
+def _frozen(samples: np.ndarray) -> np.ndarray:
+    samples.flags.writeable = False
+    return samples
