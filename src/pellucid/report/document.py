@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import importlib.resources
 import platform
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
 
@@ -36,7 +34,8 @@ from .quantities import (
     unit_text,
 )
 from .series import whole_recordings
-from .style import SANS, css_variables
+from .tables import Row, Table
+from .templates import render
 
 PAGE = "index.html"
 
@@ -50,25 +49,6 @@ WHAT_ESTIMATORS_DO = (
     ),
     (("output_error",), "output error fits the simulated response itself"),
 )
-
-
-@dataclass(frozen=True)
-class Row:
-    """Cells of a table's row, as text; `strong` marks the one to look at."""
-
-    cells: tuple[str, ...]
-    strong: bool = False
-
-
-@dataclass(frozen=True)
-class Table:
-    """A table as text. `numeric` are the columns set to the right; `wide` fills the page."""
-
-    heads: tuple[str, ...]
-    rows: tuple[Row, ...]
-    numeric: frozenset[int] = frozenset()
-    caption: str = ""
-    wide: bool = False
 
 
 def write_report(
@@ -96,8 +76,6 @@ def write_report(
     PellucidError
         If a recording can no longer be read, or the joint cannot be identified.
     """
-    import jinja2
-
     tell = on_progress or (lambda text, share: None)
     share = 0.0
     if fit is None:
@@ -114,11 +92,7 @@ def write_report(
         drawing = draw(make, *arguments)
         drawing.save(folder)
         drawings[group].append(drawing)
-    source = (importlib.resources.files(__package__) / "template.html.j2").read_text(encoding="utf-8")
-    environment = jinja2.Environment(
-        autoescape=True, undefined=jinja2.StrictUndefined, trim_blocks=True, lstrip_blocks=True
-    )
-    page = environment.from_string(source).render(**_content(study, fit, drawings))
+    page = render("template.html.j2", **_content(study, fit, drawings))
     return write_text_atomically(folder / PAGE, page)
 
 
@@ -215,10 +189,6 @@ def _content(study: Study, fit: JointFit, drawings: Mapping[str, list[Drawing]])
     ]
     return {
         "title": f"{fit.study}: identified joint",
-        "version": version("pellucid"),
-        "light": css_variables(),
-        "dark": css_variables(dark=True),
-        "sans": SANS,
         "study": fit.study,
         "headline": prose(_headline(study, fit)),
         "tiles": _tiles(fit, level),

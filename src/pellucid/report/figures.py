@@ -1,7 +1,7 @@
 """The figures of a report, each a function from a fit to a drawing.
 
-Blue is fitted, orange is held out, dark grey is measured; colours and sizes live in `style`. Only this file and
-`drawing` import Matplotlib.
+Blue is fitted, orange is held out, dark grey is measured; colours and sizes live in `style`. Only this file,
+`direction_figures` and `drawing` import Matplotlib.
 """
 
 from __future__ import annotations

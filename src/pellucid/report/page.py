@@ -1,0 +1,84 @@
+"""A page of any content: tiles, sections, tables and figures in the report's look, as one file that needs no other."""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import dataclass
+from pathlib import Path
+
+from .._atomic import write_text_atomically
+from .drawing import Drawing
+from .tables import Table
+from .templates import render
+
+PAGE = "index.html"
+
+
+@dataclass(frozen=True)
+class Tile:
+    """One number of the headline: `what` it is, the `figure` itself and its `unit`, and a few words `more`."""
+
+    what: str
+    figure: str
+    unit: str = ""
+    more: str = ""
+
+
+@dataclass(frozen=True)
+class Section:
+    """A part of a page: paragraphs, then drawings, then tables, then muted notes; all text is plain.
+
+    `id` is the anchor; the `heading` stands in the navigation too.
+    """
+
+    id: str
+    heading: str
+    paragraphs: tuple[str, ...] = ()
+    tables: tuple[Table, ...] = ()
+    drawings: tuple[Drawing, ...] = ()
+    notes: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Page:
+    """What a page says, as plain text: `kicker` above the title, `headline` below it."""
+
+    title: str
+    kicker: str
+    headline: str
+    tiles: tuple[Tile, ...] = ()
+    sections: tuple[Section, ...] = ()
+    footer: str = ""
+
+
+def write_page(folder: Path, page: Page) -> Path:
+    """Write a page: ``index.html`` without outside references, and every figure beside it as SVG and PDF.
+
+    Parameters
+    ----------
+    folder : Path
+        Made if it is missing.
+    page : Page
+
+    Returns
+    -------
+    Path
+        The page: the same bytes for the same content.
+
+    Raises
+    ------
+    OSError
+        If the folder cannot be written.
+    ValueError
+        If two sections or figures share a name: the page's anchors and files would be ambiguous.
+    """
+    folder = Path(folder)
+    drawings = [drawing for section in page.sections for drawing in section.drawings]
+    anchors = [section.id for section in page.sections] + [f"fig-{drawing.name}" for drawing in drawings]
+    twice = [anchor for anchor, count in Counter(anchors).items() if count > 1]
+    if twice:
+        raise ValueError(f"more than one part of the page is called {', '.join(map(repr, twice))}")
+    folder.mkdir(parents=True, exist_ok=True)
+    for drawing in drawings:
+        drawing.save(folder)
+    return write_text_atomically(folder / PAGE, render("page.html.j2", title=page.title, page=page))

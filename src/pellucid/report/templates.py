@@ -1,0 +1,40 @@
+"""The page's templates, filled in: the look that every page of a report shares."""
+
+from __future__ import annotations
+
+from importlib.metadata import version
+
+from .style import SANS, css_variables
+
+
+def render(template: str, **content: object) -> str:
+    """Fill in a template of this folder.
+
+    Parameters
+    ----------
+    template : str
+        File name; ``head.html.j2`` and ``parts.html.j2`` are there for all of them to share.
+    **content : object
+        What the template names; version, colours and fonts are given.
+
+    Returns
+    -------
+    str
+        The page: the same text for the same content.
+    """
+    import jinja2
+
+    environment = jinja2.Environment(
+        loader=jinja2.PackageLoader(__package__, ""),
+        autoescape=True,
+        undefined=jinja2.StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    look = {
+        "version": version("pellucid"),
+        "light": css_variables(),
+        "dark": css_variables(dark=True),
+        "sans": SANS,
+    }
+    return environment.get_template(template).render(**look, **content)
