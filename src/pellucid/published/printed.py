@@ -1,0 +1,148 @@
+"""What a paper prints, as typed data: each number with its unit, its digits, and where it stands.
+
+One TOML file a paper, beside this module. Numbers are read digit for digit, because a number that is rounded to three
+decimals stands for an interval, and what can be recomputed from it does too: `Printed.interval`.
+"""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Mapping
+from dataclasses import dataclass
+from decimal import Decimal
+from importlib.resources import files
+
+from .._errors import PellucidError
+
+
+@dataclass(frozen=True)
+class Printed:
+    """A number as printed.
+
+    Parameters
+    ----------
+    value : float
+        In `unit`.
+    half_unit : float
+        Half a unit of the last digit printed: how far rounding may have moved it.
+    unit : str
+        As the paper prints it, in this package's spelling.
+    where : str
+        Table, equation or section.
+    """
+
+    value: float
+    half_unit: float
+    unit: str
+    where: str
+
+    @property
+    def interval(self) -> tuple[float, float]:
+        """What the number was before it was rounded lies between these, in `unit`."""
+        return self.value - self.half_unit, self.value + self.half_unit
+
+    def agrees(self, exact: float) -> bool:
+        """Whether `exact`, in `unit`, rounds to what is printed."""
+        low, high = self.interval
+        slack = 1e-9 * self.half_unit  # a value that lies on the edge may round either way
+        return low - slack <= exact <= high + slack
+
+
+@dataclass(frozen=True)
+class PrintedTable:
+    """A table; a cell the paper leaves empty is not there.
+
+    Parameters
+    ----------
+    where : str
+        The table's number.
+    rows : mapping of str to mapping of str to Printed
+        Row, then column.
+    """
+
+    where: str
+    rows: Mapping[str, Mapping[str, Printed]]
+
+    def __getitem__(self, row: str) -> Mapping[str, Printed]:
+        return self.rows[row]
+
+
+@dataclass(frozen=True)
+class PrintedPaper:
+    """All the numbers of a paper that Pellucid uses.
+
+    Parameters
+    ----------
+    name, title, authors, journal : str
+    year : int
+    values : mapping of str to Printed or tuple of Printed
+        Numbers in the text and in equations; several where the paper lists several.
+    tables : mapping of str to PrintedTable
+    """
+
+    name: str
+    title: str
+    authors: str
+    journal: str
+    year: int
+    values: Mapping[str, Printed | tuple[Printed, ...]]
+    tables: Mapping[str, PrintedTable]
+
+    def __getitem__(self, name: str) -> float:
+        """A single number of `values`, without the rest."""
+        found = self.values[name]
+        if isinstance(found, tuple):
+            raise KeyError(f"{name!r} is a list of {len(found)} numbers; take it from values")
+        return found.value
+
+
+def papers() -> tuple[str, ...]:
+    """Names that `printed` knows."""
+    return tuple(sorted(f.name.removesuffix(".toml") for f in files(__package__).iterdir() if f.name.endswith(".toml")))
+
+
+def printed(paper: str) -> PrintedPaper:
+    """The numbers a paper prints.
+
+    Parameters
+    ----------
+    paper : str
+        One of `papers`.
+
+    Returns
+    -------
+    PrintedPaper
+
+    Raises
+    ------
+    PellucidError
+        If there is no such paper.
+    """
+    if paper not in papers():
+        raise PellucidError(f"no printed numbers of {paper!r}; there are those of {', '.join(papers())}")
+    text = (files(__package__) / f"{paper}.toml").read_text(encoding="utf-8")
+    raw = tomllib.loads(text, parse_float=Decimal)
+    values = {name: _value(entry) for name, entry in raw["values"].items()}
+    tables = {name: _table(entry) for name, entry in raw["tables"].items()}
+    about = {key: raw[key] for key in ("name", "title", "authors", "journal", "year")}
+    return PrintedPaper(**about, values=values, tables=tables)
+
+
+def _value(entry: Mapping) -> Printed | tuple[Printed, ...]:
+    if isinstance(entry["value"], list):
+        return tuple(_number(v, entry["unit"], entry["where"]) for v in entry["value"])
+    return _number(entry["value"], entry["unit"], entry["where"])
+
+
+def _table(entry: Mapping) -> PrintedTable:
+    where, units = entry["where"], entry["units"]
+    rows = {
+        row: {column: _number(cell, units[column], where) for column, cell in cells.items()}
+        for row, cells in entry["rows"].items()
+    }
+    return PrintedTable(where, rows)
+
+
+def _number(value: Decimal | int, unit: str, where: str) -> Printed:
+    exponent = value.as_tuple().exponent if isinstance(value, Decimal) else 0
+    return Printed(float(value), 0.5 * 10.0**exponent, unit, where)
