@@ -177,11 +177,14 @@ class Slider(_Table):
         The rail's ends, as distances from the joint's axis along the segment [m].
     marker : str or None
         Marker on the carriage, one of ``[optical]``'s; None where every position is known by a ruler.
+    mass : float or None
+        Of the carriage, weighed [kg]; it lets friction while the motor drives be told from friction while the load does.
     """
 
     low: _quantity("m", ge=0)
     high: _quantity("m", gt=0)
     marker: str | None = None
+    mass: _quantity("kg", gt=0) | None = None
 
     @model_validator(mode="after")
     def _ordered(self) -> Slider:
