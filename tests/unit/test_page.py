@@ -264,3 +264,13 @@ def test_names_that_clash_are_refused(twice, tmp_path):
     with pytest.raises(ValueError, match="more than one part"):
         write_page(tmp_path, Page("t", "k", "h", sections=sections))
     assert list(tmp_path.iterdir()) == []
+
+
+def test_long_names_take_more_lines_rather_than_be_cut():
+    time = np.arange(50.0)
+    names = [f"a model whose name is rather long, number {k}" for k in range(6)]
+    drawing = draw(figures.current_trace, time, time, dict.fromkeys(names, time))
+    page = drawing.figure.bbox
+    texts = [t for t in drawing.figure.axes[0].texts if t.get_text() in names]
+    assert len(texts) == 6
+    assert all(t.get_window_extent().x1 <= page.x1 and t.get_window_extent().y1 <= page.y1 for t in texts)

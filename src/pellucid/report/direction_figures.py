@@ -6,6 +6,7 @@ small lengths are drawn in degrees and millimetres. A `caption` replaces the fig
 
 from __future__ import annotations
 
+import textwrap
 from collections.abc import Mapping, Sequence
 
 import numpy as np
@@ -34,6 +35,11 @@ SHAPES: Mapping[str, tuple[str, str]] = {"sweep": ("o", "●"), "constant": ("^"
 """Marker of a trial's protocol, and the same shape as a letter."""
 OTHER_SHAPE = ("D", "◆")
 """Marker of any other protocol."""
+
+PANEL_POINTS = 72.0 * FIGURE_WIDTH - 70.0
+"""Width of a panel that fills the page, in points."""
+NAME_POINTS = 6.4
+"""Width of a character of a name, in points."""
 
 
 def paired_errors(
@@ -569,16 +575,28 @@ def _curves(axis: Axes, x: np.ndarray, curves: Mapping[str, np.ndarray], tones: 
 
 
 def _names(axis: Axes, entries: Sequence[tuple[str, str]]) -> None:
-    """Names in their colours on one line above a panel, where they can hide nothing."""
-    axis.set_title(" ", fontsize=9.5)
-    last = None
+    """Names in their colours above a panel, where they can hide nothing; on as many lines as they need."""
+    rows: list[list[tuple[str, str]]] = [[]]
+    used = 0.0
     for text, tone in entries:
-        last = axis.annotate(
-            text, (0.0, 1.0) if last is None else (1.0, 0.0), xytext=(0, 7) if last is None else (14, 0),
-            xycoords="axes fraction" if last is None else last, textcoords="offset points", va="bottom", color=tone,
-            fontsize=9, fontweight="bold", annotation_clip=False,
-        )  # fmt: skip
-        last.set_in_layout(False)
+        width = NAME_POINTS * len(text) + 14.0
+        if rows[-1] and used + width > PANEL_POINTS:
+            rows.append([])
+            used = 0.0
+        rows[-1].append((text, tone))
+        used += width
+    # The first of each line makes room for it; the others must not widen the layout.
+    for k, row in enumerate(reversed(rows)):
+        last = None
+        for text, tone in row:
+            first = last is None
+            last = axis.annotate(
+                text, (0.0, 1.0) if first else (1.0, 0.0), xytext=(0, 7 + 15 * k) if first else (14, 0),
+                xycoords="axes fraction" if first else last, textcoords="offset points",
+                va="bottom", color=tone, fontsize=9, fontweight="bold",
+                annotation_clip=False,
+            )  # fmt: skip
+            last.set_in_layout(first)
 
 
 def _shape(protocol: str) -> tuple[str, str]:
@@ -587,7 +605,8 @@ def _shape(protocol: str) -> tuple[str, str]:
 
 def _categories(axis, tones: Mapping[str, str]) -> None:
     """Names of models as ticks, in their colours."""
-    axis.set_ticks(range(len(tones)), list(tones))
+    most = max(int(PANEL_POINTS / len(tones) / NAME_POINTS) - 1, 8)
+    axis.set_ticks(range(len(tones)), [textwrap.fill(model, most) for model in tones])
     for text, tone in zip(axis.get_ticklabels(), tones.values(), strict=True):
         text.set_color(tone)
         text.set_fontweight("bold")
