@@ -1,0 +1,270 @@
+r"""The published identification of an elbow with a carriage: gravity at rest, friction at constant velocity, inertia.
+
+Each step is linear in what it fits [1]_:
+
+1. held still: gravity and what sticks;
+2. constant velocities: gravity again, dry and viscous friction;
+3. the swept sine, less what step 2 explains: inertia.
+
+Dissociated by direction, every column of a step comes twice, masked by the sign of velocity. Both sides of each
+regression pass the same zero-phase filter, which the paper's moving averages did not (docs/errata.md, A12).
+
+.. [1] D. Verdel et al., "An identification-based method improving the transparency of a robotic upper limb
+   exoskeleton", Robotica 39, 2021, section 3.3.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from scipy.optimize import least_squares, lsq_linear
+
+from .._errors import IdentificationError
+from ..models.directional_slider import (
+    FRICTION_TERMS,
+    GRAVITY_TERMS,
+    INERTIA_TERMS,
+    UNITS,
+    DirectionalSliderModel,
+    columns,
+)
+from ..models.joint import GRAVITY
+from ..signals.slider_motion import SliderMotion
+from .fit import Parameter
+from .slider_fit import SliderEstimate
+from .uncertainty import sandwich
+
+STRIDE = 5
+"""One kept sample in so many enters a regression: neighbours say the same through the filter."""
+
+STEADY = 0.5  # rad/s^2: below this a velocity counts as constant
+
+NAMES = tuple(UNITS)
+LOWER = np.array([0.0 if name in ("coulomb", "viscous") else -np.inf for name in NAMES])
+DIRECTIONS = ("up", "down")
+
+
+def static_set(motions: Sequence[SliderMotion]) -> tuple[Parameter, ...]:
+    """Step 1: gravity, and the mean torque that sticking adds, from the means of all holds.
+
+    Parameters
+    ----------
+    motions : sequence of SliderMotion
+        Static trials.
+
+    Returns
+    -------
+    tuple of Parameter
+        moment_slope [kg], moment [kg*m], cross_moment [kg*m], adherence [N*m].
+
+    Raises
+    ------
+    IdentificationError
+        If there are too few holds, or they lie at one place of the carriage.
+    """
+    at = [(m, rest) for m in motions for rest in m.holds()]
+    if len(at) < 8:
+        raise IdentificationError(
+            f"static trials: found {len(at)} holds of 2 s or more, expected at least 8 at several angles"
+        )
+    q = np.array([m.position[rest].mean() for m, rest in at])
+    x = np.array([m.slider for m, _ in at])
+    effort = np.array([m.effort[rest].mean() for m, rest in at])
+    sine = GRAVITY * np.sin(q)
+    w = np.column_stack([x * sine, sine, GRAVITY * np.cos(q), np.ones(len(q))])
+    _require_rank(w, ("moment_slope", "moment", "cross_moment", "adherence"), "static trials")
+    values = np.linalg.lstsq(w, effort, rcond=None)[0]
+    rest = effort - w @ values
+    covariance = sandwich(w, rest, [len(rest)])
+    units = ("kg", "kg*m", "kg*m", "N*m")
+    names = ("moment_slope", "moment", "cross_moment", "adherence")
+    sd = np.sqrt(np.diag(covariance))
+    return tuple(Parameter(n, u, float(v), float(s)) for n, u, v, s in zip(names, units, values, sd, strict=True))
+
+
+def three_steps(
+    motions: Sequence[SliderMotion], *, dissociated: bool, solver: str = "linear", method: str = ""
+) -> SliderEstimate:
+    """Steps 2 and 3 of the published identification.
+
+    Parameters
+    ----------
+    motions : sequence of SliderMotion
+        Constant velocities and swept sines, told apart by their protocol.
+    dissociated : bool
+        One set for each direction, or one for both.
+    solver : {"linear", "nonlinear"}
+        Bounded linear least squares, or the bounded trust-region search the paper used: they agree.
+    method : str
+        Its name in tables.
+
+    Returns
+    -------
+    SliderEstimate
+
+    Raises
+    ------
+    IdentificationError
+        If a direction, or the carriage at more than one place, is missing, or a step is singular.
+    """
+    steady = [m for m in motions if m.protocol == "constant_velocity"]
+    swept = [m for m in motions if m.protocol == "swept_sine"]
+    require_both_directions(steady)
+    require_places(steady)
+    copies = 2 if dissociated else 1
+    moving = slice(GRAVITY_TERMS.start, FRICTION_TERMS.stop)
+    second = _rows(steady, moving, dissociated, lambda m: np.abs(m.acceleration) < STEADY)
+    found2, cov2 = _solve(*second, np.tile(LOWER[moving], copies), solver, "constant velocities")
+    third = _rows(swept, INERTIA_TERMS, dissociated, None)
+    explained = _rows(swept, moving, dissociated, None)[0] @ found2
+    left = (third[0], third[1] - explained, third[2])
+    found3, cov3 = _solve(*left, np.tile(LOWER[INERTIA_TERMS], copies), solver, "swept sines")
+    sets = [np.concatenate([a, b]) for a, b in zip(np.split(found2, copies), np.split(found3, copies), strict=True)]
+    covariance = np.zeros((8 * copies, 8 * copies))
+    for i in range(copies):
+        for j in range(copies):
+            block = covariance[8 * i : 8 * i + 8, 8 * j : 8 * j + 8]
+            block[:5, :5] = cov2[5 * i : 5 * i + 5, 5 * j : 5 * j + 5]
+            block[5:, 5:] = cov3[3 * i : 3 * i + 3, 3 * j : 3 * j + 3]
+    rest = left[1] - left[0] @ found3
+    return _estimate(method, sets, covariance, len(second[1]) + len(rest), rest)
+
+
+def all_at_once(
+    motions: Sequence[SliderMotion], *, dissociated: bool, solver: str = "linear", method: str = ""
+) -> SliderEstimate:
+    """The same model in one regression over any motion that excites everything.
+
+    Parameters
+    ----------
+    motions : sequence of SliderMotion
+    dissociated : bool
+    solver : {"linear", "nonlinear"}
+    method : str
+
+    Returns
+    -------
+    SliderEstimate
+
+    Raises
+    ------
+    IdentificationError
+        As `three_steps`.
+    """
+    require_both_directions(motions)
+    require_places(motions)
+    copies = 2 if dissociated else 1
+    rows = _rows(motions, slice(0, 8), dissociated, None)
+    values, covariance = _solve(*rows, np.tile(LOWER, copies), solver, "all at once")
+    return _estimate(method, np.split(values, copies), covariance, len(rows[1]), rows[1] - rows[0] @ values)
+
+
+def require_both_directions(motions: Sequence[SliderMotion]) -> None:
+    """Raise IdentificationError where a direction is missing, or has less than a tenth of the samples."""
+    if not motions:
+        raise IdentificationError(
+            'no recording of protocol "constant_velocity" or "swept_sine" is marked use = "fit"; the three steps need '
+            "both"
+        )
+    up = sum(int(np.sum(m.scored & (m.velocity > 0.0))) for m in motions)
+    down = sum(int(np.sum(m.scored & (m.velocity < 0.0))) for m in motions)
+    if min(up, down) < 0.1 * max(up, down, 1):
+        missing = "downward (negative)" if down < up else "upward (positive)"
+        names = ", ".join(m.recording for m in motions[:3]) + (", ..." if len(motions) > 3 else "")
+        raise IdentificationError(
+            f"{names}: found {up} samples moving up and {down} moving down, expected both directions; "
+            f"the {missing} one is missing, or the position's sign changes between recordings"
+        )
+
+
+def require_places(motions: Sequence[SliderMotion], least: float = 0.02) -> None:
+    """Raise IdentificationError where the carriage stood at fewer than three places or they span less than `least`
+    [m]: the terms in x and its square then cannot be told apart."""
+    places = np.array([m.slider for m in motions])
+    distinct = np.unique(np.round(places / 0.005)).size
+    if distinct < 3 or np.ptp(places) < least:
+        raise IdentificationError(
+            f"slider positions do not vary: found {distinct} within {1e3 * np.ptp(places):.3g} mm "
+            f"({', '.join(m.recording for m in motions[:3])}, ...), expected at least 3 over {1e3 * least:g} mm or more"
+        )
+
+
+def _rows(motions, terms, dissociated, also) -> tuple[np.ndarray, np.ndarray, list[int]]:
+    """Filtered regressor and effort of the scored samples, and how many each motion gave."""
+    w, y, lengths = [], [], []
+    for m in motions:
+        whole = columns(m.position, m.velocity, m.acceleration, m.slider)[:, terms]
+        up = (m.velocity > 0.0)[:, None]
+        if dissociated:
+            filtered = m.smooth(np.column_stack([whole * up, whole * ~up]))
+        else:
+            filtered = whole.copy()
+            if terms.start <= 3 < terms.stop:
+                filtered[:, 3 - terms.start] = m.smooth(whole[:, 3 - terms.start])
+        keep = m.scored if also is None else m.scored & also(m)
+        at = np.flatnonzero(keep)[::STRIDE]
+        w.append(filtered[at])
+        y.append(m.effort[at])
+        lengths.append(len(at))
+    return np.concatenate(w), np.concatenate(y), lengths
+
+
+def _solve(w, y, lengths, lower, solver, where) -> tuple[np.ndarray, np.ndarray]:
+    names = [f"{n}" for n in NAMES] * 2
+    _require_rank(w, names[: w.shape[1]], where)
+    scale = np.linalg.norm(w, axis=0)
+    if solver == "linear":
+        found = lsq_linear(w / scale, y, bounds=(lower * scale, np.inf), tol=1e-13)
+    else:
+        found = least_squares(
+            lambda p: (w / scale) @ p - y,
+            np.where(np.isfinite(lower), 1.0, 0.0),
+            bounds=(np.where(np.isfinite(lower), lower * scale, -np.inf), np.full(len(lower), np.inf)),
+            xtol=1e-14,
+            ftol=1e-14,
+            gtol=1e-14,
+        )
+    values = found.x / scale
+    return values, sandwich(w, y - w @ values, lengths)
+
+
+def _require_rank(w: np.ndarray, names: Sequence[str], where: str) -> None:
+    norms = np.linalg.norm(w, axis=0)
+    if len(w) <= w.shape[1] or not np.all(norms > 0.0):
+        idle = [n for n, size in zip(names, norms, strict=False) if size == 0.0]
+        raise IdentificationError(
+            f"{where}: found {len(w)} samples" + (f" that do not show {', '.join(idle)}" if idle else "")
+            + f", expected more than {w.shape[1]} that show every parameter"
+        )  # fmt: skip
+    singular = np.linalg.svd(w / norms, compute_uv=False)
+    if singular[-1] < 1e-7 * singular[0]:
+        raise IdentificationError(f"{where}: the regression is singular (condition {singular[0] / singular[-1]:.1e})")
+
+
+def _estimate(method, sets, covariance, samples, residual) -> SliderEstimate:
+    model = DirectionalSliderModel(up=sets[0], down=sets[-1])
+    values = np.concatenate(sets)
+    sd = np.sqrt(np.maximum(np.diag(covariance), 0.0))
+    suffixes = [f"_{d}" for d in DIRECTIONS] if len(sets) == 2 else [""]
+    lower = np.tile(LOWER, len(sets))
+    parameters, notes = [], []
+    for i, (value, error) in enumerate(zip(values, sd, strict=True)):
+        name = NAMES[i % 8] + suffixes[i // 8]
+        held = bool(value - lower[i] <= 1e-3 * error)
+        if held:
+            notes.append(f"{name} is held at its physical bound, 0")
+        parameters.append(Parameter(name, UNITS[NAMES[i % 8]], float(value), float(error), at_bound=held))
+    for direction, values_ in zip(suffixes, sets, strict=True):
+        if values_[7] < 0.0:
+            notes.append(f"a2{direction} is negative: no mass has such an inertia")
+    return SliderEstimate(
+        method=method,
+        model=model,
+        values=values,
+        parameters=tuple(parameters),
+        covariance=covariance,
+        samples=samples,
+        residual_sd=float(np.std(residual)),
+        notes=tuple(notes),
+    )

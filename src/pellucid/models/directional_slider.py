@@ -1,0 +1,107 @@
+r"""The published model of an elbow with a carriage: one set of every parameter for each direction of motion.
+
+.. math::
+   \tau = g\,[(s_1 x + s_0)\sin q + c\cos q] + \nu\dot q + (a_0 + a_1 x + a_2 x^2)\ddot q + sign(\dot q)\,\tau_{dry}
+
+with its own s, c, nu, a and tau_dry while the joint goes up and while it goes down [1]_, eqs. 3 and 4. Here q = 0 hangs
+(the paper's is horizontal: its cosine is our sine). Nothing ties the sets to each other or to a body that could exist.
+
+.. [1] D. Verdel et al., "An identification-based method improving the transparency of a robotic upper limb
+   exoskeleton", Robotica 39, 2021.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from .joint import GRAVITY
+
+UNITS: Mapping[str, str] = {
+    "moment_slope": "kg",
+    "moment": "kg*m",
+    "cross_moment": "kg*m",
+    "coulomb": "N*m",
+    "viscous": "N*m*s/rad",
+    "a0": "kg*m^2",
+    "a1": "kg*m",
+    "a2": "kg",
+}
+"""Parameters of one set, in the order of every array, and their units."""
+
+GRAVITY_TERMS, FRICTION_TERMS, INERTIA_TERMS = slice(0, 3), slice(3, 5), slice(5, 8)
+
+VELOCITY_WIDTH = 0.01  # rad/s: of the smooth sign, a twentieth of the slowest commanded velocity
+
+
+def columns(position: np.ndarray, velocity: np.ndarray, acceleration: np.ndarray, slider: float) -> np.ndarray:
+    """Torque per unit of each parameter, shape (n, 8).
+
+    Parameters
+    ----------
+    position, velocity, acceleration : ndarray, shape (n,)
+        [rad], [rad/s], [rad/s^2].
+    slider : float
+        x [m].
+
+    Returns
+    -------
+    ndarray, shape (n, 8)
+        SI.
+    """
+    sine = GRAVITY * np.sin(position)
+    return np.column_stack(
+        [
+            slider * sine,
+            sine,
+            GRAVITY * np.cos(position),
+            np.tanh(velocity / VELOCITY_WIDTH),
+            velocity,
+            acceleration,
+            slider * acceleration,
+            slider**2 * acceleration,
+        ]
+    )
+
+
+@dataclass(frozen=True)
+class DirectionalSliderModel:
+    """Two sets of parameters, or twice the same.
+
+    Parameters
+    ----------
+    up, down : ndarray, shape (8,)
+        While the velocity is positive (lifts) and negative; SI, in the order of `UNITS`.
+    """
+
+    up: np.ndarray
+    down: np.ndarray
+
+    def torque(self, position: np.ndarray, velocity: np.ndarray, acceleration: np.ndarray, slider: float) -> np.ndarray:
+        """Torque at the joint, shape (n,) [N*m]; it jumps where the velocity changes sign.
+
+        Parameters
+        ----------
+        position, velocity, acceleration : ndarray, shape (n,)
+            [rad], [rad/s], [rad/s^2].
+        slider : float
+            x [m].
+
+        Returns
+        -------
+        ndarray, shape (n,)
+        """
+        terms = columns(position, velocity, acceleration, slider)
+        return np.where(velocity > 0.0, terms @ self.up, terms @ self.down)
+
+    def gravity(self, direction: str, slider: np.ndarray, position: np.ndarray) -> np.ndarray:
+        """The set's gravity torque [N*m] at x [m] and q [rad], broadcast; `direction` is "up" or "down"."""
+        s1, s0, c = (self.up if direction == "up" else self.down)[GRAVITY_TERMS]
+        return GRAVITY * ((s1 * slider + s0) * np.sin(position) + c * np.cos(position))
+
+    def inertia(self, direction: str, slider: np.ndarray) -> np.ndarray:
+        """The set's J(x) [kg*m^2] at x [m]; `direction` is "up" or "down"."""
+        a0, a1, a2 = (self.up if direction == "up" else self.down)[INERTIA_TERMS]
+        return a0 + a1 * slider + a2 * slider**2

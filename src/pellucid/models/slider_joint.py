@@ -1,0 +1,181 @@
+r"""A joint whose moving link carries a free carriage: one physically coherent body, friction that never drives.
+
+With the carriage's marker at x along the link, every term is affine or quadratic in x with one and the same mass:
+
+.. math::
+   J(x) &= J_0 + 2 h x + m x^2 \\
+   g_s(x) &= G_0 + m g x, \qquad g_c = G_c \\
+   \tau &= y + f(\dot q, y), \qquad y = J(x)\ddot q + g_s(x)\sin q + g_c\cos q
+
+so that a torque is linear in (J_0, h, m, G_0, G_c) and the frictions, but for friction that depends on the load y. The
+direction of motion appears in the friction alone.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from .joint import GRAVITY, INDEX, NAMES, SYMBOLS
+
+BODY = {
+    "inertia": "kg*m^2",
+    "carriage_moment": "kg*m",
+    "carriage_mass": "kg",
+    "gravity": "N*m",
+    "gravity_cosine": "N*m",
+}
+"""Parameters of the moving body, and their units."""
+
+FRICTIONS: Mapping[str, tuple[str, ...]] = {
+    "consistent": ("coulomb_positive", "coulomb_negative", "viscous_positive", "viscous_negative"),
+    "load": (
+        "coulomb_positive",
+        "coulomb_negative",
+        "viscous_positive",
+        "viscous_negative",
+        "load_motoring",
+        "load_generating",
+    ),
+}
+"""Friction terms of each family; all are kept from becoming negative."""
+
+
+@dataclass(frozen=True)
+class SliderJointModel:
+    """A family of the joint with a carriage.
+
+    Parameters
+    ----------
+    family : {"consistent", "load"}
+    known : mapping of str to float
+        Parameters that are known beforehand, SI: a weighed carriage's `carriage_mass`.
+    """
+
+    family: str
+    known: Mapping[str, float] = field(default_factory=dict)
+
+    def __post_init__(self):
+        if self.family not in FRICTIONS:
+            raise ValueError(f"unknown family {self.family!r}; known: {', '.join(FRICTIONS)}")
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Free parameters, in the order of every array and covariance."""
+        friction = FRICTIONS[self.family]
+        if self.family == "load" and "carriage_mass" not in self.known:
+            # Nothing else has a known weight, and then only the sum of both shares shows.
+            friction = (*friction[:-2], "load_friction")
+        return tuple(n for n in (*BODY, *friction) if n not in self.known)
+
+    def unit(self, name: str) -> str:
+        """SI unit of a parameter, as plain text."""
+        if name in BODY:
+            return BODY[name]
+        return {"effort": "N*m", "viscous": "N*m*s/rad", "ratio": "1"}[SYMBOLS[name].dimension]
+
+    @property
+    def linear(self) -> bool:
+        """Whether torque is linear in every free parameter."""
+        return self.family == "consistent"
+
+    def bounds(self) -> tuple[np.ndarray, np.ndarray]:
+        """Physical lower and upper bounds of the free parameters, each shape (p,), SI."""
+        free = {"carriage_moment", "gravity", "gravity_cosine"}
+        lower = np.array([-np.inf if n in free else 0.0 for n in self.names])
+        upper = np.array([SYMBOLS[n].upper if n in SYMBOLS and not SYMBOLS[n].linear else np.inf for n in self.names])
+        return lower, upper
+
+    def spread(self, slider: float) -> np.ndarray:
+        """Matrix S(x), shape (13, p), with core vector = S(x) @ values + known(x).
+
+        Parameters
+        ----------
+        slider : float
+            x [m].
+
+        Returns
+        -------
+        ndarray, shape (13, p)
+        """
+        return np.column_stack([_column(name, slider) for name in self.names])
+
+    def vector(self, values: np.ndarray, slider: float, velocity_width: float = 0.0) -> np.ndarray:
+        """The core's joint parameters, shape (13,), SI.
+
+        Parameters
+        ----------
+        values : ndarray, shape (p,)
+        slider : float
+            x [m].
+        velocity_width : float
+            Of the smooth sign [rad/s]; 0 is the true sign.
+
+        Returns
+        -------
+        ndarray, shape (13,)
+        """
+        vector = self.spread(slider) @ np.asarray(values, float)
+        for name, value in self.known.items():
+            vector += value * _column(name, slider)
+        vector[INDEX["velocity_width"]] = velocity_width
+        return vector
+
+    def value(self, values: np.ndarray, name: str) -> float:
+        """A parameter by its name, free or known."""
+        return float(self.known[name]) if name in self.known else float(values[self.names.index(name)])
+
+    def inertia(self, values: np.ndarray, slider: np.ndarray) -> np.ndarray:
+        """J(x) [kg*m^2] for x of any shape [m]."""
+        j, h, m = (self.value(values, n) for n in ("inertia", "carriage_moment", "carriage_mass"))
+        return j + 2.0 * h * slider + m * slider**2
+
+    def gravity(self, values: np.ndarray, slider: np.ndarray, position: np.ndarray) -> np.ndarray:
+        """Gravity torque [N*m] at x [m] and q [rad], broadcast."""
+        g, c, m = (self.value(values, n) for n in ("gravity", "gravity_cosine", "carriage_mass"))
+        return (g + GRAVITY * m * slider) * np.sin(position) + c * np.cos(position)
+
+    def gaps(self, values: np.ndarray, rail: tuple[float, float], mass: float | None) -> np.ndarray:
+        r"""Conditions of physical consistency; all are >= 0 for a body that could exist.
+
+        The carriage alone has :math:`J_0 m \ge h^2`; the whole body, of mass at most M, the planar pseudo-inertia
+        condition :math:`J(x) \ge (g_s(x)^2 + g_c^2) / (M g^2)` at every x of the rail.
+
+        Parameters
+        ----------
+        values : ndarray, shape (p,)
+        rail : tuple of float
+            Ends of the rail [m].
+        mass : float or None
+            M [kg]; None leaves the second condition out.
+
+        Returns
+        -------
+        ndarray
+            Each divided by its own size, dimensionless.
+        """
+        j, h, m = (self.value(values, n) for n in ("inertia", "carriage_moment", "carriage_mass"))
+        gaps = [(j * m - h * h) / (abs(j * m) + h * h + 1e-12)]
+        if mass is not None:
+            x = np.linspace(*rail, 5)
+            g, c = self.value(values, "gravity"), self.value(values, "gravity_cosine")
+            least = ((g + GRAVITY * m * x) ** 2 + c**2) / (mass * GRAVITY**2)
+            inertia = self.inertia(values, x)
+            gaps += list((inertia - least) / (np.abs(inertia) + least + 1e-12))
+        return np.array(gaps)
+
+
+def _column(name: str, slider: float) -> np.ndarray:
+    """What one unit of a parameter adds to the core's vector, shape (13,)."""
+    column = np.zeros(len(NAMES))
+    if name == "carriage_moment":
+        column[INDEX["inertia"]] = 2.0 * slider
+    elif name == "carriage_mass":
+        column[INDEX["inertia"]] = slider**2
+        column[INDEX["gravity_sine"]] = GRAVITY * slider
+    else:
+        for target in SYMBOLS[name].targets:
+            column[INDEX[target]] = 1.0
+    return column

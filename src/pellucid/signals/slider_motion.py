@@ -1,0 +1,160 @@
+"""Recordings of a joint with a carriage made ready: filtered once at full rate, then few enough samples to be quick."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from .._errors import RecordingError
+from ..recordings.recording import Recording
+from ..recordings.study_file import Processing, Rig
+from .effort import command_of, drive_model
+from .filters import runs, zero_phase_lowpass
+from .markers import Geometry
+
+OVERSAMPLING = 20.0
+"""Samples kept per period of the low-pass: what is left between them is below 1e-4 of the signal."""
+
+STILL = 0.01  # rad/s: slower than this a joint holds
+HOLD_LEAST = 2.0  # s: a shorter rest is no hold
+HOLD_SHARE = 0.6  # of a hold, its end: it has settled by then
+
+
+@dataclass(frozen=True)
+class SliderMotion:
+    """One recording with the carriage at one place.
+
+    Parameters
+    ----------
+    recording, protocol, split : str
+        "fitted" or "heldout".
+    slider : float
+        x, the marker's distance along the link [m].
+    fs : float
+        Rate of the kept samples [Hz].
+    position, velocity, acceleration, effort : ndarray, shape (n,)
+        Low-passed alike; SI, effort [N*m] at the joint.
+    lowpass, order : float, int
+        Of the filter [Hz].
+    scored : ndarray of bool, shape (n,)
+        Samples faster than the dead band, the borders left out: those a model of a moving joint speaks of.
+    """
+
+    recording: str
+    protocol: str
+    split: str
+    slider: float
+    fs: float
+    position: np.ndarray
+    velocity: np.ndarray
+    acceleration: np.ndarray
+    effort: np.ndarray
+    lowpass: float
+    order: int
+    scored: np.ndarray
+
+    @property
+    def time(self) -> np.ndarray:
+        """Time of the kept samples, shape (n,) [s]."""
+        return np.arange(len(self.position)) / self.fs
+
+    def smooth(self, samples: np.ndarray) -> np.ndarray:
+        """The low-pass that effort went through, for what a model makes of the sign of velocity; (n,) or (n, k)."""
+        return zero_phase_lowpass(samples, self.lowpass, self.order, self.fs)
+
+    def holds(self) -> list[slice]:
+        """Settled parts of the stretches in which the joint holds still."""
+        found = []
+        for rest in runs(np.abs(self.velocity) < STILL):
+            length = rest.stop - rest.start
+            if length >= HOLD_LEAST * self.fs:
+                found.append(slice(rest.stop - int(HOLD_SHARE * length), rest.stop))
+        return found
+
+
+def slider_motions(
+    recordings: Sequence[Recording], rig: Rig, processing: Processing, geometry: Geometry
+) -> tuple[SliderMotion, ...]:
+    """Every recording, low-passed at full rate with one zero-phase filter, thinned, and differentiated.
+
+    Parameters
+    ----------
+    recordings : sequence of Recording
+    rig : Rig
+    processing : Processing
+        `lowpass` is needed.
+    geometry : Geometry
+        Says where the carriage was.
+
+    Returns
+    -------
+    tuple of SliderMotion
+
+    Raises
+    ------
+    RecordingError
+        If no low-pass is stated, or a recording is too short for it.
+    """
+    if processing.lowpass is None:
+        raise RecordingError('study.toml: [processing] states no lowpass; expected one such as "5 Hz"')
+    drive = drive_model(rig)
+    places = {placement.recording: placement.slider for placement in geometry.placements}
+    return tuple(
+        _ready(recording, drive.gain * command_of(recording, rig), places[recording.name], processing)
+        for recording in recordings
+    )
+
+
+def _ready(recording: Recording, effort: np.ndarray, slider: float, processing: Processing) -> SliderMotion:
+    cutoff, order, fs = processing.lowpass, processing.order, recording.fs
+    thin = max(int(fs / (OVERSAMPLING * cutoff)), 1)
+    try:
+        both = zero_phase_lowpass(np.column_stack([recording["position"], effort]), cutoff, order, fs)[::thin]
+    except ValueError as error:
+        raise RecordingError(f"{recording.path}: {error}") from None
+    if len(both) < 60:
+        raise RecordingError(
+            f"{recording.path}: {len(recording)} samples ({len(recording) / fs:.3g} s); expected at least "
+            f"{60 * thin / fs:.3g} s with a low-pass of {cutoff:g} Hz"
+        )
+    rate = fs / thin
+    velocity = derivative(both[:, 0], rate)
+    scored = np.abs(velocity) > processing.dead_band
+    border = round(processing.trim / thin)
+    scored[:border] = False
+    scored[len(scored) - border :] = False
+    return SliderMotion(
+        recording=recording.name,
+        protocol=recording.protocol or "",
+        split="fitted" if recording.use == "fit" else "heldout",
+        slider=slider,
+        fs=rate,
+        position=both[:, 0],
+        velocity=velocity,
+        acceleration=derivative(velocity, rate),
+        effort=both[:, 1],
+        lowpass=cutoff,
+        order=order,
+        scored=scored,
+    )
+
+
+def derivative(samples: np.ndarray, fs: float) -> np.ndarray:
+    """Derivative by central differences over five samples (error of order four), over three at the borders.
+
+    Parameters
+    ----------
+    samples : ndarray, shape (n,)
+    fs : float
+        [Hz]
+
+    Returns
+    -------
+    ndarray, shape (n,)
+        In the signal's unit per second.
+    """
+    rate = np.gradient(samples, 1.0 / fs)
+    rate[2:-2] = (8.0 * (samples[3:-1] - samples[1:-3]) - (samples[4:] - samples[:-4])) * (fs / 12.0)
+    return rate
