@@ -178,7 +178,8 @@ class Slider(_Table):
     marker : str or None
         Marker on the carriage, one of ``[optical]``'s; None where every position is known by a ruler.
     mass : float or None
-        Of the carriage, weighed [kg]; it lets friction while the motor drives be told from friction while the load does.
+        Of the carriage, weighed [kg]; it lets friction while the motor drives be told from friction while the load
+        does.
     """
 
     low: _quantity("m", ge=0)
