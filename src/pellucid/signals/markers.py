@@ -117,7 +117,8 @@ class Placement:
         x and d of the carriage's marker: along the segment and across it, from the axis [m]. By a ruler, `height` is
         the other recordings' median, NaN where there is none.
     slider_se, height_se : float
-        Standard errors [m]; NaN where a ruler told.
+        Standard errors [m], of noise: what a transmission gives way between encoder and segment is not among it. NaN
+        where a ruler told.
     delay, delay_se, drift : float
         As in `ClockOffset`; where the motion did not tell, the median delay of the recordings that did, or 0.
     aligned : bool
