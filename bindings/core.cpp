@@ -33,7 +33,20 @@ constexpr const char* setting_names[setting_count] = {"kp",
                                                       "ripple_wave_number",
                                                       "ripple_phase",
                                                       "position0",
-                                                      "velocity0"};
+                                                      "velocity0",
+                                                      "integral0"};
+
+/// What a simulation of a kind of plant takes and gives.
+struct Model {
+  const char* function;
+  std::size_t parameters;
+  std::size_t outputs;
+  bool has_modes;  // of friction
+};
+constexpr Model one_joint = {"simulate", p::parameter_count, output_count, true};
+constexpr Model joints = {"simulate_batch", p::parameter_count, output_count, true};
+constexpr Model one_joint_jacobian = {"simulate_jacobian", p::parameter_count, output_count, true};
+constexpr Model geared_joints = {"simulate_geared", p::geared_parameter_count, geared_output_count, false};
 
 // ---- the joint ----
 
@@ -156,17 +169,18 @@ struct SimulationArguments {
   std::vector<Result> outputs;
 
   /// One plant, or (batch) as many as `parameters` has rows. Takes its keywords; the caller may take more.
-  SimulationArguments(nb::handle parameters, Keywords& keywords, bool batch) {
+  SimulationArguments(const Model& model, nb::handle parameters, Keywords& keywords, bool batch) {
     held.reserve(setting_count + 5);
     const Array& p0 = held.emplace_back(read_array("parameters", parameters));
     if (batch) {
-      if (p0.shape.size() != 2 || p0.shape[1] != p::parameter_count) p0.fail("(m, 13)");
+      if (p0.shape.size() != 2 || p0.shape[1] != model.parameters)
+        p0.fail("(m, " + std::to_string(model.parameters) + ")");
       simulation.rows = p0.shape[0];
     } else {
-      p0.expect("(13,)", {p::parameter_count});
+      p0.expect(text({model.parameters}), {model.parameters});
       simulation.rows = 1;
     }
-    simulation.parameters = {p0.data, p::parameter_count};
+    simulation.parameters = {p0.data, model.parameters};
 
     const Array& reference = held.emplace_back(read_array("reference", keywords.require("reference")));
     const std::size_t dimensions = reference.shape.size();
@@ -183,13 +197,13 @@ struct SimulationArguments {
     simulation.substeps = keywords.count("substeps", 4, 1, 1000000);
     simulation.velocity_span = keywords.count("velocity_span", 0, 0, p::max_velocity_span);
     simulation.loop = loop(keywords.take("loop"));
-    simulation.stiction = truth(keywords.take("stiction"));
+    if (model.has_modes) simulation.stiction = truth(keywords.take("stiction"));
     for (std::size_t i = 0; i < setting_count; ++i)
       simulation.settings[i] = setting(i, keywords.take(setting_names[i]), batch);
 
-    for (double*& output : simulation.output) {
+    for (std::size_t i = 0; i < model.outputs; ++i) {
       outputs.push_back(batch ? Result({simulation.rows, simulation.samples}) : Result({simulation.samples}));
-      output = outputs.back().data;
+      simulation.output[i] = outputs.back().data;
     }
   }
   SimulationArguments(const SimulationArguments&) = delete;
@@ -228,8 +242,8 @@ struct SimulationArguments {
 };
 
 nb::object simulate(nb::handle parameters, const nb::kwargs& kwargs) {
-  Keywords keywords("simulate", kwargs);
-  SimulationArguments in(parameters, keywords, false);
+  Keywords keywords(one_joint.function, kwargs);
+  SimulationArguments in(one_joint, parameters, keywords, false);
   keywords.finish();
   {
     nb::gil_scoped_release release;
@@ -238,9 +252,11 @@ nb::object simulate(nb::handle parameters, const nb::kwargs& kwargs) {
   return tuple_of(in.outputs);
 }
 
-nb::object simulate_batch(nb::handle parameters, const nb::kwargs& kwargs) {
-  Keywords keywords("simulate_batch", kwargs);
-  SimulationArguments in(parameters, keywords, true);
+/// Many rows, shared between threads.
+nb::object simulate_rows(const Model& model, void (*run)(const Simulation&, std::size_t, std::size_t),
+                         nb::handle parameters, const nb::kwargs& kwargs) {
+  Keywords keywords(model.function, kwargs);
+  SimulationArguments in(model, parameters, keywords, true);
   const std::size_t threads = keywords.count("threads", 1, 1, 1024);
   keywords.finish();
   {
@@ -250,18 +266,25 @@ nb::object simulate_batch(nb::handle parameters, const nb::kwargs& kwargs) {
     const std::size_t share = ((rows + threads - 1) / threads + 31) / 32 * 32;
     std::vector<std::thread> others;
     for (std::size_t first = share; first < rows; first += share)
-      others.emplace_back([&in, first, last = first + share < rows ? first + share : rows] {
-        kernels.simulate(in.simulation, first, last);
-      });
-    kernels.simulate(in.simulation, 0, share < rows ? share : rows);
+      others.emplace_back(
+          [&in, run, first, last = first + share < rows ? first + share : rows] { run(in.simulation, first, last); });
+    run(in.simulation, 0, share < rows ? share : rows);
     for (std::thread& other : others) other.join();
   }
   return tuple_of(in.outputs);
 }
 
+nb::object simulate_batch(nb::handle parameters, const nb::kwargs& kwargs) {
+  return simulate_rows(joints, kernels.simulate, parameters, kwargs);
+}
+
+nb::object simulate_geared(nb::handle parameters, const nb::kwargs& kwargs) {
+  return simulate_rows(geared_joints, kernels.simulate_geared, parameters, kwargs);
+}
+
 nb::object simulate_jacobian(nb::handle parameters, const nb::kwargs& kwargs) {
-  Keywords keywords("simulate_jacobian", kwargs);
-  SimulationArguments in(parameters, keywords, false);
+  Keywords keywords(one_joint_jacobian.function, kwargs);
+  SimulationArguments in(one_joint_jacobian, parameters, keywords, false);
   const std::vector<std::size_t> indices = read_indices("active", keywords.require("active"), p::parameter_count);
   keywords.finish();
   if (in.simulation.stiction)
@@ -363,9 +386,11 @@ NB_MODULE(_core, m) {
   namespace p = pellucid;
   m.doc() = "The core: every physical model once, in C++ (include/pellucid). SI units throughout.";
 
-  nb::list names;
+  nb::list names, geared_names;
   for (const char* name : p::parameter_names) names.append(name);
+  for (const char* name : p::geared_parameter_names) geared_names.append(name);
   m.attr("PARAMETER_NAMES") = nb::tuple(names);
+  m.attr("GEARED_PARAMETER_NAMES") = nb::tuple(geared_names);
   m.attr("instructions") = b::kernels.instructions;
 
   m.def("inverse_dynamics", b::inverse_dynamics, nb::arg("parameters").none(), nb::arg("position").none(),
@@ -385,6 +410,8 @@ NB_MODULE(_core, m) {
         b::docs::simulate);
   m.def("simulate_batch", b::simulate_batch, nb::arg("parameters").none(), nb::arg("kwargs"),
         nb::sig(b::docs::simulate_batch_sig), b::docs::simulate_batch);
+  m.def("simulate_geared", b::simulate_geared, nb::arg("parameters").none(), nb::arg("kwargs"),
+        nb::sig(b::docs::simulate_geared_sig), b::docs::simulate_geared);
   m.def("simulate_jacobian", b::simulate_jacobian, nb::arg("parameters").none(), nb::arg("kwargs"),
         nb::sig(b::docs::simulate_jacobian_sig), b::docs::simulate_jacobian);
 

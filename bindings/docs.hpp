@@ -98,7 +98,8 @@ constexpr const char* simulate_sig =
     "float = 0, "
     "encoder_noise: ArrayLike | None = None, ripple_amplitude: float = 0, ripple_wave_number: float = 0, ripple_phase: "
     "float = 0, "
-    "position0: float = 0, velocity0: float = 0, stiction: bool = False) -> tuple[NDArray[float64], ...]";
+    "position0: float = 0, velocity0: float = 0, integral0: float = 0, stiction: bool = False) -> "
+    "tuple[NDArray[float64], ...]";
 constexpr const char* simulate = R"(A joint under its own controller, sample by sample.
 
 Every period the loop reads the encoder once and holds its command; the joint moves in `substeps` of semi-implicit
@@ -134,6 +135,8 @@ ripple_amplitude, ripple_wave_number, ripple_phase : float
     Effort on the joint A sin(n q + phi), which no current shows. Default 0.
 position0, velocity0 : float
     Where the joint starts [rad, rad/s]. Default 0.
+integral0 : float
+    What the loop's integral of e starts from. Default 0.
 stiction : bool
     True stiction: the true sign whatever velocity_width is, and a joint at rest under less than the breakaway
     effort stays there to the bit. Default: smooth friction.
@@ -154,7 +157,7 @@ constexpr const char* simulate_batch_sig =
     "None, "
     "encoder_quantum: ArrayLike = 0, encoder_noise: ArrayLike | None = None, ripple_amplitude: ArrayLike = 0, "
     "ripple_wave_number: ArrayLike = 0, ripple_phase: ArrayLike = 0, position0: ArrayLike = 0, velocity0: ArrayLike = "
-    "0, "
+    "0, integral0: ArrayLike = 0, "
     "stiction: bool = False, threads: int = 1) -> tuple[NDArray[float64], ...]";
 constexpr const char* simulate_batch =
     R"(Many joints at once, in the lanes of the processor; the same bits as `simulate` gives one by one.
@@ -165,7 +168,7 @@ parameters : (m, 13)
     A joint a row.
 reference, injected, disturbance, encoder_noise : (n,) or (m, n)
     Shared, or one a row.
-kp, ..., velocity0 : float or (m,)
+kp, ..., integral0 : float or (m,)
     Shared, or one a row. period, substeps, loop, velocity_span and stiction are shared.
 threads : int
     How many threads share the rows. Default 1.
@@ -175,6 +178,51 @@ Returns
 position, velocity, acceleration, command, effort, measured_position : (m, n) each
     As `simulate` returns them.)";
 
+constexpr const char* simulate_geared_sig =
+    "def simulate_geared(parameters: ArrayLike, *, reference: ArrayLike, period: float, substeps: int = 4, loop: str = "
+    "\"none\", kp: ArrayLike = 0, ki: ArrayLike = 0, kd: ArrayLike = 0, kv: ArrayLike = 0, limit: ArrayLike = 0, "
+    "velocity_span: int = 0, gain: ArrayLike = 1, back_emf: ArrayLike = 0, injected: ArrayLike | None = None, "
+    "disturbance: ArrayLike | None = None, encoder_quantum: ArrayLike = 0, encoder_noise: ArrayLike | None = None, "
+    "ripple_amplitude: ArrayLike = 0, ripple_wave_number: ArrayLike = 0, ripple_phase: ArrayLike = 0, "
+    "position0: ArrayLike = 0, velocity0: ArrayLike = 0, integral0: ArrayLike = 0, threads: int = 1) -> "
+    "tuple[NDArray[float64], ...]";
+constexpr const char* simulate_geared =
+    R"(Many motors, each with a link behind a compliant transmission with backlash, in the lanes of the processor.
+
+A plant richer than what is identified from it, everything on the joint's side of the gear:
+
+    J_m dv_m = gain u - back_emf v_m + ripple(q_m) - tau - friction(q_m, v_m, tau)
+    J dv = tau + disturbance - g_s sin q - g_c cos q - bearing friction
+
+tau = K e + D (v_m - v), where e is how far q_m - q lies beyond +-backlash/2; 0 in the gap, and never against e. The
+motor's friction is the joint's, and besides: load_rise rho multiplies the load coefficients by
+1 + rho exp(-(v/v_s)^2); friction_swing eps the Coulomb level by 1 + eps sin(friction_wave_number q_m);
+viscous_decline v_d (0: none) divides the viscous torque by 1 + |v|/v_d. Stiction is true, at motor and link: a body at
+rest under less than its breakaway torque stays there to the bit. A row's numbers do not depend on the other rows, on
+threads or on the instruction set. A simulation that diverges, or is given NaN, returns values that are not finite.
+
+Parameters
+----------
+parameters : (m, 21)
+    A row a plant, in the order of GEARED_PARAMETER_NAMES.
+reference, injected, disturbance, encoder_noise : (n,) or (m, n)
+    Shared, or one a row. The disturbance acts on the link; the loop and the encoder are the motor's.
+period, substeps, loop, velocity_span
+    As `simulate` takes them, shared. The substep period/substeps must resolve the transmission: sqrt(K/J) times it
+    below about 1 for the smaller inertia.
+kp, ..., ripple_phase, integral0 : float or (m,)
+    As `simulate` takes them, shared or one a row.
+position0, velocity0 : float or (m,)
+    Where the link starts [rad] and how fast both bodies move [rad/s]; the motor starts where the transmission's spring
+    carries gravity. Default 0.
+threads : int
+    How many threads share the rows. Default 1.
+
+Returns
+-------
+motor_position, motor_velocity, link_position, link_velocity, command, measured_position, transmission_torque : (m, n)
+    Each at the sample instants k period, before the k-th period; the command is limited, with what was injected.)";
+
 constexpr const char* simulate_jacobian_sig =
     "def simulate_jacobian(parameters: ArrayLike, *, active: ArrayLike, reference: ArrayLike, period: float, substeps: "
     "int = 4, "
@@ -183,8 +231,8 @@ constexpr const char* simulate_jacobian_sig =
     "gain: float = 1, back_emf: float = 0, injected: ArrayLike | None = None, disturbance: ArrayLike | None = None, "
     "encoder_quantum: float = 0, encoder_noise: ArrayLike | None = None, ripple_amplitude: float = 0, "
     "ripple_wave_number: float = 0, "
-    "ripple_phase: float = 0, position0: float = 0, velocity0: float = 0, stiction: bool = False) -> "
-    "tuple[NDArray[float64], ...]";
+    "ripple_phase: float = 0, position0: float = 0, velocity0: float = 0, integral0: float = 0, stiction: bool = "
+    "False) -> tuple[NDArray[float64], ...]";
 constexpr const char* simulate_jacobian =
     R"(simulate, and the exact derivatives of its trajectory by some parameters of the joint.
 

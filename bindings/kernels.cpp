@@ -97,8 +97,8 @@ template <class S> struct Row {
   S read(const Rows& rows, std::size_t i) const {
     return rows.data == nullptr ? S(0) : S(rows.data[first * rows.stride + i]);
   }
-  void write(double* out, std::size_t samples, std::size_t i, const S& x) const {
-    out[first * samples + i] = p::value_of(x);
+  void write(double* out, std::size_t samples, std::size_t i, const S* x, std::size_t n) const {
+    for (std::size_t k = 0; k < n; ++k) out[first * samples + i + k] = p::value_of(x[k]);
   }
 };
 template <std::size_t width> struct Row<p::Lanes<double, width>> {
@@ -113,16 +113,93 @@ template <std::size_t width> struct Row<p::Lanes<double, width>> {
     for (std::size_t l = 0; l < width; ++l) block.set(l, rows.data[lane(l) * rows.stride + i]);
     return block;
   }
-  void write(double* out, std::size_t samples, std::size_t i, const Block& x) const {
-    for (std::size_t l = 0; l < width && first + l < last; ++l) out[(first + l) * samples + i] = x[l];
+  void write(double* out, std::size_t samples, std::size_t i, const Block* x, std::size_t n) const {
+    for (std::size_t l = 0; l < width && first + l < last; ++l)
+      for (std::size_t k = 0; k < n; ++k) out[(first + l) * samples + i + k] = x[k][l];
   }
 };
 
-template <class S>
-p::PlantParams<S> plant(const Simulation& s, const Row<S>& row, const S (&parameters)[p::parameter_count]) {
+/// The joint of plant.hpp, as a simulation runs it.
+template <p::Friction mode> struct Rigid {
+  static constexpr std::size_t parameter_count = p::parameter_count;
+  static constexpr std::size_t output_count = bindings::output_count;
+  template <class S> using Params = p::PlantParams<S>;
+
+  template <class S> static p::JointParams<S> joint(const S (&parameters)[parameter_count]) {
+    return p::joint_params(parameters);
+  }
+  template <class S>
+  static p::PlantState<S> start(const p::PlantCoefficients<S>&, const S& position, const S& velocity) {
+    p::PlantState<S> state;
+    state.position = position;
+    state.velocity = velocity;
+    return state;
+  }
+  template <class S> static p::PlantOutput<S> step(const p::PlantCoefficients<S>& c, p::PlantState<S>& state,
+                                                   const p::PlantInput<S>& input) {
+    return p::step<mode>(c, state, input);
+  }
+  template <class S> static const S& member(const p::PlantOutput<S>& out, std::size_t i) {
+    switch (i) {
+      case 0:
+        return out.position;
+      case 1:
+        return out.velocity;
+      case 2:
+        return out.acceleration;
+      case 3:
+        return out.command;
+      case 4:
+        return out.effort;
+      default:
+        return out.measured_position;
+    }
+  }
+};
+
+/// The motor and link of geared_plant.hpp.
+struct Geared {
+  static constexpr std::size_t parameter_count = p::geared_parameter_count;
+  static constexpr std::size_t output_count = geared_output_count;
+  template <class S> using Params = p::GearedPlantParams<S>;
+
+  template <class S> static p::GearedJointParams<S> joint(const S (&parameters)[parameter_count]) {
+    return p::geared_joint_params(parameters);
+  }
+  template <class S>
+  static p::GearedPlantState<S> start(const p::GearedPlantCoefficients<S>& c, const S& position, const S& velocity) {
+    return p::balanced(c, position, velocity);
+  }
+  template <class S> static p::GearedPlantOutput<S> step(const p::GearedPlantCoefficients<S>& c,
+                                                         p::GearedPlantState<S>& state, const p::PlantInput<S>& input) {
+    return p::step(c, state, input);
+  }
+  template <class S> static const S& member(const p::GearedPlantOutput<S>& out, std::size_t i) {
+    switch (i) {
+      case 0:
+        return out.motor_position;
+      case 1:
+        return out.motor_velocity;
+      case 2:
+        return out.link_position;
+      case 3:
+        return out.link_velocity;
+      case 4:
+        return out.command;
+      case 5:
+        return out.measured_position;
+      default:
+        return out.transmission_torque;
+    }
+  }
+};
+
+/// Runs one plant; use(i, output) takes what each sample gives.
+template <class Model, class S, class Use>
+void run(const Simulation& s, const Row<S>& row, const S (&parameters)[Model::parameter_count], Use use) {
   const auto setting = [&](Setting which) { return row.read(s.settings[which], 0); };
-  p::PlantParams<S> params;
-  params.joint = p::joint_params(parameters);
+  typename Model::template Params<S> params;
+  params.joint = Model::joint(parameters);
   params.drive = {setting(gain), setting(back_emf), setting(ripple_amplitude), setting(ripple_wave_number),
                   setting(ripple_phase)};
   params.loop = {static_cast<p::LoopKind>(s.loop),
@@ -135,75 +212,61 @@ p::PlantParams<S> plant(const Simulation& s, const Row<S>& row, const S (&parame
                  S(s.period)};
   params.encoder = {setting(encoder_quantum)};
   params.substeps = s.substeps;
-  return params;
-}
-
-/// Runs one plant; use(i, output) takes what each sample gives.
-template <p::Friction mode, class S, class Use>
-void run(const Simulation& s, const Row<S>& row, const S (&parameters)[p::parameter_count], Use use) {
-  const auto c = p::coefficients(plant(s, row, parameters));
-  p::PlantState<S> state;
-  state.position = row.read(s.settings[position0], 0);
-  state.velocity = row.read(s.settings[velocity0], 0);
+  const auto c = p::coefficients(params);
+  auto state = Model::start(c, setting(position0), setting(velocity0));
+  state.loop.integral = setting(integral0);
   for (std::size_t i = 0; i < s.samples; ++i) {
     const p::PlantInput<S> input{row.read(s.reference, i), row.read(s.injected, i), row.read(s.disturbance, i),
                                  row.read(s.encoder_noise, i)};
-    use(i, p::step<mode>(c, state, input));
+    use(i, Model::step(c, state, input));
   }
 }
 
-template <class S> const S& member(const p::PlantOutput<S>& out, std::size_t i) {
-  switch (i) {
-    case 0:
-      return out.position;
-    case 1:
-      return out.velocity;
-    case 2:
-      return out.acceleration;
-    case 3:
-      return out.command;
-    case 4:
-      return out.effort;
-    default:
-      return out.measured_position;
-  }
-}
-
-template <p::Friction mode, class S> void simulate_row(const Simulation& s, const Row<S>& row) {
-  S parameters[p::parameter_count];
-  for (std::size_t i = 0; i < p::parameter_count; ++i) parameters[i] = row.read(s.parameters, i);
-  run<mode>(s, row, parameters, [&](std::size_t i, const p::PlantOutput<S>& out) {
-    for (std::size_t j = 0; j < output_count; ++j) row.write(s.output[j], s.samples, i, member(out, j));
+template <class Model, class S> void simulate_row(const Simulation& s, const Row<S>& row) {
+  S parameters[Model::parameter_count];
+  for (std::size_t i = 0; i < Model::parameter_count; ++i) parameters[i] = row.read(s.parameters, i);
+  // The rows of an output lie far apart in memory: a cache line's worth of samples is written to each at once.
+  constexpr std::size_t kept = 8;
+  S tile[Model::output_count][kept];
+  run<Model>(s, row, parameters, [&](std::size_t i, const auto& out) {
+    const std::size_t k = i % kept;
+    for (std::size_t j = 0; j < Model::output_count; ++j) tile[j][k] = Model::member(out, j);
+    if (k + 1 < kept && i + 1 < s.samples) return;
+    for (std::size_t j = 0; j < Model::output_count; ++j) row.write(s.output[j], s.samples, i - k, tile[j], k + 1);
   });
 }
 
-template <p::Friction mode> void simulate_rows(const Simulation& s, std::size_t first, std::size_t last) {
-  for (; last - first >= width_of<Blocks>; first += width_of<Blocks>)
-    simulate_row<mode>(s, Row<Blocks>{first, first + width_of<Blocks>});
-  while (last - first > 1) {
-    const std::size_t end = last - first < width_of<Block> ? last : first + width_of<Block>;
-    simulate_row<mode>(s, Row<Block>{first, end});
+template <class Model> void simulate_rows(const Simulation& s, std::size_t first, std::size_t last) {
+  while (last - first > width_of<Blocks> / 2) {  // idle lanes cost less than three registers one after another
+    const std::size_t end = last - first < width_of<Blocks> ? last : first + width_of<Blocks>;
+    simulate_row<Model>(s, Row<Blocks>{first, end});
     first = end;
   }
-  if (first < last) simulate_row<mode>(s, Row<double>{first});
+  while (last - first > 1) {
+    const std::size_t end = last - first < width_of<Block> ? last : first + width_of<Block>;
+    simulate_row<Model>(s, Row<Block>{first, end});
+    first = end;
+  }
+  if (first < last) simulate_row<Model>(s, Row<double>{first});
 }
 
 void simulate(const Simulation& s, std::size_t first, std::size_t last) {
-  if (s.stiction) return simulate_rows<p::Friction::stiction>(s, first, last);
-  simulate_rows<p::Friction::smooth>(s, first, last);
+  if (s.stiction) return simulate_rows<Rigid<p::Friction::stiction>>(s, first, last);
+  simulate_rows<Rigid<p::Friction::smooth>>(s, first, last);
 }
 
 void simulate_jacobian(const Simulation& s, const std::size_t* active, std::size_t k,
                        double* const (&derivative)[differentiated_count]) {
+  using Model = Rigid<p::Friction::smooth>;
   if (k == 0) return simulate(s, 0, 1);
   const Row<Dual> row{0};
   for (std::size_t first = 0; first < k; first += 8) {
     Dual parameters[p::parameter_count];
     seed(s.parameters.data, active, first, k, parameters);
-    run<p::Friction::smooth>(s, row, parameters, [&](std::size_t i, const p::PlantOutput<Dual>& out) {
-      for (std::size_t j = 0; j < output_count; ++j) row.write(s.output[j], s.samples, i, member(out, j));
+    run<Model>(s, row, parameters, [&](std::size_t i, const p::PlantOutput<Dual>& out) {
+      for (std::size_t j = 0; j < output_count; ++j) row.write(s.output[j], s.samples, i, &Model::member(out, j), 1);
       for (std::size_t j = 0; j < differentiated_count; ++j)
-        store(member(out, differentiated[j]), derivative[j] + i * k, first, k);
+        store(Model::member(out, differentiated[j]), derivative[j] + i * k, first, k);
     });
   }
 }
@@ -214,7 +277,7 @@ namespace PELLUCID_ABI {
 extern const Kernels kernels;
 const Kernels kernels = {
     PELLUCID_INSTRUCTIONS, inverse_dynamics, inverse_dynamics_jacobian, forward_dynamics, friction, load, simulate,
-    simulate_jacobian};
+    simulate_rows<Geared>, simulate_jacobian};
 }  // namespace PELLUCID_ABI
 
 }  // namespace bindings

@@ -29,17 +29,20 @@ enum Setting : std::size_t {
   ripple_phase,
   position0,
   velocity0,
+  integral0,
   setting_count
 };
 
-constexpr std::size_t output_count = 6;  // position, velocity, acceleration, command, effort, measured_position
+constexpr std::size_t output_count = 6;         // position, velocity, acceleration, command, effort, measured_position
+constexpr std::size_t geared_output_count = 7;  // the fields of pellucid::GearedPlantOutput, in their order
+constexpr std::size_t max_output_count = 7;
 constexpr std::size_t differentiated_count = 4;
 constexpr std::size_t differentiated[differentiated_count] = {0, 1, 2, 4};  // position, velocity, acceleration, effort
 
 struct Simulation {
   std::size_t rows = 0;
   std::size_t samples = 0;
-  Rows parameters;  // parameter_count numbers each
+  Rows parameters;  // parameter_count numbers each, or geared_parameter_count
   Rows settings[setting_count];
   Rows reference, injected, disturbance, encoder_noise;  // one number per sample
   double period = 0;
@@ -47,7 +50,7 @@ struct Simulation {
   std::uint32_t velocity_span = 0;
   std::uint8_t loop = 0;  // a pellucid::LoopKind
   bool stiction = false;
-  double* output[output_count] = {};  // rows of samples
+  double* output[max_output_count] = {};  // rows of samples
 };
 
 struct Kernels {
@@ -64,6 +67,8 @@ struct Kernels {
                double* effort);
   /// Rows first to last - 1.
   void (*simulate)(const Simulation&, std::size_t first, std::size_t last);
+  /// The same of geared plants; always with stiction.
+  void (*simulate_geared)(const Simulation&, std::size_t first, std::size_t last);
   /// The one row, and its derivatives by parameters[active], each of samples rows of k.
   void (*simulate_jacobian)(const Simulation&, const std::size_t* active, std::size_t k,
                             double* const (&derivative)[differentiated_count]);

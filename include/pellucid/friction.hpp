@@ -24,6 +24,9 @@ template <class S> struct FrictionParams {
   S velocity_width{};     ///< w, of the smooth sign tanh(v / w) [rad/s]; below 1e-9: the true sign
 };
 
+/// Widths and velocities below count as 0, so that no inverse overflows [rad/s].
+constexpr double smallest_velocity = 1e-9;
+
 /// What follows from FrictionParams once.
 template <class S> struct FrictionCoefficients {
   S coulomb_positive{};           ///< F_c+ [N m]
@@ -42,7 +45,7 @@ template <class S> struct FrictionCoefficients {
 };
 
 template <class S> FrictionCoefficients<S> coefficients(const FrictionParams<S>& params) noexcept {
-  const S smallest = S(1e-9);  // widths and velocities below count as 0, so that no inverse overflows
+  const S smallest = S(smallest_velocity);
   const mask_t<S> has_stribeck = params.stribeck_velocity > smallest;
   FrictionCoefficients<S> c;
   c.coulomb_positive = params.coulomb_positive;
@@ -67,19 +70,31 @@ template <class S> struct Resistance {
   S effort{};     ///< level(v) s + F_v v [N m]
 };
 
+/// F_c of the direction s [N m].
+template <class S> S coulomb(const FrictionCoefficients<S>& c, const S& direction) noexcept {
+  return select(direction < S(0), c.coulomb_negative, c.coulomb_positive);
+}
+/// F_v of the direction s [N m s/rad].
+template <class S> S viscous(const FrictionCoefficients<S>& c, const S& direction) noexcept {
+  return select(direction < S(0), c.viscous_negative, c.viscous_positive);
+}
+/// alpha of the load y in the direction s: alpha_m where y s > 0 and alpha_g elsewhere [1].
+template <class S> S load_coefficient(const FrictionCoefficients<S>& c, const S& load, const S& direction) noexcept {
+  return select(same_sign(load, direction), c.load_motoring, c.load_generating);
+}
+
 /// level(v) = F_c + F_s exp(-(v / v_s)^2) with F_c of the direction s.
 template <class S, class R> S level(const FrictionCoefficients<S>& c, const R& velocity, const S& direction) noexcept {
-  const S coulomb = select(direction < S(0), c.coulomb_negative, c.coulomb_positive);
-  if (!c.any_stribeck) return coulomb;
+  const S at_speed = coulomb(c, direction);
+  if (!c.any_stribeck) return at_speed;
   const S ratio = c.inverse_stribeck_velocity * velocity;
-  return coulomb + c.stribeck * exp(-(ratio * ratio));
+  return at_speed + c.stribeck * exp(-(ratio * ratio));
 }
 
 /// The resistance at velocity v while the joint slips, or is about to slip, in the direction s.
 template <class S, class R>
 Resistance<S> resistance(const FrictionCoefficients<S>& c, const R& velocity, const S& direction) noexcept {
-  const S viscous = select(direction < S(0), c.viscous_negative, c.viscous_positive);
-  return {direction, level(c, velocity, direction) * direction + viscous * velocity};
+  return {direction, level(c, velocity, direction) * direction + viscous(c, direction) * velocity};
 }
 
 /// The resistance at velocity v, with s = tanh(v / w), or s = sign(v) where w is 0.
@@ -98,8 +113,7 @@ template <class S, class R> Resistance<S> resistance(const FrictionCoefficients<
 /// where y v > 0 and alpha_g elsewhere.
 template <class S> S friction(const FrictionCoefficients<S>& c, const Resistance<S>& at, const S& load) noexcept {
   if (!c.any_load) return at.effort;
-  const S alpha = select(same_sign(load, at.direction), c.load_motoring, c.load_generating);
-  return at.effort + alpha * abs(load) * at.direction;
+  return at.effort + load_coefficient(c, load, at.direction) * abs(load) * at.direction;
 }
 template <class S, class R> S friction(const FrictionCoefficients<S>& c, const R& velocity, const S& load) noexcept {
   return friction(c, resistance(c, velocity), load);
@@ -112,6 +126,11 @@ S transmitted_load(const FrictionCoefficients<S>& c, const Resistance<S>& at, co
   if (!c.any_load) return effort;
   const S alpha = select(same_sign(effort, at.direction), c.load_motoring, -c.load_generating);
   return effort / (S(1) + alpha * abs(at.direction));
+}
+
+/// The next velocity with stiction: 0 where the joint rests, unless it moved and goes on in the same direction.
+template <class S> S stick(const mask_t<S>& rests, const S& velocity, const S& next) noexcept {
+  return select(both(rests, !same_sign(velocity, next)), S(0), next);
 }
 
 }  // namespace PELLUCID_ABI

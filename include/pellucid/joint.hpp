@@ -87,10 +87,20 @@ S forward_dynamics(const JointCoefficients<S>& c, const R& position, const R& ve
 /// Effort that must be exceeded before a joint at rest moves, by |effort - offset - gravity|:
 /// F_c of the direction of the net effort + F_s + alpha |gravity| [N m].
 template <class S> S breakaway(const JointCoefficients<S>& c, const S& gravity, const S& net_effort) noexcept {
-  const S direction = sign(net_effort);
-  const S alpha = select(same_sign(gravity, direction), c.friction.load_motoring, c.friction.load_generating);
-  return select(direction < S(0), c.friction.coulomb_negative, c.friction.coulomb_positive) + c.friction.stribeck +
-         alpha * abs(gravity);
+  const S level = coulomb(c.friction, net_effort) + c.friction.stribeck;
+  if (!c.friction.any_load) return level;
+  return level + load_coefficient(c.friction, gravity, net_effort) * abs(gravity);
+}
+
+/// Acceleration with true stiction under an effort [rad/s^2], 0 at rest; `effort_at_rest` is what the effort would be
+/// at v = 0, and `rests` becomes true where that holds the joint there.
+template <class S> S acceleration(const JointCoefficients<S>& c, const S& gravity, const S& velocity, const S& effort,
+                                  const S& effort_at_rest, mask_t<S>& rests) noexcept {
+  const S net = effort_at_rest - c.offset - gravity;
+  rests = abs(net) <= breakaway(c, gravity, net);
+  const S direction = sign(select(velocity == S(0), net, velocity));
+  const S slipping = acceleration(c, gravity, resistance(c.friction, velocity, direction), effort);
+  return select(both(rests, velocity == S(0)), S(0), slipping);
 }
 
 }  // namespace PELLUCID_ABI

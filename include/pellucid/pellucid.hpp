@@ -5,6 +5,8 @@
 #include "drive.hpp"
 #include "dual.hpp"
 #include "friction.hpp"
+#include "gear_friction.hpp"
+#include "geared_plant.hpp"
 #include "joint.hpp"
 #include "lanes.hpp"
 #include "loops.hpp"
@@ -12,3 +14,4 @@
 #include "plant.hpp"
 #include "safety.hpp"
 #include "sensor.hpp"
+#include "transmission.hpp"

@@ -81,11 +81,7 @@ template <Friction mode, class S> S acceleration(const PlantCoefficients<S>& c, 
   if constexpr (mode == Friction::smooth) {
     return acceleration(c.joint, gravity_effort, resistance(c.joint.friction, velocity), effort);
   } else {
-    const S net = (c.drive.params.gain * command + outside) - c.joint.offset - gravity_effort;
-    rests = abs(net) <= breakaway(c.joint, gravity_effort, net);
-    const S direction = select(velocity == S(0), sign(net), sign(velocity));
-    const S slipping = acceleration(c.joint, gravity_effort, resistance(c.joint.friction, velocity, direction), effort);
-    return select(both(rests, velocity == S(0)), S(0), slipping);
+    return acceleration(c.joint, gravity_effort, velocity, effort, c.drive.params.gain * command + outside, rests);
   }
 }
 
@@ -109,10 +105,7 @@ PlantOutput<S> step(const PlantCoefficients<S>& c, PlantState<S>& state, const P
     const S a = acceleration<mode>(c, q, v, out.command, input.disturbance, rests);
     if (i == 0) out.acceleration = a;
     S next = v + c.substep * a;
-    if constexpr (mode == Friction::stiction) {
-      const mask_t<S> goes_on = same_sign(v, next);
-      next = select(both(rests, !goes_on), S(0), next);
-    }
+    if constexpr (mode == Friction::stiction) next = stick(rests, v, next);
     v = next;
     q = q + c.substep * v;
   }

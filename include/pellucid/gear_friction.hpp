@@ -1,0 +1,90 @@
+// Friction of a motor and its gear, richer than what is identified: three more terms, each measured on real drives.
+//
+// The friction of friction.hpp, and: the share of the load that is lost rises towards rest; the Coulomb level swings
+// along the travel, as a cable's tension does; the viscous slope declines with speed, as grease shears thin. The load
+// is the torque in a compliant transmission, which is a function of the state, so nothing has to be solved.
+#pragma once
+
+#include "friction.hpp"
+
+namespace pellucid {
+inline namespace PELLUCID_ABI {
+
+template <class S> struct GearFrictionParams {
+  FrictionParams<S> friction{};  ///< the terms that an identified model knows; velocity_width counts for nothing
+  S load_rise{};                 ///< rho, load coefficients are 1 + rho exp(-(v / v_s)^2) times themselves [1], >= 0
+  S swing{};                     ///< eps, the Coulomb level is 1 + eps sin(n q) times itself [1], 0 to below 1
+  S wave_number{};               ///< n, swings per angle times 2 pi [1/rad]
+  S viscous_decline{};           ///< v_d, where the viscous slope has fallen to a half [rad/s]; below 1e-9: none
+};
+
+/// What follows from GearFrictionParams once.
+template <class S> struct GearFrictionCoefficients {
+  FrictionCoefficients<S> friction{};  ///< the terms that an identified model knows
+  S load_rise{};                       ///< rho [1], 0 without a Stribeck velocity
+  S swing{};                           ///< eps [1]
+  S wave_number{};                     ///< n [1/rad]
+  S inverse_decline{};                 ///< 1 / v_d [s/rad], 0 where the slope does not decline
+  mask_t<S> swings{};                  ///< whether the Coulomb level swings
+  bool any_rise = false;               ///< whether anything depends on exp(-(v / v_s)^2), in some lane
+  bool any_swing = false;              ///< in some lane
+  bool any_decline = false;            ///< in some lane
+};
+
+template <class S> GearFrictionCoefficients<S> coefficients(const GearFrictionParams<S>& params) noexcept {
+  const S smallest = S(smallest_velocity);
+  const mask_t<S> has_rise = params.friction.stribeck_velocity > smallest;
+  const mask_t<S> has_decline = params.viscous_decline > smallest;
+  GearFrictionCoefficients<S> c;
+  c.friction = coefficients(params.friction);
+  c.load_rise = select(has_rise, params.load_rise, S(0));
+  c.swing = params.swing;
+  c.wave_number = params.wave_number;
+  c.inverse_decline = select(has_decline, S(1) / select(has_decline, params.viscous_decline, S(1)), S(0));
+  c.swings = params.swing != S(0);
+  c.any_rise = !(is_identically_zero(c.friction.stribeck) && is_identically_zero(c.load_rise));
+  c.any_swing = any(c.swings);
+  c.any_decline = any(has_decline);
+  return c;
+}
+
+/// What the Coulomb level is multiplied by at a position: 1 + eps sin(n q).
+template <class S> S coulomb_share(const GearFrictionCoefficients<S>& c, const S& position) noexcept {
+  if (!c.any_swing) return S(1);
+  return select(c.swings, S(1) + c.swing * sin(c.wave_number * position), S(1));
+}
+
+/// exp(-(v / v_s)^2): 1 at rest, nothing at speed [1]. From 1e-35 on it falls no further: no sum shows it, and the
+/// processor is many times slower where results fall below its normal numbers.
+template <class S> S rise(const GearFrictionCoefficients<S>& c, const S& velocity) noexcept {
+  if (!c.any_rise) return S(0);
+  const S ratio = c.friction.inverse_stribeck_velocity * velocity;
+  return exp(max(-(ratio * ratio), S(-80)));
+}
+
+/// Level of dry friction in the direction s, under a load, `at` being rise(v), 1 at rest [N m]:
+/// share F_c + F_s at + alpha (1 + rho at) |load|, alpha_m where load s > 0 and alpha_g elsewhere. s may be any number
+/// of its sign.
+template <class S>
+S level(const GearFrictionCoefficients<S>& c, const S& share, const S& at, const S& load, const S& direction) noexcept {
+  const S alpha = load_coefficient(c.friction, load, direction);
+  return (coulomb(c.friction, direction) * share + c.friction.stribeck * at) +
+         (alpha * (S(1) + c.load_rise * at)) * abs(load);
+}
+
+/// Torque that must be exceeded before a motor at rest moves, in the direction of the net torque [N m].
+template <class S>
+S breakaway(const GearFrictionCoefficients<S>& c, const S& share, const S& load, const S& net_torque) noexcept {
+  return level(c, share, S(1), load, net_torque);
+}
+
+/// Friction at velocity v while it slips, or is about to slip, in the direction s: level s + F_v v / (1 + |v| / v_d).
+template <class S> S friction(const GearFrictionCoefficients<S>& c, const S& share, const S& load, const S& velocity,
+                              const S& direction) noexcept {
+  S slope_effort = viscous(c.friction, direction) * velocity;
+  if (c.any_decline) slope_effort = slope_effort / (S(1) + abs(velocity) * c.inverse_decline);
+  return level(c, share, rise(c, velocity), load, direction) * direction + slope_effort;
+}
+
+}  // namespace PELLUCID_ABI
+}  // namespace pellucid
