@@ -199,7 +199,8 @@ motor's friction is the joint's, and besides: load_rise rho multiplies the load 
 1 + rho exp(-(v/v_s)^2); friction_swing eps the Coulomb level by 1 + eps sin(friction_wave_number q_m);
 viscous_decline v_d (0: none) divides the viscous torque by 1 + |v|/v_d. Stiction is true, at motor and link: a body at
 rest under less than its breakaway torque stays there to the bit. A row's numbers do not depend on the other rows, on
-threads or on the instruction set. A simulation that diverges, or is given NaN, returns values that are not finite.
+threads or on the instruction set while they are finite. A simulation that diverges returns values that are not, and
+NaN neither hangs nor raises.
 
 Parameters
 ----------

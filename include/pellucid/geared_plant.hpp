@@ -128,7 +128,7 @@ template <class S> S next_link_velocity(const GearedPlantCoefficients<S>& c, con
   return stick(rests, velocity, velocity + c.substep * slipping);
 }
 
-/// One control period. Total: what is not finite ends in outputs that are not.
+/// One control period. Total, as every step: whatever comes in, NaN included, it ends after as many operations.
 template <class S> GearedPlantOutput<S> step(const GearedPlantCoefficients<S>& c, GearedPlantState<S>& state,
                                              const PlantInput<S>& input) noexcept {
   static_assert(ScalarTraits<S>::is_real, "stiction resets the velocity, which would drop its derivative");

@@ -38,6 +38,13 @@ int main() {
   const auto f = p::coefficients(example_plant<float>());
   const auto d = p::coefficients(example_plant<p::Dual<double, 8>>());
   const auto l = p::coefficients(example_plant<p::Lanes<double, 8>>());
+  p::GearedPlantParams<double> geared;
+  geared.joint.link = example_joint<double>();
+  geared.joint.motor_inertia = 0.05;
+  geared.joint.transmission = {600, 1, 0.01};
+  geared.loop.period = 1e-3;
+  const auto m = p::coefficients(geared);
+  auto ms = p::balanced(m, 0.1, 0.0);
   const auto gate = p::coefficients(p::SafetyParams<double>{10, 500, 20, -1, 1.5, 0.2, 0.01, 3, 1e-3});
   p::BiquadCoefficients<double> filter;
   filter.count = 2;
@@ -51,6 +58,7 @@ int main() {
     const double r = reference_at(k);
     const double q = p::step<p::Friction::stiction>(c, cs, p::PlantInput<double>{r, 0, 0, 0}).measured_position;
     p::step<p::Friction::smooth>(f, fs, p::PlantInput<float>{static_cast<float>(r), 0, 0, 0});
+    p::step(m, ms, p::PlantInput<double>{r, 0, 0, 0});
     if (k % 100 == 0) {
       p::step<p::Friction::smooth>(d, ds, {p::Dual<double, 8>(r), {}, {}, {}});
       p::step<p::Friction::smooth>(

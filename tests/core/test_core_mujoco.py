@@ -15,7 +15,7 @@ MODEL = """
   </option>
   <worldbody>
     <body>
-      <joint name="j" type="{kind}" axis="0 1 0" damping="{damping}"/>
+      <joint name="j" type="{kind}" axis="0 1 0" damping="{damping}" armature="{armature}"/>
       <inertial pos="0 0 -0.4" mass="2" diaginertia="0.03 0.03 0.03"/>
     </body>
   </worldbody>
@@ -25,9 +25,9 @@ MODEL = """
 MASS, LENGTH = 2.0, 0.4
 
 
-def run_mujoco(effort, timestep, kind, damping=0.0, integrator="Euler", position0=0.0, every=1):
+def run_mujoco(effort, timestep, kind, damping=0.0, integrator="Euler", position0=0.0, every=1, armature=0.0):
     model = mujoco.MjModel.from_xml_string(
-        MODEL.format(timestep=timestep, kind=kind, damping=damping, integrator=integrator)
+        MODEL.format(timestep=timestep, kind=kind, damping=damping, integrator=integrator, armature=armature)
     )
     data = mujoco.MjData(model)
     data.qpos[0] = position0
@@ -61,6 +61,43 @@ def test_same_integrator_same_trajectory(kind, damping):
     np.testing.assert_allclose(got[1], v, rtol=0, atol=1e-9)
 
 
+def geared(motor_inertia, stiffness, damping):
+    """The same pendulum behind a motor and a transmission without gap and friction."""
+    values = dict.fromkeys(_core.GEARED_PARAMETER_NAMES, 0.0) | {
+        "link_inertia": 0.03 + MASS * LENGTH**2,
+        "gravity_sine": MASS * 9.81 * LENGTH,
+        "motor_inertia": motor_inertia,
+        "stiffness": stiffness,
+        "damping": damping,
+    }
+    return np.array([[values[name] for name in _core.GEARED_PARAMETER_NAMES]])
+
+
+def test_stiff_gear_is_an_armature():
+    """Motor and link behind a stiff transmission are MuJoCo's hinge with the motor's inertia as armature."""
+    t = 1e-3 * np.arange(3000)
+    effort = 3.0 * np.sin(3 * t) + np.sin(11 * t)
+    q, _ = run_mujoco(effort, 1e-3, "hinge", integrator="RK4", position0=1.2, armature=0.2)
+    errors = []
+    for stiffness in (1e5, 4e5):
+        got = _core.simulate_geared(
+            geared(0.2, stiffness, 100.0), reference=effort, period=1e-3, substeps=400, position0=1.2
+        )
+        errors.append(np.max(np.abs(got[2][0] - q)))
+    assert np.ptp(q) > 0.5
+    assert errors[0] < 1e-3
+    assert errors[1] < 0.6 * errors[0]
+
+
+def test_light_motor_leaves_the_single_body():
+    """With a motor that weighs nothing to speak of, the link alone is left: MuJoCo's pendulum without armature."""
+    t = 1e-3 * np.arange(2000)
+    effort = 3.0 * np.sin(3 * t)
+    q, _ = run_mujoco(effort, 1e-3, "hinge", integrator="RK4", position0=1.2)
+    got = _core.simulate_geared(geared(1e-4, 1e5, 1.0), reference=effort, period=1e-3, substeps=400, position0=1.2)
+    np.testing.assert_allclose(got[2][0], q, rtol=0, atol=3e-3)
+
+
 def test_converges_to_runge_kutta():
     """Against MuJoCo's RK4 the error falls in proportion to the substep, as a first-order method's does."""
     t = 1e-3 * np.arange(2000)
@@ -76,7 +113,9 @@ def test_converges_to_runge_kutta():
 
 
 def test_inverse_dynamics_is_mujocos(rng):
-    model = mujoco.MjModel.from_xml_string(MODEL.format(timestep=1e-3, kind="hinge", damping=0.7, integrator="Euler"))
+    model = mujoco.MjModel.from_xml_string(
+        MODEL.format(timestep=1e-3, kind="hinge", damping=0.7, integrator="Euler", armature=0.0)
+    )
     data = mujoco.MjData(model)
     q, v, a = rng.uniform(-3, 3, (3, 100))
     wanted = []
