@@ -26,7 +26,7 @@ from .uncertainty import sandwich
 BODY_TERMS = np.array([INDEX[n] for n in ("inertia", "gravity_sine", "gravity_cosine")])
 ACTIVE = np.array([i for name, i in INDEX.items() if name not in ("velocity_width", "stribeck", "stribeck_velocity")])
 LOAD_START = 0.05
-ROUNDS = 4  # relinearisations under the consistency conditions
+ROUNDS = 12  # relinearisations under the consistency conditions
 
 
 def torque(model: SliderJointModel, values: np.ndarray, motion: SliderMotion) -> np.ndarray:
@@ -178,24 +178,59 @@ def _require_rank(model: SliderJointModel, w: np.ndarray) -> None:
 def _possible(model, values, motions, rail, mass) -> np.ndarray:
     """The nearest values that meet the conditions of consistency, in the metric of their own residuals."""
     lower, upper = model.bounds()
+    best = None
     for _ in range(1 if model.linear else ROUNDS):
         w, effort, target, _ = linearised(model, values, motions)
-        scale = 1.0 / np.linalg.norm(w, axis=0)
-        gram, moment = (w * scale).T @ (w * scale), (w * scale).T @ (target - effort)
-        size, origin = float(np.sum((target - effort) ** 2)), values / scale
+        size = float(np.linalg.norm(target))
+        scale = size / np.linalg.norm(w, axis=0)
+        scaled = w * (scale / size)
+        gram, moment, origin = scaled.T @ scaled, scaled.T @ ((target - effort) / size), values / scale
 
-        def cost(x, gram=gram, moment=moment, size=size, origin=origin):
+        def cost(x, gram=gram, moment=moment, origin=origin):
             d = x - origin
-            return float(0.5 * d @ gram @ d - moment @ d) / size, (gram @ d - moment) / size
+            return float(0.5 * d @ gram @ d - moment @ d), gram @ d - moment
 
+        inside = _heavy_enough(model, np.clip(values, lower, upper), rail, mass)
+        unit = model.inertia(inside, np.array(rail)).max()
         found = minimize(
             cost,
-            np.clip(origin, lower / scale, upper / scale),
+            inside / scale,
             jac=True,
             method="SLSQP",
             bounds=list(zip(lower / scale, upper / scale, strict=True)),
-            constraints={"type": "ineq", "fun": lambda x, scale=scale: model.gaps(x * scale, rail, mass)},
-            options={"maxiter": 300, "ftol": 1e-12},
+            constraints={"type": "ineq", "fun": lambda x, s=scale, u=unit: model.room(x * s, rail, mass) / u},
+            options={"maxiter": 500, "ftol": 1e-15},
         )
-        values = found.x * scale
+        nearest = found.x * scale
+        if np.min(model.gaps(nearest, rail, mass)) < -1e-6:
+            raise IdentificationError(f"no possible body found near these recordings: {found.message}")
+        if best is None:
+            best, least = nearest, _misfit(model, nearest, motions)
+        else:
+            step, misfit = 1.0, _misfit(model, nearest, motions)
+            while misfit > least and step > 1e-3:  # the possible bodies are a convex set: halves stay in it
+                step *= 0.5
+                misfit = _misfit(model, best + step * (nearest - best), motions)
+            if misfit >= least:
+                break
+            best, least = best + step * (nearest - best), misfit
+        values = best
+    return best
+
+
+def _misfit(model, values, motions) -> float:
+    _, effort, target, _ = linearised(model, values, motions)
+    return float(np.sum((target - effort) ** 2))
+
+
+def _heavy_enough(model, values, rail, mass) -> np.ndarray:
+    """The same values with so much inertia, and some mass of the carriage, that they meet the conditions: a start."""
+    values = values.copy()
+    if "carriage_mass" in model.names:
+        at = model.names.index("carriage_mass")
+        values[at] = max(values[at], 0.05)
+    at = model.names.index("inertia")
+    values[at] = max(values[at], 1e-4)
+    while np.min(model.gaps(values, rail, mass)) < 0.0 and values[at] < 1e6:
+        values[at] *= 1.5
     return values

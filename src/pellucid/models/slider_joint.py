@@ -133,7 +133,19 @@ class SliderJointModel:
         return j + 2.0 * h * slider + m * slider**2
 
     def gravity(self, values: np.ndarray, slider: np.ndarray, position: np.ndarray) -> np.ndarray:
-        """Gravity torque [N*m] at x [m] and q [rad], broadcast."""
+        """Gravity torque.
+
+        Parameters
+        ----------
+        values : ndarray, shape (p,)
+        slider, position : ndarray, any shapes that go together
+            x [m], q [rad].
+
+        Returns
+        -------
+        ndarray, the common shape
+            [N*m]
+        """
         g, c, m = (self.value(values, n) for n in ("gravity", "gravity_cosine", "carriage_mass"))
         return (g + GRAVITY * m * slider) * np.sin(position) + c * np.cos(position)
 
@@ -153,18 +165,41 @@ class SliderJointModel:
 
         Returns
         -------
-        ndarray
+        ndarray, shape (1,) or (6,)
             Each divided by its own size, dimensionless.
         """
+        room, size = self._conditions(values, rail, mass)
+        return room / (size + 1e-12)
+
+    def room(self, values: np.ndarray, rail: tuple[float, float], mass: float | None) -> np.ndarray:
+        """The conditions of `gaps` undivided: smooth, and of any size where a body is far from possible.
+
+        Parameters
+        ----------
+        values : ndarray, shape (p,)
+        rail : tuple of float
+            Ends of the rail [m].
+        mass : float or None
+            M [kg].
+
+        Returns
+        -------
+        ndarray, shape (k,)
+            >= 0 where they hold; kg^2*m^2 the first, kg*m^2 the others.
+        """
+        return self._conditions(values, rail, mass)[0]
+
+    def _conditions(self, values, rail, mass) -> tuple[np.ndarray, np.ndarray]:
         j, h, m = (self.value(values, n) for n in ("inertia", "carriage_moment", "carriage_mass"))
-        gaps = [(j * m - h * h) / (abs(j * m) + h * h + 1e-12)]
+        room, size = [j * m - h * h], [abs(j * m) + h * h]
         if mass is not None:
             x = np.linspace(*rail, 5)
             g, c = self.value(values, "gravity"), self.value(values, "gravity_cosine")
             least = ((g + GRAVITY * m * x) ** 2 + c**2) / (mass * GRAVITY**2)
             inertia = self.inertia(values, x)
-            gaps += list((inertia - least) / (np.abs(inertia) + least + 1e-12))
-        return np.array(gaps)
+            room += list(inertia - least)
+            size += list(np.abs(inertia) + least)
+        return np.array(room), np.array(size)
 
 
 def _column(name: str, slider: float) -> np.ndarray:
