@@ -1,0 +1,73 @@
+"""A published paper's figures beside ours: one folder with results.json, reproduction.json and a page."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+from .._errors import PellucidError
+
+PAPERS = ("able",)
+
+
+@dataclass(frozen=True)
+class Reproduction:
+    """What was written.
+
+    Parameters
+    ----------
+    page : Path
+    lines : tuple of str
+        The main figures, a sentence each.
+    """
+
+    page: Path
+    lines: tuple[str, ...]
+
+
+def reproduce(paper: str, out: str | Path, *, on_progress: Callable[[str, float], None] | None = None) -> Reproduction:
+    """Reproduce a paper.
+
+    Parameters
+    ----------
+    paper : str
+        One of `PAPERS`.
+    out : path-like
+        Folder, made if it is not there.
+    on_progress : callable, optional
+        Called with a text and the share done, 0 to 1.
+
+    Returns
+    -------
+    Reproduction
+
+    Raises
+    ------
+    PellucidError
+        If the paper is not known.
+    """
+    if paper not in PAPERS:
+        raise PellucidError(f"unknown paper {paper!r}; known: {', '.join(PAPERS)}")
+    from .able import reproduce_able
+    from .able_page import write_able_page
+
+    made = reproduce_able(Path(out), on_progress=on_progress)
+    page = write_able_page(Path(out), made)
+    shown = (
+        "able.table1.",
+        "able.consistent.ratio",
+        "able.load.ratio",
+        "able.load.torque_error",
+        "able.friction_needed.factor",
+    )
+    lines = []
+    for row in made.rows:
+        if not row.id.startswith(shown) or row.id.count(".") > 3:
+            continue
+        ours = "none" if row.ours is None else f"{row.ours:.4g}"
+        between = "" if row.lower is None else f" ({row.lower:.4g} to {row.upper:.4g})"
+        beside = "" if row.published is None else f", published {row.published:.4g}"
+        unit = "" if row.unit == "1" else f" {row.unit.replace('*', '·')}"
+        lines.append(f"{row.quantity}: {ours}{between}{unit}{beside}")
+    return Reproduction(page, tuple(lines))

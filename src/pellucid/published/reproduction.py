@@ -1,0 +1,72 @@
+"""A published figure beside ours, with a verdict."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+import numpy as np
+
+from .._atomic import write_text_atomically
+
+VERDICTS = ("agrees", "differs", "recomputed", "ours only", "cannot be")
+
+
+@dataclass(frozen=True)
+class Reproduced:
+    """One row of reproduction.json.
+
+    Parameters
+    ----------
+    id, quantity, unit : str
+    published : float or None
+        As printed, in `unit`.
+    ours : float or None
+        Computed here: the median where it was drawn several times.
+    lower, upper : float or None
+        The smallest and largest of those.
+    verdict : str
+        "agrees" or "differs" (with what is printed), "recomputed" (from other printed numbers), "ours only" (nothing
+        is printed), "cannot be" (what is printed contradicts itself).
+    note : str
+    """
+
+    id: str
+    quantity: str
+    unit: str
+    published: float | None
+    ours: float | None
+    lower: float | None = None
+    upper: float | None = None
+    verdict: str = "ours only"
+    note: str = ""
+
+
+def spread(values: Iterable[float]) -> tuple[float, float, float]:
+    """Median, smallest and largest of several draws."""
+    drawn = np.array(list(values), float)
+    return float(np.median(drawn)), float(drawn.min()), float(drawn.max())
+
+
+def write_reproduction(path: Path, rows: Iterable[Reproduced]) -> Path:
+    """Write reproduction.json, whole or not at all.
+
+    Parameters
+    ----------
+    path : Path
+    rows : iterable of Reproduced
+
+    Returns
+    -------
+    Path
+    """
+    table = []
+    for row in rows:
+        plain = asdict(row)
+        for key in ("published", "ours", "lower", "upper"):
+            value = plain[key]
+            plain[key] = None if value is None or not np.isfinite(value) else float(value)
+        table.append(plain)
+    return write_text_atomically(path, json.dumps({"rows": table}, indent=1, ensure_ascii=False) + "\n")
