@@ -161,7 +161,17 @@ def all_at_once(
 
 
 def require_both_directions(motions: Sequence[SliderMotion]) -> None:
-    """Raise IdentificationError where a direction is missing, or has less than a tenth of the samples."""
+    """Do nothing where both directions are there.
+
+    Parameters
+    ----------
+    motions : sequence of SliderMotion
+
+    Raises
+    ------
+    IdentificationError
+        If there is no motion, or a direction has less than a tenth of the other's samples.
+    """
     if not motions:
         raise IdentificationError(
             'no recording of protocol "constant_velocity" or "swept_sine" is marked use = "fit"; the three steps need '
@@ -179,8 +189,19 @@ def require_both_directions(motions: Sequence[SliderMotion]) -> None:
 
 
 def require_places(motions: Sequence[SliderMotion], least: float = 0.02) -> None:
-    """Raise IdentificationError where the carriage stood at fewer than three places or they span less than `least`
-    [m]: the terms in x and its square then cannot be told apart."""
+    """Do nothing where the terms in x and its square can be told apart.
+
+    Parameters
+    ----------
+    motions : sequence of SliderMotion
+    least : float
+        Span the carriage's places must have [m].
+
+    Raises
+    ------
+    IdentificationError
+        If the carriage stood at fewer than three places, or within less than `least`.
+    """
     places = np.array([m.slider for m in motions])
     distinct = np.unique(np.round(places / 0.005)).size
     if distinct < 3 or np.ptp(places) < least:

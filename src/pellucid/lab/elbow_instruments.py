@@ -74,7 +74,22 @@ def record(rig: ElbowRig, trials: Sequence[Trial], rng: np.random.Generator, *, 
 def play(
     rig: ElbowRig, loop: str, batch: Sequence[Trial], rng: np.random.Generator, *, threads: int = 1
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Simulate trials of one reference: command [A], measured position [rad] and link position [rad], each (m, n)."""
+    """Simulate trials of one reference.
+
+    Parameters
+    ----------
+    rig : ElbowRig
+    loop : {"position", "velocity"}
+    batch : sequence of Trial
+        m of them, all of one reference.
+    rng : numpy.random.Generator
+    threads : int
+
+    Returns
+    -------
+    command, measured, link : ndarray, shape (m, n)
+        [A]; position as the encoder says [rad]; the link's true position [rad].
+    """
     period = 1.0 / rig["sampling"]["rate"]
     reference = np.ascontiguousarray(batch[0].reference, float)
     motor, gains = rig["motor"], rig["loop"][loop]
@@ -136,7 +151,26 @@ def frame(rig: ElbowRig) -> np.ndarray:
 def film(
     rig: ElbowRig, slider: float, time: np.ndarray, link: np.ndarray, rng: np.random.Generator
 ) -> tuple[np.ndarray, dict[str, np.ndarray], float]:
-    """Frames of the markers while the link moves: camera time (k,) [s], markers (k, 3) [mm], clock offset [s]."""
+    """Frames of the markers while the link moves.
+
+    Parameters
+    ----------
+    rig : ElbowRig
+    slider : float
+        [m]
+    time, link : ndarray, shape (n,)
+        Robot time [s] and the link's true position [rad].
+    rng : numpy.random.Generator
+
+    Returns
+    -------
+    time : ndarray, shape (k,)
+        On the cameras' clock [s].
+    markers : dict of str to ndarray, shape (k, 3)
+        [mm]
+    offset : float
+        Robot time less camera time [s].
+    """
     camera = rig["optical"]
     offset = camera["clock_offset"] + camera["clock_offset_spread"] * rng.standard_normal()
     k = int((time[-1] - max(offset, 0.0)) * camera["rate"]) - 1

@@ -109,12 +109,12 @@ class ElbowRig:
 
         Parameters
         ----------
-        velocity, load : ndarray, broadcastable
+        velocity, load : ndarray, any shapes that go together
             [rad/s], [N*m].
 
         Returns
         -------
-        ndarray
+        ndarray, the common shape
         """
         t, b = self["transmission"], self["bearing"]
         v, y = np.broadcast_arrays(np.asarray(velocity, float), np.asarray(load, float))

@@ -222,6 +222,7 @@ def write_elbow_study(
     *,
     name: str,
     seed: int,
+    made: tuple[Trial, ...] | None = None,
     on_progress: Callable[[str, float], None] | None = None,
 ) -> Study:
     """Record the full protocol on a virtual elbow and write it as a lab would: study.toml, CSV files of the robot and
@@ -235,6 +236,8 @@ def write_elbow_study(
         The study's name.
     seed : int
         Of every random draw.
+    made : tuple of Trial, optional
+        What to record; the full protocol if left out.
     on_progress : callable, optional
 
     Returns
@@ -242,8 +245,9 @@ def write_elbow_study(
     Study
     """
     tell = on_progress or (lambda text, share: None)
-    tell("optimising the excitation", 0.0)
-    made = trials(rig, excitation)
+    if made is None:
+        tell("optimising the excitation", 0.0)
+        made = trials(rig, excitation)
     tell("moving the virtual elbow", 0.05)
     taken = record(rig, made, np.random.default_rng(seed), threads=2)
     for sub in ("recordings", "lab"):
@@ -257,7 +261,19 @@ def write_elbow_study(
 
 
 def truth(rig: ElbowRig, taken: list[Taken], seed: int) -> dict:
-    """What only tests, benchmarks and reproductions may read: the plant, where the carriage was, the clocks."""
+    """What only tests, benchmarks and reproductions may read: the plant, where the carriage was, the clocks.
+
+    Parameters
+    ----------
+    rig : ElbowRig
+    taken : list of Taken
+    seed : int
+
+    Returns
+    -------
+    dict
+        SI.
+    """
     sliders = {one.trial.name: one.trial.slider for one in taken}
     link, carriage = rig["link"], rig["carriage"]
     return {
@@ -278,7 +294,7 @@ def truth(rig: ElbowRig, taken: list[Taken], seed: int) -> dict:
 def _write(folder: Path, one: Taken) -> None:
     """The robot's file and the cameras', compact enough for an hour of recordings."""
     rows = zip(one.time.tolist(), one.counts.astype(int).tolist(), one.milliamperes.astype(int).tolist(), strict=True)
-    text = "\n".join("%.3f,%d,%d" % row for row in rows)
+    text = "\n".join(f"{t:.3f},{count},{current}" for t, count, current in rows)
     write_text_atomically(folder / f"{one.trial.name}.csv", f"time,counts,current\n{text}\n")
     names = list(one.markers)
     table = np.column_stack([one.optical_time, *(one.markers[n] for n in names)])

@@ -97,7 +97,19 @@ class DirectionalSliderModel:
         return np.where(velocity > 0.0, terms @ self.up, terms @ self.down)
 
     def gravity(self, direction: str, slider: np.ndarray, position: np.ndarray) -> np.ndarray:
-        """The set's gravity torque [N*m] at x [m] and q [rad], broadcast; `direction` is "up" or "down"."""
+        """The set's gravity torque.
+
+        Parameters
+        ----------
+        direction : {"up", "down"}
+        slider, position : ndarray, any shapes that go together
+            x [m], q [rad].
+
+        Returns
+        -------
+        ndarray, the common shape
+            [N*m]
+        """
         s1, s0, c = (self.up if direction == "up" else self.down)[GRAVITY_TERMS]
         return GRAVITY * ((s1 * slider + s0) * np.sin(position) + c * np.cos(position))
 
