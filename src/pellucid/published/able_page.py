@@ -12,6 +12,7 @@ from ..models.energy import cycle_energy
 from ..report import direction_figures as figures
 from ..report.drawing import Drawing, draw
 from ..report.page import Page, Section, Tile, write_page
+from ..report.quantities import unit_text
 from ..report.tables import Row, Table
 from .able import LOAD_FACTORS, AbleReproduction
 from .reproduction import Reproduced
@@ -224,9 +225,10 @@ def _body(made: AbleReproduction) -> Section:
             {
                 "up": model.gravity("up", middle, q),
                 "down": model.gravity("down", middle, q),
-                "consistent": body.model.gravity(body.values, middle, q),
+                SHORT["load"]: body.model.gravity(body.values, middle, q),
                 "truth": sine * np.sin(q) + cosine * np.cos(q),
             },
+            roles={SHORT["load"]: "fitted"},
             caption="Gravity torque, carriage in the middle of the rail: the dissociated model's two sets, one body "
             "with load friction, and the rig itself.",
         )
@@ -239,9 +241,10 @@ def _body(made: AbleReproduction) -> Section:
             {
                 "up": model.inertia("up", x),
                 "down": model.inertia("down", x),
-                "consistent": body.model.inertia(body.values, x),
+                SHORT["load"]: body.model.inertia(body.values, x),
             },
             np.array([rig.inertia(s) for s in x]),
+            roles={SHORT["load"]: "fitted"},
         )
     )
     load = np.linspace(-3.0, 3.0, 121)
@@ -322,7 +325,7 @@ def _print_errors(made: AbleReproduction) -> Section:
     rows = [r for r in made.rows if r.verdict in ("recomputed", "cannot be")]
     table = Table(
         ("What", "Printed", "Recomputed", "Unit", "Why"),
-        tuple(Row((r.quantity, _number(r.published), _number(r.ours), r.unit, r.note)) for r in rows),
+        tuple(Row((r.quantity, _number(r.published), _number(r.ours), unit_text(r.unit) or "–", r.note)) for r in rows),
         frozenset({1, 2}),
         wide=True,
     )
@@ -345,7 +348,7 @@ def _all_rows(made: AbleReproduction) -> Section:
                     _number(r.published),
                     _number(r.ours),
                     "" if r.lower is None else f"{_number(r.lower)} to {_number(r.upper)}",
-                    r.unit,
+                    unit_text(r.unit) or "–",
                     r.verdict,
                 )
             )

@@ -1,0 +1,94 @@
+"""`reproduce able`, small: two seeds of the committed rig, every file it writes, and what must hold of its figures."""
+
+import json
+import re
+
+import numpy as np
+import pytest
+
+from pellucid.published.able import LOAD_FACTORS, reproduce_able
+from pellucid.published.able_page import write_able_page
+from pellucid.published.reproduce import reproduce
+from pellucid.published.reproduction import VERDICTS
+from pellucid.recordings.results import read_rows
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory):
+    out = tmp_path_factory.mktemp("able")
+    found = reproduce_able(out, seeds=(1, 2), rigs=1, workers=1)
+    write_able_page(out, found)
+    return out, found
+
+
+def test_results_have_the_ids_others_rely_on(made):
+    out, _ = made
+    rows = {r.id: r for r in read_rows(out / "results.json")}
+    wanted = [f"able.table1.{k}" for k in ("without", "with", "ratio", "p")]
+    wanted += [f"able.table1.published_protocol.{k}" for k in ("without", "with", "ratio", "p")]
+    wanted += ["able.consistent.ratio", "able.load.ratio", "able.load.torque_error", "able.drawn-1.table1.ratio"]
+    for name in wanted:
+        assert np.isfinite(rows[name].value), name
+    assert rows["able.load.torque_error"].unit == "N*m"
+    assert rows["able.table1.without"].unit == "A"
+    assert rows["able.table1.ratio"].split == "heldout"
+    assert rows["able.table1.published_protocol.ratio"].split == "fitted"
+
+
+def test_reproduction_puts_ours_beside_what_is_printed(made):
+    out, found = made
+    rows = json.loads((out / "reproduction.json").read_text(encoding="utf-8"))["rows"]
+    assert [r["id"] for r in rows] == [r.id for r in found.rows]
+    keys = {"id", "quantity", "unit", "published", "ours", "lower", "upper", "verdict", "note"}
+    assert all(set(r) == keys and r["verdict"] in VERDICTS for r in rows)
+    assert len({r["id"] for r in rows}) == len(rows)
+    for r in rows:
+        if r["lower"] is not None:
+            assert r["lower"] <= r["ours"] <= r["upper"]
+    ratio = next(r for r in rows if r["id"] == "able.table1.ratio")
+    assert ratio["published"] == 3.4
+    agrees = ratio["lower"] <= 3.4 <= ratio["upper"]
+    assert ratio["verdict"] == ("agrees" if agrees else "differs")
+
+
+def test_seeds_differ_and_models_are_judged_on_trials_they_never_saw(made):
+    _, found = made
+    first, second = found.comparisons[:2]
+    assert first.rig == second.rig
+    assert first.mean("unseen", "pooled") != second.mean("unseen", "pooled")
+    fitted = {m.recording for m in found.fit.motions if m.split == "fitted"}
+    assert not fitted & set(first.recordings["unseen"])
+    assert len(set(first.recordings["published"]) & fitted) == 12
+    assert len(first.recordings["unseen"]) == len(first.recordings["published"]) == 18
+
+
+def test_without_load_friction_directions_gain_nothing(made):
+    """The mechanism: what dissociation gains is load friction, and it grows with it."""
+    _, found = made
+    ratios = [c.ratio("published", "pooled", "dissociated") for c in found.by_factor]
+    assert LOAD_FACTORS[0] == 0.0
+    assert ratios[0] == pytest.approx(1.0, abs=0.05)
+    assert np.all(np.diff(ratios) > 0.0)
+
+
+def test_the_body_with_load_friction_is_the_rig(made):
+    _, found = made
+    for c in found.comparisons[:2]:
+        assert c.gravity_error["load"] < 0.01
+        assert c.inertia_error["load"] < 0.05
+        assert c.slider_error < 1e-3
+
+
+def test_the_page_stands_alone(made):
+    out, _ = made
+    page = (out / "index.html").read_text(encoding="utf-8")
+    assert not re.findall(r'(?:src|href)="(?:https?:)?//', page)
+    assert "Table I" in page
+    assert len(list(out.glob("*.svg"))) >= 8
+    card = json.loads((out / "table2-as-published.json").read_text(encoding="utf-8"))
+    assert card["kind"] == "as_published"
+
+
+def test_an_unknown_paper_lists_the_known(tmp_path):
+    with pytest.raises(Exception, match="known: able"):
+        reproduce("abel", tmp_path)
