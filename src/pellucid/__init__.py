@@ -15,11 +15,13 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from . import datasets as datasets
     from . import report as report
-    from .datasets import init as init
     from .demonstration.demo import demo as demo
     from .identification.check import check as check
     from .identification.compare import compare as compare
     from .identification.identify import identify as identify
+    from .lab.init import init as init
+    from .lab.simulate import simulate as simulate
+    from .published.reproduce import reproduce as reproduce
     from .recordings.study import open_study as open
 
 _WHERE = {
@@ -28,12 +30,26 @@ _WHERE = {
     "identify": ("identification.identify", "identify"),
     "compare": ("identification.compare", "compare"),
     "report": ("report", None),
-    "init": ("datasets", "init"),
+    "init": ("lab.init", "init"),
+    "simulate": ("lab.simulate", "simulate"),
+    "reproduce": ("published.reproduce", "reproduce"),
     "datasets": ("datasets", None),
     "demo": ("demonstration.demo", "demo"),
 }
 
-__all__ = ["__version__", "check", "compare", "datasets", "demo", "identify", "init", "open", "report"]
+__all__ = [
+    "__version__",
+    "check",
+    "compare",
+    "datasets",
+    "demo",
+    "identify",
+    "init",
+    "open",
+    "report",
+    "reproduce",
+    "simulate",
+]
 
 
 def __getattr__(name: str):

@@ -13,13 +13,15 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from ._errors import PellucidError, StudyError
+from ._errors import PellucidError
 
 if TYPE_CHECKING:
     from rich.console import Console
     from rich.table import Table
 
     from .identification.fit import JointFit, Verdict
+    from .identification.slider_fit import SliderFit
+    from .recordings.quality import Fault
     from .recordings.study import Study
 
 app = typer.Typer(
@@ -46,20 +48,40 @@ Family = Annotated[
 def init(
     folder: Annotated[Path, typer.Argument(metavar="DIR", help="Folder to make.")],
     dataset: Annotated[str | None, typer.Option(metavar="NAME", help="Public data set to fill it from.")] = None,
-    rig: Annotated[str | None, typer.Option(metavar="NAME", help="Virtual rig (comes with a later version).")] = None,
+    rig: Annotated[str | None, typer.Option(metavar="NAME", help="Virtual rig that is to fill it.")] = None,
 ) -> None:
     """Make a study: recordings, and a study.toml about them."""
-    from . import datasets
+    from .lab.init import init as run
 
-    if rig is not None:
-        raise StudyError("--rig: virtual rigs come with a later version; use --dataset NAME")
-    if dataset is None:
-        raise StudyError(f"init needs --dataset NAME; known: {', '.join(datasets.names())}")
-    study = datasets.init(folder, dataset=dataset, progress=sys.stderr.isatty())
+    made = run(folder, dataset=dataset, rig=rig, progress=sys.stderr.isatty())
     out = _console()
-    _say(out, f"{folder}: study {study.name!r}, {_count(len(study.recordings()), 'recording')}.")
-    _list(out, [("note", note) for note in study.notes])
+    if isinstance(made, Path):
+        _say(out, f"{made}: the rig {rig}, to be used as it is or edited.")
+        _say(out, f"Next: pellucid simulate {folder}")
+        return
+    _say(out, f"{folder}: study {made.name!r}, {_count(len(made.recordings()), 'recording')}.")
+    _list(out, [("note", note) for note in made.notes])
     _say(out, f"study.toml says what they mean. Next: pellucid check {folder}")
+
+
+@app.command()
+def simulate(
+    folder: Annotated[Path, typer.Argument(metavar="DIR", help="Folder with lab/rig.toml.")],
+    seed: Annotated[int, typer.Option(metavar="N", min=0, help="Seed of every random draw.")] = 1,
+) -> None:
+    """Let a virtual rig make the recordings."""
+    from .lab.simulate import simulate as run
+
+    with _progress() as tell:
+        made = run(folder, seed, on_progress=tell)
+    out = _console()
+    times = made.joint_time / made.wall_time
+    _say(
+        out,
+        f"{folder}: study {made.study.name!r}, {_count(made.recordings, 'recording')}, {made.joint_time:.0f} s of "
+        f"motion in {made.wall_time:.1f} s ({times:.0f} times real time).",
+    )
+    _say(out, f"Next: pellucid check {folder}")
 
 
 @app.command()
@@ -74,7 +96,7 @@ def check(folder: Folder) -> None:
         faults = run(study)
     out = _console()
     refused = [f for f in faults if f.severity == "refuse"]
-    _list(out, [("warning" if f.severity == "refuse" else "note", f.message) for f in faults])
+    _list(out, [("warning", f.message) for f in refused] + [("note", text) for text in _grouped(faults)])
     if refused:
         _say(out, f"Not fit to identify from: {_count(len(refused), 'fault')}.")
         raise typer.Exit(1)
@@ -100,7 +122,10 @@ def identify(
         _print_json(study)
         return
     out = _console()
-    _print_fit(out, study, fit)
+    if study.rig.slider is None:
+        _print_fit(out, study, fit)
+    else:
+        _print_slider_fit(out, study, fit)
     _say(out, f"Model cards in {study.models_dir}, every figure in {study.results_path}.")
     _say(out, f"Next: pellucid report {folder}")
 
@@ -166,6 +191,22 @@ def demo(
     _list(console, [("note", note) for note in made.notes])
     for study, _, page in made.studies:
         _say(console, f"Report of {study.name}: {page}")
+
+
+@app.command()
+def reproduce(
+    paper: Annotated[str, typer.Argument(metavar="PAPER", help="Published study: able.")],
+    out: Annotated[Path | None, typer.Option("--out", metavar="DIR", help="Folder for the page and its files.")] = None,
+) -> None:
+    """Reproduce a published study, number by number."""
+    from .published.reproduce import reproduce as run
+
+    with _progress() as tell:
+        made = run(paper, out or Path(f"reproduction-{paper}"), on_progress=tell)
+    console = _console()
+    for line in made.lines:
+        _say(console, line)
+    _say(console, f"Page: {made.page}")
 
 
 @app.command()
@@ -309,6 +350,41 @@ def _print_fit(out: Console, study: Study, fit: JointFit) -> None:
     _print_verdicts(out, fit.verdicts)
 
 
+def _print_slider_fit(out: Console, study: Study, fit: SliderFit) -> None:
+    from math import isfinite
+
+    from .identification.slider_fit import METHODS
+    from .report.quantities import number, parameter_note, relative_sd, unit_text
+
+    held = isfinite(fit.mean_error("pooled"))
+    split = "held-out" if held else "fitted"
+    _say(out, f"\n{fit.study}: {_count(len(fit.motions), 'recording')}; mean absolute error over {split} trials")
+    table = _table("method~", ">parameters", ">error A", ">error N·m")
+    for name, estimate in fit.estimates.items():
+        judged = tuple(e.recording for e in fit.errors[name] if not held or e.split == "heldout")
+        current = fit.mean_error(name, judged)
+        torque = current * fit.gain
+        table.add_row(METHODS[name], f"{len(estimate.values)}", number(current, digits=3), number(torque, digits=3))
+    out.print(table)
+    level = study.model.confidence
+    for name in ("load", "dissociated"):
+        _say(out, f"{METHODS[name]}:")
+        table = _table("parameter", ">value", f">± ({100.0 * level:.4g} %)", "unit", ">SD %", "")
+        for p in fit[name].parameters:
+            low, high = p.interval(level)
+            half = number(0.5 * (high - low), p.standard_error) if high > low else "–"
+            table.add_row(
+                p.name,
+                number(p.value, p.standard_error),
+                half,
+                unit_text(p.unit),
+                relative_sd(p),
+                parameter_note(p, level),
+            )
+        out.print(table)
+    _print_verdicts(out, fit.verdicts)
+
+
 def _print_json(study: Study) -> None:
     from dataclasses import asdict
     from json import dumps
@@ -339,6 +415,22 @@ def _list(out: Console, items: Sequence[tuple[str, str]]) -> None:
         grid.add_row(Text(mark, style=style), Text(text, overflow="fold"))
     if items:
         out.print(Padding(grid, 0))
+
+
+def _grouped(faults: Sequence[Fault], most: int = 3) -> list[str]:
+    """Messages of notes; of many that differ only in their file, the first, and how many more there are."""
+    kinds: dict[tuple[str, str], list[str]] = {}
+    for fault in faults:
+        if fault.severity != "refuse":
+            what = (fault.kind, fault.channel) if len(faults) > most else (fault.message, "")
+            kinds.setdefault(what, []).append(fault.message)
+    said = []
+    for messages in kinds.values():
+        if len(messages) <= most:
+            said += messages
+        else:
+            said.append(f"{messages[0]} (and {len(messages) - 1} more like it)")
+    return said
 
 
 def _count(n: int, what: str) -> str:

@@ -7,8 +7,20 @@ import pytest
 
 import pellucid
 
-NAMES = ["__version__", "check", "compare", "datasets", "demo", "identify", "init", "open", "report"]
-COMMANDS = ["init", "check", "identify", "report", "compare", "demo", "version", "datasets"]
+NAMES = [
+    "__version__",
+    "check",
+    "compare",
+    "datasets",
+    "demo",
+    "identify",
+    "init",
+    "open",
+    "report",
+    "reproduce",
+    "simulate",
+]
+COMMANDS = ["init", "simulate", "check", "identify", "report", "compare", "demo", "reproduce", "version", "datasets"]
 HEAVY = ("numpy", "scipy", "matplotlib", "pydantic", "pint", "rich", "jinja2", "pooch")
 
 

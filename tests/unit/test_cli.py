@@ -52,7 +52,7 @@ def test_version():
 
 def test_help_names_every_command_on_one_line_each():
     text = run(cli.app, ["--help"]).output
-    for command in ("init", "check", "identify", "report", "compare", "demo", "version", "datasets"):
+    for command in ("init", "simulate", "check", "identify", "report", "compare", "demo", "reproduce", "version"):
         assert f"\n  {command} " in text
     assert "..." not in text.split("Commands:")[1]
 
@@ -177,10 +177,10 @@ def test_init_needs_a_data_set(monkeypatch, capsys, tmp_path):
     code, out, err = as_program(monkeypatch, capsys, "init", tmp_path / "new")
     assert code == 2
     assert out == ""
-    assert err.startswith("pellucid: init needs --dataset NAME; known: ")
+    assert err.startswith("pellucid: init needs --dataset NAME or --rig NAME")
     code, _, err = as_program(monkeypatch, capsys, "init", tmp_path / "new", "--rig", "elbow")
     assert code == 2
-    assert "later version" in err
+    assert "unknown rig 'elbow'; known: able-elbow, bench-joint, able-elbow-drawn-1" in err
     assert not (tmp_path / "new").exists()
 
 

@@ -9,6 +9,7 @@ from ..recordings.study import Study
 from ..signals.effort import drive_model
 from ..signals.motion import motions
 from .regression import solve, stack
+from .slider_faults import slider_faults
 from .verdicts import sign_error
 
 
@@ -32,6 +33,8 @@ def check(study: Study) -> list[Fault]:
     faults = [fault for recording in study.recordings() for fault in inspect(recording, study)]
     if any(fault.severity == "refuse" for fault in faults):
         return faults
+    if study.rig.slider is not None:
+        return sorted(faults + slider_faults(study.config, study.recordings()), key=lambda f: f.severity != "refuse")
     try:
         data = stack([m for m in motions(study) if m.split == "fitted"])
         model = joint_model(

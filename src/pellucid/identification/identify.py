@@ -18,9 +18,11 @@ from .consistency import enforce_pseudo_inertia
 from .drive_constant import drive_constant
 from .evaluation import pooled, predict
 from .fit import Estimate, FamilyFit, JointFit, Parameter, Simulation
+from .identify_slider import identify_slider
 from .regression import Solution, Stack, solve, stack, with_known_stribeck_velocity
 from .replay import can_close, simulation_of
 from .reweighting import solve_robust, solve_weighted
+from .slider_fit import SliderFit
 from .uncertainty import block_bootstrap, memory, sandwich, whiteness
 from .verdicts import sign_error, verdicts
 
@@ -31,7 +33,7 @@ Progress = Callable[[str, float], None]
 
 def identify(
     study: Study, *, families: Sequence[str] | None = None, on_progress: Progress | None = None, thorough: bool = True
-) -> JointFit:
+) -> JointFit | SliderFit:
     """Identify the joint of a study.
 
     Parameters
@@ -47,7 +49,8 @@ def identify(
 
     Returns
     -------
-    JointFit
+    JointFit or SliderFit
+        The latter of a rig with a carriage, whose methods are its own: `families` must then be left out.
 
     Raises
     ------
@@ -56,6 +59,10 @@ def identify(
     IdentificationError
         If the recordings cannot carry a model of any family.
     """
+    if study.rig.slider is not None:
+        if families:
+            raise IdentificationError("a joint with a carriage is identified by its own methods; leave out --family")
+        return identify_slider(study, on_progress=on_progress)
     tell = on_progress or (lambda text, share: None)
     names = tuple(families or study.model.families)
     for name in names:

@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
-from .._errors import IdentificationError
+from .._errors import IdentificationError, RecordingError
 from ..models.directional_slider import DirectionalSliderModel
 from ..models.slider_joint import SliderJointModel
 from ..recordings.quality import require_sound
@@ -18,13 +18,11 @@ from ..signals.markers import slider_geometry
 from ..signals.slider_motion import SliderMotion, slider_motions
 from .coherent_body import fit_coherent, torque
 from .fit import Verdict
+from .slider_faults import STEPS, slider_faults
 from .slider_fit import METHODS, SliderEstimate, SliderFit, TrialError
-from .three_steps import all_at_once, static_set, three_steps
+from .three_steps import all_at_once, directional_columns, static_set, three_steps
 
 Progress = Callable[[str, float], None]
-
-STEPS = ("constant_velocity", "swept_sine")
-"""Protocols that steps 2 and 3 fit, and the coherent body too."""
 
 AT_ONCE = "fourier"
 """The protocol of one excitation that shows everything; without it, all at once fits what the steps fit."""
@@ -57,6 +55,9 @@ def identify_slider(study: Study, *, on_progress: Progress | None = None) -> Sli
     tell("looking for faults", 0.4)
     for recording in recordings:
         require_sound(recording, study)
+    refused = [f.message for f in slider_faults(study.config, recordings) if f.severity == "refuse"]
+    if refused:
+        raise RecordingError("\n".join(refused))
     return fit_slider(study.config, recordings, on_progress=lambda text, share: tell(text, 0.6 + 0.4 * share))
 
 
@@ -145,8 +146,7 @@ def predicted(estimate: SliderEstimate, motion: SliderMotion) -> np.ndarray:
     ndarray, shape (n,)
     """
     if isinstance(estimate.model, DirectionalSliderModel):
-        whole = estimate.model.torque(motion.position, motion.velocity, motion.acceleration, motion.slider)
-        return motion.smooth(whole)
+        return directional_columns(motion) @ np.concatenate([estimate.model.up, estimate.model.down])
     return torque(estimate.model, estimate.values, motion)
 
 
@@ -230,7 +230,7 @@ def slider_verdicts(fit: SliderFit) -> tuple[Verdict, ...]:
             Verdict(
                 "warning",
                 f"Between its directions the dissociated model rubs by {friction.min():.3g} to {friction.max():.3g} "
-                "N*m at rest: where that is negative, compensating it drives the joint.",
+                "N*m at rest: where that is negative, such a joint would drive itself.",
             )
         )
     notes = [note for name in ("consistent", "load") for note in fit[name].notes]

@@ -15,23 +15,28 @@ from ..recordings.study import Study
 from ..signals.effort import drive_model
 from .fit import Estimate, FamilyFit, JointFit, Simulation
 from .replay import relative_error
+from .save_slider import save_slider
+from .slider_fit import SliderFit
 
 COMMAND = "identify"
 
 
-def save(study: Study, fit: JointFit) -> list[ResultRow]:
+def save(study: Study, fit: JointFit | SliderFit) -> list[ResultRow]:
     """Write `models/joint.json` (the best family), `models/joint.<family>.json`, and this command's rows.
 
     Parameters
     ----------
     study : Study
-    fit : JointFit
+    fit : JointFit or SliderFit
+        The latter is written by `save_slider`.
 
     Returns
     -------
     list of ResultRow
         What results.json now holds of this command.
     """
+    if isinstance(fit, SliderFit):
+        return save_slider(study, fit)
     study.models_dir.mkdir(exist_ok=True)
     for name, family in fit.families.items():
         write_card(study.models_dir / f"joint.{name}.json", card_of(study, fit, family))

@@ -123,6 +123,35 @@ def read_card(path: Path) -> ModelCard:
     PellucidError
         If the file is missing, is not a model card, or was written by a newer version.
     """
+    table = read_table(path)
+    try:
+        parameters = tuple(CardParameter(**(p | {"interval": tuple(p["interval"])})) for p in table["parameters"])
+        covariance = tuple(tuple(row) for row in table["covariance"])
+        card = ModelCard(**(table | {"parameters": parameters, "covariance": covariance}))
+        unknown = [p.name for p in parameters if p.name not in SYMBOLS]
+    except (KeyError, TypeError) as error:
+        raise PellucidError(f"{path}: not a model card of format {FORMAT}: {error}") from None
+    if unknown:
+        raise PellucidError(f"{path}: unknown parameters {', '.join(unknown)}")
+    return card
+
+
+def read_table(path: Path) -> dict:
+    """What a card's file says, of whatever kind the card is.
+
+    Parameters
+    ----------
+    path : Path
+
+    Returns
+    -------
+    dict
+
+    Raises
+    ------
+    PellucidError
+        If the file is missing, is not a model card, or was written by a newer version.
+    """
     try:
         table = json.loads(Path(path).read_text(encoding="utf-8"))
     except FileNotFoundError:
@@ -134,13 +163,4 @@ def read_card(path: Path) -> ModelCard:
         raise PellucidError(f"{path}: not a model card: no integer 'format'")
     if version > FORMAT:
         raise PellucidError(f"{path}: a model card of format {version}; this version reads up to {FORMAT}")
-    try:
-        parameters = tuple(CardParameter(**(p | {"interval": tuple(p["interval"])})) for p in table["parameters"])
-        covariance = tuple(tuple(row) for row in table["covariance"])
-        card = ModelCard(**(table | {"parameters": parameters, "covariance": covariance}))
-        unknown = [p.name for p in parameters if p.name not in SYMBOLS]
-    except (KeyError, TypeError) as error:
-        raise PellucidError(f"{path}: not a model card of format {FORMAT}: {error}") from None
-    if unknown:
-        raise PellucidError(f"{path}: unknown parameters {', '.join(unknown)}")
-    return card
+    return table

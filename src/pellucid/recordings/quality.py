@@ -41,6 +41,10 @@ NEAREST = 0.02
 MIN_OVERLAP = 0.5
 """Share of a recording that the motion capture should have seen."""
 
+BREAKAWAY = 0.5
+"""How far beyond what moves a joint either way the effort passes before its rest is an encoder's: a share of the
+difference between both ways. A joint sticks while it reverses, and more so under a load or where gravity is larger."""
+
 DRIVE_CHANNELS = {"torque": ("torque", "force"), "current": ("current",), "voltage": ("voltage", "duty")}
 """Kind of drive -> channels that may carry its command, the first one present counting."""
 
@@ -377,7 +381,9 @@ def _why_frozen(q, effort, reference, step: _Steps, first: int, last: int) -> st
         run = effort[first + 1 : last]
         if np.isfinite(forth).any() and np.isfinite(back).any() and np.isfinite(run).any():
             up, down = np.nanmedian(forth), np.nanmedian(back)
-            if up > down and np.nanmax(run) > up and np.nanmin(run) < down:
+            # A joint that reverses sticks until the effort breaks it away, which takes a little more than to move it.
+            more = BREAKAWAY * (up - down)
+            if up > down and np.nanmax(run) > up + more and np.nanmin(run) < down - more:
                 return f"the effort passes from {np.nanmin(run):.4g} to {np.nanmax(run):.4g}, which moves it elsewhere"
     return None
 

@@ -12,6 +12,7 @@ import numpy as np
 from .._atomic import write_text_atomically
 from ..identification.fit import Estimate, FamilyFit, JointFit, Parameter
 from ..identification.identify import identify
+from ..identification.slider_fit import SliderFit
 from ..recordings.study import Study
 from ..signals.motion import motions
 from . import figures
@@ -34,6 +35,7 @@ from .quantities import (
     unit_text,
 )
 from .series import whole_recordings
+from .slider_document import write_slider_report
 from .tables import Row, Table
 from .templates import render
 
@@ -52,14 +54,14 @@ WHAT_ESTIMATORS_DO = (
 
 
 def write_report(
-    study: Study, fit: JointFit | None = None, *, on_progress: Callable[[str, float], None] | None = None
+    study: Study, fit: JointFit | SliderFit | None = None, *, on_progress: Callable[[str, float], None] | None = None
 ) -> Path:
     """Write the report of a study's joint: ``report/index.html``, and every figure as SVG and PDF.
 
     Parameters
     ----------
     study : Study
-    fit : JointFit, optional
+    fit : JointFit or SliderFit, optional
         What `identify` found. Left out, the joint is identified again, with the families its model cards name.
     on_progress : callable, optional
         Called with a text and the share done, 0 to 1.
@@ -76,6 +78,8 @@ def write_report(
     PellucidError
         If a recording can no longer be read, or the joint cannot be identified.
     """
+    if study.rig.slider is not None:
+        return write_slider_report(study, fit, on_progress=on_progress)
     tell = on_progress or (lambda text, share: None)
     share = 0.0
     if fit is None:

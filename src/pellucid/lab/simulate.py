@@ -1,0 +1,107 @@
+"""A virtual rig's recordings, written as the study that a lab would have made of them."""
+
+from __future__ import annotations
+
+import os
+import re
+import time
+import tomllib
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+from .._errors import StudyError
+from ..recordings.study import STUDY_FILE, Study
+from .elbow_protocol import trials
+from .elbow_rig import KIND, parse_elbow_rig
+from .elbow_study import excitation, write_elbow_study
+from .init import RIG_FILE
+from .virtual_joint import VirtualJoint, parse_rig, write_study
+
+TRUTH_FILE = "lab/truth.json"
+
+
+@dataclass(frozen=True)
+class Simulated:
+    """Recordings that a virtual rig made.
+
+    Parameters
+    ----------
+    study : Study
+    recordings : int
+        How many.
+    joint_time : float
+        How long the joint moved [s].
+    wall_time : float
+        How long that took here, files and all [s].
+    """
+
+    study: Study
+    recordings: int
+    joint_time: float
+    wall_time: float
+
+
+def simulate(
+    folder: str | os.PathLike, seed: int = 1, *, on_progress: Callable[[str, float], None] | None = None
+) -> Simulated:
+    """Record the full protocol on the virtual rig of ``lab/rig.toml``, and write the study of it: study.toml,
+    recordings, and apart from both the truth in ``lab/truth.json``. The same seed makes the same files.
+
+    Parameters
+    ----------
+    folder : path-like
+        Made by `init` with a rig.
+    seed : int
+        Of every random draw.
+    on_progress : callable, optional
+        Called with a text and the share done, 0 to 1.
+
+    Returns
+    -------
+    Simulated
+
+    Raises
+    ------
+    StudyError
+        If there is no rig file, it cannot be understood, or the folder holds a study that was not simulated.
+    """
+    folder, tell = Path(folder), on_progress or (lambda text, share: None)
+    path = folder / RIG_FILE
+    if not path.is_file():
+        raise StudyError(f"{path}: no such file; make one with: pellucid init {folder} --rig NAME")
+    if (folder / STUDY_FILE).exists() and not (folder / TRUTH_FILE).exists():
+        raise StudyError(f"{folder}: found a study that was not simulated, which simulate would overwrite")
+    text = path.read_text(encoding="utf-8")
+    try:
+        kind = tomllib.loads(text).get("kind")
+    except tomllib.TOMLDecodeError as error:
+        raise StudyError(f"{path}: not valid TOML: {error}") from error
+    name = study_name(folder)
+    begun = time.perf_counter()
+    if kind == KIND:
+        rig = parse_elbow_rig(text, name)
+        tell("optimising the excitation", 0.0)
+        made = trials(rig, excitation)
+        study = write_elbow_study(folder, rig, name=name, seed=seed, made=made, on_progress=on_progress)
+        joint_time = sum(len(trial.reference) for trial in made) / rig["sampling"]["rate"]
+    elif kind is None:
+        joint = _bench(text, path)
+        tell("moving the virtual joint", 0.1)
+        study = write_study(folder, joint, name=name, seed=seed)
+        joint_time = joint.duration * len(study.config.recordings)
+    else:
+        raise StudyError(f'{path}: found kind = {kind!r}, expected "{KIND}", or no kind for a joint on a bench')
+    return Simulated(study, len(study.config.recordings), joint_time, time.perf_counter() - begun)
+
+
+def study_name(folder: Path) -> str:
+    """A folder's name as a study's, with what such a name may not hold replaced by a hyphen."""
+    return re.sub(r"[^A-Za-z0-9_.-]+", "-", folder.absolute().name).lstrip("_.-") or "study"
+
+
+def _bench(text: str, path: Path) -> VirtualJoint:
+    try:
+        return parse_rig(text)
+    except KeyError as error:
+        raise StudyError(f"{path}: found no {error.args[0]}, which a virtual joint needs") from error
