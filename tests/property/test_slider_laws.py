@@ -135,14 +135,15 @@ def test_a_body_that_meets_the_conditions_has_inertia_everywhere(rng):
 
 
 def pooled_effort(m, values=UP):
-    """One set for both directions, its dry friction filtered as the measured effort is."""
-    whole = columns(m.position, m.velocity, m.acceleration, m.slider)
-    whole[:, 3] = m.smooth(whole[:, 3])
-    return whole @ values
+    return dissociated_effort(m, values, values)
 
 
 def dissociated_effort(m, up=UP, down=DOWN):
-    return m.smooth(DirectionalSliderModel(up, down).torque(m.position, m.velocity, m.acceleration, m.slider))
+    """Two sets, what jumps with the direction filtered as the measured effort is."""
+    whole = columns(m.position, m.velocity, m.acceleration, m.slider)
+    dry = np.array(list(UNITS)) == "coulomb"
+    smooth, sign = whole @ (0.5 * (up + down) * ~dry), np.where(m.velocity > 0.0, 1.0, -1.0)
+    return smooth + m.smooth(whole @ (0.5 * (up + down) * dry) + sign * (whole @ (0.5 * (up - down))))
 
 
 def without_inertia_while_steady(effort_of):

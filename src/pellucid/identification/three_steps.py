@@ -211,18 +211,34 @@ def require_places(motions: Sequence[SliderMotion], least: float = 0.02) -> None
         )
 
 
+def directional_columns(motion: SliderMotion) -> np.ndarray:
+    """Torque per unit of each parameter of the up set, then of the down set, filtered as the effort was.
+
+    States are filtered already, and so are terms smooth in them: only what jumps with the direction passes the filter.
+    Twice the same set is then the model without directions, and no term of it is filtered twice.
+
+    Parameters
+    ----------
+    motion : SliderMotion
+
+    Returns
+    -------
+    ndarray, shape (n, 16)
+        SI.
+    """
+    whole = columns(motion.position, motion.velocity, motion.acceleration, motion.slider)
+    jumps = motion.smooth(whole * np.where(motion.velocity > 0.0, 1.0, -1.0)[:, None])
+    whole[:, 3] = motion.smooth(whole[:, 3])  # dry friction jumps in either set
+    return 0.5 * np.column_stack([whole + jumps, whole - jumps])
+
+
 def _rows(motions, terms, dissociated, also) -> tuple[np.ndarray, np.ndarray, list[int]]:
     """Filtered regressor and effort of the scored samples, and how many each motion gave."""
     w, y, lengths = [], [], []
     for m in motions:
-        whole = columns(m.position, m.velocity, m.acceleration, m.slider)[:, terms]
-        up = (m.velocity > 0.0)[:, None]
-        if dissociated:
-            filtered = m.smooth(np.column_stack([whole * up, whole * ~up]))
-        else:
-            filtered = whole.copy()
-            if terms.start <= 3 < terms.stop:
-                filtered[:, 3 - terms.start] = m.smooth(whole[:, 3 - terms.start])
+        filtered = directional_columns(m)[:, [*range(terms.start, terms.stop), *range(8 + terms.start, 8 + terms.stop)]]
+        if not dissociated:
+            filtered = np.add(*np.split(filtered, 2, axis=1))
         keep = m.scored if also is None else m.scored & also(m)
         at = np.flatnonzero(keep)[::STRIDE]
         w.append(filtered[at])
