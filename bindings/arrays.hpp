@@ -5,12 +5,18 @@
 #include <nanobind/ndarray.h>
 
 #include <cstdint>
+#include <cstdlib>
 #include <initializer_list>
 #include <limits>
+#include <new>
 #include <string>
 #include <type_traits>
 #include <utility>
 #include <vector>
+
+#if defined(__linux__)
+#include <sys/mman.h>
+#endif
 
 namespace bindings {
 
@@ -48,6 +54,24 @@ template <class T> struct BasicArray {
 };
 using Array = BasicArray<double>;
 
+/// Memory for a result, not zeroed: whoever asks writes all of it. Large results take large pages where the system has
+/// them; a fresh page for every 4 KiB costs as much time as simulating what is written there.
+inline void* allocate(std::size_t bytes) {
+  constexpr std::size_t large_page = std::size_t(1) << 21;
+  if (bytes < large_page) {
+    void* memory = std::malloc(bytes > 0 ? bytes : 1);
+    if (memory == nullptr) throw std::bad_alloc();
+    return memory;
+  }
+  const std::size_t whole = (bytes + large_page - 1) / large_page * large_page;
+  void* memory = std::aligned_alloc(large_page, whole);
+  if (memory == nullptr) throw std::bad_alloc();
+#if defined(__linux__)
+  madvise(memory, bytes / large_page * large_page, MADV_HUGEPAGE);  // not the last, which is used only in part
+#endif
+  return memory;
+}
+
 /// An array of T that goes out.
 template <class T> struct BasicResult {
   T* data;
@@ -55,9 +79,9 @@ template <class T> struct BasicResult {
   nb::capsule owner;
 
   explicit BasicResult(Shape extents)
-      : data(new T[count(extents)]()),
+      : data(static_cast<T*>(allocate(count(extents) * sizeof(T)))),
         shape(std::move(extents)),
-        owner(data, [](void* p) noexcept { delete[] static_cast<T*>(p); }) {}
+        owner(data, [](void* p) noexcept { std::free(p); }) {}
   static std::size_t count(const Shape& extents) {
     std::size_t n = 1;
     for (const std::size_t extent : extents) n *= extent;

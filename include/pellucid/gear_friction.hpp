@@ -67,7 +67,7 @@ template <class S> S rise(const GearFrictionCoefficients<S>& c, const S& velocit
 /// of its sign.
 template <class S>
 S level(const GearFrictionCoefficients<S>& c, const S& share, const S& at, const S& load, const S& direction) noexcept {
-  const S alpha = load_coefficient(c.friction, load, direction);
+  const S alpha = select(load * direction > S(0), c.friction.load_motoring, c.friction.load_generating);
   return (coulomb(c.friction, direction) * share + c.friction.stribeck * at) +
          (alpha * (S(1) + c.load_rise * at)) * abs(load);
 }
