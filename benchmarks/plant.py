@@ -1,7 +1,8 @@
 """How fast the plant runs: the core beside the same plant in Numba, and beside MuJoCo called from Python.
 
 One joint with gravity, smooth Coulomb and viscous friction under a cascade loop at 1 kHz, 10 substeps a period, on one
-core. What is compared runs interleaved in one process; figures are medians, with the spread of the repeats in the note.
+core. Then a motor and a link behind a compliant transmission with backlash, 4 substeps, with all terms of its friction.
+What is compared runs interleaved in one process; figures are medians, with the spread of the repeats in the note.
 """
 
 from __future__ import annotations
@@ -18,6 +19,31 @@ from pellucid import _core
 PERIOD, SUBSTEPS, KP, KV, LIMIT = 1e-3, 10, 20.0, 3.0, 8.0
 INERTIA, GRAVITY, COULOMB, VISCOUS, WIDTH = 0.05, 1.5, 0.3, 0.1, 0.02
 ROWS = 64
+GEARED_ROWS, GEARED_SUBSTEPS, GEARED_KP, GEARED_KV, GEARED_LIMIT = 60, 4, 20.0, 8.0, 30.0
+GEARED = {
+    "link_inertia": 0.15,
+    "gravity_sine": 8.0,
+    "gravity_cosine": -0.5,
+    "motor_inertia": 0.08,
+    "stiffness": 900.0,
+    "damping": 1.5,
+    "backlash": 0.004,
+    "coulomb_positive": 0.6,
+    "coulomb_negative": 0.5,
+    "viscous_positive": 0.4,
+    "viscous_negative": 0.5,
+    "stribeck": 0.3,
+    "stribeck_velocity": 0.1,
+    "load_motoring": 0.08,
+    "load_generating": 0.15,
+    "load_rise": 0.5,
+    "friction_swing": 0.15,
+    "friction_wave_number": 6.0,
+    "viscous_decline": 3.0,
+    "bearing_coulomb": 0.05,
+    "bearing_viscous": 0.02,
+}
+RIPPLE, RIPPLE_WAVES = 0.05, 14.0
 REPEATS = 9
 
 MUJOCO_MODEL = f"""
@@ -81,6 +107,87 @@ def in_numba() -> tuple[Callable, Callable]:
     return run, run_many
 
 
+def geared_in_numba() -> Callable:
+    """The geared plant as `_core.simulate_geared` runs it, compiled by Numba, one row after another."""
+    import numba
+
+    @numba.njit
+    def dry(swung, rise, torque, up, p):
+        motoring = torque > 0 if up else torque < 0
+        alpha = p[13] if motoring else p[14]
+        return (p[7] if up else p[8]) * swung + p[11] * rise + alpha * (1 + p[15] * rise) * abs(torque)
+
+    @numba.njit
+    def moved(v, net, hold, slip, viscous, inertia, h):
+        held = abs(net) <= hold
+        if v == 0.0:
+            return 0.0 if held else h * (net - math.copysign(slip, net)) / inertia
+        after = v + h * (net - math.copysign(slip, v) - viscous) / inertia
+        return 0.0 if held and after * v <= 0 else after
+
+    @numba.njit
+    def torque_of(twist, rate, p):
+        half = 0.5 * p[6]
+        if twist > half:
+            return max(p[4] * (twist - half) + p[5] * rate, 0.0)
+        if twist < -half:
+            return min(p[4] * (twist + half) + p[5] * rate, 0.0)
+        return 0.0
+
+    @numba.njit
+    def run(reference, rows, out):
+        h = PERIOD / GEARED_SUBSTEPS
+        for i in range(rows.shape[0]):
+            p = rows[i]
+            q = v = v_m = 0.0
+            weight = p[2]
+            q_m = weight / p[4] + (math.copysign(0.5 * p[6], weight) if weight != 0 else 0.0)
+            for k in range(reference.size):
+                u = GEARED_KV * (GEARED_KP * (reference[k] - q_m) - v_m)
+                u = min(max(u, -GEARED_LIMIT), GEARED_LIMIT)
+                out[0, i, k], out[1, i, k], out[2, i, k], out[3, i, k] = q_m, v_m, q, v
+                out[4, i, k], out[5, i, k], out[6, i, k] = u, q_m, torque_of(q_m - q, v_m - v, p)
+                for _ in range(GEARED_SUBSTEPS):
+                    torque = torque_of(q_m - q, v_m - v, p)
+                    net = u + RIPPLE * math.sin(RIPPLE_WAVES * q_m) - torque
+                    up = v_m > 0 if v_m != 0 else net > 0
+                    swung = 1 + p[16] * math.sin(p[17] * q_m)
+                    hold = dry(swung, 1.0, torque, net > 0, p)
+                    slip = dry(swung, math.exp(-((v_m / p[12]) ** 2)), torque, up, p)
+                    viscous = (p[9] if up else p[10]) * v_m / (1 + abs(v_m) / p[18])
+                    turned = moved(v_m, net, hold, slip, viscous, p[3], h)
+                    net = torque - p[1] * math.sin(q) - p[2] * math.cos(q)
+                    v = moved(v, net, p[19], p[19], p[20] * v, p[0], h)
+                    v_m = turned
+                    q_m += h * v_m
+                    q += h * v
+
+    return run
+
+
+def geared_cases() -> dict[str, tuple[float, Callable[[], object]]]:
+    """The geared plant: one row, many, on one thread and on two, and in Numba; checked to be the same motion."""
+    r = reference(5.0)
+    rows = np.tile([GEARED[name] for name in _core.GEARED_PARAMETER_NAMES], (GEARED_ROWS, 1))
+    rows[:, :2] *= np.linspace(0.7, 1.3, GEARED_ROWS)[:, None]  # a slider: inertia and gravity of the link
+    settings = dict(
+        reference=r, period=PERIOD, substeps=GEARED_SUBSTEPS, loop="cascade", kp=GEARED_KP, kv=GEARED_KV,
+        limit=GEARED_LIMIT, ripple_amplitude=RIPPLE, ripple_wave_number=RIPPLE_WAVES,
+    )  # fmt: skip
+    run = geared_in_numba()
+    out, outs = np.empty((7, 1, r.size)), np.empty((7, GEARED_ROWS, r.size))
+    run(r, rows[:1], out)
+    for got, wanted in zip(_core.simulate_geared(rows[:1], **settings), out, strict=True):
+        np.testing.assert_allclose(got, wanted, rtol=0, atol=1e-6 * np.max(np.abs(wanted)))
+    return {
+        "geared": (5.0, lambda: _core.simulate_geared(rows[:1], **settings)),
+        "geared batch": (5.0 * GEARED_ROWS, lambda: _core.simulate_geared(rows, **settings)),
+        "geared batch threads": (5.0 * GEARED_ROWS, lambda: _core.simulate_geared(rows, threads=2, **settings)),
+        "geared numba": (5.0, lambda: run(r, rows[:1], out)),
+        "geared numba batch": (5.0 * GEARED_ROWS, lambda: run(r, rows, outs)),
+    }
+
+
 def in_mujoco() -> Callable | None:
     """The same joint in MuJoCo, its loop in Python, ten steps a call; None where MuJoCo is not installed."""
     try:
@@ -133,8 +240,10 @@ def run() -> list[dict]:
     mujoco = in_mujoco()
     if mujoco is not None:
         cases["mujoco"] = (2.0, lambda: mujoco(short))
+    cases |= geared_cases()
 
     rate = medians(cases)
+    geared = f"motor, transmission and link, {1e-3 * GEARED_SUBSTEPS / PERIOD:.0f} kHz substeps, {_core.instructions}"
     about = f"1 kHz loop, {1e-3 * SUBSTEPS / PERIOD:.0f} kHz substeps, one core, {_core.instructions}"
     notes = {
         "core": about,
@@ -143,6 +252,11 @@ def run() -> list[dict]:
         "numba": "the same equations, one joint",
         "numba batch": f"the same equations, {ROWS} joints one after another",
         "mujoco": "the same joint (frictionloss for tanh), loop in Python, 10 steps a call",
+        "geared": f"{geared}, one core",
+        "geared batch": f"{geared}, one core, {GEARED_ROWS} rows in lanes",
+        "geared batch threads": f"{geared}, two threads, {GEARED_ROWS} rows in lanes",
+        "geared numba": "the same equations, one row",
+        "geared numba batch": f"the same equations, {GEARED_ROWS} rows one after another",
     }
     rows_out = [
         {
@@ -154,6 +268,7 @@ def run() -> list[dict]:
         for name in rate
     ]
     pairs = [("core", "numba"), ("core batch", "numba batch"), ("core", "mujoco"), ("core batch", "mujoco")]
+    pairs += [("geared", "geared numba"), ("geared batch", "geared numba batch")]
     rows_out += [
         {
             "name": f"plant.{a.replace(' ', '_')}_over_{b.replace(' ', '_')}",
