@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from scipy.optimize import least_squares, lsq_linear, minimize
+from scipy.optimize import least_squares, minimize
 
 from .. import _core
 from .._errors import IdentificationError
@@ -20,7 +20,7 @@ from ..signals.slider_motion import SliderMotion
 from .fit import Parameter
 from .regression import last_call
 from .slider_fit import SliderEstimate
-from .three_steps import STRIDE, require_both_directions, require_places
+from .three_steps import STRIDE, bounded_least_squares, require_both_directions, require_places
 from .uncertainty import sandwich
 
 BODY_TERMS = np.array([INDEX[n] for n in ("inertia", "gravity_sine", "gravity_cosine")])
@@ -121,7 +121,7 @@ def fit_coherent(
     size = float(np.linalg.norm(target))
     if model.linear:
         goal = target - effort + w @ start
-        values = lsq_linear(w * scale, goal, bounds=(lower / scale, upper / scale), tol=1e-13).x * scale
+        values = bounded_least_squares(w * scale, goal, lower / scale, upper / scale) * scale
     else:
 
         @last_call
@@ -169,7 +169,7 @@ def _require_rank(model: SliderJointModel, w: np.ndarray) -> None:
     idle = [n for n, size in zip(model.names, norms, strict=True) if size == 0.0]
     if idle:
         raise IdentificationError(f"{', '.join(idle)} cannot be identified: no sample shows it")
-    _, singular, rows = np.linalg.svd(w / norms, full_matrices=False)
+    _, singular, rows = np.linalg.svd(np.linalg.qr(w / norms, mode="r"), full_matrices=False)
     if singular[-1] < 1e-7 * singular[0]:
         tied = [n for n, c in zip(model.names, rows[-1], strict=True) if abs(c) > 0.2]
         raise IdentificationError(f"{' and '.join(tied)} cannot be told apart in these recordings")

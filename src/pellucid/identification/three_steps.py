@@ -247,21 +247,39 @@ def _rows(motions, terms, dissociated, also) -> tuple[np.ndarray, np.ndarray, li
     return np.concatenate(w), np.concatenate(y), lengths
 
 
+def bounded_least_squares(w: np.ndarray, y: np.ndarray, lower: np.ndarray, upper: np.ndarray) -> np.ndarray:
+    """Minimise the sum of squares of w x - y within bounds, on the triangle that is all that matters of w and y.
+
+    Parameters
+    ----------
+    w : ndarray, shape (m, p)
+    y : ndarray, shape (m,)
+    lower, upper : ndarray, shape (p,)
+
+    Returns
+    -------
+    ndarray, shape (p,)
+    """
+    triangle = np.linalg.qr(np.column_stack([w, y]), mode="r")
+    return lsq_linear(triangle[:, :-1], triangle[:, -1], bounds=(lower, upper), tol=1e-13).x
+
+
 def _solve(w, y, lengths, lower, solver, where) -> tuple[np.ndarray, np.ndarray]:
     names = [f"{n}" for n in NAMES] * 2
     _require_rank(w, names[: w.shape[1]], where)
     scale = np.linalg.norm(w, axis=0)
     if solver == "linear":
-        found = lsq_linear(w / scale, y, bounds=(lower * scale, np.inf), tol=1e-13)
-    else:
-        found = least_squares(
-            lambda p: (w / scale) @ p - y,
-            np.where(np.isfinite(lower), 1.0, 0.0),
-            bounds=(np.where(np.isfinite(lower), lower * scale, -np.inf), np.full(len(lower), np.inf)),
-            xtol=1e-14,
-            ftol=1e-14,
-            gtol=1e-14,
-        )
+        found = bounded_least_squares(w / scale, y, lower * scale, np.full(len(lower), np.inf))
+        values = found / scale
+        return values, sandwich(w, y - w @ values, lengths)
+    found = least_squares(
+        lambda p: (w / scale) @ p - y,
+        np.where(np.isfinite(lower), 1.0, 0.0),
+        bounds=(np.where(np.isfinite(lower), lower * scale, -np.inf), np.full(len(lower), np.inf)),
+        xtol=1e-14,
+        ftol=1e-14,
+        gtol=1e-14,
+    )
     values = found.x / scale
     return values, sandwich(w, y - w @ values, lengths)
 
@@ -274,7 +292,7 @@ def _require_rank(w: np.ndarray, names: Sequence[str], where: str) -> None:
             f"{where}: found {len(w)} samples" + (f" that do not show {', '.join(idle)}" if idle else "")
             + f", expected more than {w.shape[1]} that show every parameter"
         )  # fmt: skip
-    singular = np.linalg.svd(w / norms, compute_uv=False)
+    singular = np.linalg.svd(np.linalg.qr(w / norms, mode="r"), compute_uv=False)
     if singular[-1] < 1e-7 * singular[0]:
         raise IdentificationError(f"{where}: the regression is singular (condition {singular[0] / singular[-1]:.1e})")
 
