@@ -197,10 +197,10 @@ A plant richer than what is identified from it, everything on the joint's side o
 tau = K e + D (v_m - v), where e is how far q_m - q lies beyond +-backlash/2; 0 in the gap, and never against e. The
 motor's friction is the joint's, and besides: load_rise rho multiplies the load coefficients by
 1 + rho exp(-(v/v_s)^2); friction_swing eps the Coulomb level by 1 + eps sin(friction_wave_number q_m);
-viscous_decline v_d (0: none) divides the viscous torque by 1 + |v|/v_d. Stiction is true, at motor and link: a body at
-rest under less than its breakaway torque stays there to the bit. A row's numbers do not depend on the other rows, on
-threads or on the instruction set while they are finite. A simulation that diverges returns values that are not, and
-NaN neither hangs nor raises.
+viscous_decline v_d (0: none) divides the viscous torque by 1 + |v|/v_d. Stiction is true, at motor and link: a body
+at rest under less than its breakaway torque stays there to the bit. A row's numbers, while they are finite, do not
+depend on the other rows, on threads or on the instruction set. A simulation that diverges returns values that are
+not finite, and NaN neither hangs nor raises.
 
 Parameters
 ----------
@@ -214,15 +214,16 @@ period, substeps, loop, velocity_span
 kp, ..., ripple_phase, integral0 : float or (m,)
     As `simulate` takes them, shared or one a row.
 position0, velocity0 : float or (m,)
-    Where the link starts [rad] and how fast both bodies move [rad/s]; the motor starts where the transmission's spring
-    carries gravity. Default 0.
+    Where the link starts [rad] and how fast both bodies move [rad/s]; the motor starts where the transmission's
+    spring carries gravity. Default 0.
 threads : int
     How many threads share the rows. Default 1.
 
 Returns
 -------
-motor_position, motor_velocity, link_position, link_velocity, command, measured_position, transmission_torque : (m, n)
-    Each at the sample instants k period, before the k-th period; the command is limited, with what was injected.)";
+motor_position, motor_velocity, link_position, link_velocity : (m, n) each
+command, measured_position, transmission_torque : (m, n) each
+    At the sample instants k period, before the k-th period; the command is limited, with what was injected.)";
 
 constexpr const char* simulate_jacobian_sig =
     "def simulate_jacobian(parameters: ArrayLike, *, active: ArrayLike, reference: ArrayLike, period: float, substeps: "
