@@ -370,8 +370,8 @@ def _geometry(fit: SliderFit) -> Section:
         x, y, z = (number(float(v), 1e-4) for v in g.axis)
         said.append(
             f"The axis points along ({x}, {y}, {z}) in the laboratory, known to {np.degrees(g.axis_se):.2g} deg; "
-            f"across it, its place is known to {1e3 * g.origin_se:.2g} mm. Markers stay within {1e3 * g.residual:.2g} mm rms "
-            "of turning about it. These errors are the markers' noise alone."
+            f"across it, its place is known to {1e3 * g.origin_se:.2g} mm. Markers stay within "
+            f"{1e3 * g.residual:.2g} mm rms of turning about it. These errors are the markers' noise alone."
         )
         delays = 1e3 * np.array([p.delay for p in optical if p.aligned])
         if len(delays):
