@@ -219,7 +219,7 @@ def _compared(rig: ElbowRig, comparisons: Sequence[Comparison], paper: PrintedPa
         rows.append(
             Reproduced(
                 f"{head}.implied_friction.least", f"Least friction the dissociated model implies at rest, rig {name}",
-                "N*m", None, ours, low, high, note="negative: compensating it drives the joint (A7)",
+                "N*m", None, ours, low, high, note="no joint has a negative one (A7)",
             )
         )  # fmt: skip
     return rows
