@@ -272,13 +272,15 @@ def _solve(w, y, lengths, lower, solver, where) -> tuple[np.ndarray, np.ndarray]
         found = bounded_least_squares(w / scale, y, lower * scale, np.full(len(lower), np.inf))
         values = found / scale
         return values, sandwich(w, y - w @ values, lengths)
+    unit = w / scale
     found = least_squares(
-        lambda p: (w / scale) @ p - y,
+        lambda p: unit @ p - y,
         np.where(np.isfinite(lower), 1.0, 0.0),
         bounds=(np.where(np.isfinite(lower), lower * scale, -np.inf), np.full(len(lower), np.inf)),
         xtol=1e-14,
         ftol=1e-14,
         gtol=1e-14,
+        jac=lambda p: unit,
     )
     values = found.x / scale
     return values, sandwich(w, y - w @ values, lengths)
