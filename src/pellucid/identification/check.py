@@ -9,7 +9,7 @@ from ..recordings.study import Study
 from ..signals.effort import drive_model
 from ..signals.motion import motions
 from .regression import solve, stack
-from .slider_faults import slider_faults
+from .slider_faults import examine
 from .verdicts import sign_error
 
 
@@ -34,7 +34,8 @@ def check(study: Study) -> list[Fault]:
     if any(fault.severity == "refuse" for fault in faults):
         return faults
     if study.rig.slider is not None:
-        return sorted(faults + slider_faults(study.config, study.recordings()), key=lambda f: f.severity != "refuse")
+        more = examine(study.config, study.recordings()).faults
+        return sorted(faults + more, key=lambda fault: fault.severity != "refuse")
     try:
         data = stack([m for m in motions(study) if m.split == "fitted"])
         model = joint_model(

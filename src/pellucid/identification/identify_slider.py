@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -14,13 +15,13 @@ from ..recordings.recording import Recording
 from ..recordings.study import Study
 from ..recordings.study_file import StudyFile
 from ..signals.effort import drive_model
-from ..signals.markers import slider_geometry
+from ..signals.markers import Geometry, slider_geometry
 from ..signals.slider_motion import SliderMotion, slider_motions
-from .coherent_body import fit_coherent, torque
+from .coherent_body import LOAD_START, fit_coherent, torque
 from .fit import Verdict
-from .slider_faults import STEPS, slider_faults
+from .slider_faults import examine, require_torques
 from .slider_fit import METHODS, SliderEstimate, SliderFit, TrialError
-from .three_steps import all_at_once, directional_columns, static_set, three_steps
+from .three_steps import STEPS, all_at_once, directional_columns, static_set, three_steps
 
 Progress = Callable[[str, float], None]
 
@@ -55,10 +56,12 @@ def identify_slider(study: Study, *, on_progress: Progress | None = None) -> Sli
     tell("looking for faults", 0.4)
     for recording in recordings:
         require_sound(recording, study)
-    refused = [f.message for f in slider_faults(study.config, recordings) if f.severity == "refuse"]
+    examined = examine(study.config, recordings)
+    refused = [fault.message for fault in examined.faults if fault.severity == "refuse"]
     if refused:
         raise RecordingError("\n".join(refused))
-    return fit_slider(study.config, recordings, on_progress=lambda text, share: tell(text, 0.6 + 0.4 * share))
+    checksums = {r.name: r.checksum for r in recordings}
+    return _fit(study.config, examined.geometry, examined.motions, checksums, lambda t, s: tell(t, 0.7 + 0.3 * s))
 
 
 def fit_slider(config: StudyFile, recordings: Sequence[Recording], *, on_progress: Progress | None = None) -> SliderFit:
@@ -84,35 +87,41 @@ def fit_slider(config: StudyFile, recordings: Sequence[Recording], *, on_progres
     rig = config.rig
     if rig.slider is None:
         raise IdentificationError("study.toml: no [rig.slider] found, expected one with the rail's ends")
-    if drive_model(rig).effort_unit != "N*m":
-        raise IdentificationError(
-            "study.toml: [rig.drive] torque_constant is missing; a coherent body needs torques in N*m"
-        )
+    require_torques(config)
     tell("finding the carriage", 0.0)
     geometry = slider_geometry(recordings)
-    tell("filtering", 0.2)
+    tell("filtering", 0.4)
     motions = slider_motions(recordings, rig, config.processing, geometry)
+    checksums = {r.name: r.checksum for r in recordings}
+    return _fit(config, geometry, motions, checksums, lambda text, share: tell(text, 0.5 + 0.5 * share))
+
+
+def _fit(
+    config: StudyFile, geometry: Geometry, motions: tuple[SliderMotion, ...], checksums: dict[str, str], tell: Progress
+) -> SliderFit:
+    """Every method on the fitted motions, judged on all that move."""
+    rig = config.rig
     fitted = [m for m in motions if m.split == "fitted"]
     steps = [m for m in fitted if m.protocol in STEPS]
     at_once = [m for m in fitted if m.protocol == AT_ONCE] or steps
-    tell("three steps", 0.5)
+    tell("three steps", 0.0)
     estimates: dict[str, SliderEstimate] = {
         "pooled": three_steps(steps, dissociated=False, method="pooled"),
         "dissociated": three_steps(steps, dissociated=True, method="dissociated"),
         "pooled_at_once": all_at_once(at_once, dissociated=False, method="pooled_at_once"),
         "dissociated_at_once": all_at_once(at_once, dissociated=True, method="dissociated_at_once"),
     }
-    tell("one coherent body", 0.7)
+    tell("one coherent body", 0.4)
     rail, mass = (rig.slider.low, rig.slider.high), rig.moving_mass
     consistent = SliderJointModel("consistent")
     estimates["consistent"] = fit_coherent(consistent, steps, rail=rail, mass=mass)
     known = {} if rig.slider.mass is None else {"carriage_mass": rig.slider.mass}
     load = SliderJointModel("load", known)
     found = dict(zip(consistent.names, estimates["consistent"].values, strict=True))
-    start = np.array([found.get(n, 0.05) for n in load.names])
+    start = np.array([found.get(n, LOAD_START) for n in load.names])
     estimates["load"] = fit_coherent(load, steps, rail=rail, mass=mass, start=start)
     static = [m for m in fitted if m.protocol == "static"]
-    tell("judging", 0.9)
+    tell("judging", 0.8)
     gain = drive_model(rig).gain
     moving = [m for m in motions if m.protocol != "static"]
     errors = {name: trial_errors(estimate, moving, gain) for name, estimate in estimates.items()}
@@ -128,9 +137,9 @@ def fit_slider(config: StudyFile, recordings: Sequence[Recording], *, on_progres
         motions=motions,
         verdicts=(),
         filter_note=filter_note(config),
-        checksums={r.name: r.checksum for r in recordings},
+        checksums=checksums,
     )
-    return SliderFit(**{**fit.__dict__, "verdicts": slider_verdicts(fit)})
+    return replace(fit, verdicts=slider_verdicts(fit))
 
 
 def predicted(estimate: SliderEstimate, motion: SliderMotion) -> np.ndarray:
@@ -195,12 +204,8 @@ def slider_verdicts(fit: SliderFit) -> tuple[Verdict, ...]:
     -------
     tuple of Verdict
     """
-    error = {name: fit.mean_error(name) for name in fit.estimates}
-    split = "held-out trials"
-    if not np.isfinite(error["pooled"]):
-        names = tuple(e.recording for e in fit.errors["pooled"])
-        error = {name: fit.mean_error(name, names) for name in fit.estimates}
-        split = "fitted trials (nothing is held out)"
+    error = {name: fit.judged_error(name) for name in fit.estimates}
+    split = "held-out trials" if fit.judged_split == "heldout" else "fitted trials (nothing is held out)"
     said = [
         Verdict(
             "good" if error["dissociated"] < error["pooled"] else "warning",
@@ -267,8 +272,3 @@ def directional_friction(model: DirectionalSliderModel, slider: np.ndarray, posi
     up = model.gravity("up", x, q) + model.up[3]
     down = model.gravity("down", x, q) - model.down[3]
     return 0.5 * (up - down)
-
-
-def errors_by_recording(fit: SliderFit, method: str) -> Mapping[str, TrialError]:
-    """A method's errors by the recording's name."""
-    return {e.recording: e for e in fit.errors[method]}

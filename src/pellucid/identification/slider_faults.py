@@ -3,21 +3,37 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 from .._errors import IdentificationError, PellucidError
 from ..recordings.quality import Fault
 from ..recordings.recording import Recording
 from ..recordings.study_file import StudyFile
 from ..signals.effort import drive_model
-from ..signals.markers import geometry_faults, slider_geometry
+from ..signals.markers import Geometry, geometry_faults, slider_geometry
 from ..signals.slider_motion import SliderMotion, slider_motions
-from .three_steps import require_both_directions, require_places
-
-STEPS = ("constant_velocity", "swept_sine")
-"""Protocols that steps 2 and 3 fit, and the coherent body too."""
+from .three_steps import STEPS, require_both_directions, require_places
 
 
-def slider_faults(config: StudyFile, recordings: Sequence[Recording]) -> list[Fault]:
+@dataclass(frozen=True)
+class Examined:
+    """Recordings of a joint with a carriage, looked at.
+
+    Parameters
+    ----------
+    faults : list of Fault
+        The refusing ones first.
+    geometry : Geometry or None
+    motions : tuple of SliderMotion
+        Both as far as they could be had: where nothing is refused, whole.
+    """
+
+    faults: list[Fault]
+    geometry: Geometry | None = None
+    motions: tuple[SliderMotion, ...] = ()
+
+
+def examine(config: StudyFile, recordings: Sequence[Recording]) -> Examined:
     """Faults of the carriage's places, of the clocks and of the motion, of recordings that are sound as files.
 
     Parameters
@@ -28,19 +44,20 @@ def slider_faults(config: StudyFile, recordings: Sequence[Recording]) -> list[Fa
 
     Returns
     -------
-    list of Fault
-        The refusing ones first.
+    Examined
     """
     try:
         geometry = slider_geometry(recordings)
     except PellucidError as error:
-        return [_fault("geometry", "markers that show the axis and the carriage", error)]
+        return Examined([_fault("geometry", "markers that show the axis and the carriage", error)])
     faults = geometry_faults(geometry, config.rig.slider)
     if any(fault.severity == "refuse" for fault in faults):
-        return faults
-    if drive_model(config.rig).effort_unit != "N*m":
-        missing = IdentificationError("study.toml: found no [rig.drive] torque_constant, expected one in N*m/A")
-        return [_fault("drive", "torques in N*m", missing), *faults]
+        return Examined(faults, geometry)
+    try:
+        require_torques(config)
+    except IdentificationError as error:
+        return Examined([_fault("drive", "torques in N*m", error), *faults], geometry)
+    motions: tuple[SliderMotion, ...] = ()
     try:
         motions = slider_motions(recordings, config.rig, config.processing, geometry)
         steps = [m for m in motions if m.split == "fitted" and m.protocol in STEPS]
@@ -49,7 +66,23 @@ def slider_faults(config: StudyFile, recordings: Sequence[Recording]) -> list[Fa
         require_dissipation(steps)
     except PellucidError as error:
         faults.insert(0, _fault("excitation", "motion both ways, at several places of the carriage", error))
-    return faults
+    return Examined(faults, geometry, motions)
+
+
+def require_torques(config: StudyFile) -> None:
+    """Do nothing where the drive's constant makes torques of its currents.
+
+    Parameters
+    ----------
+    config : StudyFile
+
+    Raises
+    ------
+    IdentificationError
+        If the constant is not known: a coherent body needs torques.
+    """
+    if drive_model(config.rig).effort_unit != "N*m":
+        raise IdentificationError("study.toml: found no [rig.drive] torque_constant, expected one in N*m/A")
 
 
 def require_dissipation(motions: Sequence[SliderMotion]) -> None:

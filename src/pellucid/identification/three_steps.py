@@ -35,6 +35,9 @@ from .fit import Parameter
 from .slider_fit import SliderEstimate
 from .uncertainty import sandwich
 
+STEPS = ("constant_velocity", "swept_sine")
+"""Protocols that steps 2 and 3 fit, and the coherent body too."""
+
 STRIDE = 5
 """One kept sample in so many enters a regression: neighbours say the same through the filter."""
 
@@ -108,18 +111,17 @@ def three_steps(
     IdentificationError
         If a direction, or the carriage at more than one place, is missing, or a step is singular.
     """
-    steady = [m for m in motions if m.protocol == "constant_velocity"]
-    swept = [m for m in motions if m.protocol == "swept_sine"]
+    steady, swept = ([m for m in motions if m.protocol == step] for step in STEPS)
     require_both_directions(steady)
     require_places(steady)
     copies = 2 if dissociated else 1
     moving = slice(GRAVITY_TERMS.start, FRICTION_TERMS.stop)
-    second = _rows(steady, moving, dissociated, lambda m: np.abs(m.acceleration) < STEADY)
-    found2, cov2 = _solve(*second, np.tile(LOWER[moving], copies), solver, "constant velocities")
-    third = _rows(swept, INERTIA_TERMS, dissociated, None)
-    explained = _rows(swept, moving, dissociated, None)[0] @ found2
-    left = (third[0], third[1] - explained, third[2])
-    found3, cov3 = _solve(*left, np.tile(LOWER[INERTIA_TERMS], copies), solver, "swept sines")
+    w, effort, lengths = _rows(steady, dissociated, lambda m: np.abs(m.acceleration) < STEADY)
+    found2, cov2 = _solve(_terms(w, moving), effort, lengths, moving, solver, "constant velocities")
+    samples = len(effort)
+    w, effort, lengths = _rows(swept, dissociated)
+    left, inertia = effort - _terms(w, moving) @ found2, _terms(w, INERTIA_TERMS)
+    found3, cov3 = _solve(inertia, left, lengths, INERTIA_TERMS, solver, "swept sines")
     sets = [np.concatenate([a, b]) for a, b in zip(np.split(found2, copies), np.split(found3, copies), strict=True)]
     covariance = np.zeros((8 * copies, 8 * copies))
     for i in range(copies):
@@ -127,8 +129,7 @@ def three_steps(
             block = covariance[8 * i : 8 * i + 8, 8 * j : 8 * j + 8]
             block[:5, :5] = cov2[5 * i : 5 * i + 5, 5 * j : 5 * j + 5]
             block[5:, 5:] = cov3[3 * i : 3 * i + 3, 3 * j : 3 * j + 3]
-    rest = left[1] - left[0] @ found3
-    return _estimate(method, sets, covariance, len(second[1]) + len(rest), rest)
+    return _estimate(method, sets, covariance, samples + len(left), left - inertia @ found3)
 
 
 def all_at_once(
@@ -155,9 +156,9 @@ def all_at_once(
     require_both_directions(motions)
     require_places(motions)
     copies = 2 if dissociated else 1
-    rows = _rows(motions, slice(0, 8), dissociated, None)
-    values, covariance = _solve(*rows, np.tile(LOWER, copies), solver, "all at once")
-    return _estimate(method, np.split(values, copies), covariance, len(rows[1]), rows[1] - rows[0] @ values)
+    w, effort, lengths = _rows(motions, dissociated)
+    values, covariance = _solve(w, effort, lengths, slice(0, len(NAMES)), solver, "all at once")
+    return _estimate(method, np.split(values, copies), covariance, len(effort), effort - w @ values)
 
 
 def require_both_directions(motions: Sequence[SliderMotion]) -> None:
@@ -232,11 +233,11 @@ def directional_columns(motion: SliderMotion) -> np.ndarray:
     return 0.5 * np.column_stack([whole + jumps, whole - jumps])
 
 
-def _rows(motions, terms, dissociated, also) -> tuple[np.ndarray, np.ndarray, list[int]]:
-    """Filtered regressor and effort of the scored samples, and how many each motion gave."""
+def _rows(motions, dissociated, also=None) -> tuple[np.ndarray, np.ndarray, list[int]]:
+    """Filtered regressor of one set or two, and effort, of the scored samples, and how many each motion gave."""
     w, y, lengths = [], [], []
     for m in motions:
-        filtered = directional_columns(m)[:, [*range(terms.start, terms.stop), *range(8 + terms.start, 8 + terms.stop)]]
+        filtered = directional_columns(m)
         if not dissociated:
             filtered = np.add(*np.split(filtered, 2, axis=1))
         keep = m.scored if also is None else m.scored & also(m)
@@ -245,6 +246,12 @@ def _rows(motions, terms, dissociated, also) -> tuple[np.ndarray, np.ndarray, li
         y.append(m.effort[at])
         lengths.append(len(at))
     return np.concatenate(w), np.concatenate(y), lengths
+
+
+def _terms(w: np.ndarray, terms: slice) -> np.ndarray:
+    """Columns of some of the parameters, of every set there is."""
+    sets = np.split(w, w.shape[1] // len(NAMES), axis=1)
+    return np.hstack([part[:, terms] for part in sets])
 
 
 def bounded_least_squares(w: np.ndarray, y: np.ndarray, lower: np.ndarray, upper: np.ndarray) -> np.ndarray:
@@ -264,32 +271,38 @@ def bounded_least_squares(w: np.ndarray, y: np.ndarray, lower: np.ndarray, upper
     return lsq_linear(triangle[:, :-1], triangle[:, -1], bounds=(lower, upper), tol=1e-13).x
 
 
-def _solve(w, y, lengths, lower, solver, where) -> tuple[np.ndarray, np.ndarray]:
-    names = [f"{n}" for n in NAMES] * 2
-    _require_rank(w, names[: w.shape[1]], where)
+def _solve(w, y, lengths, terms, solver, where) -> tuple[np.ndarray, np.ndarray]:
+    copies = w.shape[1] // (terms.stop - terms.start)
+    names = [name + suffix for suffix in _suffixes(copies) for name in NAMES[terms]]
+    lower, upper = np.tile(LOWER[terms], copies), np.full(w.shape[1], np.inf)
+    _require_rank(w, names, where)
     scale = np.linalg.norm(w, axis=0)
-    if solver == "linear":
-        found = bounded_least_squares(w / scale, y, lower * scale, np.full(len(lower), np.inf))
-        values = found / scale
-        return values, sandwich(w, y - w @ values, lengths)
     unit = w / scale
-    found = least_squares(
-        lambda p: unit @ p - y,
-        np.where(np.isfinite(lower), 1.0, 0.0),
-        bounds=(np.where(np.isfinite(lower), lower * scale, -np.inf), np.full(len(lower), np.inf)),
-        xtol=1e-14,
-        ftol=1e-14,
-        gtol=1e-14,
-        jac=lambda p: unit,
-    )
-    values = found.x / scale
+    if solver == "linear":
+        found = bounded_least_squares(unit, y, lower * scale, upper)
+    else:
+        found = least_squares(
+            lambda p: unit @ p - y,
+            np.where(np.isfinite(lower), 1.0, 0.0),
+            bounds=(lower * scale, upper),
+            xtol=1e-14,
+            ftol=1e-14,
+            gtol=1e-14,
+            jac=lambda p: unit,
+        ).x
+    values = found / scale
     return values, sandwich(w, y - w @ values, lengths)
+
+
+def _suffixes(copies: int) -> tuple[str, ...]:
+    """What follows a parameter's name: its direction, where there is a set for each."""
+    return tuple(f"_{d}" for d in DIRECTIONS) if copies == 2 else ("",)
 
 
 def _require_rank(w: np.ndarray, names: Sequence[str], where: str) -> None:
     norms = np.linalg.norm(w, axis=0)
     if len(w) <= w.shape[1] or not np.all(norms > 0.0):
-        idle = [n for n, size in zip(names, norms, strict=False) if size == 0.0]
+        idle = [n for n, size in zip(names, norms, strict=True) if size == 0.0]
         raise IdentificationError(
             f"{where}: found {len(w)} samples" + (f" that do not show {', '.join(idle)}" if idle else "")
             + f", expected more than {w.shape[1]} that show every parameter"
@@ -303,7 +316,7 @@ def _estimate(method, sets, covariance, samples, residual) -> SliderEstimate:
     model = DirectionalSliderModel(up=sets[0], down=sets[-1])
     values = np.concatenate(sets)
     sd = np.sqrt(np.maximum(np.diag(covariance), 0.0))
-    suffixes = [f"_{d}" for d in DIRECTIONS] if len(sets) == 2 else [""]
+    suffixes = _suffixes(len(sets))
     lower = np.tile(LOWER, len(sets))
     parameters, notes = [], []
     for i, (value, error) in enumerate(zip(values, sd, strict=True)):

@@ -1,0 +1,47 @@
+"""What a joint with a carriage is judged on: trials held out, or else the fitted ones."""
+
+import numpy as np
+import pytest
+
+from pellucid.identification.slider_fit import SliderFit, TrialError
+
+
+def fit_of(*trials):
+    errors = tuple(
+        TrialError(f"trial_{i}", "slow", split, 0.2, a, 2.0 * a, a, a) for i, (split, a) in enumerate(trials)
+    )
+    return SliderFit(
+        study="elbow",
+        lifts="",
+        gain=2.0,
+        rail=(0.1, 0.3),
+        geometry=None,
+        static=(),
+        estimates={},
+        errors={"pooled": errors},
+        motions=(),
+        verdicts=(),
+        filter_note="",
+    )
+
+
+@pytest.mark.parametrize(
+    ("trials", "split", "names", "error"),
+    [
+        ([("fitted", 1.0), ("heldout", 2.0), ("heldout", 4.0)], "heldout", ["trial_1", "trial_2"], 3.0),
+        ([("fitted", 1.0), ("fitted", 2.0)], "fitted", ["trial_0", "trial_1"], 1.5),
+        ([("fitted", 1.0), ("heldout", 2.0), ("heldout", np.nan)], "heldout", ["trial_1"], 2.0),
+        ([("fitted", 1.0), ("heldout", np.nan)], "fitted", ["trial_0"], 1.0),
+    ],
+)
+def test_held_out_trials_or_else_fitted_ones(trials, split, names, error):
+    fit = fit_of(*trials)
+    assert fit.judged_split == split
+    assert [e.recording for e in fit.judged("pooled")] == names
+    assert fit.judged_error("pooled") == error
+
+
+def test_nothing_to_judge_by():
+    fit = fit_of(("fitted", np.nan))
+    assert fit.judged("pooled") == ()
+    assert np.isnan(fit.judged_error("pooled"))
