@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from rich.console import Console
     from rich.table import Table
 
-    from .identification.fit import JointFit, Verdict
+    from .identification.fit import JointFit, Parameter, Verdict
     from .identification.slider_fit import SliderFit
     from .recordings.quality import Fault
     from .recordings.study import Study
@@ -313,26 +313,14 @@ def _table(*heads: str) -> Table:
 
 
 def _print_fit(out: Console, study: Study, fit: JointFit) -> None:
-    from .report.quantities import number, parameter_note, percent, relative_sd, unit_text
+    from .report.quantities import number, percent
 
-    level = study.model.confidence
     best = fit.families[fit.best]
     split = "held-out" if best.heldout_effort_error == best.heldout_effort_error else "fitted"
     error = best.heldout_effort_error if split == "held-out" else best.fitted_effort_error
     _say(out, f"\n{fit.study}: {fit.best} friction, {split} effort error {percent(error)} %")
-    table = _table("parameter", ">value", f">± ({100.0 * level:.4g} %)", "unit", ">SD %", "")
     shown = [*best.estimate.parameters, *([fit.drive_constant] if fit.drive_constant is not None else [])]
-    for p in shown:
-        low, high = p.interval(level)
-        table.add_row(
-            p.name,
-            number(p.value, p.standard_error),
-            number(0.5 * (high - low), p.standard_error) if high > low else "–",
-            unit_text(p.unit),
-            relative_sd(p),
-            parameter_note(p, level),
-        )
-    out.print(table)
+    out.print(_parameter_table(shown, study.model.confidence))
     if len(fit.families) > 1:
         table = _table("family", ">parameters", ">fitted %", ">held out %", ">held-out R²", "")
         for f in fit.families.values():
@@ -351,38 +339,38 @@ def _print_fit(out: Console, study: Study, fit: JointFit) -> None:
 
 
 def _print_slider_fit(out: Console, study: Study, fit: SliderFit) -> None:
-    from math import isfinite
-
     from .identification.slider_fit import METHODS
-    from .report.quantities import number, parameter_note, relative_sd, unit_text
+    from .report.quantities import number
 
-    held = isfinite(fit.mean_error("pooled"))
-    split = "held-out" if held else "fitted"
+    split = "held-out" if fit.judged_split == "heldout" else "fitted"
     _say(out, f"\n{fit.study}: {_count(len(fit.motions), 'recording')}; mean absolute error over {split} trials")
     table = _table("method~", ">parameters", ">error A", ">error N·m")
     for name, estimate in fit.estimates.items():
-        judged = tuple(e.recording for e in fit.errors[name] if not held or e.split == "heldout")
-        current = fit.mean_error(name, judged)
-        torque = current * fit.gain
-        table.add_row(METHODS[name], f"{len(estimate.values)}", number(current, digits=3), number(torque, digits=3))
+        error = fit.judged_error(name)
+        torque = error * fit.gain
+        table.add_row(METHODS[name], f"{len(estimate.values)}", number(error, digits=3), number(torque, digits=3))
     out.print(table)
-    level = study.model.confidence
     for name in ("load", "dissociated"):
         _say(out, f"{METHODS[name]}:")
-        table = _table("parameter", ">value", f">± ({100.0 * level:.4g} %)", "unit", ">SD %", "")
-        for p in fit[name].parameters:
-            low, high = p.interval(level)
-            half = number(0.5 * (high - low), p.standard_error) if high > low else "–"
-            table.add_row(
-                p.name,
-                number(p.value, p.standard_error),
-                half,
-                unit_text(p.unit),
-                relative_sd(p),
-                parameter_note(p, level),
-            )
-        out.print(table)
+        out.print(_parameter_table(fit[name].parameters, study.model.confidence))
     _print_verdicts(out, fit.verdicts)
+
+
+def _parameter_table(parameters: Sequence[Parameter], level: float) -> Table:
+    from .report.quantities import number, parameter_note, relative_sd, unit_text
+
+    table = _table("parameter", ">value", f">± ({100.0 * level:.4g} %)", "unit", ">SD %", "")
+    for p in parameters:
+        low, high = p.interval(level)
+        table.add_row(
+            p.name,
+            number(p.value, p.standard_error),
+            number(0.5 * (high - low), p.standard_error) if high > low else "–",
+            unit_text(p.unit),
+            relative_sd(p),
+            parameter_note(p, level),
+        )
+    return table
 
 
 def _print_json(study: Study) -> None:

@@ -7,8 +7,6 @@ from dataclasses import replace
 from hashlib import sha256
 from importlib.metadata import version
 
-import numpy as np
-
 from ..models.card import CardParameter
 from ..models.slider_card import SliderCard, write_slider_card
 from ..models.slider_joint import SliderJointModel
@@ -54,7 +52,6 @@ def slider_card(study: Study, fit: SliderFit, estimate: SliderEstimate) -> Slide
     SliderCard
     """
     level = study.model.confidence
-    error = fit.mean_error(estimate.method)
     model = estimate.model
     return SliderCard(
         study=fit.study,
@@ -71,7 +68,7 @@ def slider_card(study: Study, fit: SliderFit, estimate: SliderEstimate) -> Slide
         known=dict(model.known) if isinstance(model, SliderJointModel) else {},
         rail=fit.rail,
         drive={"gain": fit.gain},
-        heldout_error=float(error) if np.isfinite(error) else None,
+        heldout_error=fit.judged_error(estimate.method) if fit.judged_split == "heldout" else None,
         residual_sd=estimate.residual_sd,
         processing=fit.filter_note,
         confidence=level,
@@ -90,12 +87,11 @@ def slider_rows(fit: SliderFit) -> Iterator[ResultRow]:
         yield replace(plain, id=f"{fit.study}.static.{p.name}", value=p.value, unit=p.unit)
     for method, estimate in fit.estimates.items():
         head = f"{fit.study}.{method}"
-        held = any(e.split == "heldout" for e in fit.errors[method])
-        judged = [e for e in fit.errors[method] if (e.split == "heldout") == held]
-        own = replace(plain, split="heldout" if held else "fitted")
-        note = f"mean over {len(judged)} trials of the mean absolute error while the joint moves; {fit.filter_note}"
-        yield replace(own, id=f"{head}.error", value=_mean([e.current for e in judged]), unit="A", note=note)
-        yield replace(own, id=f"{head}.torque_error", value=_mean([e.torque for e in judged]), unit="N*m", note=note)
+        trials, error = len(fit.judged(method)), fit.judged_error(method)
+        note = f"mean over {trials} trials of the mean absolute error while the joint moves; {fit.filter_note}"
+        own = replace(plain, split=fit.judged_split, note=note)
+        yield replace(own, id=f"{head}.error", value=error, unit="A")
+        yield replace(own, id=f"{head}.torque_error", value=fit.gain * error, unit="N*m")
         for p in estimate.parameters:
             low, high = p.interval()
             note = f"95 % interval {low:.6g} to {high:.6g}" + ("; at its bound" if p.at_bound else "")
@@ -114,7 +110,3 @@ def slider_rows(fit: SliderFit) -> Iterator[ResultRow]:
             fit.checksums.get(place.recording),
             "from the markers" if place.optical else "by a ruler",
         )
-
-
-def _mean(values: list[float]) -> float:
-    return float(np.mean(values)) if values else float("nan")

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from ..identification.identify_slider import directional_friction, identify_slider, predicted
-from ..identification.slider_fit import METHODS, SliderEstimate, SliderFit, TrialError
+from ..identification.slider_fit import METHODS, SliderEstimate, SliderFit
 from ..models.joint import GRAVITY, INDEX
 from ..models.slider_joint import BODY
 from ..recordings.study import Study
@@ -142,11 +142,11 @@ def slider_sections(fit: SliderFit, *, level: float = 0.95) -> tuple[tuple[Tile,
 
 def headline(fit: SliderFit) -> str:
     """The finding in a few sentences."""
-    error, split = _means(fit)
-    trials = len(_judged(fit, "pooled"))
+    error = {m: fit.judged_error(m) for m in DRAWN}
+    trials, use = len(fit.judged("pooled")), _use(fit)
     factor = error["pooled"] / error["dissociated"]
     return (
-        f"Identified from {sum(m.split == 'fitted' for m in fit.motions)} recordings. Over {trials} {split} trials, a "
+        f"Identified from {sum(m.split == 'fitted' for m in fit.motions)} recordings. Over {trials} {use} trials, a "
         f"set of parameters for each direction predicts the current {number(factor, digits=3)} times better than one "
         f"set ({number(error['dissociated'], digits=3)} A against {number(error['pooled'], digits=3)} A); one coherent "
         f"body whose friction grows with its load errs by {number(error['load'], digits=3)} A with "
@@ -156,15 +156,14 @@ def headline(fit: SliderFit) -> str:
 
 def slider_tiles(fit: SliderFit) -> tuple[Tile, ...]:
     """Errors of the three models that matter, and how many places the carriage had."""
-    error, split = _means(fit)
     places = np.unique(np.round([m.slider for m in fit.motions], 3))
     return (
         *(
             Tile(
                 f"Error, {SHORT[m]}",
-                number(error[m], digits=3),
+                number(fit.judged_error(m), digits=3),
                 "A",
-                f"{len(fit[m].values)} parameters; {split} trials",
+                f"{len(fit[m].values)} parameters; {_use(fit)} trials",
             )
             for m in ("pooled", "dissociated", "load")
         ),
@@ -180,14 +179,8 @@ def slider_tiles(fit: SliderFit) -> tuple[Tile, ...]:
 # --- what is judged -------------------------------------------------------------------------------------------------
 
 
-def _judged(fit: SliderFit, method: str) -> list[TrialError]:
-    held = any(e.split == "heldout" for e in fit.errors[method])
-    return [e for e in fit.errors[method] if (e.split == "heldout") == held and np.isfinite(e.current)]
-
-
-def _means(fit: SliderFit) -> tuple[dict[str, float], str]:
-    split = "held-out" if any(e.split == "heldout" for e in fit.errors["pooled"]) else "fitted"
-    return {m: float(np.mean([e.current for e in _judged(fit, m)] or [np.nan])) for m in fit.estimates}, split
+def _use(fit: SliderFit) -> str:
+    return "held-out" if fit.judged_split == "heldout" else "fitted"
 
 
 def _angles(fit: SliderFit) -> np.ndarray:
@@ -314,11 +307,11 @@ def _friction(fit: SliderFit, middle: float, angles: np.ndarray) -> Drawing:
 
 
 def _errors(fit: SliderFit) -> Section:
-    judged = {m: {e.recording: e for e in _judged(fit, m)} for m in DRAWN}
+    judged = {m: {e.recording: e for e in fit.judged(m)} for m in DRAWN}
     names = list(judged["pooled"])
     errors = {SHORT[m]: np.array([judged[m][n].current for n in names]) for m in DRAWN}
     protocols = [judged["pooled"][n].protocol for n in names]
-    _, split = _means(fit)
+    use = _use(fit)
     drawings = [
         draw(figures.paired_errors, errors, [PROTOCOLS.get(p, p.replace("_", " ")) for p in protocols], roles=ROLES)
     ]
@@ -335,12 +328,12 @@ def _errors(fit: SliderFit) -> Section:
     rows.append(Row(("all", f"{len(names)}", *(number(float(e.mean()), digits=3) for e in errors.values())), True))
     table = Table(
         ("Protocol", "Trials", *(f"{m} (A)" for m in errors)), tuple(rows), frozenset(range(1, 2 + len(errors))),
-        f"Mean absolute current error over {split} trials, while the joint moves.", True,
+        f"Mean absolute current error over {use} trials, while the joint moves.", True,
     )  # fmt: skip
     return Section(
         "errors",
         "Errors by trial",
-        (f"How far each model's current is from the measured one, in {len(names)} {split} trials.",),
+        (f"How far each model's current is from the measured one, in {len(names)} {use} trials.",),
         (table,),
         tuple(drawings),
     )
@@ -402,17 +395,17 @@ def _geometry(fit: SliderFit) -> Section:
 
 def _methods(fit: SliderFit, level: float) -> Section:
     rows = []
-    best = min(("dissociated", "load"), key=lambda m: _means(fit)[0][m])
+    best = min(("dissociated", "load"), key=fit.judged_error)
     for method, estimate in fit.estimates.items():
-        judged = _judged(fit, method)
+        error = fit.judged_error(method)
         seen = [e.current for e in fit.errors[method] if e.split == "fitted" and np.isfinite(e.current)]
         rows.append(
             Row(
                 (
                     METHODS[method],
                     f"{len(estimate.values)}",
-                    number(float(np.mean([e.current for e in judged] or [np.nan])), digits=3),
-                    number(float(np.mean([e.torque for e in judged] or [np.nan])), digits=3),
+                    number(error, digits=3),
+                    number(fit.gain * error, digits=3),
                     number(float(np.mean(seen or [np.nan])), digits=3),
                     number(estimate.residual_sd, digits=3),
                     f"{estimate.samples}",
@@ -420,8 +413,7 @@ def _methods(fit: SliderFit, level: float) -> Section:
                 method == best,
             )
         )
-    _, split = _means(fit)
-    word = split.capitalize()
+    word = _use(fit).capitalize()
     heads = (
         "Method", "Parameters", f"{word} error (A)", f"{word} error (N·m)", "Error on fitted (A)", "Residual SD (N·m)",
         "Samples",
