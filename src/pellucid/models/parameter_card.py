@@ -1,0 +1,136 @@
+"""Cards of what is no joint: a transfer function, a coupling, an orthosis, a map from EMG to torque."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from .._atomic import write_text_atomically
+from .._errors import PellucidError
+from .card import CardParameter
+
+FORMAT = 1
+"""Version of the card's layout; a reader refuses a newer one."""
+
+
+@dataclass(frozen=True)
+class ParameterCard:
+    """Identified parameters with their uncertainty, as a JSON file.
+
+    Attributes
+    ----------
+    kind : str
+        ``"transfer_function"``, ``"hinge"``, ``"orthosis"``, ``"limb"``, ``"coupling"``, ``"torque_map"``.
+    study : str
+        The study's name.
+    name : str
+        Of the card's file, without its ending.
+    parameters : tuple of CardParameter
+        SI.
+    covariance : tuple of tuple of float
+        In the order of the parameters; empty where none was estimated.
+    settings : Mapping[str, str, float, int or bool]
+        What else a reader needs in order to use the parameters.
+    processing : str
+        What was done to the samples, in one line.
+    confidence : float
+        Of the intervals.
+    checksums : Mapping[str, str]
+        SHA-256 of the files it came from, by recording.
+    pellucid : str
+        Version that wrote it.
+    """
+
+    kind: str
+    study: str
+    name: str
+    parameters: tuple[CardParameter, ...]
+    covariance: tuple[tuple[float, ...], ...] = ()
+    settings: Mapping[str, str | float | int | bool] = field(default_factory=dict)
+    processing: str = ""
+    confidence: float = 0.95
+    checksums: Mapping[str, str] = field(default_factory=dict)
+    pellucid: str = ""
+
+    @property
+    def values(self) -> dict[str, float]:
+        """Values by name, SI."""
+        return {p.name: p.value for p in self.parameters}
+
+    def __getitem__(self, name: str) -> CardParameter:
+        for parameter in self.parameters:
+            if parameter.name == name:
+                return parameter
+        raise KeyError(f"the card {self.name} has no parameter {name!r}; it has {', '.join(self.values)}")
+
+
+def write_parameter_card(path: Path, card: ParameterCard) -> Path:
+    """Write a card, whole or not at all; a number that is not finite becomes null.
+
+    Parameters
+    ----------
+    path : Path
+    card : ParameterCard
+
+    Returns
+    -------
+    Path
+    """
+    text = json.dumps(_plain({"format": FORMAT, **asdict(card)}), indent=1, ensure_ascii=False)
+    return write_text_atomically(path, text + "\n")
+
+
+def read_parameter_card(path: Path) -> ParameterCard:
+    """Read a card again.
+
+    Parameters
+    ----------
+    path : Path
+
+    Returns
+    -------
+    ParameterCard
+        A null is NaN again.
+
+    Raises
+    ------
+    PellucidError
+        If the file is missing, is no such card, or was written by a newer version.
+    """
+    path = Path(path)
+    try:
+        table = json.loads(path.read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        raise PellucidError(f"{path}: no such file, expected a model card") from None
+    except (UnicodeDecodeError, json.JSONDecodeError) as error:
+        raise PellucidError(f"{path}: not a model card: {error}") from None
+    if not isinstance(table, dict) or not isinstance(table.get("kind"), str):
+        raise PellucidError(f"{path}: found no kind, expected a card with the parameters of one model")
+    if table.pop("format", 0) > FORMAT:
+        raise PellucidError(f"{path}: written by a newer Pellucid ({table.get('pellucid')}), expected format {FORMAT}")
+    try:
+        rows = [{**row, "interval": tuple(_number(x) for x in row["interval"])} for row in table.pop("parameters")]
+        numbers = ("value", "standard_error")
+        parameters = tuple(CardParameter(**{**r, **{key: _number(r[key]) for key in numbers}}) for r in rows)
+        covariance = tuple(tuple(_number(x) for x in row) for row in table.pop("covariance"))
+        return ParameterCard(**table, parameters=parameters, covariance=covariance)
+    except (KeyError, TypeError) as error:
+        raise PellucidError(f"{path}: not a card of parameters: {error}") from None
+
+
+def _number(x: float | None) -> float:
+    return float("nan") if x is None else float(x)
+
+
+def _plain(value):
+    if isinstance(value, Mapping):
+        return {str(key): _plain(item) for key, item in value.items()}
+    if isinstance(value, (tuple, list)):
+        return [_plain(item) for item in value]
+    if isinstance(value, np.generic):
+        value = value.item()
+    return None if isinstance(value, float) and not np.isfinite(value) else value
