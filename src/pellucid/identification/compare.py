@@ -9,8 +9,8 @@ import numpy as np
 from scipy.stats import chi2, norm
 
 from .._errors import IdentificationError
-from ..models.card import ModelCard, read_card
-from ..models.slider_card import SliderCard, read_slider_card
+from ..models.card import Card, read_card
+from ..models.slider_card import read_slider_card
 from .fit import Verdict
 
 SURE = 2.8  # standard errors: a change of this size is found in 80 % of comparisons at the 5 % level
@@ -92,7 +92,7 @@ def compare(a: Path | str, b: Path | str, *, family: str | None = None, level: f
     return Comparison(one.family, rows, statistic, joint_p, _sentences(rows, joint_p, level))
 
 
-def _card(path: Path, family: str | None) -> ModelCard | SliderCard:
+def _card(path: Path, family: str | None) -> Card:
     if path.is_file():
         return read_slider_card(path) if path.name.startswith("slider.") else read_card(path)
     slider = path / "models" / f"slider.{family or 'load'}.json"
@@ -101,7 +101,7 @@ def _card(path: Path, family: str | None) -> ModelCard | SliderCard:
     return read_card(path / "models" / ("joint.json" if family is None else f"joint.{family}.json"))
 
 
-def _part(card: ModelCard | SliderCard, names: list[str]) -> np.ndarray:
+def _part(card: Card, names: list[str]) -> np.ndarray:
     index = [i for n in names for i, p in enumerate(card.parameters) if p.name == n]
     return np.array(card.covariance)[np.ix_(index, index)]
 

@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from scipy.stats import norm
 
+from ..models.card import CardParameter
 from ..models.joint import JointModel
 
 
@@ -45,6 +46,13 @@ class Parameter:
         """Confidence interval at `level`, in the parameter's unit."""
         half = float(norm.ppf(0.5 + level / 2.0)) * self.standard_error
         return self.value - half, self.value + half
+
+    def on_card(self, level: float) -> CardParameter:
+        """The same as a model card keeps it, its interval at `level`."""
+        interval = self.interval(level)
+        return CardParameter(
+            self.name, self.unit, self.value, self.standard_error, interval, self.at_bound, self.identifiable
+        )
 
     @property
     def relative_sd(self) -> float:

@@ -9,7 +9,7 @@ from importlib.metadata import version
 
 import numpy as np
 
-from ..models.card import CardParameter, ModelCard, write_card
+from ..models.card import ModelCard, write_card
 from ..recordings.results import ResultRow, write_rows
 from ..recordings.study import Study
 from ..signals.effort import drive_model
@@ -70,10 +70,7 @@ def card_of(study: Study, fit: JointFit, family: FamilyFit) -> ModelCard:
         motion=fit.motion,
         effort_unit=fit.effort_unit,
         lifts=fit.lifts,
-        parameters=tuple(
-            CardParameter(p.name, p.unit, p.value, p.standard_error, p.interval(level), p.at_bound, p.identifiable)
-            for p in family.estimate.parameters
-        ),
+        parameters=tuple(p.on_card(level) for p in family.estimate.parameters),
         covariance=tuple(tuple(float(x) for x in row) for row in family.estimate.covariance),
         known=dict(family.model.known),
         velocity_range=max((float(np.abs(p.velocity).max()) for p in fitted), default=0.0),

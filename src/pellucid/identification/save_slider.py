@@ -7,8 +7,8 @@ from dataclasses import replace
 from hashlib import sha256
 from importlib.metadata import version
 
-from ..models.card import CardParameter
-from ..models.slider_card import SliderCard, write_slider_card
+from ..models.card import write_card
+from ..models.slider_card import SliderCard
 from ..models.slider_joint import SliderJointModel
 from ..recordings.results import ResultRow, write_rows
 from ..recordings.study import Study
@@ -32,7 +32,7 @@ def save_slider(study: Study, fit: SliderFit) -> list[ResultRow]:
     """
     study.models_dir.mkdir(exist_ok=True)
     for method, estimate in fit.estimates.items():
-        write_slider_card(study.models_dir / f"slider.{method}.json", slider_card(study, fit, estimate))
+        write_card(study.models_dir / f"slider.{method}.json", slider_card(study, fit, estimate))
     rows = list(slider_rows(fit))
     write_rows(study.results_path, COMMAND, rows)
     return rows
@@ -60,10 +60,7 @@ def slider_card(study: Study, fit: SliderFit, estimate: SliderEstimate) -> Slide
         motion="rotary",
         effort_unit="N*m",
         lifts=fit.lifts,
-        parameters=tuple(
-            CardParameter(p.name, p.unit, p.value, p.standard_error, p.interval(level), p.at_bound, p.identifiable)
-            for p in estimate.parameters
-        ),
+        parameters=tuple(p.on_card(level) for p in estimate.parameters),
         covariance=tuple(tuple(float(x) for x in row) for row in estimate.covariance),
         known=dict(model.known) if isinstance(model, SliderJointModel) else {},
         rail=fit.rail,

@@ -6,6 +6,7 @@ import json
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
+from typing import Self
 
 import numpy as np
 
@@ -31,8 +32,8 @@ class CardParameter:
 
 
 @dataclass(frozen=True)
-class ModelCard:
-    """An identified joint.
+class Card:
+    """What every card says first, of whatever kind of joint.
 
     Parameters
     ----------
@@ -47,6 +48,66 @@ class ModelCard:
         In the order of the parameters, SI.
     known : mapping of str to float
         Parameters that were fixed beforehand, SI.
+    """
+
+    study: str
+    family: str
+    method: str
+    motion: str
+    effort_unit: str
+    lifts: str
+    parameters: tuple[CardParameter, ...]
+    covariance: tuple[tuple[float, ...], ...]
+    known: Mapping[str, float]
+
+    @classmethod
+    def from_table(cls, table: Mapping, path: Path) -> Self:
+        """The card that a file's table holds.
+
+        Parameters
+        ----------
+        table : mapping
+            From `read_table`.
+        path : Path
+            The file, for messages.
+
+        Returns
+        -------
+        Card
+            Of this kind, the file's lists as tuples.
+
+        Raises
+        ------
+        PellucidError
+            If the table lacks one of this kind's fields, or has another.
+        """
+        try:
+            parameters = tuple(CardParameter(**(p | {"interval": tuple(p["interval"])})) for p in table["parameters"])
+            covariance = tuple(tuple(row) for row in table["covariance"])
+            plain = {key: tuple(value) if isinstance(value, list) else value for key, value in table.items()}
+            given = {"parameters": parameters, "covariance": covariance, "known": dict(table["known"])}
+            return cls(**(plain | given))
+        except (KeyError, TypeError) as error:
+            raise PellucidError(f"{path}: not a model card of format {FORMAT}: {error}") from None
+
+    @property
+    def values(self) -> np.ndarray:
+        """Parameter values, shape (p,), SI."""
+        return np.array([p.value for p in self.parameters])
+
+    def __getitem__(self, name: str) -> CardParameter:
+        for parameter in self.parameters:
+            if parameter.name == name:
+                return parameter
+        raise KeyError(f"{name!r}; this card has {', '.join(p.name for p in self.parameters)}")
+
+
+@dataclass(frozen=True)
+class ModelCard(Card):
+    """An identified joint: what `Card` says, and these.
+
+    Parameters
+    ----------
     velocity_range : float
         Largest speed seen while fitting: beyond it the model is a guess [rad/s or m/s].
     drive : mapping of str to float
@@ -61,15 +122,6 @@ class ModelCard:
         Version that wrote it.
     """
 
-    study: str
-    family: str
-    method: str
-    motion: str
-    effort_unit: str
-    lifts: str
-    parameters: tuple[CardParameter, ...]
-    covariance: tuple[tuple[float, ...], ...]
-    known: Mapping[str, float]
     velocity_range: float
     drive: Mapping[str, float]
     heldout_effort_error: float | None
@@ -84,25 +136,14 @@ class ModelCard:
         symbols = tuple(SYMBOLS[p.name] for p in self.parameters)
         return JointModel(self.family, symbols, self.motion, self.effort_unit, dict(self.known))
 
-    @property
-    def values(self) -> np.ndarray:
-        """Parameter values, shape (p,), SI."""
-        return np.array([p.value for p in self.parameters])
 
-    def __getitem__(self, name: str) -> CardParameter:
-        for parameter in self.parameters:
-            if parameter.name == name:
-                return parameter
-        raise KeyError(f"{name!r}; this card has {', '.join(p.name for p in self.parameters)}")
-
-
-def write_card(path: Path, card: ModelCard) -> None:
+def write_card(path: Path, card: Card) -> None:
     """Write a card as JSON, atomically.
 
     Parameters
     ----------
     path : Path
-    card : ModelCard
+    card : Card
     """
     write_text_atomically(path, json.dumps(asdict(card), indent=2, allow_nan=False) + "\n")
 
@@ -123,14 +164,8 @@ def read_card(path: Path) -> ModelCard:
     PellucidError
         If the file is missing, is not a model card, or was written by a newer version.
     """
-    table = read_table(path)
-    try:
-        parameters = tuple(CardParameter(**(p | {"interval": tuple(p["interval"])})) for p in table["parameters"])
-        covariance = tuple(tuple(row) for row in table["covariance"])
-        card = ModelCard(**(table | {"parameters": parameters, "covariance": covariance}))
-        unknown = [p.name for p in parameters if p.name not in SYMBOLS]
-    except (KeyError, TypeError) as error:
-        raise PellucidError(f"{path}: not a model card of format {FORMAT}: {error}") from None
+    card = ModelCard.from_table(read_table(path), path)
+    unknown = [p.name for p in card.parameters if p.name not in SYMBOLS]
     if unknown:
         raise PellucidError(f"{path}: unknown parameters {', '.join(unknown)}")
     return card
