@@ -5,13 +5,13 @@ from __future__ import annotations
 import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass
-from importlib.resources import files
 
 import numpy as np
 
 from .. import _core
 from .._errors import StudyError
 from ..models.joint import GRAVITY
+from .init import rig_text
 
 NAMES: tuple[str, ...] = tuple(_core.GEARED_PARAMETER_NAMES)
 """The plant's parameters, in the core's order."""
@@ -131,12 +131,7 @@ class ElbowRig:
 
 def able_elbow() -> ElbowRig:
     """The rig of ``lab/rigs/able-elbow.toml``."""
-    return parse_elbow_rig(rig_text(), "able-elbow")
-
-
-def rig_text() -> str:
-    """The text of ``lab/rigs/able-elbow.toml``, for a user to copy."""
-    return (files(__package__) / "rigs" / "able-elbow.toml").read_text(encoding="utf-8")
+    return parse_elbow_rig(rig_text("able-elbow"), "able-elbow")
 
 
 def parse_elbow_rig(text: str, name: str) -> ElbowRig:

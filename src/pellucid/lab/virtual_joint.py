@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import tomllib
 from dataclasses import dataclass, replace
-from importlib.resources import files
 from pathlib import Path
 
 import numpy as np
@@ -18,6 +17,7 @@ from ..protocols.excitation import multisine, point_to_point
 from ..recordings.recording import Channel
 from ..recordings.study import Study, open_study
 from ..recordings.writers import write_csv
+from .init import rig_text
 
 
 @dataclass(frozen=True)
@@ -71,8 +71,7 @@ class VirtualJoint:
 
 def bench_joint() -> VirtualJoint:
     """The joint of ``lab/rigs/bench-joint.toml``."""
-    text = (files(__package__) / "rigs" / "bench-joint.toml").read_text(encoding="utf-8")
-    return parse_rig(text)
+    return parse_rig(rig_text("bench-joint"))
 
 
 def parse_rig(text: str) -> VirtualJoint:
