@@ -35,6 +35,28 @@ def test_results_have_the_ids_others_rely_on(made):
     assert rows["able.table1.published_protocol.ratio"].split == "fitted"
 
 
+def test_rows_say_what_they_were_judged_on(made):
+    """Only trials never fitted are held out: the paper's 18 are not, nor is what a rig's own constants judge."""
+    out, _ = made
+    split = {r.id: r.split for r in read_rows(out / "results.json")}
+    for name in split:
+        what = re.sub(r"^able\.(drawn-\d+\.)?", "", name)
+        never_fitted = re.fullmatch(
+            r"table1\.(without|with|ratio|p)|(consistent|load)\.(ratio(\.\w+)?|torque_error)", what
+        )
+        assert (split[name] == "heldout") == bool(never_fitted), name
+    wanted = {
+        "able.friction_needed.factor": "fitted",
+        "able.friction_needed.ratio_at_2": "fitted",
+        "able.drawn-1.implied_friction.least": "fitted",
+        "able.load.gravity_error": "simulated",
+        "able.drawn-1.consistent.inertia_error": "simulated",
+        "able.slider_error": "simulated",
+        "able.recomputed.p": "simulated",
+    }
+    assert {name: split[name] for name in wanted} == wanted
+
+
 def test_reproduction_puts_ours_beside_what_is_printed(made):
     out, found = made
     rows = json.loads((out / "reproduction.json").read_text(encoding="utf-8"))["rows"]

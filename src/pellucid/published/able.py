@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -27,6 +27,15 @@ SEEDS = tuple(range(1, 11))
 
 LOAD_FACTORS = (0.0, 0.5, 1.0, 2.0, 3.0, 4.0)
 """By which the rig's load friction is multiplied, to see which would give the paper's ratio."""
+
+SPLITS = {
+    "fitted": (".published_protocol.", ".friction_needed.", ".implied_friction."),
+    "simulated": (
+        ".gravity_error", ".inertia_error", ".slider_error", ".recomputed.", ".parameter_count", ".table2.",
+    ),
+}  # fmt: skip
+"""What a row is judged on, by a part of its id: rows not named here, on trials never fitted. A rig's own constants, and
+arithmetic, count as simulated."""
 
 COMMAND = "reproduce able"
 
@@ -114,9 +123,7 @@ def _with_load(rig: ElbowRig, factor: float) -> ElbowRig:
 
 
 def _split(row: str) -> str:
-    if ".recomputed." in row or ".parameter_count" in row or ".table2." in row:
-        return "simulated"
-    return "fitted" if "published_protocol" in row else "heldout"
+    return next((split for split, parts in SPLITS.items() if any(part in row for part in parts)), "heldout")
 
 
 def _note(row: Reproduced) -> str:
@@ -125,7 +132,6 @@ def _note(row: Reproduced) -> str:
 
 
 def _compared(rig: ElbowRig, comparisons: Sequence[Comparison], paper: PrintedPaper) -> list[Reproduced]:
-    rows: list[Reproduced] = []
     table = paper.tables["error"]
     printed_ = {
         "without": table["without_dissociation"]["mean"].value,
@@ -133,95 +139,63 @@ def _compared(rig: ElbowRig, comparisons: Sequence[Comparison], paper: PrintedPa
         "ratio": paper["error_ratio"],
         "p": paper["paired_p"],
     }
-    names = list(dict.fromkeys(c.rig for c in comparisons))
-    for name in names:
-        mine = [c for c in comparisons if c.rig == name]
+    rows: list[Reproduced] = []
+    for name in dict.fromkeys(c.rig for c in comparisons):
         head = "able" if name == rig.name else f"able.{name}"
-        for which, tail in (("unseen", "table1"), ("published", "table1.published_protocol")):
-            measures = {
-                "without": ("Mean absolute error without dissociation", "A", [c.mean(which, "pooled") for c in mine]),
-                "with": ("Mean absolute error with dissociation", "A", [c.mean(which, "dissociated") for c in mine]),
-                "ratio": ("Error without over with", "1", [c.ratio(which, "pooled", "dissociated") for c in mine]),
-                "p": ("Paired t-test over 18 trials", "1", [c.p_value(which) for c in mine]),
-            }
-            for key, (quantity, unit, values) in measures.items():
-                ours, low, high = spread(values)
-                agrees = low <= printed_[key] <= high
-                rows.append(
-                    Reproduced(
-                        f"{head}.{tail}.{key}",
-                        f"{quantity}, {'trials never fitted' if which == 'unseen' else 'the 18 trials of the paper'}"
-                        f", rig {name}",
-                        unit,
-                        printed_[key],
-                        ours,
-                        low,
-                        high,
-                        "agrees" if agrees else "differs",
-                        "12 of the 18 are fitted too" if which == "published" else "the paper held nothing out",
-                    )
-                )
-        for method in ("consistent", "load"):
-            ours, low, high = spread(c.ratio("unseen", "dissociated", method) for c in mine)
-            what = "one coherent body" + (", friction by load" if method == "load" else "")
-            rows.append(
-                Reproduced(
-                    f"{head}.{method}.ratio",
-                    f"Error of the dissociated model over that of {what}, rig {name}",
-                    "1",
-                    None,
-                    ours,
-                    low,
-                    high,
-                    note="trials never fitted",
-                )
-            )
-            for which, label in (("constant", slice(0, 6)), ("sweep", slice(6, 12)), ("slow", slice(12, 18))):
-                values = [
-                    float(c.errors["unseen"]["dissociated"][label].mean() / c.errors["unseen"][method][label].mean())
-                    for c in mine
-                ]
-                ours, low, high = spread(values)
-                rows.append(
-                    Reproduced(
-                        f"{head}.{method}.ratio.{which}", f"The same, {which} trials, rig {name}", "1", None, ours, low,
-                        high,
-                    )
-                )  # fmt: skip
-            ours, low, high = spread(c.torque_errors["unseen"][method].mean() for c in mine)
-            rows.append(
-                Reproduced(
-                    f"{head}.{method}.torque_error", f"Mean absolute torque error of {what}, rig {name}", "N*m", None,
-                    ours, low, high, note="trials never fitted",
-                )
-            )  # fmt: skip
-            ours, low, high = spread(c.gravity_error[method] for c in mine)
-            rows.append(
-                Reproduced(
-                    f"{head}.{method}.gravity_error", f"Largest gravity error of {what}, of the largest, rig {name}",
-                    "1", None, ours, low, high, note="against the rig's own gravity",
-                )
-            )  # fmt: skip
-            ours, low, high = spread(c.inertia_error[method] for c in mine)
-            rows.append(
-                Reproduced(
-                    f"{head}.{method}.inertia_error", f"Largest relative inertia error of {what}, rig {name}", "1",
-                    None, ours, low, high, note="against the rig's own inertia",
-                )
-            )  # fmt: skip
-        ours, low, high = spread(c.slider_error for c in mine)
+        rows += _of_one_rig(head, name, [c for c in comparisons if c.rig == name], printed_)
+    return rows
+
+
+def _of_one_rig(head: str, rig: str, mine: Sequence[Comparison], printed_: Mapping[str, float]) -> list[Reproduced]:
+    rows: list[Reproduced] = []
+
+    def add(what: str, quantity: str, unit: str, values: Iterable[float], printed: float | None = None, note: str = ""):
+        ours, low, high = spread(values)
+        verdict = "ours only" if printed is None else "agrees" if low <= printed <= high else "differs"
         rows.append(
-            Reproduced(
-                f"{head}.slider_error", f"Largest error of a slider position, rig {name}", "m", None, ours, low, high
-            )
+            Reproduced(f"{head}.{what}", f"{quantity}, rig {rig}", unit, printed, ours, low, high, verdict, note)
         )
-        ours, low, high = spread(c.implied_friction[0] for c in mine)
-        rows.append(
-            Reproduced(
-                f"{head}.implied_friction.least", f"Least friction the dissociated model implies at rest, rig {name}",
-                "N*m", None, ours, low, high, note="no joint has a negative one (A7)",
-            )
+
+    for which, table, judged, note in (
+        ("unseen", "table1", "trials never fitted", "the paper held nothing out"),
+        ("published", "table1.published_protocol", "the 18 trials of the paper", "12 of the 18 are fitted too"),
+    ):
+        for key, quantity, unit, values in (
+            ("without", "Mean absolute error without dissociation", "A", [c.mean(which, "pooled") for c in mine]),
+            ("with", "Mean absolute error with dissociation", "A", [c.mean(which, "dissociated") for c in mine]),
+            ("ratio", "Error without over with", "1", [c.ratio(which, "pooled", "dissociated") for c in mine]),
+            ("p", "Paired t-test over 18 trials", "1", [c.p_value(which) for c in mine]),
+        ):
+            add(f"{table}.{key}", f"{quantity}, {judged}", unit, values, printed_[key], note)
+    for method in ("consistent", "load"):
+        body = "one coherent body" + (", friction by load" if method == "load" else "")
+        add(
+            f"{method}.ratio", f"Error of the dissociated model over that of {body}", "1",
+            [c.ratio("unseen", "dissociated", method) for c in mine], note="trials never fitted",
         )  # fmt: skip
+        for protocol, part in (("constant", slice(0, 6)), ("sweep", slice(6, 12)), ("slow", slice(12, 18))):
+            errors = [(c.errors["unseen"]["dissociated"][part], c.errors["unseen"][method][part]) for c in mine]
+            add(
+                f"{method}.ratio.{protocol}", f"The same, {protocol} trials", "1",
+                [over.mean() / under.mean() for over, under in errors],
+            )  # fmt: skip
+        add(
+            f"{method}.torque_error", f"Mean absolute torque error of {body}", "N*m",
+            [c.torque_errors["unseen"][method].mean() for c in mine], note="trials never fitted",
+        )  # fmt: skip
+        add(
+            f"{method}.gravity_error", f"Largest gravity error of {body}, of the largest", "1",
+            [c.gravity_error[method] for c in mine], note="against the rig's own gravity",
+        )  # fmt: skip
+        add(
+            f"{method}.inertia_error", f"Largest relative inertia error of {body}", "1",
+            [c.inertia_error[method] for c in mine], note="against the rig's own inertia",
+        )  # fmt: skip
+    add("slider_error", "Largest error of a slider position", "m", [c.slider_error for c in mine])
+    add(
+        "implied_friction.least", "Least friction the dissociated model implies at rest", "N*m",
+        [c.implied_friction[0] for c in mine], note="no joint has a negative one (A7)",
+    )  # fmt: skip
     return rows
 
 
