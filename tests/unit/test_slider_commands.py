@@ -18,6 +18,7 @@ from pellucid.lab.elbow_protocol import trials
 from pellucid.lab.elbow_rig import able_elbow, drawn_rigs, parse_elbow_rig
 from pellucid.lab.elbow_study import write_elbow_study
 from pellucid.lab.init import init_rig, rig_names, rig_text
+from pellucid.lab.simulate import study_name
 from pellucid.models.slider_card import read_slider_card
 from pellucid.recordings.results import read_rows
 
@@ -205,7 +206,7 @@ def test_a_carriage_beyond_its_rail(elbow):
 
 
 def test_a_bench_joint_from_the_commands(tmp_path):
-    folder = tmp_path / "my bench"
+    folder = tmp_path / "my bench.1"
     result = run(cli.app, ["init", str(folder), "--rig", "bench-joint"])
     assert f"Next: pellucid simulate {folder}" in result.output
     rig = folder / "lab" / "rig.toml"
@@ -213,11 +214,18 @@ def test_a_bench_joint_from_the_commands(tmp_path):
     rig.write_text(text, encoding="utf-8")
     result = run(cli.app, ["simulate", str(folder), "--seed", "3"])
     assert result.exit_code == 0, result.output
-    assert "study 'my-bench', 4 recordings, 16 s of motion" in result.output
+    assert "study 'my-bench-1', 4 recordings, 16 s of motion" in result.output
     first = (folder / "recordings" / "multisine.csv").read_bytes()
     made = pellucid.simulate(folder, seed=3)
     assert (made.recordings, made.joint_time) == (4, 16.0)
     assert (folder / "recordings" / "multisine.csv").read_bytes() == first
+
+
+@pytest.mark.parametrize(
+    ("folder", "name"), [("my.elbow", "my-elbow"), (".._Elbow_2-a", "Elbow_2-a"), ("...", "study")]
+)
+def test_a_folder_gives_its_study_a_name_that_may_be(tmp_path, folder, name):
+    assert study_name(tmp_path / folder) == name
 
 
 def test_init_refuses_what_it_cannot_make(tmp_path):

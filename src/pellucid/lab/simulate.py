@@ -97,7 +97,7 @@ def simulate(
 
 def study_name(folder: Path) -> str:
     """A folder's name as a study's, with what such a name may not hold replaced by a hyphen."""
-    return re.sub(r"[^A-Za-z0-9_.-]+", "-", folder.absolute().name).lstrip("_.-") or "study"
+    return re.sub(r"[^A-Za-z0-9_-]+", "-", folder.absolute().name).lstrip("_-") or "study"
 
 
 def _bench(text: str, path: Path) -> VirtualJoint:
