@@ -98,7 +98,8 @@ class Fault:
 
 def drive_channel(recording: Recording, study: Study) -> str | None:
     """Name of the channel that carries the drive's command, None if the recording has none."""
-    return next((name for name in DRIVE_CHANNELS[study.rig.drive.kind] if name in recording), None)
+    drive = study.rig.drive
+    return next((name for name in DRIVE_CHANNELS[drive.kind] if name in recording), None) if drive else None
 
 
 def inspect(recording: Recording, study: Study) -> list[Fault]:

@@ -91,6 +91,9 @@ class Recording:
         What a motion capture saw of the trial, all of it even where the recording is a window.
     slider : float or None
         Where the carriage was clamped, by a ruler: distance from the axis [m].
+    streams : Mapping[str, Recording]
+        What other instruments recorded of the trial, each on its own clock, all of it even where the recording is a
+        window.
 
     Raises
     ------
@@ -110,6 +113,7 @@ class Recording:
     start: str = "measured"
     optical: OpticalRecording | None = None
     slider: float | None = None
+    streams: Mapping[str, Recording] = field(default_factory=dict, repr=False)
 
     def __post_init__(self):
         if "time" not in self.channels:
@@ -122,6 +126,7 @@ class Recording:
                     f"expected {n} as in time"
                 )
         object.__setattr__(self, "channels", MappingProxyType(dict(self.channels)))
+        object.__setattr__(self, "streams", MappingProxyType(dict(self.streams)))
 
     def __getitem__(self, name: str) -> np.ndarray:
         try:
@@ -130,6 +135,22 @@ class Recording:
             raise RecordingError(
                 f"{self.path.name} (recording {self.name}): no channel {name}; study.toml gives it "
                 f"{', '.join(self.channels)}"
+            ) from None
+
+    def stream(self, name: str) -> Recording:
+        """What an instrument recorded of this trial.
+
+        Raises
+        ------
+        RecordingError
+            If study.toml gives this recording no such stream.
+        """
+        try:
+            return self.streams[name]
+        except KeyError:
+            raise RecordingError(
+                f"{self.path.name} (recording {self.name}): no stream {name}; study.toml gives it "
+                f"{', '.join(self.streams) or 'none'}"
             ) from None
 
     def __contains__(self, name: object) -> bool:

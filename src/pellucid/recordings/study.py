@@ -157,19 +157,29 @@ class Study:
             start=entry.start,
             optical=self._load_optical(entry, files),
             slider=entry.slider,
+            streams={stream: self._load_stream(entry, name, stream, files) for stream in entry.streams},
         )
         self._loaded[name] = recording
         return recording
 
+    def _load_stream(self, entry, name, stream, files) -> Recording:
+        path = self._beside(entry, entry.streams[stream], f"the stream {stream}")
+        columns, digest = _read_once(path, files)
+        channels = _channels(columns, self.config.streams[stream].channels, None)
+        return Recording(f"{name}.{stream}", path, digest, entry.use, channels, entry.protocol, entry.participant)
+
+    def _beside(self, entry, file, what) -> Path:
+        path = self.folder / file
+        if not path.is_file():
+            raise RecordingError(
+                f'{path}: no such file, expected by {what} of [[recordings]] "{entry.name}"{_present(path.parent)}'
+            )
+        return path
+
     def _load_optical(self, entry, files) -> OpticalRecording | None:
         if entry.optical is None:
             return None
-        path = self.folder / entry.optical
-        if not path.is_file():
-            raise RecordingError(
-                f'{path}: no such file, expected by optical of [[recordings]] "{entry.name}"{_present(path.parent)}'
-            )
-        columns, digest = _read_once(path, files)
+        columns, digest = _read_once(self._beside(entry, entry.optical, "optical"), files)
         rail, spec = self.rig.slider, self.config.optical
         time = _to_si(columns.column(spec.time.column, "time"), spec.time)
         return read_optical(columns, digest, time, spec, rail.marker if rail is not None else None)
@@ -216,6 +226,9 @@ def _read_once(path: Path, files: dict[Path, tuple[Columns, str]]) -> tuple[Colu
 
 def _channels(columns: Columns, specs: dict[str, ChannelSpec], window) -> dict[str, Channel]:
     values = {name: _to_si(columns.column(spec.column, name), spec) for name, spec in specs.items()}
+    rate = specs["time"].rate
+    if rate is not None:
+        values["time"] = np.arange(max(len(samples) for samples in values.values())) / rate
     time = values["time"]
     n = len(time)
     for name, samples in values.items():

@@ -8,49 +8,18 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Any, Literal
 
-from pydantic import (
-    BaseModel,
-    BeforeValidator,
-    ConfigDict,
-    Field,
-    ValidationError,
-    ValidationInfo,
-    field_validator,
-    model_validator,
-)
+from pydantic import Field, ValidationError, ValidationInfo, field_validator, model_validator
 
 from .._errors import StudyError
 from ..units import parse_quantity, si_text, to_si_factor
+from .study_fields import DERIVED, NAME, Table, quantity
+from .study_procedures import Coupling, EmgTorque, Hinge, TransferFunction
 from .toml_place import explain
-
-_NAME = r"^[A-Za-z0-9][A-Za-z0-9_-]*$"
 
 FRICTION_FAMILIES = ("symmetric", "directional", "load", "stribeck", "combined")
 """The friction models `identify` tries, in this order, where study.toml names none."""
-
-
-def _quantity(expected: str, **bounds: float) -> Any:
-    """Type of a field given as ``"1.5 V"``; an expected unit in <> is looked up among the rig's units."""
-
-    def convert(value: Any, info: ValidationInfo) -> float | None:
-        if value is None:
-            return None
-        units = info.context or {}
-        unit = units.get(expected, expected) if expected.startswith("<") else expected
-        return parse_quantity(value, unit, "")
-
-    convert_text = BeforeValidator(convert, json_schema_input_type=str)
-    return Annotated[float, Field(**bounds), convert_text, Field(description=f"number and unit ({expected})")]
-
-
-_DERIVED = "\0"
-"""What the names of fields begin with that follow from others; no person can write such a key."""
-
-
-class _Table(BaseModel):
-    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False, hide_input_in_errors=True)
 
 
 # Gains that a kind of loop needs, and those it may have.
@@ -63,7 +32,7 @@ _GAINS = {
 }
 
 
-class Drive(_Table):
+class Drive(Table):
     """How the effort is known: ``[rig.drive]``.
 
     Attributes
@@ -84,12 +53,12 @@ class Drive(_Table):
     """
 
     kind: Literal["torque", "current", "voltage"]
-    torque_constant: _quantity("<constant>", gt=0) | None = None
-    force_constant: _quantity("<constant>", gt=0) | None = None
+    torque_constant: quantity("<constant>", gt=0) | None = None
+    force_constant: quantity("<constant>", gt=0) | None = None
     gear_ratio: float = Field(1.0, gt=0)
-    resistance: _quantity("ohm", gt=0) | None = None
-    supply: _quantity("V", gt=0) | None = None
-    limit: _quantity("<command>", gt=0) | None = None
+    resistance: quantity("ohm", gt=0) | None = None
+    supply: quantity("V", gt=0) | None = None
+    limit: quantity("<command>", gt=0) | None = None
 
     @property
     def constant(self) -> float | None:
@@ -110,7 +79,7 @@ class Drive(_Table):
         return self
 
 
-class Loop(_Table):
+class Loop(Table):
     """The machine's own controller: ``[rig.loop]``. Gains are plain numbers in SI, in the drive's command unit.
 
     Attributes
@@ -135,10 +104,10 @@ class Loop(_Table):
     ki: float | None = None
     kd: float | None = None
     kv: float | None = None
-    limit: _quantity("<command>", gt=0) | None = None
+    limit: quantity("<command>", gt=0) | None = None
     injected: str | None = None
     velocity_span: int = Field(0, ge=0)
-    period: _quantity("s", gt=0) | None = None
+    period: quantity("s", gt=0) | None = None
 
     @model_validator(mode="after")
     def _gains(self) -> Loop:
@@ -152,13 +121,13 @@ class Loop(_Table):
         return self
 
 
-class Limits(_Table):
+class Limits(Table):
     """What the joint may not pass: ``[rig.limits]``, each [rad] or [m], [rad/s] or [m/s], [N*m] or [N]."""
 
-    position_min: _quantity("<coordinate>") | None = None
-    position_max: _quantity("<coordinate>") | None = None
-    velocity: _quantity("<velocity>", gt=0) | None = None
-    effort: _quantity("<effort>", gt=0) | None = None
+    position_min: quantity("<coordinate>") | None = None
+    position_max: quantity("<coordinate>") | None = None
+    velocity: quantity("<velocity>", gt=0) | None = None
+    effort: quantity("<effort>", gt=0) | None = None
 
     @model_validator(mode="after")
     def _ordered(self) -> Limits:
@@ -168,7 +137,7 @@ class Limits(_Table):
         return self
 
 
-class Slider(_Table):
+class Slider(Table):
     """A carriage that moves freely on a rail along the moving segment: ``[rig.slider]``.
 
     Attributes
@@ -182,10 +151,10 @@ class Slider(_Table):
         does.
     """
 
-    low: _quantity("m", ge=0)
-    high: _quantity("m", gt=0)
+    low: quantity("m", ge=0)
+    high: quantity("m", gt=0)
     marker: str | None = None
-    mass: _quantity("kg", gt=0) | None = None
+    mass: quantity("kg", gt=0) | None = None
 
     @model_validator(mode="after")
     def _ordered(self) -> Slider:
@@ -194,7 +163,7 @@ class Slider(_Table):
         return self
 
 
-class Rig(_Table):
+class Rig(Table):
     """The machine: ``[rig]``.
 
     Attributes
@@ -208,14 +177,15 @@ class Rig(_Table):
     moving_mass : float or None
         Upper limit on the mass that moves about a rotary axis [kg]; it bounds the inertia from below.
     drive, loop, limits, slider
-        Its tables; `loop` is None where the machine's controller is not known, `slider` where the machine has none.
+        Its tables; `drive` is None where no motor takes part, `loop` where the machine's controller is not known,
+        `slider` where the machine has none.
     """
 
     joint: str = "joint"
     motion: Literal["rotary", "prismatic"]
     lifts: str = ""
-    moving_mass: _quantity("kg", gt=0) | None = None
-    drive: Drive
+    moving_mass: quantity("kg", gt=0) | None = None
+    drive: Drive | None = None
     loop: Loop | None = None
     limits: Limits = Limits()
     slider: Slider | None = None
@@ -227,15 +197,17 @@ class Rig(_Table):
         return self
 
 
-class Participant(_Table):
-    """Who wears it: ``[participants.NAME]``. Mass [kg], height [m], age [years]."""
+class Participant(Table):
+    """Who wears it: ``[participants.NAME]``. Mass [kg], height [m], age [years], from the knee to the heel [m]."""
 
-    mass: _quantity("kg", gt=0) | None = None
-    height: _quantity("m", gt=0) | None = None
+    mass: quantity("kg", gt=0) | None = None
+    height: quantity("m", gt=0) | None = None
     age: float | None = Field(None, gt=0)
+    sex: Literal["female", "male"] | None = None
+    shank_length: quantity("m", gt=0) | None = None
 
 
-class ChannelSpec(_Table):
+class ChannelSpec(Table):
     """Where a channel's numbers are and what they mean: one entry of ``[channels]``.
 
     In order: stored bits are signed, missing marks become NaN, a rolling encoder is unwrapped, then
@@ -261,6 +233,8 @@ class ChannelSpec(_Table):
         The count is a signed number of this many bits that was stored unsigned.
     missing : str, float or None
         ``"NaN"``, or the number that marks a missing sample.
+    rate : float or None
+        Of a file that has no column of times: sample n is at n / rate [Hz].
     clip : str
         ``"refuse"``, or ``"accept"`` where the channel may rest at its largest value.
     si_factor, si_offset : float
@@ -269,7 +243,7 @@ class ChannelSpec(_Table):
         SI unit as plain text.
     """
 
-    name: str = Field(validation_alias=_DERIVED + "name")
+    name: str = Field(validation_alias=DERIVED + "name")
     column: str | int
     unit: str
     sign: Literal[1, -1] = 1
@@ -278,10 +252,11 @@ class ChannelSpec(_Table):
     wrap_bits: int | None = Field(None, ge=1, le=64)
     signed_bits: int | None = Field(None, ge=2, le=64)
     missing: Literal["NaN"] | float | None = None
+    rate: quantity("Hz", gt=0) | None = None
     clip: Literal["refuse", "accept"] = "refuse"
-    si_factor: float = Field(validation_alias=_DERIVED + "si_factor")
-    si_offset: float = Field(validation_alias=_DERIVED + "si_offset")
-    si_unit: str = Field(validation_alias=_DERIVED + "si_unit")
+    si_factor: float = Field(validation_alias=DERIVED + "si_factor")
+    si_offset: float = Field(validation_alias=DERIVED + "si_offset")
+    si_unit: str = Field(validation_alias=DERIVED + "si_unit")
 
     @field_validator("column", mode="before")
     @classmethod
@@ -302,17 +277,21 @@ class ChannelSpec(_Table):
     def _to_si(cls, table: Any, info: ValidationInfo) -> Any:
         if not isinstance(table, dict):
             raise ValueError(f'found {table!r}, expected a table such as {{ column = "q", unit = "rad" }}')
-        name = table[_DERIVED + "name"]
-        expected = channel_unit(name, info.context or {})
+        name = table[DERIVED + "name"]
+        if "rate" in table:
+            if name != "time" or "column" in table:
+                raise ValueError("found rate, which stands in place of the column and the unit of time")
+            table = {"column": 0, "unit": "s", **table}
+        expected = channel_unit(name, info.context or {}, table.get("unit"))
         if table.get("unit") in (None, ""):
             such = f'expected one such as "{expected}"' if expected else 'expected one such as "V", or "1" for none'
             raise ValueError(f"no unit found, {such}")
         factor, offset = to_si_factor(table["unit"], expected, "")
         si = {"si_factor": factor, "si_offset": offset, "si_unit": expected or si_text(table["unit"])}
-        return {**table, **{_DERIVED + key: value for key, value in si.items()}}
+        return {**table, **{DERIVED + key: value for key, value in si.items()}}
 
 
-class Optical(_Table):
+class Optical(Table):
     """What the files of a motion capture hold, beside the machine's own: ``[optical]``.
 
     Attributes
@@ -339,7 +318,7 @@ class Optical(_Table):
     @classmethod
     def _name_time(cls, table: Any) -> Any:
         if isinstance(table, dict) and isinstance(table.get("time"), dict):
-            return {**table, "time": {**table["time"], _DERIVED + "name": "time"}}
+            return {**table, "time": {**table["time"], DERIVED + "name": "time"}}
         return table
 
     @field_validator("time", mode="before")
@@ -394,7 +373,32 @@ class Optical(_Table):
         return self.columns.replace("{marker}", marker).replace("{axis}", axis)
 
 
-class Processing(_Table):
+class Stream(Table):
+    """Another instrument's files, beside the machine's own: ``[streams.NAME]``.
+
+    Attributes
+    ----------
+    channels : dict[str, ChannelSpec]
+        ``[streams.NAME.channels]``; ``time`` is the instrument's own clock.
+    """
+
+    channels: dict[str, ChannelSpec]
+
+    @model_validator(mode="before")
+    @classmethod
+    def _spread_channels(cls, table: Any) -> Any:
+        if isinstance(table, dict) and isinstance(table.get("channels"), dict):
+            return {**table, "channels": _flat_channels(table["channels"])}
+        return table
+
+    @model_validator(mode="after")
+    def _has_a_clock(self) -> Stream:
+        if "time" not in self.channels:
+            raise ValueError("no channel time found, expected one with its column and unit, or its rate")
+        return self
+
+
+class Processing(Table):
     """What is done to the samples before a regression: ``[processing]``.
 
     Attributes
@@ -413,15 +417,15 @@ class Processing(_Table):
         Samples dropped at each border, where the filter has not settled.
     """
 
-    lowpass: _quantity("Hz", gt=0) | None = None
+    lowpass: quantity("Hz", gt=0) | None = None
     order: int = Field(4, ge=1, le=12)
     decimate: int = Field(1, ge=1)
-    resample: _quantity("Hz", gt=0) | None = None
-    dead_band: _quantity("<velocity>", ge=0) = 0.0
+    resample: quantity("Hz", gt=0) | None = None
+    dead_band: quantity("<velocity>", ge=0) = 0.0
     trim: int = Field(0, ge=0)
 
 
-class Model(_Table):
+class Model(Table):
     """What is identified: ``[model]``.
 
     Attributes
@@ -438,7 +442,7 @@ class Model(_Table):
 
     families: tuple[Literal[FRICTION_FAMILIES], ...] = FRICTION_FAMILIES
     gravity: Literal["none", "sine", "sine+cosine"]
-    known: dict[str, float] = {}
+    known: dict[str, float] = Field({})
     confidence: float = Field(0.95, gt=0, lt=1)
 
     @model_validator(mode="before")
@@ -470,14 +474,14 @@ class Model(_Table):
         return self
 
 
-class PayloadSpec(_Table):
+class PayloadSpec(Table):
     """A known mass on the moving segment: mass [kg], distance from the axis [m]."""
 
-    mass: _quantity("kg", gt=0)
-    distance: _quantity("m", ge=0) = 0.0
+    mass: quantity("kg", gt=0)
+    distance: quantity("m", ge=0) = 0.0
 
 
-class RecordingEntry(_Table):
+class RecordingEntry(Table):
     """One ``[[recordings]]``.
 
     Attributes
@@ -498,6 +502,8 @@ class RecordingEntry(_Table):
         Known mass carried.
     optical : str or None
         Path of the motion capture's file of the same trial, from the study's folder.
+    streams : dict[str, str]
+        Paths of other instruments' files of the same trial, by the name of their ``[streams.NAME]``.
     slider : float or None
         Where the carriage was clamped, by a ruler: distance from the axis [m].
     start : str
@@ -511,30 +517,31 @@ class RecordingEntry(_Table):
     files: str | None = None
     protocol: str | None = None
     use: Literal["fit", "validate"] = "fit"
-    window: tuple[_quantity("s"), _quantity("s")] | None = None
+    window: tuple[quantity("s"), quantity("s")] | None = None
     participant: str | None = None
     condition: str | None = None
     payload: PayloadSpec | None = None
     optical: str | None = None
-    slider: _quantity("m", ge=0) | None = None
+    streams: dict[str, str] = Field({})
+    slider: quantity("m", ge=0) | None = None
     start: Literal["measured", "rest"] = "measured"
-    channels: dict[str, ChannelSpec] = {}
+    channels: dict[str, ChannelSpec] = Field({})
 
     @model_validator(mode="after")
     def _one_source(self) -> RecordingEntry:
         if (self.file is None) == (self.files is None):
             raise ValueError("expected one of file and files, found " + ("both" if self.file else "neither"))
-        if self.files is not None and self.optical is not None:
+        if self.files is not None and (self.optical is not None or self.streams):
+            what = f'optical = "{self.optical}"' if self.optical is not None else "streams"
             raise ValueError(
-                f'found optical = "{self.optical}" with files = "{self.files}", expected file: each recording has an '
-                "optical file of its own"
+                f'found {what} with files = "{self.files}", expected file: each recording has files of its own for them'
             )
         if self.window is not None and self.window[0] >= self.window[1]:
             raise ValueError(f"window: found {self.window[0]:g} s to {self.window[1]:g} s, expected start before end")
         return self
 
 
-class StudyFile(_Table):
+class StudyFile(Table):
     """The whole of study.toml, in SI.
 
     Attributes
@@ -545,19 +552,26 @@ class StudyFile(_Table):
         What to cite for the recordings; printed in the report.
     notes : tuple of str
         Remarks the report repeats.
-    rig, participants, channels, optical, processing, model, recordings
+    rig, participants, channels, optical, streams, processing, model, recordings
         Its tables; `optical` is None where no motion capture took part.
+    transfer_function, hinge, coupling, emg_torque
+        What is asked of these recordings in place of a joint with friction; None where it is not.
     """
 
-    name: str = Field(pattern=_NAME)
+    name: str = Field(pattern=NAME)
     citation: str = ""
     notes: tuple[str, ...] = ()
     rig: Rig
-    participants: dict[str, Participant] = {}
+    participants: dict[str, Participant] = Field({})
     channels: dict[str, ChannelSpec]
     optical: Optical | None = None
+    streams: dict[str, Stream] = Field({})
     processing: Processing = Processing()
     model: Model
+    transfer_function: TransferFunction | None = None
+    hinge: Hinge | None = None
+    coupling: Coupling | None = None
+    emg_torque: EmgTorque | None = None
     recordings: tuple[RecordingEntry, ...] = ()
 
     @model_validator(mode="before")
@@ -587,6 +601,21 @@ class StudyFile(_Table):
                 raise ValueError(f'[[recordings]] the name "{entry.name}" is given twice, expected each once')
             if "time" not in self.channels_of(entry):
                 raise ValueError("[channels] no channel time found, expected one with its column and unit")
+            for stream in entry.streams:
+                if stream not in self.streams:
+                    raise ValueError(
+                        f'[[recordings]] {entry.name}: found the stream "{stream}", expected one of [streams]: '
+                        f"{', '.join(self.streams) or 'none'}"
+                    )
+        return self
+
+    @model_validator(mode="after")
+    def _asks_one_thing(self) -> StudyFile:
+        asked = [name for name in ("transfer_function", "hinge", "coupling") if getattr(self, name) is not None]
+        if len(asked) > 1:
+            raise ValueError(f"found the tables {', '.join(asked)}, expected one of them: each is a study of its own")
+        if self.rig.drive is None and not asked and self.emg_torque is None:
+            raise ValueError("[rig.drive] no such table found, expected one that says how the effort is known")
         return self
 
     @model_validator(mode="after")
@@ -618,24 +647,36 @@ class StudyFile(_Table):
         return {**self.channels, **entry.channels}
 
 
-def channel_unit(name: str, units: Mapping[str, str | None]) -> str | None:
+# What the last or last but one part of a dotted name says of its unit.
+_PARTS = {
+    "acceleration": "m/s^2", "angular_velocity": "rad/s", "magnetic_field": "T", "orientation": "1", "angle": "rad",
+    "moment": "N*m",
+}  # fmt: skip
+
+
+def channel_unit(name: str, units: Mapping[str, str | None], given: str | None = None) -> str | None:
     """SI unit a channel must have, by its name; None where any unit is meaningful.
 
     Parameters
     ----------
     name : str
-        ``"position"``, ``"emg.biceps"``.
+        ``"position"``, ``"emg.biceps"``, ``"imu.acceleration.x"``, ``"moment.knee"``.
     units : Mapping[str, str]
         The rig's, from `rig_units`.
+    given : str, optional
+        What study.toml says: an EMG is a voltage, or an envelope that was made relative already.
     """
     fixed = {
         "time": "s", "position": "<coordinate>", "reference": "<reference>", "velocity": "<velocity>",
         "acceleration": "<acceleration>", "current": "A", "voltage": "V", "duty": "1", "supply": "V", "torque": "N*m",
-        "force": "N", "enabled": "1", "temperature": "K",
+        "force": "N", "enabled": "1", "temperature": "K", "motor_position": "<coordinate>",
     }  # fmt: skip
     expected = fixed.get(name)
-    if expected is None and name.startswith("emg."):
-        expected = "V"
+    parts = name.split(".")
+    if expected is None and parts[0] == "emg" and len(parts) > 1:
+        expected = "1" if given in ("1", "%") else "V"
+    if expected is None and len(parts) > 1:
+        expected = next((_PARTS[part] for part in (parts[-2], parts[0]) if part in _PARTS), None)
     if expected is None and name == units.get("injected"):
         expected = "<injected>"
     return units.get(expected, expected) if expected else None
@@ -725,7 +766,7 @@ def json_schema() -> dict[str, Any]:
     """JSON Schema of study.toml, for editors that complete and check as one types."""
     schema = StudyFile.model_json_schema()
     channel = schema["$defs"]["ChannelSpec"]
-    channel["properties"] = {key: value for key, value in channel["properties"].items() if key[0] != _DERIVED}
+    channel["properties"] = {key: value for key, value in channel["properties"].items() if key[0] != DERIVED}
     channel["required"] = ["column", "unit"]
     one = {"$ref": "#/$defs/ChannelSpec"}
     # emg.biceps is a table in a table; a recording's own channel may give only what differs.
@@ -746,7 +787,7 @@ def _flat_channels(tables: Mapping[str, Any], prefix: str = "") -> dict[str, Any
         if group:
             flat.update(_flat_channels(table, f"{name}."))
         else:
-            flat[name] = {**table, _DERIVED + "name": name} if isinstance(table, dict) else table
+            flat[name] = {**table, DERIVED + "name": name} if isinstance(table, dict) else table
     return flat
 
 
