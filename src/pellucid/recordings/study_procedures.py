@@ -1,0 +1,107 @@
+"""What study.toml may ask of recordings other than a joint with friction: one table for each."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+from pydantic import Field, model_validator
+
+from .study_fields import Table, quantity
+
+
+class TransferFunction(Table):
+    """A linear model from one channel to another: ``[transfer_function]``.
+
+    Attributes
+    ----------
+    input, output : str
+        Channels.
+    poles, zeros : int
+        Orders of denominator and numerator.
+    hold : str
+        What the input did between its samples: ``"first"`` (straight lines) or ``"zero"`` (steps).
+    confidence : float
+        Of the intervals, in (0, 1).
+    """
+
+    input: str = "torque"
+    output: str = "position"
+    poles: int = Field(ge=1, le=8)
+    zeros: int = Field(0, ge=0)
+    hold: Literal["first", "zero"] = "first"
+    confidence: float = Field(0.95, gt=0, lt=1)
+
+    @model_validator(mode="after")
+    def _proper(self) -> TransferFunction:
+        if self.zeros >= self.poles:
+            raise ValueError(f"found zeros = {self.zeros} with poles = {self.poles}, expected fewer zeros than poles")
+        return self
+
+
+class Hinge(Table):
+    """A hinge between two segments, each with an IMU: ``[hinge]``.
+
+    Attributes
+    ----------
+    proximal, distal : str
+        What the names of each IMU's channels begin with.
+    calibration : float
+        The first seconds, from which axes, joint centre and the angle's zero are found [s].
+    score_from : float
+        From when on the angle is judged [s].
+    jump : float
+        A reference angle that changes by more than this from one sample to the next is no measurement [rad].
+    """
+
+    proximal: str = "proximal"
+    distal: str = "distal"
+    calibration: quantity("s", gt=0) = 10.0
+    score_from: quantity("s", ge=0) = 10.0
+    jump: quantity("rad", gt=0)
+
+
+class Coupling(Table):
+    """A wearer strapped to an orthosis: ``[coupling]``.
+
+    Attributes
+    ----------
+    imu, emg : str
+        Streams of the limb's IMU and of the muscles.
+    orientation : str
+        Filter of the IMU: ``"vqf"`` or ``"madgwick"``.
+    magnetometer : bool
+        Whether it is used.
+    confidence : float
+        Of the intervals, in (0, 1).
+    """
+
+    imu: str = "imu"
+    emg: str = "emg"
+    orientation: Literal["vqf", "madgwick"] = "vqf"
+    magnetometer: bool = True
+    confidence: float = Field(0.95, gt=0, lt=1)
+
+
+class EmgTorque(Table):
+    """Torque of joints from EMG: ``[emg_torque]``.
+
+    Attributes
+    ----------
+    joints : tuple of str
+        Each with channels ``angle.<joint>`` and ``moment.<joint>``, or the rig's own position and torque.
+    muscles : tuple of str
+        Channels ``emg.<muscle>`` to use; empty: all.
+    emg, moments : str
+        Streams, where these channels are not in the recording's own file.
+    chain : str
+        From raw EMG to envelopes: ``"knee"``, ``"able"``, ``"hill"``, or ``"none"`` where envelopes were recorded.
+    reference_lowpass : float or None
+        Cut-off of the zero-phase low-pass on the reference torque [Hz].
+    """
+
+    joints: tuple[str, ...] = Field(min_length=1)
+    muscles: tuple[str, ...] = ()
+    emg: str = "emg"
+    moments: str = "moments"
+    chain: Literal["knee", "able", "hill", "none"] = "knee"
+    reference_lowpass: quantity("Hz", gt=0) | None = None
