@@ -1,0 +1,209 @@
+"""Shank and foot as one segment that swings about the knee: mass, centre and inertia from what a tape and a scale say.
+
+Two tables of shares are offered. Winter's [1]_ treats shank and foot as one segment between knee and ankle; de Leva's
+[2]_ are two segments, by sex, put together here with the foot at a right angle to the shank.
+
+.. [1] D. A. Winter, "Biomechanics and Motor Control of Human Movement", 4th ed., Wiley, 2009, table 4.1 and figure 4.1
+   (lengths after Drillis and Contini, 1966).
+.. [2] P. de Leva, "Adjustments to Zatsiorsky-Seluyanov's segment inertia parameters", Journal of Biomechanics 29(9),
+   1996, table 4.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+
+from .joint import GRAVITY
+
+WINTER_MASS = 0.061
+"""Shank with foot, share of the body's mass."""
+WINTER_CENTRE = 0.606
+"""Its centre from the knee, share of the length from knee to ankle."""
+WINTER_GYRATION = 0.416
+"""Its radius of gyration about that centre, share of the same length."""
+KNEE_TO_ANKLE = 0.246
+"""Share of the standing height."""
+KNEE_TO_SOLE = 0.285
+"""Share of the standing height: what a tape finds from the knee to the heel."""
+ANKLE_HEIGHT = 0.039
+"""Share of the standing height."""
+HEEL_TO_ANKLE = 0.25
+"""Where the ankle stands over the foot, share of the foot's length from the heel: our assumption, in neither table."""
+
+
+@dataclass(frozen=True)
+class Shares:
+    """One sex's row of de Leva's table, the shank from knee to ankle centre.
+
+    Attributes
+    ----------
+    shank_length, foot_length : float
+        Shares of the standing height.
+    shank_mass, foot_mass : float
+        Shares of the body's mass.
+    shank_centre, foot_centre : float
+        From the knee and from the heel, shares of the segment's length.
+    shank_gyration, foot_gyration : float
+        About the transverse axis through the centre, shares of the segment's length.
+    """
+
+    shank_length: float
+    foot_length: float
+    shank_mass: float
+    foot_mass: float
+    shank_centre: float
+    foot_centre: float
+    shank_gyration: float
+    foot_gyration: float
+
+
+DE_LEVA: Mapping[str, Shares] = MappingProxyType(
+    {
+        "female": Shares(0.4386 / 1.735, 0.2283 / 1.735, 0.0481, 0.0129, 0.4352, 0.4014, 0.263, 0.279),
+        "male": Shares(0.4403 / 1.741, 0.2581 / 1.741, 0.0433, 0.0137, 0.4395, 0.4415, 0.246, 0.245),
+    }
+)
+
+
+@dataclass(frozen=True)
+class Segment:
+    """A body that swings about a joint.
+
+    Attributes
+    ----------
+    mass : float
+        [kg]
+    centre : float
+        From the joint's axis to the centre of mass [m].
+    inertia : float
+        About the joint's axis [kg m^2].
+    """
+
+    mass: float
+    centre: float
+    inertia: float
+
+    def gravity(self, acceleration: float = GRAVITY) -> float:
+        """Gravity torque held out horizontally, m g l [N m], at an `acceleration` of gravity [m/s^2]."""
+        return self.mass * acceleration * self.centre
+
+
+def shank_length(height: float, *, to: str = "ankle") -> float:
+    """Length of the shank where it was not measured.
+
+    Parameters
+    ----------
+    height : float
+        Of the standing person [m].
+    to : {"ankle", "sole"}
+        Where it ends; tables of shares go with the ankle, a tape usually reaches the heel.
+
+    Returns
+    -------
+    float
+        [m]
+
+    Raises
+    ------
+    ValueError
+        If the height is not positive or the end is neither.
+    """
+    shares = {"ankle": KNEE_TO_ANKLE, "sole": KNEE_TO_SOLE}
+    if to not in shares:
+        raise ValueError(f'to: found {to!r}, expected "ankle" or "sole"')
+    return shares[to] * _positive(height, "height")
+
+
+def winter(mass: float, length: float) -> Segment:
+    r"""Shank with foot by Winter's shares.
+
+    .. math::
+        m = 0.061\,M, \qquad l = 0.606\,L, \qquad I = m\,(0.416^2 + 0.606^2)\,L^2
+
+    Parameters
+    ----------
+    mass : float
+        Of the whole body, M [kg].
+    length : float
+        From knee to ankle, L [m]. The thesis puts the length from knee to heel here, which is longer.
+
+    Returns
+    -------
+    Segment
+
+    Raises
+    ------
+    ValueError
+        If a quantity is not positive.
+    """
+    m, reach = WINTER_MASS * _positive(mass, "mass"), _positive(length, "length")
+    return Segment(m, WINTER_CENTRE * reach, m * (WINTER_GYRATION**2 + WINTER_CENTRE**2) * reach**2)
+
+
+def de_leva(mass: float, height: float, sex: str, *, length: float | None = None) -> Segment:
+    """Shank and foot by de Leva's shares, the foot at a right angle.
+
+    Parameters
+    ----------
+    mass : float
+        Of the whole body [kg].
+    height : float
+        [m]
+    sex : {"female", "male"}
+    length : float, optional
+        From knee to ankle [m]; left out, its share of the height.
+
+    Returns
+    -------
+    Segment
+        Its centre is that along the shank: the foot's reach forwards turns the angle of rest, and counts in the
+        inertia only.
+
+    Raises
+    ------
+    ValueError
+        If a quantity is not positive, or the sex has no row.
+    """
+    if sex not in DE_LEVA:
+        raise ValueError(f'sex: found {sex!r}, expected "female" or "male", as the table has them')
+    row, tall = DE_LEVA[sex], _positive(height, "height")
+    shank = row.shank_length * tall if length is None else _positive(length, "length")
+    shank_mass, foot_mass = (share * _positive(mass, "mass") for share in (row.shank_mass, row.foot_mass))
+    foot = row.foot_length * tall
+    down, forward = shank + 0.5 * ANKLE_HEIGHT * tall, (row.foot_centre - HEEL_TO_ANKLE) * foot
+    total = shank_mass + foot_mass
+    centre = (shank_mass * row.shank_centre * shank + foot_mass * down) / total
+    inertia = shank_mass * (row.shank_gyration**2 + row.shank_centre**2) * shank**2
+    inertia += foot_mass * ((row.foot_gyration * foot) ** 2 + down**2 + forward**2)
+    return Segment(total, centre, inertia)
+
+
+def rod(mass: float, length: float) -> Segment:
+    """A uniform rod that turns about one end: the thesis's picture of the orthosis's lower shaft (its equation 3.1).
+
+    Parameters
+    ----------
+    mass : float
+        [kg]
+    length : float
+        Of the whole rod [m]; its centre lies half-way.
+
+    Returns
+    -------
+    Segment
+
+    Raises
+    ------
+    ValueError
+        If a quantity is not positive.
+    """
+    m, reach = _positive(mass, "mass"), _positive(length, "length")
+    return Segment(m, 0.5 * reach, m * reach**2 / 3.0)
+
+
+def _positive(value: float, name: str) -> float:
+    if not value > 0.0:
+        raise ValueError(f"{name}: found {value!r}, expected a positive number in SI")
+    return float(value)
