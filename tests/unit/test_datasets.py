@@ -7,6 +7,8 @@ import http.server
 import threading
 import tomllib
 
+import re
+
 import pytest
 
 from pellucid import datasets
@@ -85,7 +87,7 @@ def test_the_registry_names_all_that_a_user_must_know():
         assert known.licence
         assert known.origin.startswith("https://")
         # A branch moves; a commit does not.
-        assert any(len(part) == 40 for part in known.origin.split("/"))
+        assert any(re.fullmatch("[0-9a-f]{7,40}", part) for part in known.origin.split("/"))
         assert all(len(digest) == 64 for digest in known.files.values())
 
 
@@ -94,9 +96,11 @@ def test_every_template_is_a_study_of_the_registered_files():
         study = parse_study_file(datasets.template(name))
         assert study.name == name
         assert study.citation
-        assert study.processing.lowpass is not None
-        assert {entry.file.removeprefix("recordings/") for entry in study.recordings} == set(datasets.info(name).files)
-        assert {entry.use for entry in study.recordings} == {"fit", "validate"}
+        files = {file for entry in study.recordings for file in (entry.file, *entry.streams.values())}
+        assert {file.removeprefix("recordings/") for file in files} == set(datasets.info(name).files)
+        asks = study.transfer_function or study.hinge
+        assert asks or {entry.use for entry in study.recordings} == {"fit", "validate"}
+        assert asks or study.emg_torque or study.processing.lowpass is not None
 
 
 def test_fetch_keeps_what_it_fetched(toy, tmp_path, server):

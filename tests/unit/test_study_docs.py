@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from pellucid.recordings import study_file
+from pellucid.recordings import study_file, study_procedures
 from pellucid.recordings.study_file import parse_study_file
 
 PAGE = Path(__file__).parents[2] / "docs" / "study-file.md"
@@ -20,6 +20,11 @@ TABLES = [
     study_file.Participant,
     study_file.ChannelSpec,
     study_file.Optical,
+    study_file.Stream,
+    study_procedures.TransferFunction,
+    study_procedures.Hinge,
+    study_procedures.Coupling,
+    study_procedures.EmgTorque,
     study_file.Processing,
     study_file.Model,
     study_file.PayloadSpec,
@@ -38,12 +43,21 @@ def test_the_example_is_valid(tmp_path):
 
 def test_the_slider_s_examples_are_valid(tmp_path):
     """They stand apart from the whole example, which has no slider: put into it."""
-    example, rail, optical = EXAMPLES
+    example, rail, _, optical, *_ = EXAMPLES
     head, channels = example.split("[channels]")
     (tmp_path / "study.toml").write_text(f"{head}{rail}[channels]{channels}{optical}", encoding="utf-8")
     study = parse_study_file(tmp_path / "study.toml")
     assert study.rig.slider.marker in study.optical.markers
     assert [r.slider for r in study.recordings] == [None] * 4 + [0.152]
+
+
+def test_the_streams_example_is_valid(tmp_path):
+    """It stands apart from the whole example, whose channels it goes with."""
+    example, streams = EXAMPLES[0], EXAMPLES[2]
+    (tmp_path / "study.toml").write_text(f"{example}\n{streams}", encoding="utf-8")
+    study = parse_study_file(tmp_path / "study.toml")
+    assert study.streams["emg"].channels["emg.rectus_femoris"].si_unit == "V"
+    assert study.recordings[-1].streams == {"emg": "recordings/P1_swing_emg.csv"}
 
 
 @pytest.mark.parametrize("table", TABLES, ids=lambda table: table.__name__)

@@ -58,10 +58,11 @@ def init(folder: str | os.PathLike, dataset: str, progress: bool = False) -> Stu
         text = _with_notes(source_file.read_text(encoding="utf-8"), notes(dataset))
         (building / STUDY_FILE).write_text(text, encoding="utf-8")
         for entry in open_study(building).config.recordings:
-            target = building / entry.file
-            target.parent.mkdir(exist_ok=True)
-            if not target.exists():
-                shutil.copyfile(source / target.name, target)
+            for file in (entry.file, *entry.streams.values()):
+                target = building / file
+                target.parent.mkdir(exist_ok=True)
+                if not target.exists():
+                    shutil.copyfile(source / target.name, target)
         _move(building, folder, last=STUDY_FILE)
     except OSError as error:
         raise DatasetError(f"{folder}: the study could not be made: {error}") from error
@@ -73,7 +74,10 @@ def init(folder: str | os.PathLike, dataset: str, progress: bool = False) -> Stu
 def _with_notes(text: str, remarks: tuple[str, ...]) -> str:
     if not remarks:
         return text
-    line = f"notes = [{', '.join(json.dumps(remark) for remark in remarks)}]  # repeated in the report\n"
+    said = ", ".join(json.dumps(remark) for remark in remarks)
+    if "\nnotes = [" in text:
+        return text.replace("\nnotes = [", f"\nnotes = [{said}, ", 1)
+    line = f"notes = [{said}]  # repeated in the report\n"
     head, separator, tail = text.partition("\n[rig]")
     return f"{head}{line}{separator}{tail}"
 

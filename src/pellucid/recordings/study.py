@@ -225,10 +225,17 @@ def _read_once(path: Path, files: dict[Path, tuple[Columns, str]]) -> tuple[Colu
 
 
 def _channels(columns: Columns, specs: dict[str, ChannelSpec], window) -> dict[str, Channel]:
-    values = {name: _to_si(columns.column(spec.column, name), spec) for name, spec in specs.items()}
+    for name, spec in specs.items():
+        if columns.angle_unit not in (None, spec.unit) and spec.unit in ("deg", "rad"):
+            raise RecordingError(
+                f"{columns.path.name}: channel {name}: study.toml says {spec.unit}, the file's header says "
+                f"{columns.angle_unit}"
+            )
+    stored = {name: columns.column(spec.column, name) for name, spec in specs.items() if spec.rate is None}
+    values = {name: _to_si(samples, specs[name]) for name, samples in stored.items()}
     rate = specs["time"].rate
     if rate is not None:
-        values["time"] = np.arange(max(len(samples) for samples in values.values())) / rate
+        values["time"] = np.arange(max((len(samples) for samples in stored.values()), default=0)) / rate
     time = values["time"]
     n = len(time)
     for name, samples in values.items():

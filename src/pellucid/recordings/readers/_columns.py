@@ -23,10 +23,13 @@ class Columns:
     values : Mapping[str, ndarray or str]
         In the file's order, each shape (n,) float64; a scalar has n = 1. A field of a structure is named by its dotted
         path. A column of text holds instead, as a str, what was found where.
+    angle_unit : str or None
+        ``"deg"`` or ``"rad"``, where the file says in which its angles are.
     """
 
     path: Path
     values: Mapping[str, np.ndarray | str]
+    angle_unit: str | None = None
 
     def column(self, key: str | int, channel: str) -> np.ndarray:
         """Column by its name or 0-based number, for `channel` (named in the message).

@@ -8,7 +8,16 @@ from pathlib import Path
 from ..._errors import RecordingError
 from ._columns import Columns
 
-FORMATS = {".csv": "csv", ".tsv": "csv", ".txt": "csv", ".dat": "csv", ".mat": "mat", ".json": "json"}
+FORMATS = {
+    ".csv": "csv",
+    ".tsv": "csv",
+    ".txt": "csv",
+    ".dat": "csv",
+    ".mat": "mat",
+    ".json": "json",
+    ".sto": "sto",
+    ".mot": "sto",
+}
 """File ending -> module of this package that reads it."""
 
 
@@ -39,10 +48,12 @@ def read_columns(path: Path) -> Columns:
         raise RecordingError(
             f'{path.name}: found the ending "{path.suffix}", expected one of {", ".join(sorted(FORMATS))}'
         )
+    reader = importlib.import_module(f".{module}", __package__)
     try:
-        values = importlib.import_module(f".{module}", __package__).read(path)
+        values = reader.read(path)
+        angles = reader.angle_unit(path) if hasattr(reader, "angle_unit") else None
     except OSError as error:
         raise RecordingError(f"{path}: not readable: {error}") from error
     if all(isinstance(value, str) for value in values.values()):
         raise RecordingError(f"{path.name}: found no numeric column")
-    return Columns(path, values)
+    return Columns(path, values, angles)

@@ -1,0 +1,67 @@
+"""OpenSim's storage (.sto) and motion (.mot) files: a header that ends with ``endheader``, then columns of numbers."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import numpy as np
+
+from ..._errors import RecordingError
+
+
+def read(path: Path) -> dict[str, np.ndarray]:
+    """Columns by their labels, each shape (n,) float64, in the file's own units.
+
+    Raises
+    ------
+    RecordingError
+        If there is no ``endheader``, a row has another number of fields than there are labels, what should be a number
+        is none, or the header promises other numbers of rows or columns than there are, as in a truncated file.
+    """
+    header, body, first = _parts(path)
+    if not body:
+        raise RecordingError(f"{path.name}: found nothing after endheader, expected labels and rows")
+    labels = body[0].split()
+    rows = [line.split() for line in body[1:]]
+    for number, fields in enumerate(rows, first + 1):
+        if len(fields) != len(labels):
+            last = number - first == len(rows)
+            raise RecordingError(
+                f"{path.name}: line {number} has {len(fields)} fields, expected {len(labels)}"
+                + ("; it is the last line, so the file is truncated" if last else "")
+            )
+    try:
+        table = np.array(rows, dtype=np.float64).reshape(len(rows), len(labels))
+    except ValueError as error:
+        raise RecordingError(f"{path.name}: found text where numbers are expected: {error}") from None
+    for key, found in (("nrows", len(rows)), ("ncolumns", len(labels))):
+        if key in header and header[key] != str(found):
+            raise RecordingError(
+                f"{path.name}: the header says {key[0]}{key[1].upper()}{key[2:]}={header[key]}, found {found}; "
+                "the file is truncated or was edited"
+            )
+    return {label: np.ascontiguousarray(table[:, i]) for i, label in enumerate(labels)}
+
+
+def angle_unit(path: Path) -> str | None:
+    """``"deg"`` or ``"rad"`` as the header's inDegrees says; None where it says nothing.
+
+    Raises
+    ------
+    RecordingError
+        If there is no ``endheader``.
+    """
+    return {"yes": "deg", "no": "rad"}.get(_parts(path)[0].get("indegrees", ""))
+
+
+def _parts(path: Path) -> tuple[dict[str, str], list[str], int]:
+    """Keys of the header in lower case, the lines after it, and the number of the line with the labels."""
+    lines = path.read_text(encoding="utf-8-sig", errors="replace").splitlines()
+    end = next((i for i, line in enumerate(lines) if line.strip().lower() == "endheader"), None)
+    if end is None:
+        raise RecordingError(f"{path.name}: found no line endheader, expected an OpenSim storage file")
+    pairs = (re.fullmatch(r"\s*(\w+)\s*=\s*(.*?)\s*", line) for line in lines[:end])
+    header = {pair[1].lower(): pair[2].lower() for pair in pairs if pair}
+    body = [(i, line) for i, line in enumerate(lines[end + 1 :], end + 2) if line.strip()]
+    return header, [line for _, line in body], body[0][0] if body else end + 1
