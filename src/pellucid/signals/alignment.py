@@ -1,0 +1,130 @@
+"""Two instruments on two clocks: the delay between them, finer than a sample, and how their clocks drift apart."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+from scipy.optimize import least_squares
+
+from .._errors import RecordingError
+
+MEMORY_LIMIT = 0.5  # coloured misfit never counts as fewer samples than this power of their number
+
+
+@dataclass(frozen=True)
+class Alignment:
+    """How one signal lies against another: late(t + delay) = gain * early(t) + offset.
+
+    Attributes
+    ----------
+    delay, delay_error : float
+        How much later the second instrument's clock, or its signal, is, and the standard error [s].
+    gain, offset : float
+        Between the two signals.
+    correlation : float
+        Once aligned.
+    at : float
+        Middle of the stretch compared, on the first clock [s].
+    """
+
+    delay: float
+    delay_error: float
+    gain: float
+    offset: float
+    correlation: float
+    at: float
+
+
+def align(
+    time: np.ndarray, rate: np.ndarray, other_time: np.ndarray, other_rate: np.ndarray, *, longest: float
+) -> Alignment:
+    """Delay of another instrument's record of the same rate, by least squares over delay, gain and offset.
+
+    A grid over the delays finds the right swing, least squares on a cubic spline the fraction of a sample. The standard
+    error allows for coloured misfit.
+
+    Parameters
+    ----------
+    time, rate : ndarray, shape (n,)
+        Reference clock [s] and signal, an angular rate rather than an angle: it has no offset to mistake for a delay.
+    other_time, other_rate : ndarray, shape (m,)
+        The same seen by the other instrument, on its clock.
+    longest : float
+        Delays searched, either way [s].
+
+    Returns
+    -------
+    Alignment
+        `delay` is positive where the other instrument shows the same later.
+
+    Raises
+    ------
+    RecordingError
+        If the records share too little time, one of them does not change, or they are not of the same motion.
+    """
+    inside = (time >= other_time[0] + longest) & (time <= other_time[-1] - longest) & np.isfinite(rate)
+    if inside.sum() < 20:
+        raise RecordingError(
+            f"alignment: the records share {max(inside.sum(), 0)} samples at every delay up to {longest:g} s, expected 20"
+        )
+    t, y = time[inside], rate[inside]
+    if np.std(y) == 0.0 or np.std(other_rate) == 0.0:
+        raise RecordingError("alignment: a signal does not change, so it has no delay")
+    spline = CubicSpline(other_time, other_rate)
+    step = 0.5 * min(float(np.median(np.diff(time))), float(np.median(np.diff(other_time))))
+    delays = np.arange(-longest, longest + 0.5 * step, step)
+    scores = [abs(np.corrcoef(spline(t + delay), y)[0, 1]) for delay in delays]
+    first = delays[int(np.argmax(scores))]
+    gain, offset = np.polyfit(y, spline(t + first), 1)
+
+    def misfit(x):
+        return spline(t + x[0]) - x[1] * y - x[2]
+
+    best = least_squares(misfit, [first, gain, offset], x_scale=[step, abs(gain) or 1.0, np.std(other_rate)])
+    delay, gain, offset = best.x
+    correlation = float(np.corrcoef(spline(t + delay), y)[0, 1])
+    if abs(correlation) < 0.5:
+        raise RecordingError(
+            f"alignment: the best correlation within {longest:g} s is {correlation:.2f}, expected 0.5 or more: "
+            "these are not two records of one motion"
+        )
+    variance = np.mean(best.fun**2) * _memory(best.fun)
+    error = float(np.sqrt(variance * np.linalg.pinv(best.jac.T @ best.jac)[0, 0]))
+    return Alignment(float(delay), error, float(gain), float(offset), correlation, 0.5 * float(t[0] + t[-1]))
+
+
+def clock_drift(first: Alignment, second: Alignment) -> tuple[float, float]:
+    """How much faster the other clock runs, from two alignments.
+
+    Parameters
+    ----------
+    first, second : Alignment
+        Of an earlier and a later stretch.
+
+    Returns
+    -------
+    drift, standard_error : float
+        Seconds per second.
+
+    Raises
+    ------
+    RecordingError
+        If both are of the same time.
+    """
+    apart = second.at - first.at
+    if apart == 0.0:
+        raise RecordingError("alignment: a clock's drift needs two stretches at different times, found one")
+    return (second.delay - first.delay) / apart, float(np.hypot(first.delay_error, second.delay_error)) / abs(apart)
+
+
+def _memory(misfit: np.ndarray) -> float:
+    """How many samples share one independent misfit: integrated autocorrelation up to its first zero."""
+    n = len(misfit)
+    spectrum = np.abs(np.fft.rfft(misfit - misfit.mean(), 2 * n)) ** 2
+    correlation = np.fft.irfft(spectrum)[:n]
+    if correlation[0] <= 0.0:
+        return 1.0
+    end = int(np.argmax(correlation <= 0.0)) or n
+    return float(np.clip(1.0 + 2.0 * np.sum(correlation[1:end]) / correlation[0], 1.0, n**MEMORY_LIMIT))

@@ -1,0 +1,318 @@
+"""A hinge between two IMUs, found from how they move: its axis and its centre in both sensors' frames [1]_ [2]_.
+
+A point of the hinge's axis has one acceleration, and the two segments turn alike about every direction but the axis.
+Both facts are first used through norms, which need no common frame; what they give then starts one least-squares fit of
+everything, in which the angle is the integral of the measured rates.
+
+.. [1] T. Seel, T. Schauer, J. Raisch, Joint axis and position estimation from inertial measurement data by exploiting
+   kinematic constraints, IEEE CCA, 2012.
+.. [2] T. Seel, J. Raisch, T. Schauer, IMU-based joint angle measurement for gait analysis, Sensors 14(4), 2014.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+from scipy.optimize import least_squares
+
+from .._errors import RecordingError
+from .filters import runs
+from .inertial import Inertial
+
+SLOWEST = 0.2  # RMS rate about the hinge below which nothing can be found [rad/s]
+REST = 0.5  # a gyroscope's offset is read where the sensor rests for so long [s]
+REST_SPREAD = 0.03  # rates of a sensor at rest scatter by less [rad/s]
+OFFSET_SPREAD = 0.01  # what is left of a MEMS gyroscope's offset after that: the fit's prior [rad/s]
+ARM_SPREAD = 1.0  # distances of a sensor from a limb's joint: the fit's prior [m]
+SIGN_RATIO = 2.0  # the wrong sense of one axis must fit the motion worse by this factor, in sums of squares
+START_NOISE = (0.3, 0.03)  # of acceleration [m/s^2] and rate [rad/s], for the first of two passes
+
+
+@dataclass(frozen=True, eq=False)
+class Hinge:
+    """Where a hinge is, as two sensors see it; first the proximal one.
+
+    Attributes
+    ----------
+    axes : ndarray, shape (2, 3)
+        Unit vectors along the hinge, in each sensor's frame, of one sense: the angle grows as the distal segment turns
+        about it against the proximal one.
+    arms : ndarray, shape (2, 3)
+        From the hinge's centre to each sensor, in its frame [m]. Any point of the axis would do; this one is as far
+        along it from one sensor as from the other.
+    offsets : ndarray, shape (2, 3)
+        What the gyroscopes read at rest [rad/s]; zero where they never rested.
+    drift : float
+        What the offsets leave of the rate about the hinge [rad/s].
+    rested : bool
+        Whether a rest was found.
+    noise : tuple of (float, float)
+        RMS misfit of joint accelerations [m/s^2] and of rates across the hinge [rad/s].
+    memory : tuple of (float, float)
+        How many samples share one independent misfit, of each.
+    standard_errors : ndarray, shape (11,)
+        Of two tilts of each axis [rad], both arms [m] and the drift [rad/s]; coloured misfit allowed for.
+    sign_ratio : float
+        How much worse the other sense of the distal axis fits.
+    seconds : float
+        How long the motion was [s].
+    """
+
+    axes: np.ndarray
+    arms: np.ndarray
+    offsets: np.ndarray
+    drift: float
+    rested: bool
+    noise: tuple[float, float]
+    memory: tuple[float, float]
+    standard_errors: np.ndarray
+    sign_ratio: float
+    seconds: float
+
+
+def find_hinge(proximal: Inertial, distal: Inertial) -> Hinge:
+    """Axes, centre and gyroscope offsets of a hinge.
+
+    Parameters
+    ----------
+    proximal, distal : Inertial
+        Both sensors over the same seconds, in which the joint moves and the limb turns about other axes too.
+
+    Returns
+    -------
+    Hinge
+
+    Raises
+    ------
+    RecordingError
+        If the sensors differ in length, the joint hardly moves, or the motion does not tell the sense of the axes.
+    """
+    if len(proximal) != len(distal):
+        raise RecordingError(f"hinge: found {len(proximal)} and {len(distal)} samples, expected as many of both IMUs")
+    found = [_rest_offset(imu) for imu in (proximal, distal)]
+    offsets = np.array([np.zeros(3) if each is None else each for each in found])
+    rates = [imu.angular_velocity - offset for imu, offset in zip((proximal, distal), offsets, strict=True)]
+    axes = hinge_axes(*rates)
+    speed = min(float(np.sqrt(np.mean((rates[1] @ (s * axes[1]) - rates[0] @ axes[0]) ** 2))) for s in (1.0, -1.0))
+    if speed < SLOWEST:
+        raise RecordingError(
+            f"hinge: the joint turns at {np.degrees(speed):.2g} deg/s RMS in the "
+            f"{proximal.period * len(proximal):.3g} s given, expected at least {np.degrees(SLOWEST):.2g} deg/s: axis and centre cannot be found"
+        )
+    motions = [_Motion.of(imu, offset) for imu, offset in zip((proximal, distal), offsets, strict=True)]
+    arms = hinge_arms(motions[0], motions[1], axes)
+    fits = sorted((_fit(motions, axes * [[1.0], [sense]], arms) for sense in (1.0, -1.0)), key=lambda fit: fit[0])
+    (_, best, model), ratio = fits[0], fits[1][0] / max(fits[0][0], 1e-12)
+    if ratio < SIGN_RATIO:
+        raise RecordingError(
+            "hinge: both senses of the distal axis fit the motion about equally "
+            f"(ratio of squares {ratio:.2g}, expected {SIGN_RATIO:g} or more): move the whole limb about other axes too"
+        )
+    found_axes, found_arms, _, drift = model.unpack(best.x)
+    acceleration, rate = model.misfits(best.x)
+    memory = (_memory(acceleration), _memory(rate))
+    covariance = np.linalg.inv(best.jac.T @ best.jac) * max(memory)
+    return Hinge(
+        axes=found_axes,
+        arms=_centred(found_axes, found_arms),
+        offsets=offsets,
+        drift=float(drift),
+        rested=all(each is not None for each in found),
+        noise=(_rms(acceleration), _rms(rate)),
+        memory=memory,
+        standard_errors=np.sqrt(np.diag(covariance))[[0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 11]],
+        sign_ratio=float(ratio),
+        seconds=float(proximal.period * len(proximal)),
+    )
+
+
+def hinge_axes(proximal: np.ndarray, distal: np.ndarray) -> np.ndarray:
+    """The directions about which two rigid segments may turn differently: |w1 x j1| = |w2 x j2|, by Gauss-Newton.
+
+    Parameters
+    ----------
+    proximal, distal : ndarray, shape (n, 3)
+        Angular velocity in each sensor's frame [rad/s].
+
+    Returns
+    -------
+    ndarray, shape (2, 3)
+        Unit vectors; their senses are still free.
+    """
+
+    def misfit(angles):
+        j1, j2 = _unit(angles[:2]), _unit(angles[2:])
+        across = (np.linalg.norm(np.cross(w, j), axis=1) for w, j in ((proximal, j1), (distal, j2)))
+        return np.subtract(*across)
+
+    # Six starts spread over the sphere: the misfit has other minima, and is the same for both senses.
+    starts = [
+        (a, b, c, d) for a, b in ((0.1, 0.1), (0.1, 1.6), (1.4, 0.1)) for c, d in ((0.1, 0.1), (0.1, 1.6), (1.4, 0.1))
+    ]
+    best = min((least_squares(misfit, start) for start in starts), key=lambda fit: fit.cost)
+    return np.stack([_unit(best.x[:2]), _unit(best.x[2:])])
+
+
+def hinge_arms(proximal: _Motion, distal: _Motion, axes: np.ndarray) -> np.ndarray:
+    """From the hinge's centre to each sensor: the centre's acceleration has one length, whichever sensor it is carried
+    from.
+
+    Parameters
+    ----------
+    proximal, distal : _Motion
+        Rates, their derivatives and accelerations of n samples.
+    axes : ndarray, shape (2, 3)
+
+    Returns
+    -------
+    ndarray, shape (2, 3)
+        [m]
+    """
+
+    def misfit(arms):
+        first, second = proximal.joint_acceleration(arms[:3]), distal.joint_acceleration(arms[3:])
+        return np.linalg.norm(first, axis=1) - np.linalg.norm(second, axis=1)
+
+    return _centred(axes, least_squares(misfit, np.full(6, 0.01)).x.reshape(2, 3))
+
+
+def across(axis: np.ndarray) -> np.ndarray:
+    """Two unit vectors, shape (2, 3), that make a right-handed frame with `axis`, shape (3,), as its third."""
+    far = np.eye(3)[np.argmin(np.abs(axis))]
+    first = far - axis * (axis @ far)
+    first /= np.linalg.norm(first)
+    return np.stack([first, np.cross(axis, first)])
+
+
+def lever(rate: np.ndarray, change: np.ndarray, arm: np.ndarray) -> np.ndarray:
+    """Acceleration of a point against another of the same body: w x (w x r) + dw/dt x r, shape (n, 3) [m/s^2].
+
+    `rate` [rad/s] and `change` [rad/s^2] have shape (n, 3), `arm` [m] has shape (3,).
+    """
+    return np.cross(rate, np.cross(rate, arm)) + np.cross(change, arm)
+
+
+@dataclass(frozen=True, eq=False)
+class _Motion:
+    """One sensor: rates less offset, their derivative and integral by cubic splines, accelerations."""
+
+    time: np.ndarray
+    rate: np.ndarray
+    change: np.ndarray
+    turned: np.ndarray
+    acceleration: np.ndarray
+
+    @classmethod
+    def of(cls, imu: Inertial, offset: np.ndarray) -> _Motion:
+        time = imu.time - imu.time[0]
+        spline = CubicSpline(time, imu.angular_velocity - offset)
+        return cls(time, spline(time), spline(time, 1), spline.antiderivative()(time), imu.acceleration)
+
+    def joint_acceleration(self, arm: np.ndarray) -> np.ndarray:
+        return self.acceleration - lever(self.rate, self.change, arm)
+
+
+@dataclass(frozen=True, eq=False)
+class _Model:
+    """Misfit of a hinge to both motions. Unknown are tilts of the axes, the arms, the first angle and the drift."""
+
+    motions: list[_Motion]
+    axes: np.ndarray
+
+    def unpack(self, x):
+        tilted = np.stack([j + tilt @ across(j) for j, tilt in zip(self.axes, (x[:2], x[2:4]), strict=True)])
+        return tilted / np.linalg.norm(tilted, axis=1, keepdims=True), x[4:10].reshape(2, 3), x[10], x[11]
+
+    def misfits(self, x):
+        """Of the joint's acceleration, shape (n, 3) [m/s^2], and of rates across the hinge, shape (n, 2) [rad/s]."""
+        axes, arms, start, drift = self.unpack(x)
+        first, second = self.motions
+        angle = start + second.turned @ axes[1] - first.turned @ axes[0] - drift * first.time
+        forces = [m.joint_acceleration(r) for m, r in zip(self.motions, arms, strict=True)]
+        frames = [across(j) for j in axes]
+        flat = [f @ frame.T for f, frame in zip(forces, frames, strict=True)]
+        along = forces[0] @ axes[0] - forces[1] @ axes[1]
+        turning = [m.rate @ frame.T for m, frame in zip(self.motions, frames, strict=True)]
+        acceleration = np.column_stack([flat[0] - turned(flat[1], angle), along])
+        return acceleration, turning[0] - turned(turning[1], angle)
+
+
+def turned(flat: np.ndarray, angle: np.ndarray) -> np.ndarray:
+    """Plane vectors, shape (n, 2), turned by angles, shape (n,) [rad]."""
+    cos, sin = np.cos(angle), np.sin(angle)
+    return np.stack([cos * flat[:, 0] - sin * flat[:, 1], sin * flat[:, 0] + cos * flat[:, 1]], axis=-1)
+
+
+def _fit(motions: list[_Motion], axes: np.ndarray, arms: np.ndarray):
+    model = _Model(motions, axes)
+    start = np.concatenate([np.zeros(4), arms.ravel(), [_first_angle(motions, axes, arms), 0.0]])
+    # The senses are compared by the first pass, whose weights are the same for both.
+    first = _weighed(model, start, START_NOISE)
+    noise = tuple(max(_rms(each), 1e-9) for each in model.misfits(first.x))
+    return first.cost, _weighed(model, first.x, noise), model
+
+
+def _weighed(model: _Model, start: np.ndarray, noise: tuple[float, float]):
+    def misfit(x):
+        acceleration, rate = model.misfits(x)
+        priors = [x[4:10] / ARM_SPREAD, [x[11] / OFFSET_SPREAD]]
+        return np.concatenate([acceleration.ravel() / noise[0], rate.ravel() / noise[1], *priors])
+
+    return least_squares(misfit, start, x_scale="jac")
+
+
+def _first_angle(motions: list[_Motion], axes: np.ndarray, arms: np.ndarray) -> float:
+    first, second = (m.joint_acceleration(r) @ across(j).T for m, r, j in zip(motions, arms, axes, strict=True))
+    change = motions[1].turned @ axes[1] - motions[0].turned @ axes[0]
+    second = turned(second, change)
+    return float(
+        np.arctan2(
+            np.sum(second[:, 0] * first[:, 1] - second[:, 1] * first[:, 0]),
+            np.sum(second * first),
+        )
+    )
+
+
+def _rest_offset(imu: Inertial) -> np.ndarray | None:
+    """Mean rate over the first stretch in which the sensor rests; None where it never does."""
+    length = max(round(REST / imu.period), 3)
+    rate = imu.angular_velocity
+    if len(rate) < length:
+        return None
+    windows = np.lib.stride_tricks.sliding_window_view(rate, length, axis=0)
+    quiet = np.sqrt(np.sum(np.var(windows, axis=-1), axis=-1)) < REST_SPREAD
+    # A slow steady turn is quiet too; an offset is small.
+    quiet &= np.linalg.norm(windows.mean(axis=-1), axis=-1) < 5.0 * REST_SPREAD
+    if not quiet.any():
+        return None
+    run = max(runs(quiet), key=lambda each: each.stop - each.start)
+    return rate[run.start : run.stop + length - 1].mean(axis=0)
+
+
+def _centred(axes: np.ndarray, arms: np.ndarray) -> np.ndarray:
+    along = 0.5 * float(np.sum(arms * axes))
+    return arms - along * axes
+
+
+def _unit(angles: np.ndarray) -> np.ndarray:
+    cos = np.cos(angles[0])
+    return np.array([cos * np.cos(angles[1]), cos * np.sin(angles[1]), np.sin(angles[0])])
+
+
+def _rms(values: np.ndarray) -> float:
+    return float(np.sqrt(np.mean(np.square(values))))
+
+
+def _memory(misfit: np.ndarray) -> float:
+    """Integrated autocorrelation of misfits, up to its first zero: at least 1."""
+    centred = misfit - misfit.mean(axis=0)
+    n = len(centred)
+    spectrum = np.abs(np.fft.rfft(centred, 2 * n, axis=0)) ** 2
+    correlation = np.fft.irfft(spectrum.sum(axis=1))[:n]
+    if correlation[0] <= 0.0:
+        return 1.0
+    correlation = correlation / correlation[0]
+    end = int(np.argmax(correlation <= 0.0)) or n
+    return float(max(1.0 + 2.0 * correlation[1:end].sum(), 1.0))

@@ -1,0 +1,78 @@
+"""Unit quaternions, w first: products, and the turn about an axis that is in them."""
+
+from __future__ import annotations
+
+import numpy as np
+
+
+def multiply(left: np.ndarray, right: np.ndarray) -> np.ndarray:
+    """Hamilton's product.
+
+    Parameters
+    ----------
+    left, right : ndarray, shape (..., 4)
+        w, x, y, z; shapes that broadcast.
+
+    Returns
+    -------
+    ndarray, shape (..., 4)
+    """
+    a, b, c, d = np.moveaxis(np.asarray(left, float), -1, 0)
+    w, x, y, z = np.moveaxis(np.asarray(right, float), -1, 0)
+    return np.stack(
+        [
+            a * w - b * x - c * y - d * z,
+            a * x + b * w + c * z - d * y,
+            a * y - b * z + c * w + d * x,
+            a * z + b * y - c * x + d * w,
+        ],
+        axis=-1,
+    )
+
+
+def conjugate(quaternions: np.ndarray) -> np.ndarray:
+    """The opposite turns, shape (..., 4)."""
+    return np.asarray(quaternions, float) * np.array([1.0, -1.0, -1.0, -1.0])
+
+
+def continuous(quaternions: np.ndarray) -> np.ndarray:
+    """The same turns, shape (n, 4), each with the sign that is nearer to the one before it."""
+    dots = np.sum(quaternions[1:] * quaternions[:-1], axis=1)
+    return quaternions * np.cumprod(np.concatenate(([1.0], np.where(dots < 0.0, -1.0, 1.0))))[:, None]
+
+
+def angular_steps(quaternions: np.ndarray) -> np.ndarray:
+    """Turn from each sample to the next, in the frame that the quaternions lead to.
+
+    Parameters
+    ----------
+    quaternions : ndarray, shape (n, 4)
+
+    Returns
+    -------
+    ndarray, shape (n - 1, 3)
+        Rotation vectors [rad].
+    """
+    steps = multiply(quaternions[1:], conjugate(quaternions[:-1]))
+    steps = steps * np.where(steps[:, :1] < 0.0, -1.0, 1.0)
+    length = np.linalg.norm(steps[:, 1:], axis=1, keepdims=True)
+    angle = 2.0 * np.arctan2(length, steps[:, :1])
+    return steps[:, 1:] * np.where(length > 1e-12, angle / np.maximum(length, 1e-12), 2.0)
+
+
+def twist(quaternions: np.ndarray, axis: np.ndarray) -> np.ndarray:
+    """Angle of the part of each turn that is about `axis`, unwrapped.
+
+    Parameters
+    ----------
+    quaternions : ndarray, shape (n, 4)
+    axis : ndarray, shape (3,)
+        Unit vector.
+
+    Returns
+    -------
+    ndarray, shape (n,)
+        [rad]
+    """
+    near = continuous(quaternions)
+    return np.unwrap(2.0 * np.arctan2(near[:, 1:] @ axis, near[:, 0]))

@@ -1,0 +1,71 @@
+"""From a slow clock to a fast one without delay: cubic splines, whose bandwidth is known."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import cos, pi, sin
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+from scipy.optimize import brentq
+
+from .._errors import RecordingError
+
+
+@dataclass(frozen=True, eq=False)
+class Resampled:
+    """Samples on another clock.
+
+    Attributes
+    ----------
+    samples : ndarray, shape (m,) or (m, k)
+        NaN where the record does not reach: a spline does not know what comes after its last sample.
+    bandwidth : float
+        Where the interpolation is 3 dB down [Hz].
+    delay : float
+        0: a spline is symmetric in time [s].
+    """
+
+    samples: np.ndarray
+    bandwidth: float
+    delay: float = 0.0
+
+
+def resample(time: np.ndarray, samples: np.ndarray, wanted: np.ndarray) -> Resampled:
+    """Interpolate by a cubic spline, 20 Hz to 500 Hz say; the spline passes through every sample.
+
+    Parameters
+    ----------
+    time : ndarray, shape (n,)
+        [s], increasing.
+    samples : ndarray, shape (n,) or (n, k)
+        Unwrapped, if they are angles.
+    wanted : ndarray, shape (m,)
+        Times to have samples at [s].
+
+    Returns
+    -------
+    Resampled
+
+    Raises
+    ------
+    RecordingError
+        If there are fewer than four samples, time does not increase, or a sample is missing.
+    """
+    samples = np.asarray(samples, float)
+    if len(time) < 4 or np.any(np.diff(time) <= 0.0):
+        raise RecordingError(f"resampling: found {len(time)} samples, expected four or more at increasing times")
+    if not np.isfinite(samples).all():
+        raise RecordingError("resampling: a sample is missing; bridge dropouts first")
+    found = CubicSpline(time, samples, extrapolate=False)(wanted)
+    return Resampled(found, spline_bandwidth((len(time) - 1) / float(time[-1] - time[0])))
+
+
+def spline_bandwidth(fs: float) -> float:
+    """Frequency at which a cubic spline through samples at `fs` [Hz] is 3 dB down [Hz]: its response is
+    sinc^4(f/fs) 3 / (2 + cos(2 pi f/fs))."""
+
+    def response(x):
+        return (sin(pi * x) / (pi * x)) ** 4 * 3.0 / (2.0 + cos(2.0 * pi * x)) - 0.5**0.5
+
+    return fs * brentq(response, 0.1, 0.5)
