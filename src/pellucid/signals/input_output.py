@@ -1,0 +1,108 @@
+"""One input and one output of a recording, made ready for a dynamic model: time that increases, no sample missing."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from .._errors import RecordingError
+from ..recordings.quality import GAP_STEPS
+from ..recordings.recording import Recording
+
+
+@dataclass(frozen=True)
+class InputOutput:
+    """A sampled input and the output it made.
+
+    Attributes
+    ----------
+    recording, split : str
+        Name; ``"fitted"`` or ``"heldout"``.
+    time, input, output : ndarray, shape (n,)
+        Time increases [s], evenly or not; the others in SI.
+    notes : tuple of str
+        What was left out, and what a simulation has to bridge.
+    """
+
+    recording: str
+    split: str
+    time: np.ndarray
+    input: np.ndarray
+    output: np.ndarray
+    notes: tuple[str, ...] = ()
+
+    def __post_init__(self):
+        shapes = {np.shape(x) for x in (self.time, self.input, self.output)}
+        if len(shapes) != 1 or len(next(iter(shapes))) != 1:
+            raise RecordingError(
+                f"recording '{self.recording}': found time, input and output of shapes "
+                f"{np.shape(self.time)}, {np.shape(self.input)}, {np.shape(self.output)}, expected one shape (n,)"
+            )
+
+    def __len__(self) -> int:
+        return len(self.time)
+
+    def part(self, begin: int, end: int, split: str) -> InputOutput:
+        """Samples `begin` to `end`, as of a `split`."""
+        inside = slice(begin, end)
+        return InputOutput(self.recording, split, self.time[inside], self.input[inside], self.output[inside])
+
+
+def input_output(recording: Recording, channels: Sequence[str]) -> InputOutput:
+    """A recording's input and output over time that increases with every sample.
+
+    Samples with a missing number are left out. Where time runs back a log holds what is left of an earlier one: the
+    longest stretch in which it does not is kept. A time that repeats is kept once. All are counted in the notes.
+
+    Parameters
+    ----------
+    recording : Recording
+    channels : sequence of str
+        The input's and the output's.
+
+    Returns
+    -------
+    InputOutput
+
+    Raises
+    ------
+    RecordingError
+        If a channel is missing, or no two samples are left.
+    """
+    name_in, name_out = channels
+    table = np.column_stack([recording.time, recording[name_in], recording[name_out]])
+    notes = []
+    known = np.isfinite(table).all(axis=1)
+    if not known.all():
+        notes.append(f"{_samples(int((~known).sum()))} with a missing number left out")
+        table = table[known]
+    starts = np.concatenate([[0], np.flatnonzero(np.diff(table[:, 0]) < 0.0) + 1])
+    if len(starts) > 1:
+        ends = np.append(starts[1:], len(table))
+        longest = int(np.argmax(ends - starts))
+        left = len(table) - int(ends[longest] - starts[longest])
+        times = "once" if len(starts) == 2 else f"{len(starts) - 1} times"
+        notes.append(f"time runs back {times}: the longest stretch kept, {_samples(left)} of others left out")
+        table = table[starts[longest] : ends[longest]]
+    repeats = np.concatenate([[False], np.diff(table[:, 0]) == 0.0]) if len(table) else np.zeros(0, bool)
+    if repeats.any():
+        notes.append(f"{_samples(int(repeats.sum()))} at a time already recorded left out")
+        table = table[~repeats]
+    if len(table) < 2:
+        raise RecordingError(
+            f"{recording.path.name} (recording {recording.name}): found {_samples(len(table))} of {name_in} and "
+            f"{name_out} over time that increases, expected a recorded movement"
+        )
+    steps = np.diff(table[:, 0])
+    gaps = steps > GAP_STEPS * np.median(steps)
+    if gaps.any():
+        word = "gap" if gaps.sum() == 1 else "gaps"
+        notes.append(f"{int(gaps.sum())} {word} of up to {steps.max():.3g} s bridged by the input's hold")
+    split = "fitted" if recording.use == "fit" else "heldout"
+    return InputOutput(recording.name, split, *np.ascontiguousarray(table.T), tuple(notes))
+
+
+def _samples(count: int) -> str:
+    return f"{count} sample{'' if count == 1 else 's'}"
