@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from . import datasets as datasets
     from . import report as report
     from .demonstration.demo import demo as demo
+    from .estimators.calibrate import calibrate as calibrate
     from .identification.check import check as check
     from .identification.compare import compare as compare
     from .identification.identify import identify as identify
@@ -27,6 +28,7 @@ if TYPE_CHECKING:
 _WHERE = {
     "open": ("recordings.study", "open_study"),
     "check": ("identification.check", "check"),
+    "calibrate": ("estimators.calibrate", "calibrate"),
     "identify": ("identification.identify", "identify"),
     "compare": ("identification.compare", "compare"),
     "report": ("report", None),
@@ -39,6 +41,7 @@ _WHERE = {
 
 __all__ = [
     "__version__",
+    "calibrate",
     "check",
     "compare",
     "datasets",

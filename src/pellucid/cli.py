@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from rich.console import Console
     from rich.table import Table
 
+    from .identification.findings import Findings
     from .identification.fit import JointFit, Parameter, Verdict
     from .identification.slider_fit import SliderFit
     from .recordings.quality import Fault
@@ -109,7 +110,8 @@ def identify(
     family: Family = None,
     json: Annotated[bool, typer.Option("--json", help="Print the figures as JSON instead of tables.")] = False,
 ) -> None:
-    """Identify the joint, with intervals and a held-out verdict."""
+    """Identify what study.toml asks for, with intervals and verdicts."""
+    from .identification.findings import Findings, save_findings
     from .identification.identify import identify as run
     from .identification.save import save
     from .recordings.study import open_study
@@ -117,15 +119,43 @@ def identify(
     study = open_study(folder)
     with _progress() as tell:
         fit = run(study, families=tuple(family) if family else None, on_progress=tell)
-    save(study, fit)
+    if isinstance(fit, Findings):
+        save_findings(study, fit, "identify")
+    else:
+        save(study, fit)
     if json:
-        _print_json(study)
+        _print_json(study, "identify")
         return
     out = _console()
-    if study.rig.slider is None:
+    if isinstance(fit, Findings):
+        _print_findings(out, fit)
+    elif study.rig.slider is None:
         _print_fit(out, study, fit)
     else:
         _print_slider_fit(out, study, fit)
+    _say(out, f"Model cards in {study.models_dir}, every figure in {study.results_path}.")
+    _say(out, f"Next: pellucid report {folder}")
+
+
+@app.command()
+def calibrate(
+    folder: Folder,
+    json: Annotated[bool, typer.Option("--json", help="Print the figures as JSON instead of tables.")] = False,
+) -> None:
+    """Torque from EMG by several methods, judged on held-out data."""
+    from .estimators.calibrate import calibrate as run
+    from .identification.findings import save_findings
+    from .recordings.study import open_study
+
+    study = open_study(folder)
+    with _progress() as tell:
+        found = run(study, on_progress=tell)
+    save_findings(study, found, "calibrate")
+    if json:
+        _print_json(study, "calibrate")
+        return
+    out = _console()
+    _print_findings(out, found)
     _say(out, f"Model cards in {study.models_dir}, every figure in {study.results_path}.")
     _say(out, f"Next: pellucid report {folder}")
 
@@ -373,14 +403,32 @@ def _parameter_table(parameters: Sequence[Parameter], level: float) -> Table:
     return table
 
 
-def _print_json(study: Study) -> None:
+def _print_findings(out: Console, found: Findings) -> None:
+    from .identification.findings import ParameterTable
+    from .report.quantities import cell_text
+
+    _say(out, f"\n{found.study}: {found.headline}")
+    for shown in found.tables:
+        _say(out, f"\n{shown.title}")
+        if isinstance(shown, ParameterTable):
+            out.print(_parameter_table(shown.parameters, found.confidence))
+            continue
+        texts = [any(isinstance(row[i], str) for row in shown.rows) for i in range(len(shown.heads))]
+        table = _table(*(head if text else f">{head}" for head, text in zip(shown.heads, texts, strict=True)))
+        for row in shown.rows:
+            table.add_row(*map(cell_text, row))
+        out.print(table)
+    _print_verdicts(out, found.verdicts)
+
+
+def _print_json(study: Study, command: str) -> None:
     from dataclasses import asdict
     from json import dumps
 
     from .recordings.results import read_rows
 
     # Read back, since the file knows null for what is not finite.
-    rows = [asdict(row) for row in read_rows(study.results_path) if row.command == "identify"]
+    rows = [asdict(row) for row in read_rows(study.results_path) if row.command == command]
     typer.echo(dumps({"figures": rows}, indent=1, ensure_ascii=False))
 
 

@@ -190,7 +190,9 @@ def test_no_data_set_is_named_in_code():
     """A lab's recording and a public one take the same way: names of data sets are data."""
     from pellucid import datasets
 
-    words = re.compile("|".join({*datasets.names(), *(n.split("_")[0] for n in datasets.names())}), re.IGNORECASE)
+    # The first part of a name would do, were it not an English word in one of them.
+    parts = {n.split("_")[0] for n in datasets.names()} - {"lower"}
+    words = re.compile("|".join({*datasets.names(), *parts}), re.IGNORECASE)
     found = [
         f"{path.relative_to(ROOT).as_posix()}:{number}: {line.strip()}"
         for path in sources()

@@ -9,6 +9,7 @@ import pellucid
 
 NAMES = [
     "__version__",
+    "calibrate",
     "check",
     "compare",
     "datasets",
@@ -20,7 +21,19 @@ NAMES = [
     "reproduce",
     "simulate",
 ]
-COMMANDS = ["init", "simulate", "check", "identify", "report", "compare", "demo", "reproduce", "version", "datasets"]
+COMMANDS = [
+    "init",
+    "simulate",
+    "check",
+    "identify",
+    "calibrate",
+    "report",
+    "compare",
+    "demo",
+    "reproduce",
+    "version",
+    "datasets",
+]
 HEAVY = ("numpy", "scipy", "matplotlib", "pydantic", "pint", "rich", "jinja2", "pooch")
 
 

@@ -4,10 +4,9 @@ import functools
 import gc
 import hashlib
 import http.server
+import re
 import threading
 import tomllib
-
-import re
 
 import pytest
 

@@ -8,6 +8,7 @@ from ..recordings.quality import Fault, drive_channel, inspect
 from ..recordings.study import Study
 from ..signals.effort import drive_model
 from ..signals.motion import motions
+from .procedures import procedure_faults
 from .regression import solve, stack
 from .slider_faults import examine
 from .verdicts import sign_error
@@ -30,7 +31,16 @@ def check(study: Study) -> list[Fault]:
     RecordingError
         If a file cannot be read at all.
     """
-    faults = [fault for recording in study.recordings() for fault in inspect(recording, study)]
+    faults: list[Fault] = []
+    if study.config.emg_torque is not None:
+        from ..signals.emg_quality import emg_faults
+
+        faults += emg_faults(study)
+    if study.config.procedure is not None:
+        faults += procedure_faults(study)
+    if study.config.procedure is not None or study.rig.drive is None:
+        return sorted(faults, key=lambda fault: fault.severity != "refuse")
+    faults += [fault for recording in study.recordings() for fault in inspect(recording, study)]
     if any(fault.severity == "refuse" for fault in faults):
         return faults
     if study.rig.slider is not None:

@@ -17,8 +17,10 @@ from .closed_loop import solve_didim, solve_instrumental, solve_output_error
 from .consistency import enforce_pseudo_inertia
 from .drive_constant import drive_constant
 from .evaluation import pooled, predict
+from .findings import Findings
 from .fit import Estimate, FamilyFit, JointFit, Parameter, Simulation
 from .identify_slider import identify_slider
+from .procedures import run_procedure
 from .regression import Solution, Stack, solve, stack, with_known_stribeck_velocity
 from .replay import can_close, simulation_of
 from .reweighting import solve_robust, solve_weighted
@@ -33,8 +35,8 @@ Progress = Callable[[str, float], None]
 
 def identify(
     study: Study, *, families: Sequence[str] | None = None, on_progress: Progress | None = None, thorough: bool = True
-) -> JointFit | SliderFit:
-    """Identify the joint of a study.
+) -> JointFit | SliderFit | Findings:
+    """Identify the joint of a study, or what else its study.toml asks for.
 
     Parameters
     ----------
@@ -49,8 +51,9 @@ def identify(
 
     Returns
     -------
-    JointFit or SliderFit
-        The latter of a rig with a carriage, whose methods are its own: `families` must then be left out.
+    JointFit, SliderFit or Findings
+        Of a joint with friction; of one with a carriage; of a transfer function, a hinge or a coupling. The latter
+        have methods of their own: `families` must then be left out.
 
     Raises
     ------
@@ -59,9 +62,12 @@ def identify(
     IdentificationError
         If the recordings cannot carry a model of any family.
     """
+    own = study.config.procedure is not None or study.rig.drive is None
+    if families and (own or study.rig.slider is not None):
+        raise IdentificationError("this study is identified by methods of its own; leave out --family")
+    if own:
+        return run_procedure(study, on_progress=on_progress)
     if study.rig.slider is not None:
-        if families:
-            raise IdentificationError("a joint with a carriage is identified by its own methods; leave out --family")
         return identify_slider(study, on_progress=on_progress)
     tell = on_progress or (lambda text, share: None)
     names = tuple(families or study.model.families)

@@ -11,10 +11,7 @@ import numpy as np
 
 from .._atomic import write_text_atomically
 from .._errors import PellucidError
-from .card import CardParameter
-
-FORMAT = 1
-"""Version of the card's layout; a reader refuses a newer one."""
+from .card import FORMAT, CardParameter, read_table
 
 
 @dataclass(frozen=True)
@@ -101,23 +98,14 @@ def read_parameter_card(path: Path) -> ParameterCard:
     PellucidError
         If the file is missing, is no such card, or was written by a newer version.
     """
-    path = Path(path)
+    table = read_table(path)
     try:
-        table = json.loads(path.read_text(encoding="utf-8"))
-    except FileNotFoundError:
-        raise PellucidError(f"{path}: no such file, expected a model card") from None
-    except (UnicodeDecodeError, json.JSONDecodeError) as error:
-        raise PellucidError(f"{path}: not a model card: {error}") from None
-    if not isinstance(table, dict) or not isinstance(table.get("kind"), str):
-        raise PellucidError(f"{path}: found no kind, expected a card with the parameters of one model")
-    if table.pop("format", 0) > FORMAT:
-        raise PellucidError(f"{path}: written by a newer Pellucid ({table.get('pellucid')}), expected format {FORMAT}")
-    try:
-        rows = [{**row, "interval": tuple(_number(x) for x in row["interval"])} for row in table.pop("parameters")]
+        rows = [{**row, "interval": tuple(_number(x) for x in row["interval"])} for row in table["parameters"]]
         numbers = ("value", "standard_error")
         parameters = tuple(CardParameter(**{**r, **{key: _number(r[key]) for key in numbers}}) for r in rows)
-        covariance = tuple(tuple(_number(x) for x in row) for row in table.pop("covariance"))
-        return ParameterCard(**table, parameters=parameters, covariance=covariance)
+        covariance = tuple(tuple(_number(x) for x in row) for row in table["covariance"])
+        plain = {key: value for key, value in table.items() if key != "format"}
+        return ParameterCard(**{**plain, "parameters": parameters, "covariance": covariance})
     except (KeyError, TypeError) as error:
         raise PellucidError(f"{path}: not a card of parameters: {error}") from None
 

@@ -18,6 +18,9 @@ from .study_fields import DERIVED, NAME, Table, quantity
 from .study_procedures import Coupling, EmgTorque, Hinge, TransferFunction
 from .toml_place import explain
 
+PROCEDURES = ("transfer_function", "hinge", "coupling")
+"""Tables that ask `identify` for something else than a joint with friction."""
+
 FRICTION_FAMILIES = ("symmetric", "directional", "load", "stribeck", "combined")
 """The friction models `identify` tries, in this order, where study.toml names none."""
 
@@ -611,7 +614,7 @@ class StudyFile(Table):
 
     @model_validator(mode="after")
     def _asks_one_thing(self) -> StudyFile:
-        asked = [name for name in ("transfer_function", "hinge", "coupling") if getattr(self, name) is not None]
+        asked = [name for name in PROCEDURES if getattr(self, name) is not None]
         if len(asked) > 1:
             raise ValueError(f"found the tables {', '.join(asked)}, expected one of them: each is a study of its own")
         if self.rig.drive is None and not asked and self.emg_torque is None:
@@ -641,6 +644,11 @@ class StudyFile(Table):
             if entry.optical is not None and rail is not None and marker is None:
                 raise ValueError(f"{where}: found optical, expected [rig.slider] marker: which one is on the carriage")
         return self
+
+    @property
+    def procedure(self) -> str | None:
+        """Name of the table that asks `identify` for something else than a joint with friction; None without one."""
+        return next((name for name in PROCEDURES if getattr(self, name) is not None), None)
 
     def channels_of(self, entry: RecordingEntry) -> dict[str, ChannelSpec]:
         """All channels of one recording: the defaults, with its own in their place."""

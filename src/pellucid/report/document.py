@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from .._atomic import write_text_atomically
+from ..identification.findings import Findings
 from ..identification.fit import Estimate, FamilyFit, JointFit, Parameter
 from ..identification.identify import identify
 from ..identification.slider_fit import SliderFit
@@ -18,6 +19,7 @@ from ..signals.motion import motions
 from . import figures
 from .drawing import Drawing, draw
 from .figures import Trace
+from .procedure_document import write_procedure_report
 from .quantities import (
     EFFORTS,
     FAMILIES,
@@ -54,15 +56,18 @@ WHAT_ESTIMATORS_DO = (
 
 
 def write_report(
-    study: Study, fit: JointFit | SliderFit | None = None, *, on_progress: Callable[[str, float], None] | None = None
+    study: Study,
+    fit: JointFit | SliderFit | Findings | None = None,
+    *,
+    on_progress: Callable[[str, float], None] | None = None,
 ) -> Path:
     """Write the report of a study's joint: ``report/index.html``, and every figure as SVG and PDF.
 
     Parameters
     ----------
     study : Study
-    fit : JointFit or SliderFit, optional
-        What `identify` found. Left out, the joint is identified again, with the families its model cards name.
+    fit : JointFit, SliderFit or Findings, optional
+        What `identify` or `calibrate` found. Left out, that is done again, with the families that model cards name.
     on_progress : callable, optional
         Called with a text and the share done, 0 to 1.
 
@@ -78,6 +83,8 @@ def write_report(
     PellucidError
         If a recording can no longer be read, or the joint cannot be identified.
     """
+    if study.config.procedure is not None or study.rig.drive is None:
+        return write_procedure_report(study, fit, on_progress=on_progress)
     if study.rig.slider is not None:
         return write_slider_report(study, fit, on_progress=on_progress)
     tell = on_progress or (lambda text, share: None)

@@ -201,3 +201,12 @@ def prose(text: str) -> str:
 def label(name: str) -> str:
     """A parameter's name in words."""
     return LABELS.get(name, name.replace("_", " "))
+
+
+def cell_text(value: str | float | int | None) -> str:
+    """A table's cell as text: three digits of a figure, all of a count, a dash for what is not there."""
+    if isinstance(value, str):
+        return value
+    if value is None:
+        return "–"
+    return str(value) if isinstance(value, int) else number(value, digits=3)

@@ -1,0 +1,73 @@
+"""The report of a study that asks for something else than a joint with friction."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from importlib import import_module
+from pathlib import Path
+
+from ..identification.findings import Findings
+from ..identification.procedures import run_procedure
+from ..recordings.study import Study
+from .page import Page, write_page
+
+_DOCUMENTS = {
+    "transfer_function": "transfer_document",
+    "hinge": "hinge_document",
+    "coupling": "coupling_document",
+    "emg_torque": "calibration_document",
+}  # each has a function `page`
+
+
+def write_procedure_report(
+    study: Study, found: Findings | None = None, *, on_progress: Callable[[str, float], None] | None = None
+) -> Path:
+    """Write the report: what was identified, and what was calibrated, on one page.
+
+    Parameters
+    ----------
+    study : Study
+        Its study.toml has a table that asks for a procedure, or for a torque from EMG.
+    found : Findings, optional
+        What `identify` (or, in a study without anything to identify, `calibrate`) found; found again if left out.
+    on_progress : callable, optional
+        Called with a text and the share done, 0 to 1.
+
+    Returns
+    -------
+    Path
+        The page.
+
+    Raises
+    ------
+    OSError
+        If the study's folder cannot be written.
+    PellucidError
+        If a recording can no longer be read, or nothing can be identified from them.
+    """
+    tell = on_progress or (lambda text, share: None)
+    asked = [study.config.procedure] if study.config.procedure is not None else []
+    if study.config.emg_torque is not None:
+        asked.append("emg_torque")
+    pages = []
+    for i, name in enumerate(asked):
+        run = run_procedure
+        if name == "emg_torque":
+            from ..estimators.calibrate import calibrate as run
+        told = found if i == 0 else None
+        if told is None:
+            told = run(study, on_progress=lambda text, share, i=i: tell(text, (i + 0.8 * share) / len(asked)))
+        tell("drawing", (i + 0.8) / len(asked))
+        pages.append(import_module(f".{_DOCUMENTS[name]}", __package__).page(study, told))
+    return write_page(Path(study.report_dir), _one_page(pages))
+
+
+def _one_page(pages: list[Page]) -> Page:
+    first = pages[0]
+    return replace(
+        first,
+        headline=" ".join(page.headline for page in pages),
+        tiles=tuple(tile for page in pages for tile in page.tiles),
+        sections=tuple(section for page in pages for section in page.sections),
+    )
