@@ -9,8 +9,9 @@ from scipy.interpolate import CubicSpline
 from scipy.optimize import least_squares
 
 from .._errors import RecordingError
+from .memory import memory
 
-MEMORY_LIMIT = 0.5  # coloured misfit never counts as fewer samples than this power of their number
+FEWEST = 20  # samples that both records must share
 
 
 @dataclass(frozen=True)
@@ -65,9 +66,9 @@ def align(
         If the records share too little time, one of them does not change, or they are not of the same motion.
     """
     inside = (time >= other_time[0] + longest) & (time <= other_time[-1] - longest) & np.isfinite(rate)
-    if inside.sum() < 20:
+    if inside.sum() < FEWEST:
         raise RecordingError(
-            f"alignment: the records share {max(inside.sum(), 0)} samples at every delay up to {longest:g} s, expected 20"
+            f"alignment: the records share {inside.sum()} samples at every delay up to {longest:g} s, expected {FEWEST}"
         )
     t, y = time[inside], rate[inside]
     if np.std(y) == 0.0 or np.std(other_rate) == 0.0:
@@ -90,7 +91,7 @@ def align(
             f"alignment: the best correlation within {longest:g} s is {correlation:.2f}, expected 0.5 or more: "
             "these are not two records of one motion"
         )
-    variance = np.mean(best.fun**2) * _memory(best.fun)
+    variance = np.mean(best.fun**2) * memory(best.fun)
     error = float(np.sqrt(variance * np.linalg.pinv(best.jac.T @ best.jac)[0, 0]))
     return Alignment(float(delay), error, float(gain), float(offset), correlation, 0.5 * float(t[0] + t[-1]))
 
@@ -117,14 +118,3 @@ def clock_drift(first: Alignment, second: Alignment) -> tuple[float, float]:
     if apart == 0.0:
         raise RecordingError("alignment: a clock's drift needs two stretches at different times, found one")
     return (second.delay - first.delay) / apart, float(np.hypot(first.delay_error, second.delay_error)) / abs(apart)
-
-
-def _memory(misfit: np.ndarray) -> float:
-    """How many samples share one independent misfit: integrated autocorrelation up to its first zero."""
-    n = len(misfit)
-    spectrum = np.abs(np.fft.rfft(misfit - misfit.mean(), 2 * n)) ** 2
-    correlation = np.fft.irfft(spectrum)[:n]
-    if correlation[0] <= 0.0:
-        return 1.0
-    end = int(np.argmax(correlation <= 0.0)) or n
-    return float(np.clip(1.0 + 2.0 * np.sum(correlation[1:end]) / correlation[0], 1.0, n**MEMORY_LIMIT))

@@ -20,6 +20,7 @@ from scipy.optimize import least_squares
 from .._errors import RecordingError
 from .filters import runs
 from .inertial import Inertial
+from .memory import memory
 
 SLOWEST = 0.2  # RMS rate about the hinge below which nothing can be found [rad/s]
 REST = 0.5  # a gyroscope's offset is read where the sensor rests for so long [s]
@@ -99,7 +100,8 @@ def find_hinge(proximal: Inertial, distal: Inertial) -> Hinge:
     if speed < SLOWEST:
         raise RecordingError(
             f"hinge: the joint turns at {np.degrees(speed):.2g} deg/s RMS in the "
-            f"{proximal.period * len(proximal):.3g} s given, expected at least {np.degrees(SLOWEST):.2g} deg/s: axis and centre cannot be found"
+            f"{proximal.period * len(proximal):.3g} s given, "
+            f"expected at least {np.degrees(SLOWEST):.2g} deg/s: axis and centre cannot be found"
         )
     motions = [_Motion.of(imu, offset) for imu, offset in zip((proximal, distal), offsets, strict=True)]
     arms = hinge_arms(motions[0], motions[1], axes)
@@ -112,8 +114,8 @@ def find_hinge(proximal: Inertial, distal: Inertial) -> Hinge:
         )
     found_axes, found_arms, _, drift = model.unpack(best.x)
     acceleration, rate = model.misfits(best.x)
-    memory = (_memory(acceleration), _memory(rate))
-    covariance = np.linalg.inv(best.jac.T @ best.jac) * max(memory)
+    shared = (memory(acceleration), memory(rate))
+    covariance = np.linalg.inv(best.jac.T @ best.jac) * max(shared)
     return Hinge(
         axes=found_axes,
         arms=_centred(found_axes, found_arms),
@@ -121,7 +123,7 @@ def find_hinge(proximal: Inertial, distal: Inertial) -> Hinge:
         drift=float(drift),
         rested=all(each is not None for each in found),
         noise=(_rms(acceleration), _rms(rate)),
-        memory=memory,
+        memory=shared,
         standard_errors=np.sqrt(np.diag(covariance))[[0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 11]],
         sign_ratio=float(ratio),
         seconds=float(proximal.period * len(proximal)),
@@ -303,16 +305,3 @@ def _unit(angles: np.ndarray) -> np.ndarray:
 
 def _rms(values: np.ndarray) -> float:
     return float(np.sqrt(np.mean(np.square(values))))
-
-
-def _memory(misfit: np.ndarray) -> float:
-    """Integrated autocorrelation of misfits, up to its first zero: at least 1."""
-    centred = misfit - misfit.mean(axis=0)
-    n = len(centred)
-    spectrum = np.abs(np.fft.rfft(centred, 2 * n, axis=0)) ** 2
-    correlation = np.fft.irfft(spectrum.sum(axis=1))[:n]
-    if correlation[0] <= 0.0:
-        return 1.0
-    correlation = correlation / correlation[0]
-    end = int(np.argmax(correlation <= 0.0)) or n
-    return float(max(1.0 + 2.0 * correlation[1:end].sum(), 1.0))

@@ -1,9 +1,9 @@
 """Angle of a hinge between two IMUs without drift, causal or over the whole recording.
 
 Gyroscopes carry the angle from sample to sample. Two directions, each seen by both sensors, pull it back: the
-acceleration of the hinge's centre, and the part of the angular velocity that is across the hinge. Where such a direction
-is along the axis it says nothing, and its weight goes to zero by itself. A Kalman filter has the angle and what the
-gyroscopes drift about the hinge as its state; a Rauch-Tung-Striebel pass back over it uses what came later.
+acceleration of the hinge's centre, and the part of the angular velocity that is across the hinge. Where such a
+direction is along the axis it says nothing, and its weight goes to zero by itself. A Kalman filter has the angle and
+what the gyroscopes drift about the hinge as its state; a Rauch-Tung-Striebel pass back over it uses what came later.
 """
 
 from __future__ import annotations
