@@ -162,7 +162,7 @@ def fit_transfer_function(
         If a record is too short, its time does not increase, its input or output never changes, or the records cannot
         tell the coefficients apart.
     """
-    if not 1 <= poles or not 0 <= zeros <= poles:
+    if poles < 1 or not 0 <= zeros <= poles:
         raise IdentificationError(f"found {poles} poles and {zeros} zeros, expected at least 1 pole and no more zeros")
     if hold not in HOLDS:
         raise IdentificationError(f"hold: found {hold!r}, expected one of {', '.join(HOLDS)}")
@@ -304,9 +304,10 @@ def _search(experiment: Experiment, start: TransferFunction) -> _Found:
             f"the sampling shows ({_fastest(experiment):.3g} 1/s)"
         )
     floor = 1e-12 * float(np.linalg.norm(experiment.output))
-    damping, settled, k = 1e-3, False, 0
+    damping, settled, steps = 1e-3, False, 0
     slopes = experiment.by_denominator(point.bases, point.linear)
-    for k in range(1, MAX_ITERATIONS + 1):
+    while not settled and steps < MAX_ITERATIONS:
+        steps += 1
         q = qr(point.columns / np.linalg.norm(point.columns, axis=0), mode="economic", pivoting=True)[0]
         reduced = slopes - q @ (q.T @ slopes)
         scale = np.maximum(np.linalg.norm(reduced, axis=0), np.finfo(float).tiny)
@@ -327,7 +328,7 @@ def _search(experiment: Experiment, start: TransferFunction) -> _Found:
             break
         point = better
         slopes = experiment.by_denominator(point.bases, point.linear)
-    return _Found(point, slopes, k, settled)
+    return _Found(point, slopes, steps, settled)
 
 
 def _finished(experiment: Experiment, found: _Found, units: tuple[str, str]) -> TransferFit:

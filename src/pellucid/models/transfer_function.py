@@ -87,7 +87,7 @@ class TransferFunction:
             )
         if len(b) > len(a):
             raise IdentificationError(
-                f"transfer function: found {len(b) - 1} zeros with {len(a) - 1} poles, expected no more zeros than poles"
+                f"transfer function: found {len(b) - 1} zeros and {len(a) - 1} poles, expected no more zeros than poles"
             )
         object.__setattr__(self, "denominator", tuple(float(x) for x in a / a[0]))
         object.__setattr__(self, "numerator", tuple(float(x) for x in b / a[0]))
@@ -348,9 +348,10 @@ class _Chain:
 
     def _march(self, signals: np.ndarray, initial: np.ndarray) -> np.ndarray:
         if signals.shape[0] != self.count or not np.isfinite(signals).all():
+            missing = int(np.count_nonzero(~np.isfinite(signals).all(axis=1)))
             raise IdentificationError(
-                f"signal: found shape {signals.shape[:1]}{'' if np.isfinite(signals).all() else ' with missing samples'}"
-                f", expected a number for each of {self.count} times"
+                f"signal: found {len(signals)} samples, {missing} of them missing, expected a number for each of "
+                f"{self.count} times"
             )
         forcing = self.held[:, :, None] * signals[:-1, None, :]
         if self.hold == "first":
