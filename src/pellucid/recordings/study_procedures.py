@@ -51,6 +51,9 @@ class Hinge(Table):
         From when on the angle is judged [s].
     jump : float
         A reference angle that changes by more than this from one sample to the next is no measurement [rad].
+    delay : float or None
+        How much later the IMUs show a motion than the reference does [s]; left out, it is found from the angular rates
+        of the calibration's seconds.
     """
 
     proximal: str = "proximal"
@@ -58,6 +61,7 @@ class Hinge(Table):
     calibration: quantity("s", gt=0) = 10.0
     score_from: quantity("s", ge=0) = 10.0
     jump: quantity("rad", gt=0)
+    delay: quantity("s") | None = None
 
 
 class Coupling(Table):
