@@ -35,6 +35,10 @@ BRIDGE = 2.0
 """Seconds by which a trial's end is led back to its beginning, for the transform."""
 SHIFTS = 1.5
 """Largest difference of clocks that is searched [s]."""
+FEWEST = 40
+"""Samples of the IMU that a trial needs."""
+LEAST_MOTION = np.radians(2.0)
+"""Range of the orthosis's angle that a trial needs [rad]."""
 DECAY = 3.0
 """Time constants after which a torque that was not known has left the mismatch."""
 ITERATIONS = 60
@@ -207,6 +211,47 @@ def align(swing: Swing, torque: StrapTorque, fit: CouplingFit) -> Instrument:
     return Instrument(float(found.shifts[0]), float(found.offsets[0]), gain)
 
 
+def clock_shift(swing: Swing) -> float:
+    """By how much the IMU's clock is late, roughly: its angle then follows the orthosis's best.
+
+    Parameters
+    ----------
+    swing : Swing
+
+    Returns
+    -------
+    float
+        To be added to the IMU's times [s], to 0.01 s.
+
+    Raises
+    ------
+    IdentificationError
+        If there is too little motion, too little of the IMU, or no overlap of the two.
+    """
+    known = np.isfinite(swing.imu_angle) & np.isfinite(swing.imu_time)
+    if known.sum() < FEWEST or np.ptp(swing.position) < LEAST_MOTION:
+        raise IdentificationError(
+            f"{swing.name}: found {int(known.sum())} samples of the IMU and {np.degrees(np.ptp(swing.position)):.1f} "
+            f"deg of motion, expected {FEWEST} and {np.degrees(LEAST_MOTION):.0f} deg or more"
+        )
+    imu_time, imu_angle = swing.imu_time[known], swing.imu_angle[known]
+    best = (-np.inf, 0.0)
+    for shift in np.arange(-SHIFTS, SHIFTS + 1e-9, 0.01):
+        time = imu_time + shift
+        inside = (time > swing.time[0]) & (time < swing.time[-1])
+        if inside.sum() < FEWEST:
+            continue
+        a, b = imu_angle[inside], np.interp(time[inside], swing.time, swing.position)
+        if a.std() > 0.0 and b.std() > 0.0:
+            # A short overlap correlates too easily.
+            best = max(best, (float(np.corrcoef(a, b)[0, 1]) * np.sqrt(inside.mean()), float(shift)))
+    if not np.isfinite(best[0]):
+        raise IdentificationError(
+            f"{swing.name}: the IMU's times and the actuator's do not overlap, expected clocks within {SHIFTS:g} s"
+        )
+    return best[1]
+
+
 def seen_mismatch(swing: Swing, instrument: Instrument) -> tuple[np.ndarray, np.ndarray]:
     """The mismatch as the IMU saw it, at its own times.
 
@@ -356,12 +401,12 @@ class _Problem:
         """Clocks by correlation of the two angles, the strap by least squares of its torque on the mismatch seen."""
         shifts, offsets, rows, sides = [], [], [], []
         for trial in self.trials:
-            shift = _clock(trial)
+            shift = clock_shift(trial.swing)
             time, keep = trial.times(shift)
-            if keep.sum() < 40:
+            if keep.sum() < FEWEST:
                 raise IdentificationError(
-                    f"{trial.swing.name}: {int(keep.sum())} samples of the IMU fall into the trial, expected 40 or "
-                    "more: the IMU and the actuator did not record together"
+                    f"{trial.swing.name}: {int(keep.sum())} samples of the IMU fall into the trial, expected {FEWEST} "
+                    "or more: the IMU and the actuator did not record together"
                 )
             t = time[keep]
             seen = trial.swing.imu_angle[keep] / self.gain - trial.angle(t)
@@ -501,29 +546,3 @@ class _Problem:
 
     def _point(self, x: np.ndarray, converged: bool) -> _Point:
         return _Point(*(float(v) for v in x[:4]), x[4::2].copy(), x[5::2].copy(), converged)
-
-
-def _clock(trial: _Trial) -> float:
-    """By how much the IMU's times must be shifted for its angle to follow the orthosis's best [s]."""
-    swing = trial.swing
-    known = trial.usable
-    if known.sum() < 40 or np.ptp(swing.position) < np.radians(2.0):
-        raise IdentificationError(
-            f"{swing.name}: found {int(known.sum())} samples of the IMU and {np.degrees(np.ptp(swing.position)):.1f} "
-            "deg of motion, expected 40 and 2 deg or more"
-        )
-    best = (-np.inf, 0.0)
-    for shift in np.arange(-SHIFTS, SHIFTS + 1e-9, 0.01):
-        time = swing.imu_time[known] + shift
-        inside = (time > swing.time[0]) & (time < swing.time[-1])
-        if inside.sum() < 40:
-            continue
-        a, b = swing.imu_angle[known][inside], np.interp(time[inside], swing.time, swing.position)
-        if a.std() > 0.0 and b.std() > 0.0:
-            # A short overlap correlates too easily.
-            best = max(best, (float(np.corrcoef(a, b)[0, 1]) * np.sqrt(inside.mean()), float(shift)))
-    if not np.isfinite(best[0]):
-        raise IdentificationError(
-            f"{swing.name}: the IMU's times and the actuator's do not overlap, expected clocks within {SHIFTS:g} s"
-        )
-    return best[1]

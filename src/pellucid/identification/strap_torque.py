@@ -3,8 +3,8 @@ r"""Torque of the strap between wearer and orthosis, from either body's own bala
 With theta_e the orthosis's and theta_k the limb's angle, and the strap's torque positive on the orthosis,
 
 .. math::
-    \tau_c &= I_e\ddot\theta_e + b_e\dot\theta_e + m_e g l_e \sin\theta_e + \tau_f\,\mathrm{sign}\,\dot\theta_e - \tau_e \\
-    \tau_c &= \tau_k - I_k\ddot\theta_k - b_k\dot\theta_k - m_{sh} g l_{sh} \sin\theta_k
+    \tau_c &= I_e\ddot\theta_e + b_e\dot\theta_e + m_e g l_e\sin\theta_e + \tau_f\,\mathrm{sgn}\,\dot\theta_e - \tau_e\\
+    \tau_c &= \tau_k - I_k\ddot\theta_k - b_k\dot\theta_k - m_{sh} g l_{sh}\sin\theta_k
 
 The first needs what the actuator measures and the orthosis's own parameters; the second needs the muscles' torque and
 the limb's. Each comes with its derivatives with respect to those parameters, so that their uncertainty can be carried
@@ -83,14 +83,13 @@ class Orthosis:
 
 @dataclass(frozen=True, eq=False)
 class Limb:
-    """Shank and foot: inertia [kg m^2] about the knee, gravity [N m], viscous damping [N m s/rad], and the covariance of
-    these three (3, 3); `torque_sd` is what the muscles' torque is known to [N m]."""
+    """Shank and foot: inertia about the knee [kg m^2], gravity [N m], viscous damping [N m s/rad], and the covariance
+    of these three, shape (3, 3)."""
 
     inertia: float
     gravity: float
     viscous: float = 0.0
     covariance: np.ndarray = field(default_factory=lambda: np.zeros((3, 3)), repr=False)
-    torque_sd: float = 0.0
 
 
 @dataclass(frozen=True, eq=False)
