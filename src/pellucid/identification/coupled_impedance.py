@@ -77,7 +77,7 @@ class CouplingFit:
         Of stiffness and damping.
     instruments : tuple of Instrument
         One for each trial.
-    residuals : tuple of ndarray
+    residuals : tuple of ndarray, shape (m,)
         Of each trial at the IMU's times [rad]; NaN where a sample was left out.
     used : int
         Samples of the IMU that were fitted.
