@@ -54,7 +54,7 @@ class HingeReference:
 
 
 def has_reference(recording: Recording, proximal: str, distal: str) -> bool:
-    """Whether orientations of the `proximal` and the `distal` body were recorded beside the IMUs."""
+    """Whether orientations of the `proximal` and the `distal` body are in a `recording` beside the IMUs."""
     return all(f"{prefix}.orientation.{c}" in recording for prefix in (proximal, distal) for c in "wxyz")
 
 
