@@ -106,6 +106,6 @@ def _madgwick(imu: Inertial, axes: int, gain: float) -> np.ndarray:
 
 
 def _since_last(rate: np.ndarray) -> np.ndarray:
-    """Mean rate since the sample before. Both filters hold a rate over a whole period: the rate at its end would lead by
-    half a sample, which at 20 Hz and a quick swing is two degrees."""
+    """Mean rate since the sample before. Both filters hold a rate over a whole period: the rate at its end would lead
+    by half a sample, which at 20 Hz and a quick swing is two degrees."""
     return np.vstack([rate[:1], 0.5 * (rate[1:] + rate[:-1])])
