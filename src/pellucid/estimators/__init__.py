@@ -1,0 +1,1 @@
+"""From EMG and joint angles to joint torque: features, estimators, cross-validation without leaks, calibration."""

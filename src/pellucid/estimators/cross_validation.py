@@ -1,0 +1,126 @@
+"""Folds that do not leak: whole trials, or blocks of time with gaps; and the choice of settings within what is fitted.
+
+Neighbouring samples of one movement are almost copies of each other. A fold drawn at random from samples judges an
+estimator on what it has seen.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from .._errors import IdentificationError
+
+Fold = tuple[np.ndarray, np.ndarray]
+"""Indices fitted, indices judged."""
+
+
+def grouped_folds(groups: Sequence[str] | np.ndarray) -> list[Fold]:
+    """One fold for each group, which is left out whole.
+
+    Parameters
+    ----------
+    groups : array of shape (n,)
+        Trial, repetition or person of each sample.
+
+    Returns
+    -------
+    list of Fold
+
+    Raises
+    ------
+    IdentificationError
+        If there are fewer than two groups.
+    """
+    groups = np.asarray(groups)
+    names = list(dict.fromkeys(groups.tolist()))
+    if len(names) < 2:
+        raise IdentificationError(f"found {len(names)} group of samples, expected at least two to leave one out")
+    return [(np.flatnonzero(groups != name), np.flatnonzero(groups == name)) for name in names]
+
+
+def block_folds(time: np.ndarray, blocks: int, gap: float) -> list[Fold]:
+    """Consecutive blocks of one recording, each left out with a gap on either side.
+
+    Parameters
+    ----------
+    time : ndarray, shape (n,)
+        [s], increasing.
+    blocks : int
+        At least 2.
+    gap : float
+        Samples this close to a judged block are not fitted [s]: as long as filters and lags remember.
+
+    Returns
+    -------
+    list of Fold
+
+    Raises
+    ------
+    IdentificationError
+        If a fold has nothing left to fit.
+    """
+    time = np.asarray(time, float)
+    edges = np.linspace(0, len(time), blocks + 1).astype(int)
+    folds = []
+    for a, b in zip(edges, edges[1:], strict=False):
+        judged = np.arange(a, b)
+        if len(judged):
+            far = (time < time[a] - gap) | (time > time[b - 1] + gap)
+            folds.append((np.flatnonzero(far), judged))
+    if blocks < 2 or len(folds) < blocks or any(len(fitted) == 0 for fitted, _ in folds):
+        raise IdentificationError(
+            f"found {len(time)} samples over {np.ptp(time) if len(time) else 0.0:.3g} s, expected more than {blocks} "
+            f"blocks with gaps of {gap:g} s can hold"
+        )
+    return folds
+
+
+@dataclass(frozen=True)
+class Score:
+    """How far predictions are from the reference: RMSE in its unit, and the share of its variance explained."""
+
+    rmse: float
+    r2: float
+
+
+def score(reference: np.ndarray, predicted: np.ndarray) -> Score:
+    """RMSE and R² = 1 - sum of squared errors / sum of squares about the reference's own mean.
+
+    Parameters
+    ----------
+    reference, predicted : ndarray, shape (n,)
+
+    Returns
+    -------
+    Score
+    """
+    reference, error = np.asarray(reference, float), np.asarray(reference, float) - np.asarray(predicted, float)
+    spread = float(np.sum((reference - reference.mean()) ** 2))
+    r2 = 1.0 - float(error @ error) / spread if spread > 0.0 else float("nan")
+    return Score(float(np.sqrt(np.mean(error**2))), r2)
+
+
+def out_of_fold(folds: Sequence[Fold], predict: Callable[[np.ndarray, np.ndarray], np.ndarray], n: int) -> np.ndarray:
+    """Every sample predicted by an estimator that has not seen its fold.
+
+    Parameters
+    ----------
+    folds : sequence of Fold
+        Their judged indices cover what is to be predicted.
+    predict : callable
+        Takes the indices to fit and those to predict, and returns predictions for the latter.
+    n : int
+        Samples.
+
+    Returns
+    -------
+    ndarray, shape (n,)
+        NaN where no fold judged.
+    """
+    predicted = np.full(n, np.nan)
+    for fitted, judged in folds:
+        predicted[judged] = predict(fitted, judged)
+    return predicted

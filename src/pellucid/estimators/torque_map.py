@@ -1,0 +1,257 @@
+"""A torque map: features and settings chosen by cross-validation within what is fitted, then fitted once."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from .._errors import IdentificationError
+from .cross_validation import Fold, Score, block_folds, grouped_folds, score
+from .ensembles import Regressor
+from .families import ESTIMATORS, Family
+from .features import LAGS, Features, FeatureSet, features
+from .smoothing import smooth
+from .torque_trial import TorqueTrial
+
+BLOCKS = 5
+"""Blocks of a single recording."""
+
+GAP = max(LAGS) + 0.1
+"""Gap on either side of a judged block [s]: the longest lag and a filter's memory."""
+
+MOST_SAMPLES = 4000
+"""Samples fitted, evenly thinned: neighbours at a high rate say the same."""
+
+
+@dataclass(frozen=True)
+class Choice:
+    """What cross-validation chose: features, settings, and the RMSE [N m] of every candidate by its words."""
+
+    features: FeatureSet
+    settings: Mapping[str, Any]
+    score: Score
+    tried: Mapping[str, float] = field(repr=False)
+
+    @property
+    def words(self) -> str:
+        """Features and settings in one line."""
+        said = ", ".join(
+            f"{key} {value:.3g}" if isinstance(value, float) else f"{key} {value}"
+            for key, value in self.settings.items()
+        )
+        return f"{self.features}" + (f"; {said}" if said else "")
+
+
+@dataclass(frozen=True, eq=False)
+class TorqueMap:
+    """A fitted map from EMG and motion to a joint's torque.
+
+    Parameters
+    ----------
+    name : str
+        Of the estimator, in `ESTIMATORS`.
+    choice : Choice
+    regressor : Regressor
+    causal : bool
+        Whether features and smoothing use the past alone.
+    """
+
+    name: str
+    choice: Choice
+    regressor: Regressor = field(repr=False)
+    causal: bool = False
+
+    def predict(self, trial: TorqueTrial) -> np.ndarray:
+        """Torque of a trial.
+
+        Parameters
+        ----------
+        trial : TorqueTrial
+            Its own torque is not looked at.
+
+        Returns
+        -------
+        ndarray, shape (n,)
+            [N m]
+        """
+        raw = self.regressor.predict(features(trial, self.choice.features, causal=self.causal).x)
+        seconds = ESTIMATORS[self.name].smoothing
+        return smooth(raw, seconds, trial.fs, causal=self.causal) if seconds else raw
+
+
+def fit_torque_map(trials: Sequence[TorqueTrial], name: str, *, causal: bool = False) -> TorqueMap:
+    """Choose features and settings by cross-validation within the trials, and fit to all of them.
+
+    Parameters
+    ----------
+    trials : sequence of TorqueTrial
+        Of one joint; none held out. Trials of more than one group are left out group by group; those of one, in
+        blocks of time with gaps.
+    name : str
+        Of the estimator.
+    causal : bool
+        Features and smoothing from the past alone.
+
+    Returns
+    -------
+    TorqueMap
+
+    Raises
+    ------
+    IdentificationError
+        If there is no trial to fit, one is held out, or there is no such estimator.
+    """
+    family = _family(name)
+    if not trials or any(trial.heldout for trial in trials):
+        found = "no trial" if not trials else f"the held-out trial {next(t.name for t in trials if t.heldout)}"
+        raise IdentificationError(f"torque map: found {found}, expected trials to fit")
+    stack = _Stack(trials, causal)
+    choice = _choose(family, stack)
+    seen = stack.features(choice.features)
+    regressor = family.make(choice.settings, seen).fit(seen.x[stack.thinned], stack.torque[stack.thinned])
+    return TorqueMap(name, choice, regressor, causal)
+
+
+@dataclass(frozen=True, eq=False)
+class CrossValidated:
+    """An estimator judged on trials it did not see.
+
+    Attributes
+    ----------
+    score : Score
+        Over all samples of all trials.
+    by_trial : Mapping[str, Score]
+    predicted : Mapping[str, ndarray of shape (n,)]
+        Torque by trial [N m], each from a map fitted without its group.
+    choices : tuple of Choice
+        Of every outer fold.
+    """
+
+    score: Score
+    by_trial: Mapping[str, Score]
+    predicted: Mapping[str, np.ndarray]
+    choices: tuple[Choice, ...]
+
+
+def torque_map_cv(
+    trials: Sequence[TorqueTrial],
+    estimators: Sequence[str] = ("boost", "bagging", "tree", "ridge"),
+    *,
+    causal: bool = False,
+    on_progress: Callable[[str, float], None] | None = None,
+) -> dict[str, CrossValidated]:
+    """Judge estimators group by group, features and settings chosen anew within the other groups each time.
+
+    Parameters
+    ----------
+    trials : sequence of TorqueTrial
+        Of one joint and one person, in at least three groups, so that two are left to choose with.
+    estimators : sequence of str
+        Names in `ESTIMATORS`.
+    causal : bool
+        Features and smoothing from the past alone.
+    on_progress : callable, optional
+        Called with a text and the share done, 0 to 1.
+
+    Returns
+    -------
+    dict of str to CrossValidated
+
+    Raises
+    ------
+    IdentificationError
+        If there are too few groups, or there is no such estimator.
+    """
+    tell = on_progress or (lambda text, share: None)
+    groups = list(dict.fromkeys(trial.group for trial in trials))
+    if len(groups) < 3:
+        raise IdentificationError(
+            f"torque map: found {len(groups)} groups of trials ({', '.join(map(repr, groups))}), expected at least 3"
+        )
+    results = {}
+    for i, name in enumerate(estimators):
+        predicted, choices = {}, []
+        for j, group in enumerate(groups):
+            tell(f"{name}, without {group}", (i + j / len(groups)) / len(estimators))
+            fitted = fit_torque_map([t for t in trials if t.group != group], name, causal=causal)
+            choices.append(fitted.choice)
+            predicted |= {t.name: fitted.predict(t) for t in trials if t.group == group}
+        by_trial = {t.name: score(t.torque, predicted[t.name]) for t in trials}
+        whole = score(np.concatenate([t.torque for t in trials]), np.concatenate([predicted[t.name] for t in trials]))
+        results[name] = CrossValidated(whole, by_trial, predicted, tuple(choices))
+    return results
+
+
+class _Stack:
+    """Trials one after another, with their folds, and features made once a set."""
+
+    def __init__(self, trials: Sequence[TorqueTrial], causal: bool):
+        self.trials, self.causal = trials, causal
+        self.torque = np.concatenate([trial.torque for trial in trials])
+        lengths = [len(trial) for trial in trials]
+        self.member = np.repeat(np.arange(len(trials)), lengths)
+        self.neighbours = len(trials[0].angles) > 1
+        step = max(1, -(-len(self.torque) // MOST_SAMPLES))
+        self.thinned = np.arange(0, len(self.torque), step)
+        self._made: dict[FeatureSet, Features] = {}
+
+    @property
+    def folds(self) -> list[Fold]:
+        groups = np.repeat([trial.group for trial in self.trials], [len(trial) for trial in self.trials])
+        if len(set(groups.tolist())) > 1:
+            return grouped_folds(groups)
+        if len(self.trials) > 1:
+            return grouped_folds(self.member)
+        return block_folds(self.trials[0].time, BLOCKS, GAP)
+
+    def features(self, chosen: FeatureSet) -> Features:
+        if chosen not in self._made:
+            each = [features(trial, chosen, causal=self.causal) for trial in self.trials]
+            self._made[chosen] = Features(np.vstack([f.x for f in each]), each[0].names, each[0].motion)
+        return self._made[chosen]
+
+
+def _family(name: str) -> Family:
+    if name not in ESTIMATORS:
+        raise IdentificationError(f"torque map: found the estimator {name!r}, expected one of {', '.join(ESTIMATORS)}")
+    return ESTIMATORS[name]
+
+
+def _choose(family: Family, stack: _Stack) -> Choice:
+    sets, settings = family.candidates(neighbours=stack.neighbours), family.settings
+    tried: dict[tuple[int, int], Score] = {}
+
+    def least(pairs: list[tuple[int, int]]) -> tuple[int, int]:
+        for pair in pairs:
+            if pair not in tried:
+                tried[pair] = _judge(family, stack, sets[pair[0]], settings[pair[1]])
+        return min(pairs, key=lambda pair: tried[pair].rmse)
+
+    if family.every:
+        best = least([(i, j) for i in range(len(sets)) for j in range(len(settings))])
+    else:
+        best, _ = least([(i, 0) for i in range(len(sets))])
+        best = least([(best, j) for j in range(len(settings))])
+    words = {Choice(sets[i], settings[j], s, {}).words: s.rmse for (i, j), s in tried.items()}
+    return Choice(sets[best[0]], settings[best[1]], tried[best], words)
+
+
+def _judge(family: Family, stack: _Stack, chosen: FeatureSet, settings: Mapping[str, Any]) -> Score:
+    seen = stack.features(chosen)
+    predicted = np.full(len(stack.torque), np.nan)
+    for fitted, judged in stack.folds:
+        fitted = np.intersect1d(fitted, stack.thinned, assume_unique=True)
+        regressor = family.make(settings, seen).fit(seen.x[fitted], stack.torque[fitted])
+        for part in _by_trial(judged, stack.member):
+            raw = regressor.predict(seen.x[part])
+            fs = stack.trials[stack.member[part[0]]].fs
+            predicted[part] = smooth(raw, family.smoothing, fs, causal=stack.causal) if family.smoothing else raw
+    return score(stack.torque, predicted)
+
+
+def _by_trial(judged: np.ndarray, member: np.ndarray) -> list[np.ndarray]:
+    """Judged samples trial by trial: an average must not run from one into the next."""
+    return np.split(judged, np.flatnonzero(np.diff(member[judged])) + 1)

@@ -1,0 +1,81 @@
+"""One trial of a torque map: envelopes, joint angles and the torque they should give, on one clock."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from .._errors import RecordingError
+
+
+@dataclass(frozen=True, eq=False)
+class TorqueTrial:
+    """What a torque map is fitted to and judged on.
+
+    Parameters
+    ----------
+    name : str
+        The recording's.
+    joint : str
+        Whose torque it is.
+    time : ndarray, shape (n,)
+        [s]
+    envelopes : Mapping of str to ndarray, shape (n,)
+        By muscle: relative [1], or in V.
+    angles : Mapping of str to ndarray, shape (n,)
+        By joint [rad]; the joint itself must be among them, the others are its neighbours.
+    torque : ndarray, shape (n,)
+        The reference [N m].
+    group : str
+        What is left out together in cross-validation: a repetition.
+    heldout : bool
+        Never fitted.
+    participant : str or None
+    checksum : str
+        SHA-256 of the file.
+
+    Raises
+    ------
+    RecordingError
+        If lengths differ, a sample is missing, or the joint's own angle is not there.
+    """
+
+    name: str
+    joint: str
+    time: np.ndarray
+    envelopes: Mapping[str, np.ndarray] = field(repr=False)
+    angles: Mapping[str, np.ndarray] = field(repr=False)
+    torque: np.ndarray = field(repr=False)
+    group: str = ""
+    heldout: bool = False
+    participant: str | None = None
+    checksum: str = ""
+
+    def __post_init__(self):
+        if self.joint not in self.angles:
+            raise RecordingError(
+                f"recording {self.name}: found the angles {', '.join(self.angles) or 'of no joint'}, expected the "
+                f"{self.joint}'s own among them"
+            )
+        named = {"torque": self.torque, **{f"emg.{m}": x for m, x in self.envelopes.items()}}
+        for name, x in {**named, **{f"angle.{j}": x for j, x in self.angles.items()}}.items():
+            if np.shape(x) != np.shape(self.time):
+                raise RecordingError(
+                    f"recording {self.name}, channel {name}: found shape {np.shape(x)}, expected "
+                    f"{np.shape(self.time)} as in time"
+                )
+            if not np.isfinite(x).all():
+                raise RecordingError(
+                    f"recording {self.name}, channel {name}: found missing samples (NaN), the first at index "
+                    f"{int(np.flatnonzero(~np.isfinite(x))[0])}, expected a number in every sample"
+                )
+
+    def __len__(self) -> int:
+        return len(self.time)
+
+    @property
+    def fs(self) -> float:
+        """Rate [Hz]."""
+        return (len(self.time) - 1) / float(self.time[-1] - self.time[0])

@@ -1,0 +1,417 @@
+"""From raw EMG to an envelope: chains of stages, applied without delay, causally, or sample by sample.
+
+A chain says what is done in which order and nothing of the rate: that comes with the samples. Filters are second-order
+sections throughout; the direct form of order 4 loses its accuracy where the cut-off is a thousandth of the rate.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy import signal
+
+from .. import _core
+from .._errors import RecordingError
+from .envelope_delay import ChainDelay, group_delay
+
+FILTERS = ("notch", "highpass", "lowpass", "bandpass")
+KINDS = (*FILTERS, "centre", "rectify", "normalise", "advance")
+
+
+@dataclass(frozen=True)
+class Stage:
+    """One step of a chain.
+
+    Parameters
+    ----------
+    kind : str
+        ``"notch"``, ``"highpass"``, ``"lowpass"`` or ``"bandpass"`` (Butterworth but for the notch); ``"centre"``
+        (less the mean), ``"rectify"`` (full wave), ``"normalise"`` (by the largest value) or ``"advance"`` (each sample
+        is compared with a motion that comes later).
+    cutoff : tuple of float
+        -3 dB frequencies of one pass, or the notch's centre [Hz].
+    order : int
+        Of one pass, as filter design functions take it: a band-pass then has twice as many poles.
+    quality : float
+        Of the notch: its centre over its width [1].
+    seconds : float
+        By which EMG is taken earlier than the motion it goes with [s].
+    """
+
+    kind: str
+    cutoff: tuple[float, ...] = ()
+    order: int = 2
+    quality: float = 30.0
+    seconds: float = 0.0
+
+    def __post_init__(self):
+        expected = {"notch": 1, "highpass": 1, "lowpass": 1, "bandpass": 2}.get(self.kind, 0)
+        if self.kind not in KINDS:
+            raise RecordingError(f"EMG chain: found the stage {self.kind!r}, expected one of {', '.join(KINDS)}")
+        if (
+            len(self.cutoff) != expected
+            or any(c <= 0.0 for c in self.cutoff)
+            or list(self.cutoff) != sorted(set(self.cutoff))
+        ):
+            raise RecordingError(
+                f"EMG chain, {self.kind}: found the cut-offs {list(self.cutoff)}, expected {expected}, above 0, rising"
+            )
+        if self.seconds < 0.0 or self.order < 1:
+            raise RecordingError(
+                f"EMG chain, {self.kind}: found {self.seconds:g} s and order {self.order}, expected at least 0 and 1"
+            )
+
+    def sections(self, fs: float) -> np.ndarray:
+        """Second-order sections at a rate of `fs` [Hz]; shape (k, 6), none for what is no filter."""
+        if self.kind == "notch":
+            return signal.tf2sos(*signal.iirnotch(self.cutoff[0], self.quality, fs=fs))
+        if self.kind in FILTERS:
+            edges = self.cutoff if self.kind == "bandpass" else self.cutoff[0]
+            return signal.butter(self.order, edges, self.kind, fs=fs, output="sos")
+        return np.empty((0, 6))
+
+
+@dataclass(frozen=True)
+class EmgChain:
+    """Stages in the order in which samples pass them.
+
+    Parameters
+    ----------
+    name : str
+    stages : tuple of Stage
+    source : str
+        Where it was published, and what had to be decided where that is silent.
+    """
+
+    name: str
+    stages: tuple[Stage, ...]
+    source: str = ""
+
+    def with_lowpass(self, cutoff: float | None = None, order: int | None = None) -> EmgChain:
+        """The same chain with another last low-pass.
+
+        Parameters
+        ----------
+        cutoff : float, optional
+            [Hz]
+        order : int, optional
+
+        Returns
+        -------
+        EmgChain
+
+        Raises
+        ------
+        RecordingError
+            If it has none.
+        """
+        places = [i for i, stage in enumerate(self.stages) if stage.kind == "lowpass"]
+        if not places:
+            raise RecordingError(f"EMG chain {self.name}: found no low-pass, expected one to change")
+        old = self.stages[places[-1]]
+        new = replace(old, cutoff=old.cutoff if cutoff is None else (float(cutoff),), order=order or old.order)
+        stages = (*self.stages[: places[-1]], new, *self.stages[places[-1] + 1 :])
+        return replace(self, stages=stages)
+
+    def zero_phase(self, samples: np.ndarray, fs: float, *, maximum: float | None = None) -> np.ndarray:
+        """Envelope for analysis: every filter runs forwards and backwards, so that nothing is late.
+
+        Parameters
+        ----------
+        samples : ndarray, shape (n,)
+            Raw EMG [V].
+        fs : float
+            Their rate [Hz].
+        maximum : float, optional
+            What 1 stands for, in the envelope's unit before it is made relative: the largest value of a maximal
+            contraction. Left out, that of these samples.
+
+        Returns
+        -------
+        ndarray, shape (n,)
+
+        Raises
+        ------
+        RecordingError
+            If a cut-off does not fit the rate, a sample is missing, or there are too few of them.
+        """
+        x = self._checked(samples, fs)
+        for stage in self.stages:
+            if stage.kind in FILTERS:
+                sos = stage.sections(fs)
+                padding = 3 * (2 * len(sos) + 1)
+                if len(x) <= padding:
+                    raise RecordingError(
+                        f"EMG chain {self.name}: found {len(x)} samples, expected more than {padding} for the "
+                        f"{stage.kind} of order {stage.order} run both ways"
+                    )
+                x = signal.sosfiltfilt(sos, x)
+            else:
+                x = self._plain(stage, x, fs, maximum, causal=False)
+        return x
+
+    def causal(self, samples: np.ndarray, fs: float, *, maximum: float | None = None) -> np.ndarray:
+        """Envelope as it is had in real time: late by what `delay` says, from filters at rest.
+
+        Parameters
+        ----------
+        samples : ndarray, shape (n,)
+            Raw EMG [V].
+        fs : float
+            Their rate [Hz].
+        maximum : float, optional
+            As in `zero_phase`; a chain that makes relative needs it, since it cannot know the largest value to come.
+
+        Returns
+        -------
+        ndarray, shape (n,)
+
+        Raises
+        ------
+        RecordingError
+            As `zero_phase`, and if the maximum is needed and not given.
+        """
+        x = self._checked(samples, fs)
+        for stage in self.stages:
+            if stage.kind in FILTERS:
+                x = signal.sosfilt(stage.sections(fs), x)
+            else:
+                x = self._plain(stage, x, fs, maximum, causal=True)
+        return x
+
+    def stream(self, fs: float, *, maximum: float | None = None) -> EmgStream:
+        """The causal chain for samples that come one after another.
+
+        Parameters
+        ----------
+        fs : float
+            Their rate [Hz].
+        maximum : float, optional
+            As in `causal`.
+
+        Returns
+        -------
+        EmgStream
+
+        Raises
+        ------
+        RecordingError
+            As `causal`.
+        """
+        self.require_rate(fs)
+        self._require_maximum(maximum, causal=True)
+        return EmgStream(self, fs, maximum)
+
+    def delay(self, fs: float, *, carrier: float = 100.0) -> ChainDelay:
+        """By how much the causal chain is late, from its filters' coefficients.
+
+        Parameters
+        ----------
+        fs : float
+            [Hz]
+        carrier : float
+            Where surface EMG has its power [Hz]; before it is rectified, a filter delays the envelope by its group
+            delay there.
+
+        Returns
+        -------
+        ChainDelay
+        """
+        self.require_rate(fs)
+        rectified = self._rectified_at()
+        before = sum(group_delay(s.sections(fs), carrier, fs) for s in self.stages[:rectified])
+        after = sum(group_delay(s.sections(fs), 0.0, fs) for s in self.stages[rectified:])
+        return ChainDelay(before, after, sum(s.seconds for s in self.stages))
+
+    def require_rate(self, fs: float, where: str = "") -> None:
+        """Do nothing for a rate that the chain's filters fit into.
+
+        Parameters
+        ----------
+        fs : float
+            [Hz]
+        where : str
+            File and channel, for the message.
+
+        Raises
+        ------
+        RecordingError
+            If a cut-off is not below half the rate.
+        """
+        highest = max((c for stage in self.stages for c in stage.cutoff), default=0.0)
+        if not (np.isfinite(fs) and fs > 2.0 * highest):
+            raise RecordingError(
+                f"{where or f'EMG chain {self.name}'}: found a rate of {fs:g} Hz, expected more than {2 * highest:g} Hz:"
+                f' the chain "{self.name}" filters at {highest:g} Hz'
+            )
+
+    def _rectified_at(self) -> int:
+        return next((i for i, stage in enumerate(self.stages) if stage.kind == "rectify"), len(self.stages))
+
+    def _checked(self, samples: np.ndarray, fs: float) -> np.ndarray:
+        self.require_rate(fs)
+        x = np.asarray(samples, dtype=np.float64)
+        if x.ndim != 1 or len(x) < 2:
+            raise RecordingError(f"EMG chain {self.name}: found shape {x.shape}, expected (n,) with at least 2 samples")
+        missing = np.flatnonzero(~np.isfinite(x))
+        if missing.size:
+            raise RecordingError(
+                f"EMG chain {self.name}: found {missing.size} missing samples (NaN), the first at index {missing[0]}, "
+                "expected a number in every sample"
+            )
+        return x
+
+    def _require_maximum(self, maximum: float | None, *, causal: bool) -> None:
+        relative = any(stage.kind == "normalise" for stage in self.stages)
+        if relative and causal and maximum is None:
+            raise RecordingError(
+                f"EMG chain {self.name}: found no maximum, expected the largest envelope of a maximal contraction: a "
+                "causal chain cannot know what is still to come"
+            )
+        if maximum is not None and not (np.isfinite(maximum) and maximum > 0.0):
+            raise RecordingError(f"EMG chain {self.name}: found the maximum {maximum:g}, expected a number above 0")
+
+    def _plain(self, stage: Stage, x: np.ndarray, fs: float, maximum: float | None, *, causal: bool) -> np.ndarray:
+        if stage.kind == "rectify":
+            return np.abs(x)
+        if stage.kind == "centre":
+            # A causal chain's band-pass has left no mean; that of samples still to come is not known.
+            return x if causal else x - x.mean()
+        if stage.kind == "advance":
+            late = min(round(stage.seconds * fs), len(x))
+            return np.concatenate((np.zeros(late), x[: len(x) - late]))
+        self._require_maximum(maximum, causal=causal)
+        top = float(np.max(x)) if maximum is None else maximum
+        if not top > 0.0:
+            raise RecordingError(f"EMG chain {self.name}: found no sample above 0, expected activity to make relative")
+        return x / top
+
+
+class EmgStream:
+    """A causal chain at work: state is kept from sample to sample, in the core's filters.
+
+    `EmgChain.stream` makes it. A sample that is not a number passes through, and the filters start again at rest.
+    """
+
+    def __init__(self, chain: EmgChain, fs: float, maximum: float | None):
+        self._steps: list = []
+        for stage in chain.stages:
+            if stage.kind in FILTERS:
+                self._steps.append(_core.Biquads(stage.sections(fs)))
+            elif stage.kind == "advance":
+                self._steps.append(_Wait(round(stage.seconds * fs)))
+            elif stage.kind == "rectify":
+                self._steps.append(np.abs)
+            elif stage.kind == "normalise":
+                self._steps.append(_Share(maximum))
+
+    def filter(self, samples: np.ndarray) -> np.ndarray:
+        """Envelope of the samples that come next.
+
+        Parameters
+        ----------
+        samples : ndarray, shape (n,)
+            Raw EMG [V]; n may be 0.
+
+        Returns
+        -------
+        ndarray, shape (n,)
+        """
+        x = np.asarray(samples, dtype=np.float64)
+        for step in self._steps:
+            x = step(x) if callable(step) else step.filter(x)
+        return np.asarray(x)
+
+    def step(self, sample: float) -> float:
+        """Envelope of one sample."""
+        return float(self.filter(np.array([sample]))[0])
+
+    def reset(self) -> None:
+        """Back to filters at rest."""
+        for step in self._steps:
+            if hasattr(step, "reset"):
+                step.reset()
+
+
+class _Wait:
+    """A delay line, zeros at first."""
+
+    def __init__(self, samples: int):
+        self._kept = np.zeros(samples)
+
+    def filter(self, x: np.ndarray) -> np.ndarray:
+        both = np.concatenate((self._kept, x))
+        self._kept = both[len(x) :]
+        return both[: len(x)]
+
+    def reset(self) -> None:
+        self._kept = np.zeros(len(self._kept))
+
+
+class _Share:
+    def __init__(self, maximum: float):
+        self._maximum = maximum
+
+    def filter(self, x: np.ndarray) -> np.ndarray:
+        return x / self._maximum
+
+
+CHAINS = {
+    chain.name: chain
+    for chain in (
+        EmgChain(
+            "able",
+            (
+                Stage("bandpass", (20.0, 450.0), order=4),
+                Stage("centre"),
+                Stage("rectify"),
+                Stage("normalise"),
+                Stage("advance", seconds=0.1),
+            ),
+            "Verdel et al. 2021: order 4, 20 to 450 Hz, centred, rectified, over the experiment's maximum, its window "
+            "0.1 s ahead of the motion's. Order 4 is read as a design function's, which is eight poles.",
+        ),
+        EmgChain(
+            "knee",
+            (Stage("bandpass", (10.0, 500.0), order=2), Stage("rectify"), Stage("lowpass", (2.0,), order=2)),
+            "The knee orthosis's thesis: 10 to 500 Hz, rectified, low-pass at 2 Hz. It gives no orders: 2 is taken for "
+            "both.",
+        ),
+        EmgChain(
+            "hill",
+            (
+                Stage("notch", (50.0,), quality=30.0),
+                Stage("highpass", (30.0,), order=4),
+                Stage("rectify"),
+                Stage("lowpass", (5.0,), order=4),
+                Stage("normalise"),
+            ),
+            "The three-step Hill identification: notch at 50 Hz, high-pass at 30 Hz, rectified, low-pass at 5 Hz, "
+            "relative. It gives neither orders nor the notch's width: order 4 and a quality of 30 are taken.",
+        ),
+    )
+}
+"""The three papers' chains, as published; what a paper leaves open is in `source`."""
+
+
+def emg_chain(name: str) -> EmgChain:
+    """One of the published chains.
+
+    Parameters
+    ----------
+    name : str
+        ``"able"``, ``"knee"`` or ``"hill"``.
+
+    Returns
+    -------
+    EmgChain
+
+    Raises
+    ------
+    RecordingError
+        If there is no such chain.
+    """
+    if name not in CHAINS:
+        raise RecordingError(f"EMG chain: found {name!r}, expected one of {', '.join(CHAINS)}")
+    return CHAINS[name]

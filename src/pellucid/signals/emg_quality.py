@@ -1,0 +1,294 @@
+"""Is an EMG recording fit to be used? Every fault names file and channel, what was found and what was expected."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from scipy import signal
+
+from .._errors import RecordingError
+from ..recordings.quality import Fault
+from ..recordings.recording import Recording
+from .filters import runs
+
+SILENT = 0.3e-6
+"""RMS [V] below which not even an amplifier's own noise is there: nothing is connected, or the channel is off."""
+
+HUM_SHARE = 0.3
+"""Share of the power that may be the mains' before the notch has to take out more than the muscle."""
+
+DETACHED_SHARE = 0.8
+"""Share of the power above which the mains is all there is: an electrode is an antenna then."""
+
+CLIPPED_RUN = 3
+"""Samples in a row at the very largest value that no muscle makes."""
+
+CLIPPED_SHARE = 1e-3
+"""Share of the samples that may be in such runs."""
+
+CONTRAST = 2.0
+"""Envelope of activity over that of rest that a muscle at work exceeds."""
+
+ABOVE_MAXIMUM = 1.2
+"""Relative envelope above which the maximal contraction was none."""
+
+FAR_BELOW_MAXIMUM = 0.02
+"""Relative envelope below which a whole recording stays where the maximum was an artefact's."""
+
+RELAXED_SHARE = 0.05
+"""Share of the way from rest to a maximal contraction that a relaxed muscle stays below."""
+
+RATE_TOLERANCE = 0.01
+"""Share by which a declared rate may differ from the file's own clock."""
+
+
+def require_rate(recording: Recording, channel: str, declared: float) -> None:
+    """Do nothing where the file's clock agrees with what its rate is said to be.
+
+    Parameters
+    ----------
+    recording : Recording
+    channel : str
+        For the message.
+    declared : float
+        [Hz]
+
+    Raises
+    ------
+    RecordingError
+        If they differ by more than `RATE_TOLERANCE`.
+    """
+    if abs(recording.fs - declared) > RATE_TOLERANCE * declared:
+        raise RecordingError(
+            f"{_where(recording, channel)}: found {recording.fs:.5g} Hz on the file's own clock, expected {declared:g} "
+            "Hz as was declared"
+        )
+
+
+def inspect_emg(recording: Recording, *, mains: float = 50.0) -> list[Fault]:
+    """Find what is wrong with the EMG channels of one file, the refusing faults first.
+
+    Parameters
+    ----------
+    recording : Recording
+        Its channels ``emg.<muscle>`` count: raw where their unit is V, relative envelopes where it is 1.
+    mains : float
+        Frequency of the mains [Hz].
+
+    Returns
+    -------
+    list of Fault
+        Of the kinds ``"missing_samples"``, ``"detached_electrode"``, ``"mains_hum"``, ``"clipped"`` and
+        ``"normalisation"``.
+    """
+    faults: list[Fault] = []
+    for name, channel in recording.channels.items():
+        if not name.startswith("emg."):
+            continue
+        x = channel.samples
+        missing = np.flatnonzero(~np.isfinite(x))
+        if missing.size:
+            faults.append(
+                _fault(
+                    "refuse", "missing_samples", recording, name,
+                    f"{missing.size} missing samples (NaN), the first at index {missing[0]}", "a number in every sample",
+                )
+            )  # fmt: skip
+        elif channel.unit == "V":
+            faults += _raw_faults(recording, name, x, mains)
+        else:
+            faults += _relative_faults(recording, name, x)
+    return sorted(faults, key=lambda fault: fault.severity != "refuse")
+
+
+def contrast_faults(recording: Recording, envelopes: Mapping[str, np.ndarray]) -> list[Fault]:
+    """Muscles whose envelope hardly differs between rest and activity of a recording that should have both.
+
+    Parameters
+    ----------
+    recording : Recording
+        For the message.
+    envelopes : Mapping of str to ndarray, shape (n,)
+        By muscle, settled.
+
+    Returns
+    -------
+    list of Fault
+        Notes of the kind ``"low_contrast"``.
+    """
+    found = []
+    for muscle, envelope in envelopes.items():
+        rest, active = np.quantile(envelope, (0.05, 0.95))
+        ratio = active / rest if rest > 0.0 else np.inf
+        if ratio < CONTRAST:
+            found.append(
+                _fault(
+                    "note", "low_contrast", recording, f"emg.{muscle}",
+                    f"an envelope at work {ratio:.3g} times that at rest", f"at least {CONTRAST:g} times",
+                )
+            )  # fmt: skip
+    return found
+
+
+def relaxed_faults(
+    recording: Recording,
+    envelopes: Mapping[str, np.ndarray],
+    rest: Mapping[str, float],
+    maximum: Mapping[str, float],
+) -> list[Fault]:
+    """Muscles at work in a recording during which the wearer was to be relaxed.
+
+    Parameters
+    ----------
+    recording : Recording
+        The relaxed one.
+    envelopes : Mapping of str to ndarray, shape (n,)
+        Its envelopes by muscle, settled.
+    rest, maximum : Mapping of str to float
+        The same muscles' envelope at rest and in a maximal contraction, from other recordings; as `resting_level` and
+        the largest value find them.
+
+    Returns
+    -------
+    list of Fault
+        Refusing, of the kind ``"not_relaxed"``.
+    """
+    found = []
+    for muscle, envelope in envelopes.items():
+        span = maximum[muscle] - rest[muscle]
+        limit = rest[muscle] + RELAXED_SHARE * span
+        active = envelope > limit
+        # A twitch that the envelope spreads over a second is no contraction.
+        if span > 0.0 and np.mean(active) > 0.05:
+            top = 100.0 * (float(np.quantile(envelope, 0.95)) - rest[muscle]) / span
+            found.append(
+                _fault(
+                    "refuse", "not_relaxed", recording, f"emg.{muscle}",
+                    f"activity of {top:.3g} % of a maximal contraction, during {100.0 * np.mean(active):.3g} % of the "
+                    "trial",
+                    f"a relaxed muscle: below {100.0 * RELAXED_SHARE:g} %",
+                )
+            )  # fmt: skip
+    return found
+
+
+def resting_level(envelopes: Sequence[np.ndarray]) -> float:
+    """A muscle's envelope at rest: the smallest tenth percentile over recordings that have rest in them.
+
+    Parameters
+    ----------
+    envelopes : sequence of ndarray, each of shape (n,)
+        Of one muscle, settled.
+
+    Returns
+    -------
+    float
+    """
+    return min(float(np.quantile(envelope, 0.1)) for envelope in envelopes)
+
+
+def swapped_faults(
+    recording: Recording, flexor: str, extensor: str, envelopes: Mapping[str, np.ndarray], torque: np.ndarray
+) -> list[Fault]:
+    """Electrodes of a flexor and an extensor put the wrong way round.
+
+    Parameters
+    ----------
+    recording : Recording
+    flexor, extensor : str
+        Muscles; the flexor's torque is positive.
+    envelopes : Mapping of str to ndarray, shape (n,)
+        By muscle, on the torque's clock.
+    torque : ndarray, shape (n,)
+        Of the joint [N m].
+
+    Returns
+    -------
+    list of Fault
+        Refusing, of the kind ``"swapped_channels"``, where the flexor falls with the torque and the extensor rises.
+    """
+    if np.std(torque) == 0.0 or any(np.std(envelopes[m]) == 0.0 for m in (flexor, extensor)):
+        return []
+    pull, push = (float(np.corrcoef(envelopes[m], torque)[0, 1]) for m in (flexor, extensor))
+    if not (pull < -0.3 and push > 0.3):
+        return []
+    return [
+        _fault(
+            "refuse", "swapped_channels", recording, f"emg.{flexor}",
+            f"a flexor that correlates with the torque by {pull:.2f} and an extensor ({extensor}) by {push:.2f}",
+            "the other way round",
+        )
+    ]  # fmt: skip
+
+
+def _raw_faults(recording: Recording, name: str, x: np.ndarray, mains: float) -> list[Fault]:
+    x = x - x.mean()
+    rms = float(np.sqrt(np.mean(x**2)))
+    if rms < SILENT:
+        found = f"{1e6 * rms:.2g} µV rms"
+        expected = f"at least an amplifier's noise, {1e6 * SILENT:g} µV"
+        return [_fault("refuse", "detached_electrode", recording, name, found, expected)]
+    faults = []
+    ends = runs((x == x.max()) | (x == x.min()))
+    clipped = sum(r.stop - r.start for r in ends if r.stop - r.start >= CLIPPED_RUN)
+    if clipped > CLIPPED_SHARE * len(x):
+        found = f"{clipped} samples ({100.0 * clipped / len(x):.2g} %) in runs at the largest value"
+        faults.append(_fault("refuse", "clipped", recording, name, found, "an amplifier's range that EMG stays within"))
+    share = hum_share(x, recording.fs, mains)
+    if share > DETACHED_SHARE:
+        found, expected = f"{100.0 * share:.3g} % of the power at the mains' {mains:g} Hz", "a muscle's signal"
+        faults.append(_fault("refuse", "detached_electrode", recording, name, found, expected))
+    elif share > HUM_SHARE:
+        found, expected = f"{100.0 * share:.3g} % of the power at the mains' {mains:g} Hz", f"{100 * HUM_SHARE:g} %"
+        faults.append(_fault("note", "mains_hum", recording, name, found, f"at most {expected}; use a notch"))
+    return faults
+
+
+def hum_share(samples: np.ndarray, fs: float, mains: float = 50.0) -> float:
+    """Share of the power above 10 Hz that lies within 1 Hz of the mains and its next four harmonics.
+
+    Parameters
+    ----------
+    samples : ndarray, shape (n,)
+        Raw EMG [V].
+    fs, mains : float
+        Rate, and the mains' frequency [Hz].
+
+    Returns
+    -------
+    float
+        0 to 1; 0 where the rate holds no mains, or there is no second of samples.
+    """
+    if len(samples) < fs or fs <= 2.0 * (mains + 1.0):
+        return 0.0
+    frequency, power = signal.welch(samples, fs, nperseg=min(len(samples), round(2.0 * fs)), detrend="linear")
+    harmonics = mains * np.arange(1, 6)
+    near = np.min(np.abs(frequency[:, None] - harmonics), axis=1) <= 1.0
+    total = power[frequency >= 10.0].sum()
+    return float(power[near].sum() / total) if total > 0.0 else 0.0
+
+
+def _relative_faults(recording: Recording, name: str, x: np.ndarray) -> list[Fault]:
+    top = float(np.max(x))
+    if top > ABOVE_MAXIMUM:
+        found, expected = f"{top:.3g} times the maximal contraction", f"at most {ABOVE_MAXIMUM:g}; normalise again"
+        return [_fault("refuse", "normalisation", recording, name, found, expected)]
+    if top == float(np.min(x)):
+        return [
+            _fault("refuse", "detached_electrode", recording, name, f"the one value {top:g}", "a muscle's envelope")
+        ]
+    if top < FAR_BELOW_MAXIMUM:
+        found = f"at most {100.0 * top:.2g} % of the maximal contraction"
+        expected = f"more than {100 * FAR_BELOW_MAXIMUM:g} % somewhere, or a maximum that is the muscle's"
+        return [_fault("note", "normalisation", recording, name, found, expected)]
+    return []
+
+
+def _where(recording: Recording, channel: str) -> str:
+    return f"{recording.path.name} (recording {recording.name}), channel {channel}"
+
+
+def _fault(severity: str, kind: str, recording: Recording, channel: str, found: str, expected: str) -> Fault:
+    message = f"{_where(recording, channel)}: found {found}, expected {expected}"
+    return Fault(severity, kind, recording.path.name, channel, found, expected, message)
