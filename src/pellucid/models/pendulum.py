@@ -8,8 +8,8 @@ straight from sample to sample and the initial state is an unknown like the othe
 again. A test holds both to the same motion.
 
 Steps are fourth-order Runge-Kutta's. The whole motion is found by Newton's method: linearised about a guess, all steps
-are one linear recursion, solved by BLAS. From the measured motion it takes a handful of iterations, and what it finds is
-what stepping through would give, at a hundredth of the time that takes in Python.
+are one linear recursion, solved by BLAS. From the measured motion it takes a handful of iterations, and what it finds
+is what stepping through would give, at a hundredth of the time that takes in Python.
 """
 
 from __future__ import annotations
