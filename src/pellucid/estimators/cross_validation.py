@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -65,7 +66,7 @@ def block_folds(time: np.ndarray, blocks: int, gap: float) -> list[Fold]:
     time = np.asarray(time, float)
     edges = np.linspace(0, len(time), blocks + 1).astype(int)
     folds = []
-    for a, b in zip(edges, edges[1:], strict=False):
+    for a, b in pairwise(edges):
         judged = np.arange(a, b)
         if len(judged):
             far = (time < time[a] - gap) | (time > time[b - 1] + gap)

@@ -19,8 +19,8 @@ PUBLISHED: Mapping[str, Mapping[str, Any]] = {
     "bagging": {"n_estimators": 100, "min_samples_leaf": 5, "min_samples_split": 10, "max_features": 1.0 / 3.0},
     "boost": {"n_estimators": 100, "learning_rate": 1.0, "max_leaf_nodes": 11, "min_samples_leaf": 5},
 }
-"""fitrtree: leaves of at least 1, parents of at least 10. fitrensemble: 100 trees; leaves of at least 5; bagging draws a
-third of the predictors at each split; LSBoost splits a tree at most 10 times and does not shrink its steps."""
+"""fitrtree: leaves of at least 1, parents of at least 10. fitrensemble: 100 trees; leaves of at least 5; bagging
+draws a third of the predictors at each split; LSBoost splits a tree at most 10 times and does not shrink its steps."""
 
 TUNED: Mapping[str, tuple[Mapping[str, Any], ...]] = {
     "tree": tuple({"min_samples_leaf": leaf} for leaf in (5, 10, 20, 40)),
@@ -33,7 +33,9 @@ TUNED: Mapping[str, tuple[Mapping[str, Any], ...]] = {
             "n_estimators": trees, "learning_rate": step, "max_leaf_nodes": leaves, "min_samples_leaf": 5,
             "subsample": 0.5, "max_features": share,
         }
-        for trees, step, leaves, share in ((100, 0.1, 11, 1.0), (100, 0.1, 6, 0.5), (300, 0.05, 11, 0.5), (300, 0.1, 4, 0.5))
+        for trees, step, leaves, share in (
+            (100, 0.1, 11, 1.0), (100, 0.1, 6, 0.5), (300, 0.05, 11, 0.5), (300, 0.1, 4, 0.5),
+        )
     ),
 }  # fmt: skip
 """What cross-validation chooses from; features are chosen with the first."""

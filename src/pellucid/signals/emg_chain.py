@@ -242,8 +242,8 @@ class EmgChain:
         highest = max((c for stage in self.stages for c in stage.cutoff), default=0.0)
         if not (np.isfinite(fs) and fs > 2.0 * highest):
             raise RecordingError(
-                f"{where or f'EMG chain {self.name}'}: found a rate of {fs:g} Hz, expected more than {2 * highest:g} Hz:"
-                f' the chain "{self.name}" filters at {highest:g} Hz'
+                f"{where or f'EMG chain {self.name}'}: found a rate of {fs:g} Hz, expected more than {2 * highest:g} "
+                f'Hz: the chain "{self.name}" filters at {highest:g} Hz'
             )
 
     def _rectified_at(self) -> int:

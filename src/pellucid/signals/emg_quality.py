@@ -92,7 +92,8 @@ def inspect_emg(recording: Recording, *, mains: float = 50.0) -> list[Fault]:
             faults.append(
                 _fault(
                     "refuse", "missing_samples", recording, name,
-                    f"{missing.size} missing samples (NaN), the first at index {missing[0]}", "a number in every sample",
+                    f"{missing.size} missing samples (NaN), the first at index {missing[0]}",
+                    "a number in every sample",
                 )
             )  # fmt: skip
         elif channel.unit == "V":

@@ -1,4 +1,4 @@
-"""How late a causal EMG chain is: by its coefficients, and by the lag that best aligns an envelope with what made it."""
+"""How late a causal EMG chain is: by its coefficients, and by the lag that best aligns envelope and amplitude."""
 
 from __future__ import annotations
 
@@ -39,8 +39,8 @@ class ChainDelay:
 def group_delay(sos: np.ndarray, frequency: float, fs: float) -> float:
     """Group delay of second-order sections at one frequency, in closed form.
 
-    Each polynomial p(z) = p0 + p1/z + p2/z² has the delay Re(sum k pk z^-k / sum pk z^-k); numerators count, denominators
-    count against.
+    Each polynomial p(z) = p0 + p1/z + p2/z² has the delay Re(sum k pk z^-k / sum pk z^-k); a numerator counts, a
+    denominator counts against.
 
     Parameters
     ----------

@@ -1,0 +1,307 @@
+"""Torque maps of a study: every estimator calibrated on what may be fitted and judged on what may not."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from .._errors import IdentificationError
+from ..identification.findings import FigureTable, Findings
+from ..identification.fit import Verdict
+from ..recordings.results import ResultRow
+from ..recordings.study import Study
+from ..signals.emg_chain import emg_chain
+from .cross_validation import Score, score
+from .families import ESTIMATORS
+from .smoothing import smoothing_delay
+from .torque_map import fit_torque_map, torque_map_cv
+from .torque_trial import TorqueTrial
+from .trial_sources import STEPS, moment_trials, moved_body, step_trials
+
+JUDGED = tuple(ESTIMATORS)
+"""Estimators that `calibrate` reports, in the order of its tables."""
+
+CAUSAL = ("boost", "ridge")
+"""Those it also reports with features from the past alone."""
+
+Progress = Callable[[str, float], None]
+
+
+@dataclass(frozen=True)
+class Judged:
+    """One estimator on one recording (or on all of a person's), with what it was chosen to see.
+
+    Attributes
+    ----------
+    what : str
+        Joint, or participant.
+    estimator : str
+        In `ESTIMATORS`; the past alone where `causal`.
+    causal : bool
+    recording : str
+        Judged on; ``""`` for all trials, each left out in turn.
+    score : Score
+    within : Score or None
+        Of cross-validation within what was fitted.
+    choice : str
+        Features and settings, in words.
+    """
+
+    what: str
+    estimator: str
+    causal: bool
+    recording: str
+    score: Score
+    within: Score | None
+    choice: str
+
+
+@dataclass(frozen=True, eq=False)
+class TorqueTrace:
+    """A stretch of held-out torque, the reference and what maps made of it.
+
+    Attributes
+    ----------
+    what, recording : str
+    time, reference : ndarray, shape (n,)
+        [s] and [N m].
+    predicted : Mapping[str, ndarray of shape (n,)]
+        By estimator [N m].
+    """
+
+    what: str
+    recording: str
+    time: np.ndarray
+    reference: np.ndarray
+    predicted: Mapping[str, np.ndarray]
+
+
+@dataclass(frozen=True, kw_only=True)
+class CalibrationFindings(Findings):
+    """What calibration found, with what its figures need.
+
+    Attributes
+    ----------
+    judged : tuple of Judged
+    traces : tuple of TorqueTrace
+    """
+
+    judged: tuple[Judged, ...] = field(default=(), repr=False)
+    traces: tuple[TorqueTrace, ...] = field(default=(), repr=False)
+
+
+def calibrate(study: Study, on_progress: Progress | None = None) -> CalibrationFindings:
+    """Calibrate maps from EMG to torque and judge them on what was not fitted.
+
+    Recordings with moments are fitted or held out as the study says. Torque steps against an orthosis are judged trial
+    by trial, each repetition left out in turn; they need the cards of the orthosis and of the limb.
+
+    Parameters
+    ----------
+    study : Study
+        With a table ``[emg_torque]``.
+    on_progress : callable, optional
+        Called with a text and the share done, 0 to 1.
+
+    Returns
+    -------
+    CalibrationFindings
+
+    Raises
+    ------
+    IdentificationError
+        If the study asks for no torque from EMG, nothing can be fitted or judged, or cards are missing.
+    RecordingError
+        If a recording is not fit to be used.
+    """
+    if study.config.emg_torque is None:
+        raise IdentificationError(f"{study.folder}: found no table [emg_torque] in study.toml, expected one")
+    tell = on_progress or (lambda text, share: None)
+    if any(recording.protocol == STEPS for recording in study.recordings()):
+        judged, traces, trials = _by_repetition(study, tell)
+    else:
+        judged, traces, trials = _by_recording(study, tell)
+    return CalibrationFindings(
+        study=study.name,
+        headline=_headline(judged),
+        tables=_tables(judged),
+        verdicts=_verdicts(study, judged, trials),
+        rows=_rows(study, judged, trials),
+        cards={},
+        checksums={trial.name: trial.checksum for trial in trials},
+        judged=tuple(judged),
+        traces=tuple(traces),
+    )
+
+
+def _by_recording(study: Study, tell: Progress) -> tuple[list[Judged], list[TorqueTrace], list[TorqueTrial]]:
+    joints = study.config.emg_torque.joints
+    runs = [(joint, name, False) for joint in joints for name in JUDGED]
+    runs += [(joint, name, True) for joint in joints for name in CAUSAL]
+    trials = {joint: moment_trials(study, joint) for joint in joints}
+    judged: list[Judged] = []
+    predicted: dict[tuple[str, str], dict[str, np.ndarray]] = {}
+    for i, (joint, name, causal) in enumerate(runs):
+        tell(f"{joint}, {ESTIMATORS[name].words}", i / len(runs))
+        fitted = [trial for trial in trials[joint] if not trial.heldout]
+        held = [trial for trial in trials[joint] if trial.heldout]
+        if not fitted or not held:
+            raise IdentificationError(
+                f"{study.folder}, joint {joint}: found {len(fitted)} recordings to fit and {len(held)} to judge, "
+                "expected at least one of each"
+            )
+        found = fit_torque_map(fitted, name, causal=causal)
+        for trial in held:
+            made = found.predict(trial)
+            reached, within = score(trial.torque, made), found.choice.score
+            judged.append(Judged(joint, name, causal, trial.name, reached, within, found.choice.words))
+            if not causal:
+                predicted.setdefault((joint, trial.name), {})[name] = made
+    traces = [
+        TorqueTrace(joint, trial.name, trial.time, trial.torque, predicted[joint, trial.name])
+        for joint in joints
+        for trial in trials[joint]
+        if trial.heldout
+    ]
+    # Joints share their files.
+    return judged, traces, trials[joints[0]]
+
+
+def _by_repetition(study: Study, tell: Progress) -> tuple[list[Judged], list[TorqueTrace], list[TorqueTrial]]:
+    steps = [recording for recording in study.recordings() if recording.protocol == STEPS]
+    people = list(dict.fromkeys(recording.participant for recording in steps))
+    judged, traces, every = [], [], []
+    for i, person in enumerate(people):
+        body, joint = moved_body(study, person), study.config.emg_torque.joints[0]
+        for causal, names in ((False, JUDGED), (True, CAUSAL)):
+            trials = step_trials(study, person, body, causal=causal, joint=joint)
+            base, span = (i + 0.8 * causal) / len(people), (0.2 if causal else 0.8) / len(people)
+            found = torque_map_cv(
+                trials,
+                names,
+                causal=causal,
+                on_progress=lambda text, share, b=base, s=span, p=person: tell(f"{p}, {text}", b + s * share),
+            )
+            what = person or joint
+            for name, result in found.items():
+                words = " / ".join(dict.fromkeys(choice.words for choice in result.choices))
+                judged.append(Judged(what, name, causal, "", result.score, None, words))
+            if not causal:
+                every += trials
+                # One trial in six, the hardest first: a page need not show all.
+                worst = sorted(trials, key=lambda t: -found[names[0]].by_trial[t.name].rmse)[
+                    :: max(1, len(trials) // 3)
+                ]
+                traces += [
+                    TorqueTrace(what, t.name, t.time, t.torque, {n: r.predicted[t.name] for n, r in found.items()})
+                    for t in worst[:3]
+                ]
+    return judged, traces, every
+
+
+def _rows(study: Study, judged: Sequence[Judged], trials: Sequence[TorqueTrial]) -> tuple[ResultRow, ...]:
+    """Figures by id; the first held-out recording's have no name in their id, the others' have."""
+    sums = {trial.name: trial.checksum for trial in trials}
+    first = next((trial.name for trial in trials if trial.heldout), "")
+    rows = []
+
+    def add(name: str, value: float, unit: str, split: str, recording: str, note: str) -> None:
+        rows.append(ResultRow(f"{study.name}.{name}", value, unit, "calibrate", split, sums.get(recording), note))
+
+    for each in judged:
+        how = each.estimator + (".causal" if each.causal else "")
+        if not each.recording:
+            add(f"emg.{each.what}.rmse.{how}", each.score.rmse, "N*m", "heldout", "", each.choice)
+            add(f"emg.{each.what}.r2.{how}", each.score.r2, "1", "heldout", "", each.choice)
+            continue
+        tail = "" if each.recording == first else f".{each.recording}"
+        add(f"{each.what}.{how}.r2{tail}", each.score.r2, "1", "heldout", each.recording, each.choice)
+        add(f"{each.what}.{how}.rmse{tail}", each.score.rmse, "N*m", "heldout", each.recording, each.choice)
+        if not tail:
+            note = "cross-validation within what was fitted"
+            add(f"{each.what}.{how}.r2.cross_validated", each.within.r2, "1", "fitted", "", note)
+    return tuple(rows)
+
+
+def _tables(judged: Sequence[Judged]) -> tuple[FigureTable, ...]:
+    tables = []
+    for what in dict.fromkeys(each.what for each in judged):
+        own = [each for each in judged if each.what == what]
+        names = list(dict.fromkeys(each.recording for each in own))
+        heads = ["Estimator"]
+        for name in names:
+            said = f", {name}" if name else ", repetitions left out"
+            heads += [f"RMSE{said} (N*m)", f"R²{said}"]
+        rows = []
+        for causal in (False, True):
+            for estimator in JUDGED:
+                cells = {e.recording: e.score for e in own if e.estimator == estimator and e.causal == causal}
+                if cells:
+                    figures = [figure for name in names for figure in (cells[name].rmse, cells[name].r2)]
+                    rows.append((ESTIMATORS[estimator].words + (", causal" if causal else ""), *figures))
+        tables.append(FigureTable(f"Torque from EMG: {what}", tuple(heads), tuple(rows)))
+    return tuple(tables)
+
+
+def _best(judged: Sequence[Judged], what: str) -> Judged:
+    """Best of those that see EMG, on what is judged first."""
+    own = [e for e in judged if e.what == what and not e.causal and ESTIMATORS[e.estimator].muscles]
+    return min((e for e in own if e.recording == own[0].recording), key=lambda e: e.score.rmse)
+
+
+def _headline(judged: Sequence[Judged]) -> str:
+    said = []
+    for what in dict.fromkeys(each.what for each in judged):
+        best = _best(judged, what)
+        said.append(
+            f"{what}: {ESTIMATORS[best.estimator].words} errs by {best.score.rmse:.3g} N*m (R² {best.score.r2:.3f})"
+        )
+    return "; ".join(said) + ", on what was not fitted."
+
+
+def _verdicts(study: Study, judged: Sequence[Judged], trials: Sequence[TorqueTrial]) -> tuple[Verdict, ...]:
+    said = []
+    for what in dict.fromkeys(each.what for each in judged):
+        best = _best(judged, what)
+        bare = next((e for e in judged if (e.what, e.estimator, e.recording) == (what, "motion", best.recording)), None)
+        if bare is not None and bare.score.rmse <= best.score.rmse:
+            said.append(
+                Verdict(
+                    "note",
+                    f"{what}: joint angles alone err by {bare.score.rmse:.3g} N*m, no more than the best map with EMG "
+                    f"({best.score.rmse:.3g} N*m): in these movements the torque follows the motion, and the map would "
+                    "not see an effort that does not move the joint.",
+                )
+            )
+        if best.within is not None and best.score.r2 < best.within.r2 - 0.1:
+            said.append(
+                Verdict(
+                    "warning",
+                    f"{what}: R² falls from {best.within.r2:.3f} within what was fitted to {best.score.r2:.3f} on "
+                    f"{best.recording}: record more, and more varied, movement to fit.",
+                )
+            )
+    late = smoothing_delay(0.05, trials[0].fs)
+    chain = study.config.emg_torque.chain
+    if chain == "none":
+        said.append(
+            Verdict(
+                "note",
+                f"Envelopes were recorded, not EMG: how late they are is not known here. Causal figures filter the "
+                f"angles causally, and smoothing makes trees {1e3 * late:.0f} ms late.",
+            )
+        )
+    else:
+        stream = study.recordings()[0].streams.get(study.config.emg_torque.emg)
+        if stream is not None:
+            delay = emg_chain(chain).delay(stream.fs)
+            said.append(
+                Verdict(
+                    "note",
+                    f'The chain "{chain}" run causally is {1e3 * delay.filters:.0f} ms late, and smoothing makes trees '
+                    f"{1e3 * late:.0f} ms later.",
+                )
+            )
+    return tuple(said)
