@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import tomllib
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from decimal import Decimal
 from importlib.resources import files
 
@@ -58,10 +58,13 @@ class PrintedTable:
         The table's number.
     rows : mapping of str to mapping of str to Printed
         Row, then column.
+    labels : mapping of str to str
+        What rows are called for readers, for those that are called otherwise.
     """
 
     where: str
     rows: Mapping[str, Mapping[str, Printed]]
+    labels: Mapping[str, str] = field(default_factory=dict)
 
     def __getitem__(self, row: str) -> Mapping[str, Printed]:
         return self.rows[row]
@@ -140,7 +143,7 @@ def _table(entry: Mapping) -> PrintedTable:
         row: {column: _number(cell, units[column], where) for column, cell in cells.items()}
         for row, cells in entry["rows"].items()
     }
-    return PrintedTable(where, rows)
+    return PrintedTable(where, rows, dict(entry.get("labels", {})))
 
 
 def _number(value: Decimal | int, unit: str, where: str) -> Printed:

@@ -1,0 +1,125 @@
+r"""A joint as a transfer function with two poles and no zeros, 1 / (I s² + b s + k), and what its numbers imply.
+
+A pendulum is no such joint. Swung with an amplitude A its gravity torque m g l sin q looks, to whoever fits a line
+through it, like a spring:
+
+.. math::
+    k(A) = m g l\,\frac{2 J_1(A)}{A} \quad\text{(a sine of amplitude A)}, \qquad
+    k(A) = m g l\,\frac{\sin A}{A} \quad\text{(its end point)}
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from scipy.special import j1
+
+from .._errors import PellucidError
+
+
+@dataclass(frozen=True)
+class TwoPoles:
+    """Inertia [kg m^2], damping [N m s/rad] and stiffness [N m/rad], all positive."""
+
+    inertia: float
+    damping: float
+    stiffness: float
+
+    def __post_init__(self) -> None:
+        if min(self.inertia, self.damping, self.stiffness) <= 0.0:
+            raise PellucidError(
+                f"two poles: found inertia {self.inertia}, damping {self.damping}, stiffness {self.stiffness}; "
+                "expected all positive"
+            )
+
+    @property
+    def natural_frequency(self) -> float:
+        """[Hz]"""
+        return math.sqrt(self.stiffness / self.inertia) / (2.0 * math.pi)
+
+    @property
+    def damping_ratio(self) -> float:
+        """1 where it just does not oscillate."""
+        return self.damping / (2.0 * math.sqrt(self.stiffness * self.inertia))
+
+    @property
+    def time_constant(self) -> float:
+        """Time in which an oscillation falls to 1/e [s]."""
+        return 2.0 * self.inertia / self.damping
+
+    def left_after(self, seconds: float) -> float:
+        """Share of an oscillation's amplitude that is left after `seconds` [s]."""
+        return math.exp(-seconds / self.time_constant)
+
+
+def sine_stiffness(gravity: float, amplitude: float) -> float:
+    """The spring that a pendulum looks like to least squares over a sine.
+
+    Parameters
+    ----------
+    gravity : float
+        m g l [N m].
+    amplitude : float
+        Of the angle, > 0 [rad].
+
+    Returns
+    -------
+    float
+        [N m/rad]
+    """
+    return float(gravity * 2.0 * j1(amplitude) / amplitude)
+
+
+def chord_stiffness(gravity: float, amplitude: float) -> float:
+    """The spring through the pendulum's torque at one angle.
+
+    Parameters
+    ----------
+    gravity : float
+        m g l [N m].
+    amplitude : float
+        The angle, > 0 [rad].
+
+    Returns
+    -------
+    float
+        [N m/rad]
+    """
+    return gravity * math.sin(amplitude) / amplitude
+
+
+def r_squared(fit: float) -> float:
+    """R² that goes with a fit in percent, 100 (1 - |y - ŷ| / |y - mean y|)."""
+    return 1.0 - (1.0 - fit / 100.0) ** 2
+
+
+def output_sd(rmse: float, fit: float) -> float:
+    """Standard deviation of what was fitted, from the error's size and the fit in percent; in the error's unit."""
+    return rmse / (1.0 - fit / 100.0)
+
+
+def lowpass_delay(order: int, cutoff: float) -> float:
+    """Delay of a causal Butterworth low-pass for slow signals.
+
+    Parameters
+    ----------
+    order : int
+        1 or more.
+    cutoff : float
+        [Hz]
+
+    Returns
+    -------
+    float
+        Group delay at 0 Hz [s]: the sum of all -1/p over the poles p.
+
+    Raises
+    ------
+    PellucidError
+        If the order or the cutoff is not positive.
+    """
+    if order < 1 or cutoff <= 0.0:
+        raise PellucidError(f"low-pass: found order {order}, cutoff {cutoff} Hz; expected both positive")
+    angles = (math.pi * (2 * i + 1) / (2 * order) for i in range(order))
+    return sum(math.sin(a) for a in angles) / (2.0 * math.pi * cutoff)
