@@ -2,6 +2,7 @@
 #pragma once
 
 #include "biquad.hpp"
+#include "coupled_plant.hpp"
 #include "drive.hpp"
 #include "dual.hpp"
 #include "friction.hpp"
@@ -9,9 +10,12 @@
 #include "geared_plant.hpp"
 #include "joint.hpp"
 #include "lanes.hpp"
+#include "limb.hpp"
 #include "loops.hpp"
 #include "math.hpp"
 #include "plant.hpp"
 #include "safety.hpp"
 #include "sensor.hpp"
+#include "strap.hpp"
+#include "torque_loop.hpp"
 #include "transmission.hpp"
