@@ -1,0 +1,200 @@
+"""Raw surface EMG as electrodes would pick it up from muscles whose excitation is known.
+
+A muscle's signal is noise with the spectrum of many motor units, as strong as the excitation. On its way come the other
+channel's cross-talk, mains hum, the cables' motion, the amplifier's own noise, and a converter with a range.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+
+@dataclass(frozen=True)
+class Electrodes:
+    """Channels of one amplifier, and what is wrong with them.
+
+    Parameters
+    ----------
+    gains : tuple of float
+        Of each channel: RMS at full excitation [V].
+    table : mapping
+        A rig's ``[emg]``: rate, band, median_frequency, baseline, hum, hum_frequency, harmonics, artefact,
+        artefact_band, crosstalk, quantum, full_range; SI.
+    rate : float, optional
+        [Hz]; the table's if left out.
+    detached : mapping of int to float
+        By channel, from when its electrode is off [s].
+    clipped : mapping of int to float
+        By channel, a range below the converter's [V].
+    """
+
+    gains: tuple[float, ...]
+    table: Mapping
+    rate: float | None = None
+    detached: Mapping[int, float] = field(default_factory=dict)
+    clipped: Mapping[int, float] = field(default_factory=dict)
+
+    @property
+    def fs(self) -> float:
+        """Samples per second [Hz]."""
+        return float(self.rate or self.table["rate"])
+
+
+def motor_unit_noise(n: int, channels: int, fs: float, table: Mapping, rng: np.random.Generator) -> np.ndarray:
+    r"""Noise of unit variance with the spectrum of an interference pattern, shape (channels, n).
+
+    The power is :math:`f^2 / ((f^2 + f_l^2)(f^2 + f_h^2)^2)` with :math:`f_h = 2 f_l`, scaled to the median frequency,
+    between the amplifier's corners [1]_.
+
+    Parameters
+    ----------
+    n, channels : int
+    fs : float
+        [Hz]
+    table : mapping
+        band [Hz], median_frequency [Hz].
+    rng : numpy.random.Generator
+
+    Returns
+    -------
+    ndarray, shape (channels, n)
+
+    References
+    ----------
+    .. [1] E. Shwedyk, R. Balasubramanian, R. N. Scott, "A nonstationary model for the electromyogram", IEEE
+       Transactions on Biomedical Engineering 24(5), 1977.
+    """
+    from scipy.fft import irfft, next_fast_len, rfft, rfftfreq
+
+    size = next_fast_len(max(n, 2), real=True)
+    f = rfftfreq(size, 1.0 / fs)
+    low, high = table["band"]
+
+    def power(f: np.ndarray, corner: float) -> np.ndarray:
+        pattern = f**2 / ((f**2 + corner**2) * (f**2 + 4.0 * corner**2) ** 2)
+        return pattern * (f**4 / (f**4 + low**4)) / (1.0 + (f / high) ** 4)
+
+    grid = np.linspace(0.5, 1000.0, 2000)
+    corner = float(table["median_frequency"])
+    for _ in range(20):
+        share = np.cumsum(power(grid, corner))
+        corner *= table["median_frequency"] / np.interp(0.5 * share[-1], share, grid)
+    shape = np.sqrt(power(f, corner))
+    # Mean power of what irfft makes of white noise under this shape: unit variance by design, not of each draw.
+    weight = np.full(len(f), 2.0)
+    weight[0] = 1.0
+    if size % 2 == 0:
+        weight[-1] = 1.0
+    shape /= np.sqrt(np.sum(weight * shape**2) / size)
+    return irfft(shape * rfft(rng.standard_normal((channels, size)), axis=1), size, axis=1)[:, :n]
+
+
+class EmgSynthesis:
+    """EMG of one trial, period by period as a controller gets it, or all of it at once; both give the same samples.
+
+    Parameters
+    ----------
+    electrodes : Electrodes
+    periods : int
+        Of control, in the trial.
+    period : float
+        [s]
+    rng : numpy.random.Generator
+        Draws all noise.
+
+    Attributes
+    ----------
+    time : ndarray, shape (k,)
+        Of the samples, on the amplifier's clock [s]; 0 is the trial's start.
+    quantum : float
+        Of the converter [V].
+    """
+
+    def __init__(self, electrodes: Electrodes, periods: int, period: float, rng: np.random.Generator) -> None:
+        table, fs = electrodes.table, electrodes.fs
+        channels = len(electrodes.gains)
+        drift = 1.0 + table["clock_drift"]
+        n = int(np.floor((periods * period - 1e-9) * fs / drift)) + 1
+        self.time = np.arange(n) / fs
+        true = self.time * drift
+        # A sample belongs to the period in which it is taken, and reaches the controller at that period's end.
+        self._of_period = np.minimum((true / period + 1e-9).astype(int), periods - 1)
+        self._first = np.searchsorted(self._of_period, np.arange(periods + 1)).tolist()
+        self._carrier = np.asarray(electrodes.gains)[:, None] * motor_unit_noise(n, channels, fs, table, rng)
+        mains = np.zeros((channels, n))
+        for i, size in enumerate(table["harmonics"]):
+            phase = rng.uniform(0.0, 2.0 * np.pi, (channels, 1))
+            mains += size * np.sin(2.0 * np.pi * (i + 1) * table["hum_frequency"] * true + phase)
+        # Every cable lies differently: in the mains' field, and in the way of the leg.
+        hum = table["hum"] * rng.uniform(0.5, 1.5, (channels, 1)) * mains
+        floor = table["baseline"] * rng.standard_normal((channels, n))
+        self._background = hum + floor
+        cable = rng.uniform(0.6, 1.4, channels) * rng.choice([-1.0, 1.0], channels)
+        self._cable = (table["artefact"] * cable).tolist()
+        self._pole = 1.0 - float(np.exp(-2.0 * np.pi * table["artefact_band"] * period))
+        self._swing = 0.0
+        self._mixing = np.full((channels, channels), float(table["crosstalk"]))
+        np.fill_diagonal(self._mixing, 1.0)
+        self._attached = np.ones((channels, n))
+        for channel, begin in electrodes.detached.items():
+            # An open input is an aerial: much mains, and no muscle.
+            off = true >= begin
+            self._attached[channel, off] = 0.0
+            self._background[channel, off] += 30.0 * hum[channel, off] + 5.0 * floor[channel, off]
+        ranges = np.full(channels, float(table["full_range"]))
+        for channel, limit in electrodes.clipped.items():
+            ranges[channel] = limit
+        self.quantum = float(table["quantum"])
+        self._limit = np.floor(ranges / self.quantum)
+
+    def period(self, k: int, amplitude: Sequence[float], acceleration: float) -> list[tuple[float, ...]]:
+        """Samples taken during period `k`; periods one after another.
+
+        Parameters
+        ----------
+        k : int
+        amplitude : sequence of float
+            Of each muscle, 1 at full excitation.
+        acceleration : float
+            Of the limb [rad/s^2], which swings the cables.
+
+        Returns
+        -------
+        list of tuple of float
+            [V], one tuple of all channels per sample.
+        """
+        self._swing += self._pole * (acceleration - self._swing)
+        span = slice(self._first[k], self._first[k + 1])
+        swing = np.array(self._cable)[:, None] * self._swing
+        counts = self._counts(span, np.array(amplitude, float)[:, None], swing)
+        return list(zip(*(self.quantum * counts).tolist(), strict=True))
+
+    def whole(self, amplitude: np.ndarray, acceleration: np.ndarray) -> np.ndarray:
+        """All samples of the trial.
+
+        Parameters
+        ----------
+        amplitude : ndarray, shape (periods, channels)
+            Of each muscle, 1 at full excitation.
+        acceleration : ndarray, shape (periods,)
+            Of the limb [rad/s^2].
+
+        Returns
+        -------
+        ndarray, shape (k, channels)
+            Counts of the converter, whole numbers.
+        """
+        from scipy.signal import lfilter
+
+        swing = lfilter([self._pole], [1.0, self._pole - 1.0], acceleration)[self._of_period]
+        strength = np.asarray(amplitude, float)[self._of_period].T
+        return self._counts(slice(None), strength, np.array(self._cable)[:, None] * swing).T
+
+    def _counts(self, span: slice, amplitude: np.ndarray, swing: np.ndarray) -> np.ndarray:
+        muscle = self._mixing @ (self._carrier[:, span] * amplitude)
+        volts = muscle * self._attached[:, span] + self._background[:, span] + swing
+        limit = self._limit[:, None]
+        return np.clip(np.round(volts / self.quantum), -limit, limit)
