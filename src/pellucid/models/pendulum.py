@@ -35,6 +35,13 @@ MAX_NEWTON = 30
 PIECE = 256
 """Steps that are found together where the whole motion cannot be."""
 
+SHORTEST = 4
+"""Where so few cannot be found either, the motion diverges."""
+
+FARTHEST = 1e4
+"""Radians by which a motion's end would move, to first order, if a parameter or the start were twice what it is: beyond
+that, as after turns over the top, nothing can be fitted to it."""
+
 
 @dataclass(frozen=True)
 class PendulumMotion:
@@ -149,6 +156,9 @@ def simulate_pendulum(
     start[:, 6:] = np.eye(2)
     forcing = np.concatenate([slopes[:, :, 2:], np.zeros((len(slopes), 2, 2))], axis=2)
     spread = march(slopes[:, :, :2], forcing, start)
+    weight = np.maximum(np.abs(np.concatenate([values, initial])), 1e-3)
+    if not np.abs(spread[-1, 0] * weight).max() < FARTHEST:
+        raise IdentificationError("the simulated pendulum diverges: its end follows no more from its start")
     samples = slice(None, None, drive.substeps)
     return PendulumMotion(states[samples, 0], states[samples, 1], spread[samples, 0], states)
 
@@ -221,11 +231,11 @@ def _piecewise(values: np.ndarray, initial: np.ndarray, drive: PendulumDrive) ->
         end = min(begin + length, len(drive.steps))
         part = PendulumDrive(drive.steps[begin:end], drive.torque[begin:end], 1, drive.width)
         found = _newton(values, states[begin], part, np.tile(states[begin], (end - begin + 1, 1)))
-        if found is None and length == 1:
+        if found is None and length <= SHORTEST:
             states[begin:] = np.nan
             break
         if found is None:
-            length = max(length // 4, 1)
+            length //= 4
             continue
         states[begin : end + 1] = found
         begin, length = end, PIECE
