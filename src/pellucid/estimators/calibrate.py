@@ -245,16 +245,29 @@ def _tables(judged: Sequence[Judged]) -> tuple[FigureTable, ...]:
     return tuple(tables)
 
 
-def _best(judged: Sequence[Judged], what: str) -> Judged:
-    """Best of those that see EMG, on what is judged first."""
+def preferred(judged: Sequence[Judged], what: str) -> Judged:
+    """The estimator to name first: what is judged must not choose it.
+
+    Parameters
+    ----------
+    judged : sequence of Judged
+    what : str
+        Joint, or participant.
+
+    Returns
+    -------
+    Judged
+        Of those that see EMG, the one cross-validation within what was fitted prefers; where there was none, the first.
+    """
     own = [e for e in judged if e.what == what and not e.causal and ESTIMATORS[e.estimator].muscles]
-    return min((e for e in own if e.recording == own[0].recording), key=lambda e: e.score.rmse)
+    own = [e for e in own if e.recording == own[0].recording]
+    return min(own, key=lambda e: e.within.rmse if e.within is not None else 0.0)
 
 
 def _headline(judged: Sequence[Judged]) -> str:
     said = []
     for what in dict.fromkeys(each.what for each in judged):
-        best = _best(judged, what)
+        best = preferred(judged, what)
         said.append(
             f"{what}: {ESTIMATORS[best.estimator].words} errs by {best.score.rmse:.3g} N*m (R² {best.score.r2:.3f})"
         )
@@ -264,13 +277,13 @@ def _headline(judged: Sequence[Judged]) -> str:
 def _verdicts(study: Study, judged: Sequence[Judged], trials: Sequence[TorqueTrial]) -> tuple[Verdict, ...]:
     said = []
     for what in dict.fromkeys(each.what for each in judged):
-        best = _best(judged, what)
+        best = preferred(judged, what)
         bare = next((e for e in judged if (e.what, e.estimator, e.recording) == (what, "motion", best.recording)), None)
         if bare is not None and bare.score.rmse <= best.score.rmse:
             said.append(
                 Verdict(
                     "note",
-                    f"{what}: joint angles alone err by {bare.score.rmse:.3g} N*m, no more than the best map with EMG "
+                    f"{what}: joint angles alone err by {bare.score.rmse:.3g} N*m, no more than the map with EMG "
                     f"({best.score.rmse:.3g} N*m): in these movements the torque follows the motion, and the map would "
                     "not see an effort that does not move the joint.",
                 )

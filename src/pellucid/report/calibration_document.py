@@ -1,0 +1,116 @@
+"""The report of torque maps: how far each estimator is off on what it has not seen, and what it chose to look at."""
+
+from __future__ import annotations
+
+from importlib.metadata import version
+
+from ..estimators.calibrate import CalibrationFindings, preferred
+from ..estimators.families import ESTIMATORS
+from ..identification.findings import FigureTable
+from ..recordings.study import Study
+from ..signals.emg_chain import emg_chain
+from . import calibration_figures as figures
+from .drawing import draw
+from .page import Page, Section, Tile
+from .quantities import cell_text, number, prose
+from .tables import Row, Table
+
+
+def page(study: Study, findings: CalibrationFindings) -> Page:
+    """Everything that calibration found, as a page.
+
+    Parameters
+    ----------
+    study : Study
+    findings : CalibrationFindings
+
+    Returns
+    -------
+    Page
+    """
+    return Page(
+        title=f"{findings.study}: torque from EMG",
+        kicker="Pellucid report",
+        headline=findings.headline,
+        tiles=_tiles(findings),
+        sections=(_found(findings), _traces(findings), _choices(findings), _method(study)),
+        footer=f"Written by pellucid {version('pellucid')}. Every figure is beside this page as SVG and PDF, every "
+        "number in results.json.",
+    )
+
+
+def _tiles(findings: CalibrationFindings) -> tuple[Tile, ...]:
+    tiles = []
+    for what in dict.fromkeys(each.what for each in findings.judged):
+        best = preferred(findings.judged, what)
+        more = f"{ESTIMATORS[best.estimator].words}; R² {best.score.r2:.3f}"
+        tiles.append(Tile(f"Torque error, {what}", number(best.score.rmse, digits=3), "N·m RMS", more))
+    return tuple(tiles)
+
+
+def _found(findings: CalibrationFindings) -> Section:
+    tables = tuple(_table(t) for t in findings.tables if isinstance(t, FigureTable))
+    first = findings.judged[0].recording
+    plain = [e for e in findings.judged if not e.causal and e.recording == first]
+    drawing = draw(
+        figures.error_by_estimator,
+        [(e.what, e.estimator, ESTIMATORS[e.estimator].words, e.score.rmse) for e in plain],
+        "errors",
+        heads=list(dict.fromkeys(e.what for e in plain)),
+        caption="RMS error of the torque on what was not fitted"
+        + (f" ({first})." if first else ", each repetition left out in turn."),
+    )
+    return Section("emg_found", "What was found", tuple(prose(v.text) for v in findings.verdicts), tables, (drawing,))
+
+
+def _traces(findings: CalibrationFindings) -> Section:
+    words = {name: family.words for name, family in ESTIMATORS.items()}
+    drawings = tuple(
+        draw(
+            figures.torque_trace, trace.time, trace.reference, trace.predicted, f"torque_{i + 1}", words=words,
+            caption=f"Torque of {trace.what}, {trace.recording.replace('_', ' ')}: the reference (grey), what two maps "
+            "made of EMG and motion they were not fitted to, and their errors.",
+        )
+        for i, trace in enumerate(findings.traces)
+    )  # fmt: skip
+    return Section("emg_torque", "Torque over time", drawings=drawings)
+
+
+def _choices(findings: CalibrationFindings) -> Section:
+    first = findings.judged[0].recording
+    rows = tuple(
+        Row(
+            (
+                each.what,
+                ESTIMATORS[each.estimator].words + (", causal" if each.causal else ""),
+                each.choice,
+                "–" if each.within is None else f"{each.within.r2:.3f}",
+            )
+        )
+        for each in findings.judged
+        if each.recording == first
+    )
+    heads = ("Torque of", "Estimator", "Sees; settings", "R² within what was fitted")
+    caption = "What cross-validation chose, within what was fitted alone."
+    return Section("emg_choices", "What each map sees", tables=(Table(heads, rows, frozenset({3}), caption, True),))
+
+
+def _method(study: Study) -> Section:
+    spec = study.config.emg_torque
+    said = []
+    if spec.chain == "none":
+        said.append("Envelopes are used as they were recorded.")
+    else:
+        said.append(f"Envelopes by the chain “{spec.chain}”. {emg_chain(spec.chain).source}")
+    if spec.reference_lowpass is not None:
+        said.append(f"The reference torque passes a zero-phase low-pass at {spec.reference_lowpass:g} Hz (order 4).")
+    said.append(
+        "Features and settings are chosen by cross-validation that leaves out whole repetitions, or blocks of time "
+        "with gaps as long as the features remember; what is judged takes no part in it."
+    )
+    return Section("emg_method", "How", (" ".join(said),), notes=study.notes)
+
+
+def _table(table: FigureTable) -> Table:
+    rows = tuple(Row(tuple(cell_text(cell) for cell in row)) for row in table.rows)
+    return Table(table.heads, rows, numeric=frozenset(range(1, len(table.heads))), caption=table.title, wide=True)

@@ -1,0 +1,238 @@
+"""Calibration of a study, from its files to figures and page: moments from elsewhere, and steps against an orthosis."""
+
+import numpy as np
+import pytest
+from made_emg import FS, raw_emg
+from scipy import signal
+
+from pellucid._errors import IdentificationError, RecordingError
+from pellucid.estimators import calibrate as module
+from pellucid.estimators.calibrate import calibrate
+from pellucid.estimators.trial_sources import moment_trials
+from pellucid.models.card import CardParameter
+from pellucid.models.parameter_card import ParameterCard, write_parameter_card
+from pellucid.recordings.study import open_study
+from pellucid.report.calibration_document import page
+from pellucid.report.page import write_page
+
+MOMENTS = """
+name = "leg"
+[rig]
+joint = "leg"
+motion = "rotary"
+[channels]
+time = { column = "time", unit = "s" }
+angle.hip = { column = "hip", unit = "deg" }
+angle.knee = { column = "knee", unit = "deg" }
+[streams.emg.channels]
+time = { column = "time", unit = "s" }
+emg.flexor = { column = "flexor", unit = "1" }
+emg.extensor = { column = "extensor", unit = "1" }
+[streams.moments.channels]
+time = { column = "time", unit = "s" }
+moment.knee = { column = "moment", unit = "N*m" }
+[emg_torque]
+joints = ["knee"]
+chain = "none"
+reference_lowpass = "6 Hz"
+"""
+WINDOW = """
+[[recordings]]
+name = "{name}"
+file = "recordings/angles.csv"
+streams = {{ emg = "recordings/emg.csv", moments = "recordings/moments.csv" }}
+use = "{use}"
+window = ["{start} s", "{end} s"]
+"""
+STEPS = """
+name = "orthosis"
+[rig]
+joint = "knee"
+motion = "rotary"
+[participants.S1]
+[channels]
+time = { column = "time", unit = "s" }
+position = { column = "q", unit = "rad" }
+torque = { column = "torque", unit = "N*m" }
+[streams.emg.channels]
+time = { column = "time", unit = "s" }
+emg.extensor = { column = "RF", unit = "uV" }
+emg.flexor = { column = "LH", unit = "uV" }
+[emg_torque]
+joints = ["knee"]
+chain = "knee"
+"""
+
+
+def table(path, **columns):
+    np.savetxt(
+        path, np.column_stack(list(columns.values())), delimiter=",", header=",".join(columns), comments="", fmt="%.6g"
+    )
+
+
+def leg(folder, windows=(("fitted", "fit", 0, 5), ("judged", "validate", 5, 9), ("rest", "validate", 9, 12))):
+    """Twelve seconds of a leg whose moment is the muscles' pull and gravity."""
+    (folder / "recordings").mkdir(parents=True)
+    t = np.arange(1200) / 100.0
+    rng = np.random.default_rng(8)
+    smooth = signal.butter(2, 2.0, fs=100.0, output="sos")
+    a, b, hip, knee = (signal.sosfiltfilt(smooth, rng.standard_normal(1200)) for _ in range(4))
+    flexor, extensor = (0.1 + 0.8 * np.abs(x) / np.abs(x).max() for x in (a, b))
+    moment = 30.0 * flexor - 25.0 * extensor + 5.0 * np.sin(knee) + 0.5 * rng.standard_normal(1200)
+    table(folder / "recordings" / "angles.csv", time=t, hip=np.degrees(hip), knee=np.degrees(knee))
+    table(folder / "recordings" / "emg.csv", time=t, flexor=flexor, extensor=extensor)
+    table(folder / "recordings" / "moments.csv", time=t, moment=moment)
+    text = MOMENTS + "".join(WINDOW.format(name=n, use=u, start=s, end=e) for n, u, s, e in windows)
+    (folder / "study.toml").write_text(text, encoding="utf-8")
+    return open_study(folder)
+
+
+def orthosis(folder, *, cards=True, spoil=None):
+    """A wearer who holds an orthosis's torque at three angles, three times."""
+    (folder / "recordings").mkdir(parents=True)
+    rng = np.random.default_rng(9)
+    text = STEPS
+    t, fast = np.arange(3000) / 500.0, np.arange(int(6 * FS)) / FS
+    for angle in (0, 45, 90):
+        for repetition in (1, 2, 3):
+            name = f"S1_torque_{angle}_{repetition}"
+            q = np.radians(angle) + 0.02 * np.sin(3.0 * t)
+            own = -5.0 * np.floor(t / 2.0)  # the wearer answers with 0, 5, 10 N m
+            wearer = 12.0 * np.sin(q) - own
+            pull = np.interp(fast, t, np.maximum(wearer, 0.0))
+            table(folder / "recordings" / f"{name}.csv", time=t, q=q, torque=own)
+            emg = {"LH": raw_emg(2e-6 + 8e-6 * pull, rng), "RF": raw_emg(np.full(len(fast), 3e-6), rng)}
+            if spoil == name:
+                emg["LH"] = np.zeros(len(fast))
+            table(folder / "recordings" / f"{name}_emg.csv", time=fast, **{m: 1e6 * x for m, x in emg.items()})
+            text += f'[[recordings]]\nname = "{name}"\nfile = "recordings/{name}.csv"\nprotocol = "torque_steps"\n'
+            text += f'participant = "S1"\nstreams = {{ emg = "recordings/{name}_emg.csv" }}\n'
+    (folder / "study.toml").write_text(text, encoding="utf-8")
+    study = open_study(folder)
+    if cards:
+        study.models_dir.mkdir()
+        for kind, name, gravity in (("orthosis", "orthosis", 4.0), ("limb", "limb_S1", 8.0)):
+            parameter = CardParameter("gravity", "N*m", gravity, 0.01, (gravity - 0.02, gravity + 0.02), False, True)
+            card = ParameterCard(kind, "orthosis", name, (parameter,))
+            write_parameter_card(study.models_dir / f"{name}.json", card)
+    return study
+
+
+@pytest.fixture
+def quick(monkeypatch):
+    """Estimators that take no time."""
+    monkeypatch.setattr(module, "JUDGED", ("ridge", "tree", "motion"))
+    monkeypatch.setattr(module, "CAUSAL", ("ridge",))
+
+
+def test_moments_are_judged_on_what_was_held_out(tmp_path, quick):
+    study = leg(tmp_path / "leg")
+    said = []
+    found = calibrate(study, lambda text, share: said.append(share))
+    rows = {row.id: row for row in found.rows}
+    assert {"leg.knee.ridge.r2", "leg.knee.ridge.rmse", "leg.knee.ridge.r2.rest", "leg.knee.ridge.causal.r2"} <= set(
+        rows
+    )
+    assert rows["leg.knee.ridge.r2"].value > 0.9 > rows["leg.knee.motion.r2"].value
+    assert {row.command for row in found.rows} == {"calibrate"}
+    assert rows["leg.knee.ridge.r2"].split == "heldout"
+    assert rows["leg.knee.ridge.r2.cross_validated"].split == "fitted"
+    assert rows["leg.knee.ridge.rmse"].unit == "N*m"
+    assert 0.0 <= min(said) <= max(said) <= 1.0
+    assert [trace.recording for trace in found.traces] == ["judged", "rest"]
+    assert "knee: ridge regression errs by" in found.headline
+
+
+def test_figures_repeat(tmp_path, quick):
+    study = leg(tmp_path / "leg")
+    assert calibrate(study).rows == calibrate(study).rows
+
+
+def test_nothing_beyond_a_window_is_seen(tmp_path):
+    """What is recorded outside of the fitted window changes no sample of its trial."""
+    before = moment_trials(leg(tmp_path / "a"), "knee")[0]
+    study = leg(tmp_path / "b")
+    for name in ("moments", "emg", "angles"):
+        path = study.folder / "recordings" / f"{name}.csv"
+        values = np.loadtxt(path, delimiter=",", skiprows=1)
+        values[500:, 1:] *= 0.5
+        header = path.read_text(encoding="utf-8").splitlines()[0]
+        np.savetxt(path, values, delimiter=",", header=header, comments="", fmt="%.6g")
+    after = moment_trials(study, "knee")[0]
+    assert before.name == after.name == "fitted"
+    assert np.array_equal(before.torque, after.torque)
+    assert all(np.array_equal(before.envelopes[m], after.envelopes[m]) for m in before.envelopes)
+
+
+def test_steps_are_judged_repetition_by_repetition(tmp_path, quick):
+    found = calibrate(orthosis(tmp_path / "orthosis"))
+    rows = {row.id: row for row in found.rows}
+    assert {"orthosis.emg.S1.rmse.ridge", "orthosis.emg.S1.r2.tree", "orthosis.emg.S1.rmse.ridge.causal"} <= set(rows)
+    assert rows["orthosis.emg.S1.rmse.tree"].value < 2.0
+    assert rows["orthosis.emg.S1.rmse.motion"].value > 2.0 * rows["orthosis.emg.S1.rmse.tree"].value
+    assert any("is 113 ms late" in verdict.text for verdict in found.verdicts)
+
+
+def test_the_torque_of_the_wearer_needs_cards(tmp_path, quick):
+    with pytest.raises(IdentificationError, match=r"found the cards of no body, expected one of an orthosis.*identify"):
+        calibrate(orthosis(tmp_path / "orthosis", cards=False))
+
+
+def test_a_detached_electrode_is_refused(tmp_path, quick):
+    study = orthosis(tmp_path / "orthosis", spoil="S1_torque_45_2")
+    with pytest.raises(RecordingError, match=r"S1_torque_45_2_emg.csv .*channel emg.flexor: found 0 µV rms"):
+        calibrate(study)
+
+
+def test_raw_emg_where_the_chain_expects_volts(tmp_path, quick):
+    study = leg(tmp_path / "leg")
+    path = study.folder / "study.toml"
+    path.write_text(path.read_text(encoding="utf-8").replace('chain = "none"', 'chain = "knee"'), encoding="utf-8")
+    with pytest.raises(
+        RecordingError, match=r'emg.csv .*found the unit 1, expected V for the chain knee; use chain = "none"'
+    ):
+        calibrate(open_study(study.folder))
+
+
+def test_emg_at_a_rate_too_low_for_the_chain(tmp_path, quick):
+    study = leg(tmp_path / "leg")
+    path = study.folder / "study.toml"
+    text = path.read_text(encoding="utf-8").replace('chain = "none"', 'chain = "knee"')
+    text = text.replace('column = "flexor", unit = "1"', 'column = "flexor", unit = "V"')
+    path.write_text(
+        text.replace('column = "extensor", unit = "1"', 'column = "extensor", unit = "V"'), encoding="utf-8"
+    )
+    with pytest.raises(
+        RecordingError, match=r"emg.csv .*channel emg.flexor: found a rate of 100 Hz, expected more than 1000"
+    ):
+        calibrate(open_study(study.folder))
+
+
+def test_an_instrument_that_stopped_early_is_refused(tmp_path, quick):
+    study = leg(tmp_path / "leg")
+    path = study.folder / "recordings" / "emg.csv"
+    path.write_text("\n".join(path.read_text(encoding="utf-8").splitlines()[:400]), encoding="utf-8")
+    with pytest.raises(
+        RecordingError, match=r"emg.csv \(recording fitted\).*found samples from 0 s to 3.98 s, expected 0 s to"
+    ):
+        calibrate(study)
+
+
+def test_nothing_to_judge_is_refused(tmp_path, quick):
+    study = leg(tmp_path / "leg", windows=(("fitted", "fit", 0, 5),))
+    with pytest.raises(IdentificationError, match="found 1 recordings to fit and 0 to judge"):
+        calibrate(study)
+
+
+def test_the_page_shows_what_was_found(tmp_path, quick):
+    study = leg(tmp_path / "leg")
+    found = calibrate(study)
+    text = write_page(tmp_path / "report", page(study, found)).read_text(encoding="utf-8")
+    for words in (
+        "Torque from EMG: knee",
+        "What each map sees",
+        "ridge regression without EMG",
+        "fig-torque_1",
+        "fig-errors",
+    ):
+        assert words in text

@@ -1,0 +1,108 @@
+"""EMG that is not fit to be used, and EMG that is."""
+
+import numpy as np
+import pytest
+from made_emg import FS, emg_recording, raw_emg
+
+from pellucid._errors import RecordingError
+from pellucid.signals.emg_chain import emg_chain
+from pellucid.signals.emg_quality import (
+    contrast_faults,
+    hum_share,
+    inspect_emg,
+    relaxed_faults,
+    require_rate,
+    resting_level,
+    swapped_faults,
+)
+
+RNG = np.random.default_rng(11)
+TIME = np.arange(int(6 * FS)) / FS
+WORK = (TIME > 2.0) & (TIME < 4.0)
+SOUND = raw_emg(np.where(WORK, 1e-4, 3e-6), RNG)
+HUM = np.sin(2 * np.pi * 50.0 * TIME)
+KNEE = emg_chain("knee")
+
+
+def kinds(recording):
+    return [(fault.severity, fault.kind) for fault in inspect_emg(recording)]
+
+
+def test_sound_emg_has_no_fault():
+    assert inspect_emg(emg_recording(biceps=SOUND)) == []
+
+
+@pytest.mark.parametrize(
+    ("x", "found"),
+    [
+        (np.zeros_like(SOUND), [("refuse", "detached_electrode")]),
+        (5e-8 * RNG.standard_normal(len(TIME)), [("refuse", "detached_electrode")]),
+        (2e-4 * HUM + 3e-6 * RNG.standard_normal(len(TIME)), [("refuse", "detached_electrode")]),
+        (SOUND + 7e-5 * HUM, [("note", "mains_hum")]),
+        (np.clip(SOUND, -8e-5, 8e-5), [("refuse", "clipped")]),
+        (np.where(np.arange(len(TIME)) == 77, np.nan, SOUND), [("refuse", "missing_samples")]),
+    ],
+)
+def test_raw_faults_are_found(x, found):
+    assert kinds(emg_recording(biceps=x)) == found
+
+
+def test_a_fault_names_file_channel_found_and_expected():
+    (fault,) = inspect_emg(emg_recording("bad", sound=SOUND, hamstring=np.clip(SOUND, -8e-5, 8e-5)))
+    assert (fault.file, fault.channel) == ("bad.csv", "emg.hamstring")
+    assert "runs at the largest value" in fault.found
+    assert fault.message.startswith("bad.csv (recording bad), channel emg.hamstring: found ")
+
+
+def test_the_share_of_hum_is_that_of_its_power():
+    white = RNG.standard_normal(len(TIME))
+    assert hum_share(white + np.sqrt(2.0) * HUM, FS) == pytest.approx(0.5, abs=0.02)
+    assert hum_share(white[:100], FS) == 0.0
+
+
+@pytest.mark.parametrize(
+    ("top", "found"),
+    [(1.0, []), (1.5, [("refuse", "normalisation")]), (0.01, [("note", "normalisation")])],
+)
+def test_relative_envelopes_stay_near_their_maximum(top, found):
+    assert kinds(emg_recording(unit="1", fs=100.0, biceps=top * np.sin(np.linspace(0, np.pi, 500)) ** 2)) == found
+
+
+def test_an_envelope_that_never_moves_is_no_muscle():
+    assert kinds(emg_recording(unit="1", fs=100.0, biceps=np.full(500, 0.4))) == [("refuse", "detached_electrode")]
+
+
+def test_a_rate_that_contradicts_the_clock_is_refused():
+    recording = emg_recording(biceps=SOUND)
+    require_rate(recording, "emg.biceps", 2048.0)
+    with pytest.raises(RecordingError, match=r"trial.csv .*emg.biceps: found 2048 Hz .* expected 1000 Hz"):
+        require_rate(recording, "emg.biceps", 1000.0)
+
+
+def test_work_that_does_not_stand_out_is_told():
+    recording = emg_recording(biceps=SOUND)
+    flat = raw_emg(np.where(WORK, 6e-6, 5e-6), np.random.default_rng(2))
+    made = {"biceps": KNEE.zero_phase(SOUND, FS), "triceps": KNEE.zero_phase(flat, FS)}
+    assert [(f.kind, f.channel) for f in contrast_faults(recording, made)] == [("low_contrast", "emg.triceps")]
+
+
+def test_a_subject_who_is_not_relaxed_is_found():
+    effort = KNEE.zero_phase(SOUND, FS)
+    rest, top = {"biceps": resting_level([effort])}, {"biceps": float(effort.max())}
+    rng = np.random.default_rng(4)
+    for amplitude, found in ((3e-6, []), (2e-5, ["not_relaxed"])):
+        trial = raw_emg(np.full(len(TIME), amplitude), rng)
+        recording = emg_recording("relaxed", biceps=trial)
+        faults = relaxed_faults(recording, {"biceps": KNEE.zero_phase(trial, FS)}, rest, top)
+        assert [f.kind for f in faults] == found
+        assert all(f.severity == "refuse" and "relaxed.csv" in f.message for f in faults)
+
+
+def test_swapped_electrodes_are_found():
+    torque = np.sin(2 * np.pi * 0.5 * TIME)
+    pull, push = np.maximum(torque, 0.0), np.maximum(-torque, 0.0)
+    recording = emg_recording(hamstring=SOUND, rectus=SOUND)
+    right = {"hamstring": pull, "rectus": push}
+    wrong = {"hamstring": push, "rectus": pull}
+    assert swapped_faults(recording, "hamstring", "rectus", right, torque) == []
+    assert [f.kind for f in swapped_faults(recording, "hamstring", "rectus", wrong, torque)] == ["swapped_channels"]
