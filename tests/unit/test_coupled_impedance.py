@@ -170,7 +170,9 @@ def test_where_the_orthosis_sticks_the_torque_is_not_known_and_left_out(truths):
     """Dry friction passes from one side to the other at a reversal, somehow: those samples do not count."""
     seen = [record(t, np.random.default_rng(6)) for t in truths[:2]]
     smooth = fit_coupling(seen, [from_orthosis(s, PAIR.orthosis) for s in seen])
-    sticking = fit_coupling(seen, [from_orthosis(s, replace(PAIR.orthosis, coulomb=1e-9)) for s in seen])
+    dry = [from_orthosis(s, replace(PAIR.orthosis, coulomb=0.2)) for s in seen]
+    assert all(t.known.all() for t in (from_orthosis(s, replace(PAIR.orthosis, coulomb=1e-3)) for s in seen))
+    sticking = fit_coupling(seen, dry)
     assert sticking.used < smooth.used
     assert sum(np.isnan(r).sum() for r in sticking.residuals) > sum(np.isnan(r).sum() for r in smooth.residuals)
 

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from pellucid._errors import IdentificationError
+from pellucid.identification.fit import Parameter
 from pellucid.identification.gravity_holds import (
     Hold,
     accuracy,
@@ -67,6 +68,16 @@ def test_an_encoder_that_is_not_zero_when_hanging_is_noticed():
     assert found.gravity.value == pytest.approx(MGL, rel=1e-3)
 
 
+def test_a_zero_from_elsewhere_is_used_and_its_error_carried_on():
+    angles = np.concatenate([THESIS, THESIS[-2::-1]])
+    rested = find_holds(*staircase(angles, zero=0.06, noise=0.01))
+    sure = fit_gravity(rested, zero=Parameter("zero", "rad", 0.06, 1e-5))
+    vague = fit_gravity(rested, zero=Parameter("zero", "rad", 0.06, 0.02))
+    assert sure.gravity.value == pytest.approx(MGL, rel=1e-3)
+    assert vague.gravity.standard_error > 3.0 * sure.gravity.standard_error
+    assert sure.torque(np.array([0.06])) == pytest.approx(sure.offset.value)
+
+
 def test_a_cosine_and_a_line_are_not_gravity():
     """Over the thesis's angles, tau = m g l sin q: a cosine gives 0.47 of it, a line's slope 0.65, 0.74 through 0."""
     torque = MGL * np.sin(THESIS)
@@ -80,9 +91,8 @@ def test_a_cosine_and_a_line_are_not_gravity():
 def test_signs_of_equation_2_6_contradict_2_3():
     """Statics of both bodies add: with the minus signs of 2.6 the shank would come out lifting itself."""
     orthosis, shank = MGL * np.sin(THESIS), 8.225 * np.sin(THESIS)
-    together = fit_gravity(holds(THESIS, orthosis + shank))
     alone = fit_gravity(holds(THESIS, orthosis))
-    assert added_gravity([together], alone)[0].value == pytest.approx(8.225, rel=1e-9)
+    assert added_gravity([holds(THESIS, orthosis + shank)], alone)[0].value == pytest.approx(8.225, rel=1e-9)
     printed = fit_gravity(holds(THESIS, -(orthosis + shank)))
     assert printed.phasor[0] + alone.phasor[0] < 0.0
 
@@ -110,10 +120,13 @@ def test_intervals_hold_for_few_holds():
 def test_trials_that_differ_widen_the_interval():
     rng = np.random.default_rng(8)
     alone = fit_gravity(holds(THESIS, MGL * np.sin(THESIS) + 0.005 * rng.standard_normal(6)))
+    noise = 0.005 * rng.standard_normal((3, 6))
     trials = [
-        fit_gravity(holds(THESIS, (MGL + m) * np.sin(THESIS) + 0.005 * rng.standard_normal(6))) for m in (8.0, 8.2, 8.4)
+        holds(THESIS, MGL * np.sin(THESIS) + m * np.sin(THESIS - 0.05) + e)
+        for m, e in zip((8.0, 8.2, 8.4), noise, strict=True)
     ]
-    gravity, _ = added_gravity(trials, alone)
+    gravity, zero = added_gravity(trials, alone)
+    assert zero.value == pytest.approx(0.05, abs=2e-3)
     same, _ = added_gravity([trials[1]], alone)
     assert gravity.value == pytest.approx(8.2, abs=0.03)
     assert gravity.standard_error > 4.0 * same.standard_error

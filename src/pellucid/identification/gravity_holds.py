@@ -161,13 +161,16 @@ def find_holds(
     return tuple(found)
 
 
-def fit_gravity(holds: Sequence[Hold], *, level: float = LEVEL) -> GravityFit:
+def fit_gravity(holds: Sequence[Hold], *, zero: Parameter | None = None, level: float = LEVEL) -> GravityFit:
     """Least squares of torque on sin(q - zero), an offset, and friction by the side of the approach.
 
     Parameters
     ----------
     holds : sequence of Hold
         At three or more angles.
+    zero : Parameter, optional
+        Angle at which it hangs, where something better than holds tells it: over a quarter of a turn an offset and a
+        cosine look much alike.
     level : float
         At which the angle of rest must differ from 0 to be estimated, and intervals are widened for few holds.
 
@@ -185,6 +188,8 @@ def fit_gravity(holds: Sequence[Hold], *, level: float = LEVEL) -> GravityFit:
     approach = np.array([float(h.approach) for h in holds])
     both = np.sum(approach > 0.0) > 0 and np.sum(approach < 0.0) > 0
     columns = [np.sin(angle), np.ones_like(angle)] + ([approach] if both else [])
+    if zero is not None:
+        return _with_zero(holds, columns, torque, zero, level)
     turned = _solve(np.column_stack([*columns, np.cos(angle)]), torque, level)
     rest = turned is not None and abs(turned.values[-1]) > turned.half[-1]
     found = turned if rest else _solve(np.column_stack(columns), torque, level)
@@ -211,12 +216,15 @@ def fit_gravity(holds: Sequence[Hold], *, level: float = LEVEL) -> GravityFit:
     )
 
 
-def added_gravity(together: Sequence[GravityFit], alone: GravityFit) -> tuple[Parameter, Parameter]:
-    """Gravity of what was fixed to a segment: all of it, less the segment's own.
+def added_gravity(together: Sequence[Sequence[Hold]], alone: GravityFit) -> tuple[Parameter, Parameter]:
+    """Gravity of what was fixed to a segment: the torque that holds both, less what holds the segment alone.
+
+    What the torque's sensor shows without load, and the bearing's friction, are in both and go out of the difference:
+    it is left with no constant, so that the angle at which the added body hangs can be told from few angles.
 
     Parameters
     ----------
-    together : sequence of GravityFit
+    together : sequence of sequence of Hold
         One for each trial with both, rigidly fixed.
     alone : GravityFit
         Of the segment alone.
@@ -224,18 +232,32 @@ def added_gravity(together: Sequence[GravityFit], alone: GravityFit) -> tuple[Pa
     Returns
     -------
     gravity, zero : Parameter
-        m g l [N m], and the angle at which the added body would hang [rad]. The interval covers the trials' own
-        intervals and what the trials differ by, whichever is wider.
+        m g l [N m], and the angle at which the added body would hang [rad]. The interval covers the holds' scatter and
+        what the trials differ by, whichever is wider.
+
+    Raises
+    ------
+    IdentificationError
+        If a trial's holds are at too few angles.
     """
-    phasors = np.array([f.phasor for f in together]) - alone.phasor
-    within = sum(f.phasor_covariance for f in together) / len(together) ** 2
-    covariance = within + alone.phasor_covariance
+    blocks, targets, phasors = [], [], []
+    for holds in together:
+        angle = np.array([h.angle for h in holds])
+        _refuse_few(angle, holds)
+        friction = alone.friction.value if alone.friction is not None else 0.0
+        carried = alone.torque(angle) + friction * np.array([h.approach for h in holds])
+        blocks.append(np.column_stack([np.sin(angle), np.cos(angle)]))
+        targets.append(np.array([h.torque for h in holds]) - carried)
+        phasors.append(np.linalg.lstsq(blocks[-1], targets[-1], rcond=None)[0])
+    found = _solve(np.vstack(blocks), np.concatenate(targets), LEVEL)
+    if found is None:
+        raise IdentificationError("too few holds of both bodies for a gravity torque and an angle of rest")
+    covariance = found.covariance
     if len(phasors) > 1:
         widen = (t.ppf(0.5 + LEVEL / 2.0, len(phasors) - 1) / norm.ppf(0.5 + LEVEL / 2.0)) ** 2
-        between = widen * np.cov(phasors.T) / len(phasors) + alone.phasor_covariance
-        if between[0, 0] > covariance[0, 0]:
-            covariance = between
-    return phasor_parameters(phasors.mean(axis=0), covariance)
+        between = widen * np.cov(np.transpose(phasors)) / len(phasors)
+        covariance = between if between[0, 0] > covariance[0, 0] else covariance
+    return phasor_parameters(found.values, covariance + alone.phasor_covariance)
 
 
 def phasor_parameters(phasor: np.ndarray, covariance: np.ndarray) -> tuple[Parameter, Parameter]:
@@ -347,6 +369,35 @@ def _solve(columns: np.ndarray, torque: np.ndarray, level: float) -> _Solution |
     covariance = widen**2 * (residual @ residual) / (n - p) * np.linalg.inv(columns.T @ columns)
     half = norm.ppf(0.5 + level / 2.0) * np.sqrt(np.diag(covariance))
     return _Solution(values, covariance, half, residual)
+
+
+def _with_zero(
+    holds: Sequence[Hold], columns: list[np.ndarray], torque: np.ndarray, zero: Parameter, level: float
+) -> GravityFit:
+    """The fit about a given angle of rest, and what its uncertainty does to gravity."""
+    angle = np.array([h.angle for h in holds])
+    about = [_solve(np.column_stack([np.sin(angle - z), *columns[1:]]), torque, level) for z in
+             (zero.value, zero.value + max(zero.standard_error, 1e-6))]  # fmt: skip
+    if about[0] is None or about[1] is None:
+        raise IdentificationError(
+            f"{len(holds)} holds for {len(columns)} unknowns, expected more holds than unknowns: hold more angles"
+        )
+    found, moved = about[0], about[1].values[0] - about[0].values[0]
+    size, z = float(found.values[0]), zero.value
+    sd = np.sqrt(np.diag(found.covariance))
+    # By size, and by the angle: a wrong zero also moves the size.
+    by_size = np.array([np.cos(z), -np.sin(z)])
+    by_zero = size * np.array([-np.sin(z), -np.cos(z)]) * zero.standard_error + moved * by_size
+    return GravityFit(
+        Parameter("gravity", "N*m", size, float(np.hypot(sd[0], moved))),
+        zero,
+        Parameter("offset", "N*m", float(found.values[1]), float(sd[1])),
+        Parameter("friction", "N*m", float(found.values[2]), float(sd[2])) if len(columns) > 2 else None,
+        size * by_size,
+        found.covariance[0, 0] * np.outer(by_size, by_size) + np.outer(by_zero, by_zero),
+        tuple(holds),
+        found.residual,
+    )
 
 
 def _refuse_few(angle: np.ndarray, holds: Sequence[Hold]) -> None:

@@ -12,12 +12,14 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from .._errors import IdentificationError
+from ..signals.filters import central_difference, decimate, zero_phase_lowpass
 from ..signals.input_output import InputOutput
 from .fit import Parameter
-from .gravity_holds import GravityFit, find_holds, fit_gravity
+from .gravity_holds import GravityFit, find_holds, fit_gravity, phasor_parameters
 from .pendulum_fit import PendulumFit, fit_pendulum, judged_pendulum
 from .strap_torque import Orthosis
 from .transfer_function_fit import Response, TransferFit, fit_transfer_function, judged
+from .uncertainty import sandwich
 
 HOLD = "first"
 """The torque is that of a spring: between samples it goes straight."""
@@ -25,6 +27,12 @@ FREE = ("inertia", "damping", "coulomb", "offset")
 ORDER = ("inertia", "damping", "gravity", "coulomb")
 """Of the orthosis's covariance."""
 POLES, ZEROS = 2, 0
+RATE = 100.0
+"""Sines are fitted on about so many samples a second, torque and angle through the same filter."""
+LOWPASS = 10.0
+"""Ahead of derivatives, for the angle of rest [Hz]."""
+SLOW = 0.1
+"""Slower samples tell nothing of friction's side [rad/s]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,7 +79,7 @@ class OrthosisFit:
             self.gravity.gravity.value,
             values["coulomb"],
             self.covariance,
-            self.gravity.zero.value if self.gravity.zero is not None else 0.0,
+            self.gravity.zero.value,
             float(self.pendulum.values[5]),
         )
 
@@ -111,9 +119,10 @@ def fit_orthosis(
             f"the orthosis alone: found {len(held)} recordings of holds and {len(sines)} of sines, expected one or "
             "more of each to fit"
         )
-    gravity = fit_gravity([h for r in held for h in find_holds(r.time, r.output, r.input, recording=r.recording)])
-    zero = gravity.zero.value if gravity.zero is not None else 0.0
-    sines, checks = ([replace(r, output=r.output - zero) for r in group] for group in (sines, checks))
+    zero = hanging_angle(sines)
+    holds = [h for r in held for h in find_holds(r.time, r.output, r.input, recording=r.recording)]
+    gravity = fit_gravity(holds, zero=zero)
+    sines, checks = ([_thinned(r, zero.value) for r in group] for group in (sines, checks))
     pendulum = _pendulum(sines, gravity.gravity.value)
     linear = fit_transfer_function(sines, POLES, ZEROS, hold=HOLD, units=("N*m", "rad"))
     return OrthosisFit(
@@ -124,6 +133,46 @@ def fit_orthosis(
         {r.recording: judged(linear.transfer_function, r, hold=HOLD) for r in checks},
         _covariance(sines, pendulum, gravity.gravity),
     )
+
+
+def hanging_angle(sines: Sequence[InputOutput]) -> Parameter:
+    """Angle at which the orthosis hangs, from motions to both sides of it.
+
+    Least squares of the torque on acceleration, velocity, its sign, the sine and cosine of the angle, and 1. Holds on
+    one side hardly tell a cosine from an offset; motions to both sides do.
+
+    Parameters
+    ----------
+    sines : sequence of InputOutput
+        Torque in, angle out.
+
+    Returns
+    -------
+    Parameter
+        [rad]
+    """
+    blocks, targets = [], []
+    for r in sines:
+        fs = (len(r) - 1) / float(r.time[-1] - r.time[0])
+        torque, q = zero_phase_lowpass(np.column_stack([r.input, r.output]), LOWPASS, 2, fs).T
+        rate = central_difference(q, fs)
+        columns = [central_difference(rate, fs), rate, np.sign(rate), np.sin(q), np.cos(q), np.ones(len(q))]
+        inside = slice(round(0.5 * fs), len(q) - round(0.5 * fs), max(1, round(fs / RATE)))
+        moving = np.abs(rate[inside]) > SLOW
+        blocks.append(np.column_stack(columns)[inside][moving])
+        targets.append(torque[inside][moving])
+    w, y = np.vstack(blocks), np.concatenate(targets)
+    values, *_ = np.linalg.lstsq(w, y, rcond=None)
+    covariance = sandwich(w, y - w @ values, [len(t) for t in targets])[3:5, 3:5]
+    return phasor_parameters(values[3:5], covariance)[1]
+
+
+def _thinned(record: InputOutput, zero: float) -> InputOutput:
+    """At a lower rate, torque and angle alike, the angle from where it hangs."""
+    fs = (len(record) - 1) / float(record.time[-1] - record.time[0])
+    factor = max(1, round(fs / RATE))
+    torque, angle = decimate(np.column_stack([record.input, record.output]), factor).T
+    return replace(record, time=record.time[::factor], input=torque, output=angle - zero)
 
 
 def _pendulum(sines: Sequence[InputOutput], gravity: float) -> PendulumFit:

@@ -87,7 +87,7 @@ def torque_mismatch(swing: Swing, limb_angle: np.ndarray, orthosis: Orthosis, li
     fs = swing.fs
     signals = np.column_stack([limb_angle, swing.position, swing.knee_torque + swing.torque - orthosis.offset])
     k, e, torque = zero_phase_lowpass(signals, LOWPASS, ORDER, fs).T
-    static = torque - limb.gravity * np.sin(k) - orthosis.gravity * np.sin(e - orthosis.zero)
+    static = torque - limb.gravity * np.sin(k) - orthosis.gravity * np.sin(e)
     return static - limb.inertia * _second(k, fs) - orthosis.inertia * _second(e, fs)
 
 

@@ -26,6 +26,10 @@ SLOW = 0.05
 """Below this [rad/s] the side on which dry friction acts is not known: the joint may stick."""
 
 
+NEGLIGIBLE = 0.02
+"""Dry friction smaller than this share of the strap's torque (RMS) is not worth leaving samples out for."""
+
+
 @dataclass(frozen=True, eq=False)
 class Swing:
     """One trial of a wearer who swings the lower leg, whoever recorded it.
@@ -83,13 +87,14 @@ class Orthosis:
 
 @dataclass(frozen=True, eq=False)
 class Limb:
-    """Shank and foot: inertia about the knee [kg m^2], gravity [N m], viscous damping [N m s/rad], and the covariance
-    of these three, shape (3, 3)."""
+    """Shank and foot: inertia about the knee [kg m^2], gravity [N m], viscous damping [N m s/rad], the covariance of
+    these three, shape (3, 3), and the angle at which they hang [rad]."""
 
     inertia: float
     gravity: float
     viscous: float = 0.0
     covariance: np.ndarray = field(default_factory=lambda: np.zeros((3, 3)), repr=False)
+    zero: float = 0.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -137,9 +142,9 @@ def from_orthosis(swing: Swing, orthosis: Orthosis) -> StrapTorque:
         [central_difference(velocity, fs), velocity, np.sin(angle - orthosis.zero), dry],
     )
     values = np.array([orthosis.inertia, orthosis.viscous, orthosis.gravity, orthosis.coulomb])
-    # Without dry friction there is nothing that sticks.
-    known = moving if orthosis.coulomb > 0.0 else np.ones(len(angle), bool)
-    return StrapTorque(columns @ values - (torque - orthosis.offset), columns, orthosis.covariance, known)
+    strap = columns @ values - (torque - orthosis.offset)
+    matters = orthosis.coulomb > NEGLIGIBLE * float(np.std(strap))
+    return StrapTorque(strap, columns, orthosis.covariance, moving if matters else np.ones(len(angle), bool))
 
 
 def from_limb(swing: Swing, limb: Limb, limb_angle: np.ndarray) -> StrapTorque:
@@ -168,7 +173,7 @@ def from_limb(swing: Swing, limb: Limb, limb_angle: np.ndarray) -> StrapTorque:
     fs = swing.fs
     angle, torque = zero_phase_lowpass(np.column_stack([limb_angle, swing.knee_torque]), LOWPASS, ORDER, fs).T
     velocity = central_difference(angle, fs)
-    columns = -np.column_stack([central_difference(velocity, fs), np.sin(angle), velocity])
+    columns = -np.column_stack([central_difference(velocity, fs), np.sin(angle - limb.zero), velocity])
     values = np.array([limb.inertia, limb.gravity, limb.viscous])
     return StrapTorque(torque + columns @ values, columns, limb.covariance, np.ones(len(angle), bool))
 
