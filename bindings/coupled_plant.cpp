@@ -28,8 +28,8 @@ delay : int
 torque_span : int
     Periods that the torque loop's difference spans, 1 to 7.
 position0, torque0 : float
-    The orthosis at first [rad], and the spring's torque [N m]; everything rests, and the limb is where the strap carries
-    what is left of the orthosis's weight.)";
+    The orthosis at first [rad], and the spring's torque [N m]; everything rests, and the limb is where the strap
+    carries what is left of the orthosis's weight.)";
 
 constexpr const char* step_doc = R"(One control period.
 
@@ -45,9 +45,9 @@ slip_jump : float
 Returns
 -------
 tuple of float
-    At the period's end: position, motor_position [rad] and torque [N m] as the encoders say; orthosis_position [rad],
-    orthosis_velocity [rad/s], limb_position [rad], limb_velocity [rad/s], strap_torque, spring_torque [N m] as they
-    are; and the motor_torque of the period [N m].)";
+    At the period's end: position, motor_position [rad] and torque [N m] as the encoders say; orthosis_position
+    [rad], orthosis_velocity [rad/s], limb_position [rad], limb_velocity [rad/s], strap_torque and spring_torque
+    [N m] as they are; and the motor_torque of the period [N m].)";
 
 constexpr const char* step_sig =
     "def step(self, desired_torque: float, muscle_torque: float, slip_jump: float = 0.0) -> tuple[float, ...]";
@@ -117,7 +117,7 @@ void add_coupled_plant(nb::module_& m) {
       .def("step", &CoupledPlant::step, nb::arg("desired_torque"), nb::arg("muscle_torque"), nb::arg("slip_jump") = 0.0,
            nb::sig(step_sig), step_doc)
       .def("read", &CoupledPlant::read, nb::sig("def read(self) -> tuple[float, ...]"),
-           "What `step` returned last, read again; before the first step, the start.")
+           "What holds now, as `step` returns it, with a motor_torque of 0: no period ends here.")
       .def_prop_ro("slip", &CoupledPlant::slip, "Of the strap, so far [rad].");
 }
 

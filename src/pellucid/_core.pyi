@@ -435,6 +435,70 @@ class SafetyGate:
         Open the gate again; the output goes on from where it is, within the rate limit.
         """
 
+COUPLED_PARAMETER_NAMES: tuple[str, ...]
+
+class CoupledPlant:
+    """
+    A motor, a series spring, an orthosis, a strap and a limb, under the actuator's own torque loop.
+
+    Parameters
+    ----------
+    parameters : (40,)
+        In the order of COUPLED_PARAMETER_NAMES, SI.
+    period : float
+        Of control [s], > 0.
+    substeps : int
+        Of integration, per period.
+    delay : int
+        Periods from the encoders' reading to the motor, 0 to 7.
+    torque_span : int
+        Periods that the torque loop's difference spans, 1 to 7.
+    position0, torque0 : float
+        The orthosis at first [rad], and the spring's torque [N m]; everything rests, and the limb is where the strap
+        carries what is left of the orthosis's weight.
+    """
+
+    def __init__(
+        self,
+        parameters: ArrayLike,
+        *,
+        period: float,
+        substeps: int = 10,
+        delay: int = 0,
+        torque_span: int = 1,
+        position0: float = 0.0,
+        torque0: float = 0.0,
+    ) -> None: ...
+    def step(self, desired_torque: float, muscle_torque: float, slip_jump: float = 0.0) -> tuple[float, ...]:
+        """
+        One control period.
+
+        Parameters
+        ----------
+        desired_torque : float
+            Of the spring [N m]; 0 is zero-impedance mode.
+        muscle_torque : float
+            On the limb, held over the period [N m].
+        slip_jump : float
+            By which the strap slips at once [rad].
+
+        Returns
+        -------
+        tuple of float
+            At the period's end: position, motor_position [rad] and torque [N m] as the encoders say; orthosis_position
+            [rad], orthosis_velocity [rad/s], limb_position [rad], limb_velocity [rad/s], strap_torque and spring_torque
+            [N m] as they are; and the motor_torque of the period [N m].
+        """
+
+    def read(self) -> tuple[float, ...]:
+        """
+        What holds now, as `step` returns it, with a motor_torque of 0: no period ends here.
+        """
+
+    @property
+    def slip(self) -> float:
+        """Of the strap, so far [rad]."""
+
 class math:
     """The core's elementary functions, on float64 or float32 arrays."""
 

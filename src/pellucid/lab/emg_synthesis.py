@@ -123,7 +123,7 @@ class EmgSynthesis:
         # A sample belongs to the period in which it is taken, and reaches the controller at that period's end.
         self._of_period = np.minimum((true / period + 1e-9).astype(int), periods - 1)
         self._first = np.searchsorted(self._of_period, np.arange(periods + 1)).tolist()
-        self._carrier = np.asarray(electrodes.gains)[:, None] * motor_unit_noise(n, channels, fs, table, rng)
+        carrier = np.asarray(electrodes.gains)[:, None] * motor_unit_noise(n, channels, fs, table, rng)
         mains = np.zeros((channels, n))
         for i, size in enumerate(table["harmonics"]):
             phase = rng.uniform(0.0, 2.0 * np.pi, (channels, 1))
@@ -131,24 +131,25 @@ class EmgSynthesis:
         # Every cable lies differently: in the mains' field, and in the way of the leg.
         hum = table["hum"] * rng.uniform(0.5, 1.5, (channels, 1)) * mains
         floor = table["baseline"] * rng.standard_normal((channels, n))
-        self._background = hum + floor
+        background = hum + floor
         cable = rng.uniform(0.6, 1.4, channels) * rng.choice([-1.0, 1.0], channels)
         self._cable = (table["artefact"] * cable).tolist()
         self._pole = 1.0 - float(np.exp(-2.0 * np.pi * table["artefact_band"] * period))
         self._swing = 0.0
-        self._mixing = np.full((channels, channels), float(table["crosstalk"]))
-        np.fill_diagonal(self._mixing, 1.0)
-        self._attached = np.ones((channels, n))
+        self._crosstalk = float(table["crosstalk"])
+        attached = np.ones((channels, n))
         for channel, begin in electrodes.detached.items():
             # An open input is an aerial: much mains, and no muscle.
             off = true >= begin
-            self._attached[channel, off] = 0.0
-            self._background[channel, off] += 30.0 * hum[channel, off] + 5.0 * floor[channel, off]
+            attached[channel, off] = 0.0
+            background[channel, off] += 30.0 * hum[channel, off] + 5.0 * floor[channel, off]
         ranges = np.full(channels, float(table["full_range"]))
         for channel, limit in electrodes.clipped.items():
             ranges[channel] = limit
         self.quantum = float(table["quantum"])
-        self._limit = np.floor(ranges / self.quantum)
+        self._limits = np.floor(ranges / self.quantum).tolist()
+        self._ingredients = carrier, attached, background
+        self._samples: list | None = None
 
     def period(self, k: int, amplitude: Sequence[float], acceleration: float) -> list[tuple[float, ...]]:
         """Samples taken during period `k`; periods one after another.
@@ -166,11 +167,21 @@ class EmgSynthesis:
         list of tuple of float
             [V], one tuple of all channels per sample.
         """
-        self._swing += self._pole * (acceleration - self._swing)
-        span = slice(self._first[k], self._first[k + 1])
-        swing = np.array(self._cable)[:, None] * self._swing
-        counts = self._counts(span, np.array(amplitude, float)[:, None], swing)
-        return list(zip(*(self.quantum * counts).tolist(), strict=True))
+        if self._samples is None:
+            self._samples = list(zip(*(x.T.tolist() for x in self._ingredients), strict=True))
+        self._swing = self._pole * acceleration + (1.0 - self._pole) * self._swing
+        made = []
+        for carrier, attached, background in self._samples[self._first[k] : self._first[k + 1]]:
+            muscles = [c * a for c, a in zip(carrier, amplitude, strict=True)]
+            total = sum(muscles)
+            sample = []
+            for i, own in enumerate(muscles):
+                picked = (own + self._crosstalk * (total - own)) * attached[i]
+                counts = round((picked + background[i] + self._cable[i] * self._swing) / self.quantum)
+                limit = self._limits[i]
+                sample.append(self.quantum * (limit if counts > limit else max(counts, -limit)))
+            made.append(tuple(sample))
+        return made
 
     def whole(self, amplitude: np.ndarray, acceleration: np.ndarray) -> np.ndarray:
         """All samples of the trial.
@@ -190,11 +201,9 @@ class EmgSynthesis:
         from scipy.signal import lfilter
 
         swing = lfilter([self._pole], [1.0, self._pole - 1.0], acceleration)[self._of_period]
-        strength = np.asarray(amplitude, float)[self._of_period].T
-        return self._counts(slice(None), strength, np.array(self._cable)[:, None] * swing).T
-
-    def _counts(self, span: slice, amplitude: np.ndarray, swing: np.ndarray) -> np.ndarray:
-        muscle = self._mixing @ (self._carrier[:, span] * amplitude)
-        volts = muscle * self._attached[:, span] + self._background[:, span] + swing
-        limit = self._limit[:, None]
-        return np.clip(np.round(volts / self.quantum), -limit, limit)
+        carrier, attached, background = self._ingredients
+        muscles = carrier * np.asarray(amplitude, float)[self._of_period].T
+        picked = (muscles + self._crosstalk * (muscles.sum(axis=0) - muscles)) * attached
+        volts = picked + background + np.array(self._cable)[:, None] * swing
+        limit = np.array(self._limits)[:, None]
+        return np.clip(np.round(volts / self.quantum), -limit, limit).T

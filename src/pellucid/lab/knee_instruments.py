@@ -149,18 +149,18 @@ def take_imu(
     ImuTaken
     """
     from scipy.interpolate import CubicSpline
+    from scipy.ndimage import gaussian_filter1d
 
     imu, fs, n = rig["imu"], rig["encoders"]["rate"], len(angle)
     offset = imu["clock_offset"] + imu["clock_offset_spread"] * rng.standard_normal()
     k = int(((n - 1) / fs - max(offset, 0.0)) * imu["rate"]) - 1
     own = np.arange(k) / imu["rate"] + imu["jitter"] * rng.standard_normal(k)
-    own[0] = max(own[0], 0.0)
+    own -= own[0]
     at = offset + own * (1.0 + imu["clock_drift"])
-    sway = noise((n,), imu["sway"], imu["sway_memory"], fs, rng) if subject is not None else np.zeros(n)
+    sway = np.zeros(n)
     if subject is not None:
-        from scipy.ndimage import gaussian_filter1d
-
-        sway = gaussian_filter1d(sway, 0.1 * fs)
+        sway = noise((n,), imu["sway"], imu["sway_memory"], fs, rng)
+        sway = gaussian_filter1d(sway, 0.1 * fs)  # a body does not sway faster
     grid = np.arange(n) / fs
     # Velocity is the plant's own; a spline through it gives the acceleration between periods.
     rate = CubicSpline(grid, velocity + np.gradient(sway, 1.0 / fs))
@@ -188,7 +188,7 @@ def take_imu(
     if dropout is not None:
         keep = (at < dropout[0]) | (at >= dropout[0] + dropout[1])
     return ImuTaken(
-        own[keep],
+        np.round(own[keep], 4),
         sensed[0][keep],
         sensed[1][keep],
         sensed[2][keep] if imu["magnetometer"] else None,

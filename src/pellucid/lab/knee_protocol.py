@@ -116,7 +116,21 @@ Task = tuple[KneeTrial, Wearer | None]
 
 
 def holds(rig: KneeRig, angles: tuple[float, ...], hold_time: float = HOLD_TIME) -> np.ndarray:
-    """Angles [rad] held one after another, with smooth ways between; shape (n,) [rad]."""
+    """Angles held one after another, for `hold_time` [s] each, with smooth ways between.
+
+    Parameters
+    ----------
+    rig : KneeRig
+    angles : tuple of float
+        [rad]
+    hold_time : float
+        [s]
+
+    Returns
+    -------
+    ndarray, shape (n,)
+        Reference [rad].
+    """
     fs = rig["encoders"]["rate"]
     s = np.arange(round(MOVE_TIME * fs)) / (MOVE_TIME * fs)
     ease = s**3 * (10.0 - 15.0 * s + 6.0 * s**2)
@@ -128,7 +142,19 @@ def holds(rig: KneeRig, angles: tuple[float, ...], hold_time: float = HOLD_TIME)
 
 
 def sine(rig: KneeRig, frequency: float, amplitude: float, duration: float) -> np.ndarray:
-    """amplitude sin(2 pi f t), shape (n,) [rad]."""
+    """A sine from its own zero, one sample per period of the `rig`.
+
+    Parameters
+    ----------
+    rig : KneeRig
+    frequency, amplitude, duration : float
+        [Hz], [rad], [s]
+
+    Returns
+    -------
+    ndarray, shape (n,)
+        Reference [rad].
+    """
     t = np.arange(round(duration * rig["encoders"]["rate"])) * rig.period
     return amplitude * np.sin(2.0 * np.pi * frequency * t)
 
@@ -161,7 +187,18 @@ def bench_trials(rig: KneeRig) -> list[Task]:
 
 
 def imu_trial(rig: KneeRig, name: str, faults: Faults = NO_FAULTS) -> Task:
-    """The IMU fixed to the orthosis, which goes through its range: holds, and sines that show the clocks."""
+    """The IMU fixed to the orthosis, which goes through its range: holds, and sines that show the clocks.
+
+    Parameters
+    ----------
+    rig : KneeRig
+    name : str
+    faults : Faults
+
+    Returns
+    -------
+    Task
+    """
     angles = tuple(np.radians(ANGLES).tolist())
     middle = np.radians(45.0)
     t = np.arange(round(12.0 / rig.period)) * rig.period
@@ -174,14 +211,40 @@ def imu_trial(rig: KneeRig, name: str, faults: Faults = NO_FAULTS) -> Task:
 def relaxed_trial(
     rig: KneeRig, name: str, subject: Subject, *, helps: bool = False, faults: Faults = NO_FAULTS
 ) -> Task:
-    """A relaxed leg on a rigid plate, held at the angles."""
+    """A relaxed leg on a rigid plate, held at the angles.
+
+    Parameters
+    ----------
+    rig : KneeRig
+    name : str
+    subject : Subject
+    helps : bool
+        As in `relaxed`.
+    faults : Faults
+
+    Returns
+    -------
+    Task
+    """
     reference = holds(rig, tuple(np.radians(ANGLES).tolist()))
     trial = KneeTrial(name, "relaxed_holds", "fit", "position", reference, link="plate", imu="ankle", faults=faults)
     return trial, relaxed(subject, helps=helps)
 
 
 def mvc_trial(rig: KneeRig, name: str, subject: Subject, faults: Faults = NO_FAULTS) -> Task:
-    """Both muscles as hard as they can, against a frame."""
+    """Both muscles as hard as they can, against a frame.
+
+    Parameters
+    ----------
+    rig : KneeRig
+    name : str
+    subject : Subject
+    faults : Faults
+
+    Returns
+    -------
+    Task
+    """
     reference = np.full(round(MVC_TIME / rig.period), np.radians(60.0))
     trial = KneeTrial(name, "mvc", "fit", "position", reference, start=float(reference[0]), locked=True, faults=faults)
     return trial, contracting(subject)
@@ -190,7 +253,22 @@ def mvc_trial(rig: KneeRig, name: str, subject: Subject, faults: Faults = NO_FAU
 def torque_trial(
     rig: KneeRig, name: str, subject: Subject, angle: float, *, use: str = "fit", faults: Faults = NO_FAULTS
 ) -> Task:
-    """An angle [rad] held against torques."""
+    """An angle held against torques.
+
+    Parameters
+    ----------
+    rig : KneeRig
+    name : str
+    subject : Subject
+    angle : float
+        [rad]
+    use : str
+    faults : Faults
+
+    Returns
+    -------
+    Task
+    """
     trial = KneeTrial(name, "torque_steps", use, "torque", torque_steps(rig), start=angle, imu="ankle", faults=faults)
     return trial, counteracting(subject, angle)
 

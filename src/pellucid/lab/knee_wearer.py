@@ -80,17 +80,45 @@ def contracting(subject: Subject) -> Wearer:
 
 
 def wander(n: int, memory: float, fs: float, rng: np.random.Generator) -> np.ndarray:
-    """A smooth random path, uniform over 0 to 1 in the long run, shape (n,)."""
-    from scipy.ndimage import gaussian_filter1d
+    """A smooth random path, uniform over 0 to 1 in the long run.
+
+    Parameters
+    ----------
+    n : int
+    memory, fs : float
+        How long it remembers where it was [s], and its rate [Hz].
+    rng : numpy.random.Generator
+
+    Returns
+    -------
+    ndarray, shape (n,)
+        [1]
+    """
+    from scipy.signal import oaconvolve
     from scipy.special import ndtr
 
-    width = memory * fs
-    path = gaussian_filter1d(rng.standard_normal(n + round(8 * width)), width)[round(4 * width) :][:n]
-    return ndtr(path * np.sqrt(2.0 * np.sqrt(np.pi) * width))
+    reach = round(4.0 * memory * fs)
+    bell = np.exp(-0.5 * (np.arange(-reach, reach + 1) / (memory * fs)) ** 2)
+    path = oaconvolve(rng.standard_normal(n + 2 * reach), bell / np.sqrt(np.sum(bell**2)), mode="valid")
+    return ndtr(path)
 
 
 def swing_path(rig: KneeRig, wearer: Wearer, n: int, rng: np.random.Generator) -> np.ndarray:
-    """The angle that a swinging wearer means to go through, shape (n,) [rad]; it begins at rest in the centre."""
+    """The angle that a swinging wearer means to go through; it begins at rest in the centre.
+
+    Parameters
+    ----------
+    rig : KneeRig
+    wearer : Wearer
+    n : int
+        Periods.
+    rng : numpy.random.Generator
+
+    Returns
+    -------
+    ndarray, shape (n,)
+        [rad]
+    """
     swing, fs = rig["swing"], rig["encoders"]["rate"]
     slow, fast = wearer.frequency or swing["frequency"]
     small, large = wearer.amplitude or swing["amplitude"]
@@ -260,16 +288,18 @@ class Acting:
         self._load.append(load)
         sent = self._sent[k] if self._task in ("relaxed", "contracting") else self._excite(self._demand(k), position)
         waver = self._waver[k]
-        sent = (min(max(sent[0] * waver[0], 0.0), 1.0), min(max(sent[1] * waver[1], 0.0), 1.0))
+        first, second = sent[0] * waver[0], sent[1] * waver[1]
+        sent = (1.0 if first > 1.0 else max(first, 0.0), 1.0 if second > 1.0 else max(second, 0.0))
         self.excitation.append(sent)
 
-        m, state, tired, period = self._muscles, self._state, self._tired, self._period
+        m, state, tired, period, rate = self._muscles, self._state, self._tired, self._period, self._rate
         arriving = self.excitation[k - self._late] if k >= self._late else self._first
-        rate = self._rate
-        for i in (0, 1):
-            state[i] += rate * (arriving[i] - state[i])
-            state[i + 2] += rate * (state[i] - state[i + 2])
-            tired[i] += state[i + 2] * period
+        state[0] += rate * (arriving[0] - state[0])
+        state[1] += rate * (arriving[1] - state[1])
+        state[2] += rate * (state[0] - state[2])
+        state[3] += rate * (state[1] - state[3])
+        tired[0] += state[2] * period
+        tired[1] += state[3] * period
         stretch = m["angle_slope"] * (position - m["best_angle"])
         slowed = m["slowing"] * velocity
         unseen, fatigue, bend, shape = self._unseen[k], m["fatigue"], self._bend, m["shape"]

@@ -16,6 +16,10 @@ from .elbow_protocol import trials
 from .elbow_rig import KIND, parse_elbow_rig
 from .elbow_study import excitation, write_elbow_study
 from .init import RIG_FILE
+from .knee_protocol import tasks
+from .knee_rig import KIND as KNEE
+from .knee_rig import parse_knee_rig
+from .knee_study import write_knee_study
 from .virtual_joint import VirtualJoint, parse_rig, write_study
 
 TRUTH_FILE = "lab/truth.json"
@@ -85,13 +89,20 @@ def simulate(
         made = trials(rig, excitation)
         study = write_elbow_study(folder, rig, name=name, seed=seed, made=made, on_progress=on_progress)
         joint_time = sum(len(trial.reference) for trial in made) / rig["sampling"]["rate"]
+    elif kind == KNEE:
+        knee = parse_knee_rig(text, name)
+        made = tasks(knee)
+        study = write_knee_study(folder, knee, name=name, seed=seed, made=made, on_progress=on_progress)
+        joint_time = knee.period * sum(len(trial.reference) for trial, _ in made)
     elif kind is None:
         joint = _bench(text, path)
         tell("moving the virtual joint", 0.1)
         study = write_study(folder, joint, name=name, seed=seed)
         joint_time = joint.duration * len(study.config.recordings)
     else:
-        raise StudyError(f'{path}: found kind = {kind!r}, expected "{KIND}", or no kind for a joint on a bench')
+        raise StudyError(
+            f'{path}: found kind = {kind!r}, expected "{KIND}", "{KNEE}", or no kind for a joint on a bench'
+        )
     return Simulated(study, len(study.config.recordings), joint_time, time.perf_counter() - begun)
 
 
