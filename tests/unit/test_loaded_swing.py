@@ -1,0 +1,207 @@
+"""p and q of an exoskeleton empty and loaded: closed form, Adam, bounds, intervals, the wearer's torque."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.signal import butter, sosfiltfilt
+
+from pellucid._errors import IdentificationError
+from pellucid.identification.loaded_swing import (
+    adam_swings,
+    as_published,
+    corrected,
+    fit_swings,
+    swing,
+    torque_in_a_worn_exoskeleton,
+    torque_of_a_bare_leg,
+)
+from pellucid.identification.swing_information import better_swing, swing_information
+from pellucid.models.joint import GRAVITY
+from pellucid.protocols.two_sines import two_sines
+
+FS = 200.0
+EMPTY = {"p": 0.05, "q": 0.30, "viscous": 0.05, "coulomb": 0.15, "offset": 0.1}
+LOADED = {"p": 0.45, "q": 1.34, "viscous": 0.25, "coulomb": 0.20, "offset": 0.1}
+REACH = np.radians(35.0)
+
+
+@pytest.fixture(scope="module")
+def rich():
+    return better_swing(0.45, 1.34, reach=REACH, peak_torque=8.0, rng=np.random.default_rng(8))
+
+
+def balance(body, position, velocity, acceleration, hanging=0.0):
+    return (
+        body["p"] * acceleration
+        + body["q"] * GRAVITY * np.sin(position - hanging)
+        + body["viscous"] * velocity
+        + body["coulomb"] * np.tanh(velocity / 0.01)
+        + body["offset"]
+    )
+
+
+def recorded(series, body, *, rng=None, noise=0.3, duration=60.0, hanging=0.0, human=None):
+    """A swing through encoder and torque sensor: 1e-4 rad, and torque noise up to 2 Hz."""
+    time = np.arange(round(duration * FS)) / FS
+    position, velocity, acceleration = series.motion(time)
+    torque = balance(body, position, velocity, acceleration, hanging)
+    if human is not None:
+        torque = torque - human(time)
+    if rng is not None:
+        slow = sosfiltfilt(butter(4, 2.0, fs=FS, output="sos"), rng.standard_normal(len(time)))
+        torque = torque + noise * slow / slow.std()
+        position = position + 1e-4 * rng.standard_normal(len(time))
+    return swing(time, position, torque, lowpass=6.0, every=4)
+
+
+def test_the_corrected_form_finds_the_body(rich, rng):
+    fit = fit_swings([recorded(rich, LOADED, rng=rng)], corrected(), mass_bound=8.0)
+    for found in fit.parameters:
+        assert abs(found.value - LOADED[found.name]) < 3.0 * found.standard_error, found
+    assert fit.p.standard_error < 0.1 * 0.45
+    assert fit.q.standard_error < 0.02 * 1.34
+    assert fit.p.identifiable
+    assert fit.mass == pytest.approx(fit.q.value**2 / fit.p.value)
+    assert fit.distance * fit.mass == pytest.approx(fit.q.value)
+
+
+def test_difference_with_the_better_swing_is_the_leg(rich, rng):
+    empty = fit_swings([recorded(rich, EMPTY, rng=rng)], corrected())
+    loaded = fit_swings([recorded(rich, LOADED, rng=rng)], corrected())
+    assert loaded.p.value - empty.p.value == pytest.approx(0.40, rel=0.10)
+    assert loaded.q.value - empty.q.value == pytest.approx(1.04, rel=0.02)
+
+
+def test_the_angle_of_rest_is_found_where_it_is_not_known(rng):
+    # A wide swing, for a cosine is nearly an offset in a narrow one.
+    wide = better_swing(0.45, 1.34, reach=1.2, peak_torque=14.0, rng=np.random.default_rng(8))
+    fit = fit_swings([recorded(wide, LOADED, rng=rng, hanging=0.1)], corrected(None))
+    found = {p.name: p for p in fit.parameters}
+    assert list(found) == ["p", "q", "hanging", "viscous", "coulomb", "offset"]
+    assert abs(found["hanging"].value - 0.1) < 3.0 * found["hanging"].standard_error
+    assert abs(found["q"].value - 1.34) < 3.0 * found["q"].standard_error
+    assert fit_swings([recorded(wide, LOADED, hanging=0.1)], corrected(0.1)).q.value == pytest.approx(1.34, rel=1e-3)
+
+
+def test_intervals_cover(rich):
+    inside = 0
+    for seed in range(40):
+        draw = np.random.default_rng(seed)
+        fit = fit_swings([recorded(rich, LOADED, rng=draw, duration=30.0)], corrected())
+        low, high = fit.p.interval()
+        inside += low <= LOADED["p"] <= high
+    # 95 % of 40 is 38; fewer than 33 has a chance below 1 in 100.
+    assert inside >= 33
+
+
+def test_a_body_that_cannot_be_is_held_to_its_bound(rng):
+    poor = recorded(two_sines(np.radians(20.0)), LOADED, rng=rng)
+    form = corrected(viscous=False)
+    free = fit_swings([poor], form)
+    # More mass than this the fit would need: it is given less.
+    bound = 0.8 * free.mass
+    held = fit_swings([poor], form, mass_bound=bound)
+    assert free.mass > bound
+    assert held.p.value == pytest.approx(held.q.value**2 / bound, rel=1e-6)
+    assert held.p.at_bound
+    assert held.mass_bound == bound
+    assert held.p.standard_error == pytest.approx(2.0 * held.q.value / bound * held.q.standard_error, rel=1e-6)
+    # Nothing else on the bound fits better.
+    matrix = form.regressor(poor)
+
+    def cost(values):
+        return float(np.sum((poor.torque - matrix @ values) ** 2))
+
+    for shift in rng.standard_normal((200, 4)) * 1e-3:
+        other = held.coefficients + shift
+        other[0] = other[1] ** 2 / bound
+        assert cost(other) >= cost(held.coefficients) - 1e-9
+    # A bound that does not bind changes nothing.
+    loose = fit_swings([poor], form, mass_bound=2.0 * free.mass)
+    assert loose.coefficients == pytest.approx(free.coefficients)
+    assert loose.mass_bound is None
+
+
+def test_friction_is_never_negative():
+    frictionless = {**LOADED, "viscous": -0.05, "coulomb": -0.1}
+    fit = fit_swings([recorded(two_sines(np.radians(20.0)), frictionless)], corrected())
+    found = {p.name: p for p in fit.others}
+    assert found["coulomb"].value == pytest.approx(0.0, abs=1e-9)
+    assert found["coulomb"].at_bound
+    assert not found["coulomb"].identifiable
+
+
+@pytest.mark.parametrize("form", [as_published(np.pi), corrected()])
+def test_adam_with_a_falling_rate_ends_where_the_closed_form_does(rich, rng, form):
+    data = [recorded(rich, LOADED, rng=rng)]
+    exact = fit_swings(data, form).coefficients
+    path = adam_swings(data, form, rate=0.02, final_rate=0.0, iterations=10_000)
+    assert np.abs(path.last - exact).max() < 1e-3
+
+
+def test_a_fixed_rate_wanders_only_where_gradients_are_of_parts(rng):
+    data, form = [recorded(two_sines(np.radians(20.0)), LOADED, rng=rng)], as_published(np.pi)
+    exact = fit_swings(data, form).coefficients
+    settings = {"rate": 0.05, "iterations": 6000}
+    whole = adam_swings(data, form, **settings)
+    # All samples in each gradient: nothing oscillates, whatever the rate does.
+    assert whole.last == pytest.approx(exact, abs=1e-6)
+    fixed = adam_swings(data, form, **settings, batch=50)
+    falling = adam_swings(data, form, **settings, batch=50, final_rate=0.0)
+    assert np.all(fixed.spread() > 10.0 * falling.spread())
+
+
+def test_the_better_swing_shows_more_with_less_torque(rich):
+    about = {"noise": 0.3, "bandwidth": 2.0, "duration": 60.0}
+    printed = swing_information(two_sines(np.radians(20.0)), 0.45, 1.34, **about)
+    better = swing_information(rich, 0.45, 1.34, **about)
+    assert better.p_sd < printed.p_sd / 10.0
+    assert better.peak_torque <= 8.0
+    low, high, _, _ = rich.peaks()
+    assert max(-low, high) <= REACH * 1.0001
+    with pytest.raises(IdentificationError, match="expected at most 1 N"):
+        better_swing(0.45, 1.34, reach=REACH, peak_torque=1.0, rng=np.random.default_rng(1))
+
+
+def test_expected_spread_is_the_observed_one():
+    # p and q alone, so that the formula's terms are the fit's.
+    series, form = two_sines(np.radians(20.0)), corrected(friction=False, viscous=False, offset=False)
+    plain = {**LOADED, "viscous": 0.0, "coulomb": 0.0, "offset": 0.0}
+    found = [
+        fit_swings([recorded(series, plain, rng=np.random.default_rng(seed), duration=64.0)], form).p.value
+        for seed in range(60)
+    ]
+    expected = swing_information(series, 0.45, 1.34, noise=0.3, bandwidth=2.0, duration=62.0).p_sd
+    assert np.std(found) == pytest.approx(expected, rel=0.3)
+
+
+def test_the_wearer_s_torque_depends_on_what_the_exoskeleton_does(rich):
+    empty, loaded = (fit_swings([recorded(rich, body)], corrected()) for body in (EMPTY, LOADED))
+    leg = {name: LOADED[name] - EMPTY[name] for name in LOADED}
+    time = np.arange(round(20 * FS)) / FS
+    position, velocity, acceleration = two_sines(0.3, frequency=0.3).motion(time)
+    bare = swing(time, position, balance(leg, position, velocity, acceleration), lowpass=6.0, every=4)
+    by_difference = torque_of_a_bare_leg(empty, loaded, bare)
+    assert np.abs(by_difference.torque - bare.torque).max() < 0.08  # where friction turns over
+    # Worn passive: the wearer moves the exoskeleton too, and the motor gives nothing.
+    worn = balance(LOADED, position, velocity, acceleration) - LOADED["offset"]
+    motion = swing(time, position, np.full(len(time), LOADED["offset"]), lowpass=6.0, every=4)
+    truth = swing(time, position, worn, lowpass=6.0, every=4).torque
+    by_balance = torque_in_a_worn_exoskeleton(loaded, motion)
+    assert np.abs(by_balance.torque - truth).max() < 0.08
+    wrong = torque_of_a_bare_leg(empty, loaded, motion)
+    assert np.abs(wrong.torque - truth).max() > 0.5
+    assert np.all(by_balance.standard_error >= 0.0)
+    other = replace(empty, form=corrected(0.1))
+    with pytest.raises(IdentificationError, match="expected one form for both"):
+        torque_of_a_bare_leg(other, loaded, motion)
+
+
+def test_what_cannot_be_fitted_is_told():
+    time = np.arange(2000) / FS
+    still = swing(time, np.zeros(2000), np.ones(2000), lowpass=6.0, recording="rest")
+    with pytest.raises(IdentificationError, match="rest: found no motion that tells p, q, viscous, coulomb, offset"):
+        fit_swings([still], corrected())
+    with pytest.raises(IdentificationError, match="short: found 60 samples, expected more than"):
+        swing(time[:60], time[:60], time[:60], lowpass=6.0, recording="short")
