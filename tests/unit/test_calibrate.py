@@ -5,12 +5,15 @@ import pytest
 from made_emg import FS, raw_emg
 from scipy import signal
 
-from pellucid._errors import IdentificationError, RecordingError
+from pellucid._errors import IdentificationError, PellucidError, RecordingError
 from pellucid.estimators import calibrate as module
 from pellucid.estimators.calibrate import calibrate
+from pellucid.estimators.features import features
+from pellucid.estimators.torque_card import torque_of_card
+from pellucid.estimators.torque_map import fit_torque_map
 from pellucid.estimators.trial_sources import moment_trials
 from pellucid.models.card import CardParameter
-from pellucid.models.parameter_card import ParameterCard, write_parameter_card
+from pellucid.models.parameter_card import ParameterCard, read_parameter_card, write_parameter_card
 from pellucid.recordings.study import open_study
 from pellucid.report.calibration_document import page
 from pellucid.report.page import write_page
@@ -143,6 +146,26 @@ def test_moments_are_judged_on_what_was_held_out(tmp_path, quick):
     assert "knee: ridge regression errs by" in found.headline
 
 
+def test_the_card_says_the_same_as_the_map(tmp_path, quick):
+    study = leg(tmp_path / "leg")
+    card = calibrate(study).cards["torque_map_knee"]
+    write_parameter_card(tmp_path / "card.json", card)
+    card = read_parameter_card(tmp_path / "card.json")
+    fitted, judged, _ = moment_trials(study, "knee")
+    found = fit_torque_map([fitted], "ridge", causal=True)
+    seen = features(judged, found.choice.features, causal=True)
+    expected = found.predict(judged)
+    for i in (0, 100, 399):
+        values = dict(zip(seen.names, seen.x[i], strict=True))
+        assert torque_of_card(card, values) == pytest.approx(expected[i], rel=1e-9)
+    assert card.settings["causal"] is True
+    assert card["emg.flexor"].unit == "N*m"
+    with pytest.raises(PellucidError, match=r"the card torque_map_knee needs angle.knee, emg.extensor"):
+        torque_of_card(
+            card, {"emg.flexor": 1.0, **{n: 0.0 for n in seen.names if n not in ("angle.knee", "emg.extensor")}}
+        )
+
+
 def test_figures_repeat(tmp_path, quick):
     study = leg(tmp_path / "leg")
     assert calibrate(study).rows == calibrate(study).rows
@@ -229,7 +252,7 @@ def test_the_page_shows_what_was_found(tmp_path, quick):
     found = calibrate(study)
     text = write_page(tmp_path / "report", page(study, found)).read_text(encoding="utf-8")
     for words in (
-        "Torque from EMG: knee",
+        "Torque from EMG: knee, judged",
         "What each map sees",
         "ridge regression without EMG",
         "fig-torque_1",

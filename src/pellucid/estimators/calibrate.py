@@ -10,12 +10,14 @@ import numpy as np
 from .._errors import IdentificationError
 from ..identification.findings import FigureTable, Findings
 from ..identification.fit import Verdict
+from ..models.parameter_card import ParameterCard
 from ..recordings.results import ResultRow
 from ..recordings.study import Study
 from ..signals.emg_chain import emg_chain
 from .cross_validation import Score, score
 from .families import ESTIMATORS
 from .smoothing import smoothing_delay
+from .torque_card import torque_card
 from .torque_map import fit_torque_map, torque_map_cv
 from .torque_trial import TorqueTrial
 from .trial_sources import STEPS, moment_trials, moved_body, step_trials
@@ -26,7 +28,11 @@ JUDGED = tuple(ESTIMATORS)
 CAUSAL = ("boost", "ridge")
 """Those it also reports with features from the past alone."""
 
+CARD = "ridge"
+"""The estimator whose causal map becomes a card: a robot can run a sum of products."""
+
 Progress = Callable[[str, float], None]
+_Parts = tuple[list["Judged"], list["TorqueTrace"], list[TorqueTrial], dict[str, ParameterCard]]
 
 
 @dataclass(frozen=True)
@@ -120,29 +126,30 @@ def calibrate(study: Study, on_progress: Progress | None = None) -> CalibrationF
         raise IdentificationError(f"{study.folder}: found no table [emg_torque] in study.toml, expected one")
     tell = on_progress or (lambda text, share: None)
     if any(recording.protocol == STEPS for recording in study.recordings()):
-        judged, traces, trials = _by_repetition(study, tell)
+        judged, traces, trials, cards = _by_repetition(study, tell)
     else:
-        judged, traces, trials = _by_recording(study, tell)
+        judged, traces, trials, cards = _by_recording(study, tell)
     return CalibrationFindings(
         study=study.name,
         headline=_headline(judged),
         tables=_tables(judged),
         verdicts=_verdicts(study, judged, trials),
         rows=_rows(study, judged, trials),
-        cards={},
+        cards=cards,
         checksums={trial.name: trial.checksum for trial in trials},
         judged=tuple(judged),
         traces=tuple(traces),
     )
 
 
-def _by_recording(study: Study, tell: Progress) -> tuple[list[Judged], list[TorqueTrace], list[TorqueTrial]]:
+def _by_recording(study: Study, tell: Progress) -> _Parts:
     joints = study.config.emg_torque.joints
     runs = [(joint, name, False) for joint in joints for name in JUDGED]
     runs += [(joint, name, True) for joint in joints for name in CAUSAL]
     trials = {joint: moment_trials(study, joint) for joint in joints}
     judged: list[Judged] = []
     predicted: dict[tuple[str, str], dict[str, np.ndarray]] = {}
+    cards: dict[str, ParameterCard] = {}
     for i, (joint, name, causal) in enumerate(runs):
         tell(f"{joint}, {ESTIMATORS[name].words}", i / len(runs))
         fitted = [trial for trial in trials[joint] if not trial.heldout]
@@ -153,6 +160,8 @@ def _by_recording(study: Study, tell: Progress) -> tuple[list[Judged], list[Torq
                 "expected at least one of each"
             )
         found = fit_torque_map(fitted, name, causal=causal)
+        if causal and name == CARD:
+            cards[f"torque_map_{joint}"] = torque_card(study, found, fitted, f"torque_map_{joint}")
         for trial in held:
             made = found.predict(trial)
             reached, within = score(trial.torque, made), found.choice.score
@@ -166,13 +175,13 @@ def _by_recording(study: Study, tell: Progress) -> tuple[list[Judged], list[Torq
         if trial.heldout
     ]
     # Joints share their files.
-    return judged, traces, trials[joints[0]]
+    return judged, traces, trials[joints[0]], cards
 
 
-def _by_repetition(study: Study, tell: Progress) -> tuple[list[Judged], list[TorqueTrace], list[TorqueTrial]]:
+def _by_repetition(study: Study, tell: Progress) -> _Parts:
     steps = [recording for recording in study.recordings() if recording.protocol == STEPS]
     people = list(dict.fromkeys(recording.participant for recording in steps))
-    judged, traces, every = [], [], []
+    judged, traces, every, cards = [], [], [], {}
     for i, person in enumerate(people):
         body, joint = moved_body(study, person), study.config.emg_torque.joints[0]
         for causal, names in ((False, JUDGED), (True, CAUSAL)):
@@ -188,7 +197,10 @@ def _by_repetition(study: Study, tell: Progress) -> tuple[list[Judged], list[Tor
             for name, result in found.items():
                 words = " / ".join(dict.fromkeys(choice.words for choice in result.choices))
                 judged.append(Judged(what, name, causal, "", result.score, None, words))
-            if not causal:
+            if causal:
+                card = f"torque_map_{what}"
+                cards[card] = torque_card(study, fit_torque_map(trials, CARD, causal=True), trials, card)
+            else:
                 every += trials
                 # One trial in six, the hardest first: a page need not show all.
                 worst = sorted(trials, key=lambda t: -found[names[0]].by_trial[t.name].rmse)[
@@ -198,7 +210,7 @@ def _by_repetition(study: Study, tell: Progress) -> tuple[list[Judged], list[Tor
                     TorqueTrace(what, t.name, t.time, t.torque, {n: r.predicted[t.name] for n, r in found.items()})
                     for t in worst[:3]
                 ]
-    return judged, traces, every
+    return judged, traces, every, cards
 
 
 def _rows(study: Study, judged: Sequence[Judged], trials: Sequence[TorqueTrial]) -> tuple[ResultRow, ...]:
@@ -226,22 +238,21 @@ def _rows(study: Study, judged: Sequence[Judged], trials: Sequence[TorqueTrial])
 
 
 def _tables(judged: Sequence[Judged]) -> tuple[FigureTable, ...]:
+    """One for each joint or person and each recording; R² within what was fitted stands beside the first."""
     tables = []
-    for what in dict.fromkeys(each.what for each in judged):
-        own = [each for each in judged if each.what == what]
-        names = list(dict.fromkeys(each.recording for each in own))
-        heads = ["Estimator"]
-        for name in names:
-            said = f", {name}" if name else ", repetitions left out"
-            heads += [f"RMSE{said} (N*m)", f"R²{said}"]
-        rows = []
-        for causal in (False, True):
-            for estimator in JUDGED:
-                cells = {e.recording: e.score for e in own if e.estimator == estimator and e.causal == causal}
-                if cells:
-                    figures = [figure for name in names for figure in (cells[name].rmse, cells[name].r2)]
-                    rows.append((ESTIMATORS[estimator].words + (", causal" if causal else ""), *figures))
-        tables.append(FigureTable(f"Torque from EMG: {what}", tuple(heads), tuple(rows)))
+    for what, recording in dict.fromkeys((each.what, each.recording) for each in judged):
+        own = [each for each in judged if (each.what, each.recording) == (what, recording)]
+        rows = [
+            (
+                ESTIMATORS[each.estimator].words + (", causal" if each.causal else ""),
+                each.score.rmse,
+                each.score.r2,
+                None if each.within is None else each.within.r2,
+            )
+            for each in own
+        ]
+        title = f"Torque from EMG: {what}, " + (recording.replace("_", " ") or "each repetition left out in turn")
+        tables.append(FigureTable(title, ("Estimator", "RMSE (N*m)", "R²", "R² within the fit"), tuple(rows)))
     return tuple(tables)
 
 

@@ -7,6 +7,8 @@ Features are made comparable (mean 0, variance 1) and the offset is not penalise
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from .._errors import IdentificationError
@@ -67,6 +69,24 @@ class Ridge:
         ndarray, shape (n,)
         """
         return self.offset + ((self._expanded(np.asarray(x, float)) - self.mean) / self.scale) @ self.coefficients
+
+    def plain(self, names: Sequence[str]) -> dict[str, float]:
+        """The same map on features as they are: torque = offset + sum of each term times its coefficient.
+
+        Parameters
+        ----------
+        names : sequence of str
+            Of the features.
+
+        Returns
+        -------
+        dict of str to float
+            ``"offset"``, then by feature; a product is named by its two factors with ``" * "`` between.
+        """
+        chosen = [names[i] for i in self.products]
+        terms = [*names, *(f"{chosen[i]} * {chosen[j]}" for i, j in zip(*np.triu_indices(len(chosen)), strict=True))]
+        slopes = self.coefficients / self.scale
+        return {"offset": self.offset - float(slopes @ self.mean), **dict(zip(terms, slopes.tolist(), strict=True))}
 
     def _expanded(self, x: np.ndarray) -> np.ndarray:
         if not self.products:
