@@ -8,8 +8,8 @@ Its equation 2.2 writes the balance of both bodies together and adds the couplin
 
 The coupling is internal: it pulls one body as it pushes the other, and the right-hand side is what remains of the two
 balances, b_k dtheta_k + b_e dtheta_e and friction. It holds nothing of the strap. Both routes to the coefficients are
-here: least squares of 2.2, and the transfer function 2.7 from that torque to the mismatch, with two poles, no zeros and
-coefficients that are not negative.
+here: least squares of 2.2, and the transfer function 2.7 from that torque to the mismatch, with two poles and no zeros.
+As the toolbox has it, the poles are stable and the sign of the gain is free: all three coefficients may be negative.
 """
 
 from __future__ import annotations
@@ -28,6 +28,8 @@ RATE = 100.0
 """The transfer function is fitted on about so many samples a second."""
 SCALES = np.array([0.1, 1.0, 10.0])
 """Sizes of inertia, damping and stiffness: the search's units and starts, and what counts as at a bound."""
+STARTS = ((0.5, 0.3, 0.3), (1.0, 0.5, 1.0), (5.0, 0.1, 2.0))
+"""Of the search, in these units."""
 AT_BOUND = 1e-4
 """Share of its size below which a coefficient is at its bound."""
 
@@ -114,7 +116,7 @@ def solve_balance(torques: Sequence[np.ndarray], mismatches: Sequence[np.ndarray
 
 
 def fit_two_poles(torques: Sequence[np.ndarray], mismatches: Sequence[np.ndarray], fs: float) -> PublishedCoupling:
-    """Output error of equation 2.7, coefficients not negative, each trial's initial state estimated.
+    """Output error of equation 2.7, coefficients of one sign, each trial's initial state estimated.
 
     Parameters
     ----------
@@ -126,20 +128,21 @@ def fit_two_poles(torques: Sequence[np.ndarray], mismatches: Sequence[np.ndarray
     Returns
     -------
     PublishedCoupling
-        The best of several starts.
+        The best of several starts and of both signs.
     """
     step = max(1, round(fs / RATE))
     pairs = [(u[::step], y[::step]) for u, y in zip(torques, mismatches, strict=True)]
 
-    def residual(x: np.ndarray) -> np.ndarray:
-        return np.concatenate([_respond(x * SCALES, u, y, step / fs) - y for u, y in pairs])
+    def residual(x: np.ndarray, sign: float) -> np.ndarray:
+        return np.concatenate([_respond(sign * x * SCALES, u, y, step / fs) - y for u, y in pairs])
 
-    best = None
-    for start in ([0.05, 0.3, 0.3], [1.0, 0.5, 1.0], [0.5, 0.1, 2.0]):
-        found = least_squares(residual, start, bounds=(1e-9, 1e4), x_scale=[1.0, 1.0, 1.0], max_nfev=60)
-        if best is None or found.cost < best.cost:
-            best = found
-    return PublishedCoupling(*(float(v) for v in best.x * SCALES))
+    best, signed = None, 1.0
+    for sign in (1.0, -1.0):
+        for start in STARTS:
+            found = least_squares(residual, start, bounds=(1e-9, 1e4), args=(sign,), max_nfev=60)
+            if best is None or found.cost < best.cost:
+                best, signed = found, sign
+    return PublishedCoupling(*(float(v) for v in signed * best.x * SCALES))
 
 
 def published_mismatch(coupling: PublishedCoupling, torque: np.ndarray, seen: np.ndarray, fs: float) -> np.ndarray:
@@ -159,9 +162,9 @@ def published_mismatch(coupling: PublishedCoupling, torque: np.ndarray, seen: np
         [rad]; NaN where the coefficients have no stable response.
     """
     values = np.array([coupling.inertia, coupling.damping, coupling.stiffness])
-    if np.any(values < 0.0):
+    if np.any(values < 0.0) and np.any(values > 0.0):
         return np.full(len(torque), np.nan)
-    return _respond(np.maximum(values, 1e-9 * SCALES), torque, seen, 1.0 / fs)
+    return _respond(values, torque, seen, 1.0 / fs)
 
 
 def _respond(values: np.ndarray, torque: np.ndarray, seen: np.ndarray, dt: float) -> np.ndarray:
