@@ -236,3 +236,10 @@ def test_the_wearer_counteracts_and_carries_what_both_weigh():
     found = human_torque(q, orthosis, body, lowpass=6.0, fs=500.0)
     expected = 0.4 * a + 0.7 * v + 13.0 * np.sin(q) - orthosis
     assert found[300:-300] == pytest.approx(expected[300:-300], abs=0.02)
+
+
+def test_bodies_that_hang_at_angles_of_their_own():
+    shank, orthosis = MovedBody(8.0, zero=0.1), MovedBody(4.0, zero=-0.2, offset=0.5)
+    q = np.full(100, 0.7)
+    found = human_torque(q, np.full(100, 2.5), shank + orthosis, lowpass=6.0, fs=500.0)
+    assert found == pytest.approx(8.0 * np.sin(0.6) + 4.0 * np.sin(0.9) - 2.0, abs=1e-9)

@@ -2,9 +2,10 @@
 
 With limb and orthosis moving as one, the strap's torque cancels between them:
 
-    tau_k = (I_e + I_k) q'' + (b_e + b_k) q' + (G_e + G_k) sin q - tau_e
+    tau_k = (I_e + I_k) q'' + (b_e + b_k) q' + G_e sin(q - z_e) + G_k sin(q - z_k) - tau_e
 
-The wearer counteracts: holding still at q = 0, tau_k = -tau_e.
+with z the angles at which they hang. Dry friction is left out: in a hold it is anything up to its level. The wearer
+counteracts: holding still at q = 0, tau_k = -tau_e.
 """
 
 from __future__ import annotations
@@ -23,19 +24,33 @@ class MovedBody:
     Parameters
     ----------
     gravity : float
-        Torque at 90 deg [N m].
+        Torque at 90 deg from where it hangs [N m].
     inertia : float
         [kg m²]
     viscous : float
         [N m s/rad]
+    zero : float
+        Angle at which it hangs [rad].
+    offset : float
+        What the spring shows without load [N m].
     """
 
     gravity: float
     inertia: float = 0.0
     viscous: float = 0.0
+    zero: float = 0.0
+    offset: float = 0.0
 
     def __add__(self, other: MovedBody) -> MovedBody:
-        return MovedBody(self.gravity + other.gravity, self.inertia + other.inertia, self.viscous + other.viscous)
+        # Two sines of one angle are one.
+        pull = self.gravity * np.exp(1j * self.zero) + other.gravity * np.exp(1j * other.zero)
+        return MovedBody(
+            float(np.abs(pull)),
+            self.inertia + other.inertia,
+            self.viscous + other.viscous,
+            float(np.angle(pull)),
+            self.offset + other.offset,
+        )
 
 
 def human_torque(
@@ -62,4 +77,10 @@ def human_torque(
     q = zero_phase_lowpass(np.asarray(position, float), lowpass, 4, fs)
     v = central_difference(q, fs)
     own = zero_phase_lowpass(np.asarray(orthosis_torque, float), lowpass, 4, fs)
-    return body.inertia * central_difference(v, fs) + body.viscous * v + body.gravity * np.sin(q) - own
+    return (
+        body.inertia * central_difference(v, fs)
+        + body.viscous * v
+        + body.gravity * np.sin(q - body.zero)
+        - own
+        + body.offset
+    )

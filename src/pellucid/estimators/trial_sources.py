@@ -137,7 +137,7 @@ def moved_body(study: Study, participant: str | None) -> MovedBody:
     ----------
     study : Study
     participant : str or None
-        Whose limb: its card's setting ``participant`` says so, or the end of its name.
+        Whose limb, as its card's setting ``participant`` says.
 
     Returns
     -------
@@ -149,15 +149,9 @@ def moved_body(study: Study, participant: str | None) -> MovedBody:
         If there is no card of an orthosis or of this limb.
     """
     paths = sorted(study.models_dir.glob("*.json")) if study.models_dir.is_dir() else []
-    cards = {path.stem: path for path in paths if path.stem.startswith(("orthosis", "limb"))}
-    read = {name: read_parameter_card(path) for name, path in cards.items()}
+    read = {path.stem: read_parameter_card(path) for path in paths if path.stem.split(".")[-1] in ("orthosis", "limb")}
     orthosis = [c for c in read.values() if c.kind == "orthosis"]
-    limbs = [
-        c
-        for name, c in read.items()
-        if c.kind == "limb"
-        and (participant is None or c.settings.get("participant") == participant or name.endswith(f"_{participant}"))
-    ]
+    limbs = [c for c in read.values() if c.kind == "limb" and participant in (None, c.settings.get("participant"))]
     if not orthosis or not limbs:
         lacking = "an orthosis" if not orthosis else f"the limb of {participant}"
         raise IdentificationError(
@@ -169,7 +163,13 @@ def moved_body(study: Study, participant: str | None) -> MovedBody:
 
 def _body(card: ParameterCard) -> MovedBody:
     values = card.values
-    return MovedBody(values["gravity"], values.get("inertia", 0.0), values.get("viscous", 0.0))
+    return MovedBody(
+        values["gravity"],
+        values.get("inertia", 0.0),
+        values.get("damping", 0.0),
+        float(card.settings.get("zero", 0.0)),
+        float(card.settings.get("torque_offset", 0.0)),
+    )
 
 
 def _stream(recording: Recording, name: str) -> Recording:

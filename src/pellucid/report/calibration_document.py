@@ -31,7 +31,7 @@ def page(study: Study, findings: CalibrationFindings) -> Page:
     return Page(
         title=f"{findings.study}: torque from EMG",
         kicker="Pellucid report",
-        headline=findings.headline,
+        headline=prose(findings.headline),
         tiles=_tiles(findings),
         sections=(_found(findings), _traces(findings), _choices(findings), _method(study)),
         footer=f"Written by pellucid {version('pellucid')}. Every figure is beside this page as SVG and PDF, every "
@@ -113,4 +113,10 @@ def _method(study: Study) -> Section:
 
 def _table(table: FigureTable) -> Table:
     rows = tuple(Row(tuple(cell_text(cell) for cell in row)) for row in table.rows)
-    return Table(table.heads, rows, numeric=frozenset(range(1, len(table.heads))), caption=table.title, wide=True)
+    return Table(
+        tuple(map(prose, table.heads)),
+        rows,
+        numeric=frozenset(range(1, len(table.heads))),
+        caption=table.title,
+        wide=True,
+    )
