@@ -17,7 +17,7 @@ from ..recordings.study import Study
 from ..signals.input_output import InputOutput, input_output
 from .findings import FigureTable, Findings, ParameterTable
 from .fit import Verdict
-from .transfer_function_fit import Response, TransferFit, fit_transfer_function, judged
+from .transfer_function_fit import SAMPLES_EACH, Response, TransferFit, fit_transfer_function, judged
 
 Progress = Callable[[str, float], None]
 
@@ -182,6 +182,12 @@ def faults(study: Study) -> list[Fault]:
         where = f"{file} (recording {recording.name})"
         for note in record.notes:
             found.append(Fault("note", "gap", file, "time", note, "a sample at every step", f"{where}: {note}"))
+        least = SAMPLES_EACH * (2 * asked.poles + asked.zeros + 1)
+        if len(record) < least:
+            text, wanted = f"{len(record)} samples", f"at least {least}"
+            message = f"{where}, channel {asked.output}: found {text}, expected {wanted}"
+            found.append(Fault("refuse", "too_few_samples", file, asked.output, text, wanted, message))
+            continue
         for channel, values in ((asked.input, record.input), (asked.output, record.output)):
             if np.ptp(values) == 0.0:
                 text = f"one value, {values[0]:.6g}, in all {len(values)} samples"
@@ -261,28 +267,28 @@ def _verdicts(
         if worst < POOR:
             yield Verdict(
                 "warning",
-                f"{name}: the transfer function fits by {worst:.1f} % only. What the recording shows is not linear, "
-                "has more poles, or is not made by this input alone.",
+                f"Recording {name}: the transfer function fits by {worst:.1f} % only. What the recording shows is not "
+                "linear, has more poles, or is not made by this input alone.",
             )
         weak = [p.name for p in made.parameters if not p.identifiable]
         if weak:
-            yield Verdict("warning", f"{name}: the interval of {', '.join(weak)} holds zero.")
+            yield Verdict("warning", f"Recording {name}: the interval of {', '.join(weak)} holds zero.")
         out = heldout.get(name)
         if out is not None and out.fit < made.responses[0].fit - APART:
             yield Verdict(
                 "warning",
-                f"{name}: coefficients from its first part fit the last by {out.fit:.1f} %, against "
+                f"Recording {name}: coefficients from its first part fit the last by {out.fit:.1f} %, against "
                 f"{made.responses[0].fit:.1f} % over all of it: the system changes, or what excites it does.",
             )
         for note in made.notes:
-            yield Verdict("note", f"{name}: {note}.")
+            yield Verdict("note", f"Recording {name}: {note}.")
     for name, found in notes.items():
         for note in found:
-            yield Verdict("note", f"{name}: {note}.")
+            yield Verdict("note", f"Recording {name}: {note}.")
     for name, reason in refused.items():
-        yield Verdict("warning", f"{name}: refused. {reason}.")
+        yield Verdict("warning", f"Recording {name}: refused. {reason}.")
     for name, reason in unjudged.items():
-        yield Verdict("note", f"{name}: not judged held out. {reason}.")
+        yield Verdict("note", f"Recording {name}: not judged held out. {reason}.")
 
 
 # --- what is written ------------------------------------------------------------------------------------------------
