@@ -20,7 +20,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.linalg import expm
 
 from .._errors import IdentificationError
 from .linear_recursion import march
@@ -30,6 +29,9 @@ HOLDS = ("zero", "first")
 
 STEP_RESOLUTION = 1e-9
 """Time steps that differ by less than this share of the median step are one step: a clock's last bits are no jitter."""
+
+TERMS = 14
+"""Terms of a matrix exponential's series."""
 
 
 @dataclass(frozen=True)
@@ -339,7 +341,7 @@ class _Chain:
         distinct, index = np.unique(steps, return_inverse=True)
         scaled = system * (rate * distinct)[:, None, None]
         scaled[:, d, d + 1] = 1.0  # the input's slope, over one step
-        made = expm(scaled)
+        made = _exponentials(scaled)
         self.transition, self.held, self.ramp = (
             made[:, :d, :d][index],
             made[:, :d, d][index],
@@ -389,3 +391,17 @@ class _Chain:
         once = np.concatenate([top[:, None], x], axis=1) * down[:, None] * units
         down = self.rate ** -np.arange(1.0, 2 * n + 1)
         return once, np.stack(squares, axis=1) * down[:, None] * units
+
+
+def _exponentials(matrices: np.ndarray) -> np.ndarray:
+    """Exponential of every matrix, shape (k, d, d), all at once: a record may have as many steps as samples."""
+    largest = float(np.abs(matrices).sum(axis=2).max())
+    halvings = max(0, int(np.ceil(np.log2(2.0 * largest))))
+    scaled = matrices / 2.0**halvings
+    # Of norm a half at most, fourteen terms leave less than the last bit.
+    made = np.eye(matrices.shape[1]) + scaled / TERMS
+    for k in range(TERMS - 1, 0, -1):
+        made = np.eye(matrices.shape[1]) + scaled @ made / k
+    for _ in range(halvings):
+        made = made @ made
+    return made
