@@ -1,0 +1,159 @@
+"""The report of an orthosis and its wearers: what was found, stage by stage, and which side of a strap to trust."""
+
+from __future__ import annotations
+
+from importlib.metadata import version
+
+import numpy as np
+
+from ..identification.coupling_findings import CouplingFindings
+from ..identification.findings import FigureTable, ParameterTable
+from ..recordings.study import Study
+from . import coupling_figures as figures
+from .drawing import draw
+from .page import Page, Section, Tile
+from .quantities import cell_text, number, parameter_interval, parameter_note, prose, unit_text
+from .tables import Row, Table
+
+
+def page(study: Study, findings: CouplingFindings) -> Page:
+    """Everything that was found, as a page.
+
+    Parameters
+    ----------
+    study : Study
+    findings : CouplingFindings
+
+    Returns
+    -------
+    Page
+    """
+    return Page(
+        title=f"{findings.study}: wearers and their orthosis",
+        kicker="Pellucid report",
+        headline=findings.headline.replace("*", "·"),
+        tiles=_tiles(findings),
+        sections=(
+            _found(findings),
+            _orthosis(findings),
+            *([_limbs(findings)] if any(w.limb is not None for w in findings.wearers.values()) else []),
+            _straps(findings),
+            _provenance(study, findings),
+        ),
+        footer=f"Written by pellucid {version('pellucid')}. Every figure is beside this page as SVG and PDF, every "
+        "number in results.json.",
+    )
+
+
+def _tiles(findings: CouplingFindings) -> tuple[Tile, ...]:
+    gravity = findings.orthosis.gravity.gravity
+    tiles = [Tile("Orthosis, gravity", number(gravity.value, gravity.standard_error), "N·m", "held out horizontally")]
+    for who, stages in findings.wearers.items():
+        strap, reached = stages.coupling.orthosis_side.stiffness, stages.coupling.mean_fit()
+        more = f"explains {reached:.1f} % of held-out mismatch" if np.isfinite(reached) else "nothing is held out"
+        tiles.append(Tile(f"Strap, {who}", number(strap.value, strap.standard_error), unit_text(strap.unit), more))
+    return tuple(tiles)
+
+
+def _found(findings: CouplingFindings) -> Section:
+    judged = tuple(_figures(t) for t in findings.tables if isinstance(t, FigureTable))
+    return Section(
+        "coupling_found",
+        "What was found",
+        tuple(prose(v.text) for v in findings.verdicts if v.kind != "note"),
+        judged,
+        notes=tuple(prose(v.text) for v in findings.verdicts if v.kind == "note"),
+    )
+
+
+def _orthosis(findings: CouplingFindings) -> Section:
+    fit = findings.orthosis
+    drawings = [draw(figures.gravity_figure, fit.gravity)]
+    if fit.checks:
+        name = next(iter(fit.checks))
+        drawings.append(draw(figures.response_figure, fit.checks[name], fit.linear_checks[name]))
+    return Section(
+        "coupling_orthosis",
+        "The orthosis alone",
+        (
+            "Gravity comes from angles at which the orthosis was held, inertia and friction from sines that led it. "
+            "The published form has no gravity of its own: a spring has to stand for it, and fits one amplitude only.",
+        ),
+        _tables(findings, "Orthosis"),
+        tuple(drawings),
+    )
+
+
+def _limbs(findings: CouplingFindings) -> Section:
+    known = {who: stages for who, stages in findings.wearers.items() if stages.limb is not None}
+    rows = []
+    for who, stages in known.items():
+        shares = {name: number(s.gravity(), digits=4) for name, s in stages.limb.segments.items()}
+        found = number(stages.limb.gravity.value, stages.limb.gravity.standard_error)
+        rows.append(Row((who, found, *(shares.get(name, "–") for name in ("winter", "published", "de_leva")))))
+    heads = ("Participant", "Found", "Winter, knee to ankle", "Winter, knee to heel", "de Leva")
+    table = Table(heads, tuple(rows), frozenset(range(1, 5)), "Gravity of shank and foot (N·m): found, and by shares.")
+    drawing = draw(figures.limbs_figure, findings.orthosis.gravity, known)
+    return Section("coupling_limbs", "The limbs", tables=(table, *_tables(findings, ": limb")), drawings=(drawing,))
+
+
+def _straps(findings: CouplingFindings) -> Section:
+    drawings = [draw(figures.straps_figure, findings.wearers, findings.confidence)]
+    for who, stages in findings.wearers.items():
+        drawings.append(draw(figures.mismatch_figure, who, figures.drawn_swing(stages.coupling.judged)))
+    return Section(
+        "coupling_straps",
+        "The straps",
+        (
+            "A strap's torque comes from the balance of one body; the mismatch answers it through stiffness and "
+            "damping. In the sum of both balances, as published, that torque cancels.",
+        ),
+        _tables(findings, ": strap"),
+        tuple(drawings),
+    )
+
+
+def _tables(findings: CouplingFindings, part: str) -> tuple[Table, ...]:
+    return tuple(
+        _parameters(t, findings.confidence)
+        for t in findings.tables
+        if isinstance(t, ParameterTable) and part in t.title
+    )
+
+
+def _parameters(table: ParameterTable, level: float) -> Table:
+    rows = tuple(
+        Row(
+            (
+                p.name.replace("_", " "),
+                number(p.value, p.standard_error),
+                unit_text(p.unit) or "–",
+                parameter_interval(p, level),
+                parameter_note(p, level),
+            )
+        )
+        for p in table.parameters
+    )
+    heads = ("Parameter", "Value", "Unit", f"{100 * level:g} % interval", "Notes")
+    return Table(heads, rows, frozenset({1, 3}), f"{table.title}.")
+
+
+def _figures(table: FigureTable) -> Table:
+    rows = tuple(Row(tuple(cell_text(cell) for cell in row)) for row in table.rows)
+    words = max((i for i, cell in enumerate(table.rows[0]) if isinstance(cell, str)), default=0) if table.rows else 0
+    return Table(table.heads, rows, frozenset(range(words + 1, len(table.heads))), f"{table.title}.", True)
+
+
+def _provenance(study: Study, findings: CouplingFindings) -> Section:
+    asked = study.config.coupling
+    axes = 9 if asked.magnetometer else 6
+    return Section(
+        "coupling_provenance",
+        "How",
+        (
+            f"Limb angle by {asked.orientation} with {axes} axes; torque and angle low-passed alike at 15 Hz, "
+            "zero-phase; the IMU's clock, mounting and gain estimated with the strap. "
+            f"{len(findings.checksums)} recordings; their checksums are on the cards.",
+        ),
+        notes=study.notes,
+    )
