@@ -45,6 +45,13 @@ int main() {
   geared.loop.period = 1e-3;
   const auto m = p::coefficients(geared);
   auto ms = p::balanced(m, 0.1, 0.0);
+  p::CoupledPlantParams<double> worn;
+  worn.motor_inertia = worn.orthosis.inertia = worn.limb.inertia = 0.1;
+  worn.spring_stiffness = worn.loop.stiffness = 170;
+  worn.strap = {20, 0.5, 0.01, 1, 0.1};
+  worn.loop.period = 2e-3;
+  const auto w = p::coefficients(worn);
+  auto ws = p::balanced(w, 0.1, 0.0);
   const auto gate = p::coefficients(p::SafetyParams<double>{10, 500, 20, -1, 1.5, 0.2, 0.01, 3, 1e-3});
   p::BiquadCoefficients<double> filter;
   filter.count = 2;
@@ -59,6 +66,7 @@ int main() {
     const double q = p::step<p::Friction::stiction>(c, cs, p::PlantInput<double>{r, 0, 0, 0}).measured_position;
     p::step<p::Friction::smooth>(f, fs, p::PlantInput<float>{static_cast<float>(r), 0, 0, 0});
     p::step(m, ms, p::PlantInput<double>{r, 0, 0, 0});
+    p::step(w, ws, p::CoupledPlantInput<double>{r, 1, 0});
     if (k % 100 == 0) {
       p::step<p::Friction::smooth>(d, ds, {p::Dual<double, 8>(r), {}, {}, {}});
       p::step<p::Friction::smooth>(
