@@ -236,14 +236,22 @@ def _tables(
     refused: Mapping[str, str],
 ) -> tuple[ParameterTable | FigureTable, ...]:
     shown = next(iter(fits.values()))
-    each = (*shown.parameters, *shown.physical)
-    heads = ("Recording", "Fit [%]", "Held out [%]", *(f"{p.name} [{p.unit}]" for p in each))
-    rows = []
-    for r in recordings:
-        made, out = fits.get(r.name), heldout.get(r.name)
-        values = [p.value for p in (*made.parameters, *made.physical)] if made else [None] * len(each)
-        rows.append((r.name, made.responses[0].fit if made else None, out.fit if out else None, *values))
-    tables: list[ParameterTable | FigureTable] = [FigureTable("Transfer functions", heads, tuple(rows))]
+    judged_rows = tuple(
+        (
+            r.name,
+            fits[r.name].responses[0].fit if r.name in fits else None,
+            heldout[r.name].fit if r.name in heldout else None,
+        )
+        for r in recordings
+    )
+    tables: list[ParameterTable | FigureTable] = [
+        FigureTable("Fit of the simulated output", ("Recording", "Fit [%]", "Held out [%]"), judged_rows)
+    ]
+    for title, each in (("Coefficients", shown.parameters), ("Inertia, damping, stiffness", shown.physical)):
+        if each:
+            heads = ("Recording", *(f"{p.name} [{p.unit}]" for p in each))
+            rows = tuple((name, *(f[p.name].value for p in each)) for name, f in fits.items())
+            tables.append(FigureTable(title, heads, rows))
     if len(fits) <= FEW:
         tables += [ParameterTable(name, (*f.parameters, *f.physical)) for name, f in fits.items()]
     if refused:
