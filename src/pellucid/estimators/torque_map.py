@@ -25,6 +25,9 @@ GAP = max(LAGS) + 0.1
 MOST_SAMPLES = 4000
 """Samples fitted, evenly thinned: neighbours at a high rate say the same."""
 
+MOST_TRIED = 1500
+"""Samples fitted while features and settings are chosen, which is done dozens of times."""
+
 
 @dataclass(frozen=True)
 class Choice:
@@ -194,8 +197,9 @@ class _Stack:
         lengths = [len(trial) for trial in trials]
         self.member = np.repeat(np.arange(len(trials)), lengths)
         self.neighbours = len(trials[0].angles) > 1
-        step = max(1, -(-len(self.torque) // MOST_SAMPLES))
-        self.thinned = np.arange(0, len(self.torque), step)
+        self.thinned, self.tried = (
+            np.arange(0, len(self.torque), max(1, -(-len(self.torque) // most))) for most in (MOST_SAMPLES, MOST_TRIED)
+        )
         self._made: dict[FeatureSet, Features] = {}
 
     @property
@@ -243,7 +247,7 @@ def _judge(family: Family, stack: _Stack, chosen: FeatureSet, settings: Mapping[
     seen = stack.features(chosen)
     predicted = np.full(len(stack.torque), np.nan)
     for fitted, judged in stack.folds:
-        fitted = np.intersect1d(fitted, stack.thinned, assume_unique=True)
+        fitted = np.intersect1d(fitted, stack.tried, assume_unique=True)
         regressor = family.make(settings, seen).fit(seen.x[fitted], stack.torque[fitted])
         for part in _by_trial(judged, stack.member):
             raw = regressor.predict(seen.x[part])
