@@ -14,6 +14,7 @@ from .._errors import IdentificationError, PellucidError
 from ..recordings.quality import Fault
 from ..recordings.recording import Recording
 from ..recordings.study import Study
+from ..recordings.study_file import Participant, StudyFile
 from ..recordings.study_procedures import Coupling
 from ..signals.emg_chain import EmgChain, emg_chain
 from ..signals.inertial import inertial
@@ -57,15 +58,41 @@ def identify_coupling(study: Study, on_progress: Progress | None = None) -> Coup
     RecordingError
         If a file cannot be read at all.
     IdentificationError
-        If the orthosis cannot be identified, or no participant's strap can.
+        As `identify_worn`.
     """
     tell = on_progress or (lambda text, share: None)
-    asked = study.config.coupling
+    tell("reading recordings", 0.0)
+    recordings = study.recordings()
+    return identify_worn(study.config, recordings, on_progress=lambda text, share: tell(text, 0.3 + 0.7 * share))
+
+
+def identify_worn(
+    config: StudyFile, recordings: Sequence[Recording], *, on_progress: Progress | None = None
+) -> CouplingFindings:
+    """The same from recordings that are at hand already.
+
+    Parameters
+    ----------
+    config : StudyFile
+        study.toml, with ``[coupling]``.
+    recordings : sequence of Recording
+    on_progress : callable, optional
+
+    Returns
+    -------
+    CouplingFindings
+
+    Raises
+    ------
+    IdentificationError
+        If nothing of this kind is asked for, the orthosis cannot be identified, or no participant's strap can.
+    """
+    tell = on_progress or (lambda text, share: None)
+    asked = config.coupling
     if asked is None:
         raise IdentificationError("study.toml: found no [coupling], expected one for a wearer strapped to an orthosis")
-    tell("reading recordings", 0.0)
-    trials = _Trials(study.recordings())
-    tell("the orthosis alone", 0.2)
+    trials = _Trials(recordings)
+    tell("the orthosis alone", 0.0)
     sines = trials.of("sine_tracking")
     orthosis = fit_orthosis(
         [trials.actuator(r) for r in trials.of("gravity_holds")],
@@ -76,9 +103,9 @@ def identify_coupling(study: Study, on_progress: Progress | None = None) -> Coup
     refused: dict[str, str] = {}
     everyone = trials.participants()
     for i, who in enumerate(everyone):
-        tell(f"{who}", 0.3 + 0.6 * i / len(everyone))
+        tell(who, 0.2 + 0.75 * i / len(everyone))
         try:
-            wearers[who] = _wearer(study, trials, who, orthosis, asked)
+            wearers[who] = _wearer(trials, who, orthosis, asked, config.participants.get(who))
         except PellucidError as error:
             refused[who] = str(error)
     if not wearers:
@@ -87,7 +114,7 @@ def identify_coupling(study: Study, on_progress: Progress | None = None) -> Coup
         )
     tell("writing down", 0.95)
     checksums = {r.name: r.checksum for r in trials.recordings}
-    return coupling_findings(study.name, orthosis, wearers, refused, trials.notes, checksums, asked.confidence)
+    return coupling_findings(config.name, orthosis, wearers, refused, trials.notes, checksums, asked.confidence)
 
 
 def faults(study: Study) -> list[Fault]:
@@ -164,7 +191,9 @@ class _Trials:
         return inertial(stream, "imu", magnetometer=asked.magnetometer)
 
 
-def _wearer(study: Study, trials: _Trials, who: str, orthosis: OrthosisFit, asked: Coupling) -> WearerStages:
+def _wearer(
+    trials: _Trials, who: str, orthosis: OrthosisFit, asked: Coupling, participant: Participant | None
+) -> WearerStages:
     """All stages of one participant."""
     chosen = {"method": asked.orientation, "axes": 9 if asked.magnetometer else 6}
     notes: list[str] = []
@@ -175,7 +204,6 @@ def _wearer(study: Study, trials: _Trials, who: str, orthosis: OrthosisFit, aske
     working = _not_relaxed(trials, who, asked)
     try:
         relaxed = [trials.actuator(r) for r in trials.of("relaxed_holds", who)]
-        participant = study.config.participants.get(who)
         limb = fit_limb(relaxed, orthosis.gravity, participant, at_work=working)
         muscles = _muscles(trials, who, asked, orthosis.gravity.gravity.value + limb.gravity.value)
     except PellucidError as error:

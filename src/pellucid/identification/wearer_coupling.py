@@ -341,6 +341,7 @@ def _published_verdict(found: WearerCoupling) -> Verdict:
     literal = found.published["two_poles"]
     split = "heldout" if np.isfinite(found.mean_fit()) else "fitted"
     stopped = f", {' and '.join(literal.at_bound)} at a bound of zero" if literal.at_bound else ""
+    stopped += ", a strap that pushes where it is pulled" if literal.stiffness < 0.0 else ""
     return Verdict(
         "note",
         f"{found.participant}: the thesis's form, in which the strap's torque cancels, gives {literal.stiffness:.3g} "

@@ -1,0 +1,156 @@
+"""A worn orthosis, stage by stage, on the virtual rig: what is found, what is told, and recordings that are wrong."""
+
+import numpy as np
+import pytest
+
+from pellucid._errors import IdentificationError
+from pellucid.identification.identify_coupling import faults, identify_coupling, identify_worn
+from pellucid.identification.transfer_function_fit import fit_percent
+from pellucid.lab.knee_protocol import Faults, bench_trials, imu_trial, mvc_trial, relaxed_trial, swing_trial
+from pellucid.lab.knee_protocol import torque_trial as torque
+from pellucid.lab.knee_rig import knee_orthosis
+from pellucid.lab.knee_study import record_in_memory, write_knee_study
+
+RIG = knee_orthosis()
+S1 = RIG.subjects["S1"]
+BENCH = [t for t in bench_trials(RIG) if t[0].name in ("gravity", "response_03", "response_10", "response_check_07")]
+
+
+def swings(first=None, seconds=24.0, **named):
+    made = [swing_trial(RIG, f"S1_swing_{i}", S1, duration=seconds, use=use) for i, use in ((1, "fit"), (2, "fit"))]
+    made.append(swing_trial(RIG, "S1_swing_3", S1, duration=seconds, use="validate"))
+    if first is not None:
+        made[0] = swing_trial(RIG, "S1_swing_1", S1, duration=seconds, faults=first)
+    return made
+
+
+WORN = [
+    imu_trial(RIG, "S1_imu"),
+    relaxed_trial(RIG, "S1_relaxed_1", S1),
+    relaxed_trial(RIG, "S1_relaxed_2", S1),
+    mvc_trial(RIG, "S1_mvc", S1),
+    torque(RIG, "S1_torque_30_1", S1, float(np.radians(30.0))),
+    torque(RIG, "S1_torque_60_1", S1, float(np.radians(60.0))),
+]
+
+
+@pytest.fixture(scope="module")
+def whole():
+    return record_in_memory(RIG, [*BENCH, *WORN, *swings()], seed=5)
+
+
+@pytest.fixture(scope="module")
+def found(whole):
+    return identify_worn(*whole[:2])
+
+
+def with_other(whole, made, seed=5):
+    """The same recordings, some of them replaced."""
+    config, recordings, _ = whole
+    _, others, _ = record_in_memory(RIG, made, seed=seed)
+    by_name = {r.name: r for r in others}
+    return config, [by_name.get(r.name, r) for r in recordings]
+
+
+def told(findings):
+    return "\n".join(v.text for v in findings.verdicts if v.kind == "warning")
+
+
+def test_orthosis_and_limb_are_found(found):
+    gravity = float(np.hypot(*RIG.orthosis_gravity))
+    assert found.orthosis.gravity.gravity.value == pytest.approx(gravity, rel=0.01)
+    assert found.orthosis.pendulum["inertia"].value == pytest.approx(RIG["orthosis"]["inertia"], rel=0.05)
+    assert found.orthosis.mean_fit() > 95.0
+    limb = found.wearers["S1"].limb
+    assert limb.gravity.value == pytest.approx(S1.gravity, rel=0.01)
+    assert limb.zero.value == pytest.approx(S1.limb["ahead"], abs=0.01)
+    assert limb.inertia.value == pytest.approx(S1.inertia, abs=2.0 * limb.inertia.standard_error)
+
+
+def test_the_strap_is_found_and_judged_against_the_true_mismatch(whole, found):
+    coupling = found.wearers["S1"].coupling
+    fit = coupling.orthosis_side
+    for parameter, true in (
+        (fit.stiffness, S1.strap["stiffness"]),
+        (fit.damping, S1.strap["damping"]),
+        (fit.inertia, 0),
+    ):
+        low, high = parameter.interval()
+        assert low <= true <= high
+    held = next(j for j in coupling.judged if j.split == "heldout")
+    truth = next(t for t in whole[2] if t.trial.name == held.recording).truth
+    assert fit_percent(truth.mismatch, held.predicted) > 95.0
+    assert coupling.mean_fit() > 85.0
+    assert coupling.mean_fit() > coupling.mean_fit("published") + 30.0
+    assert coupling.mean_fit() > coupling.mean_fit("limb") + 30.0
+
+
+def test_every_figure_has_an_id_and_cards_what_a_controller_needs(found):
+    ids = [row.id for row in found.rows]
+    assert len(ids) == len(set(ids))
+    for what in ("orthosis.gravity", "orthosis.fit", "S1.limb.gravity", "S1.coupling.k", "S1.coupling.fit"):
+        assert f"knee-orthosis.{what}" in ids
+    assert set(found.cards) == {"orthosis", "S1.coupling", "S1.limb"}
+    assert set(found.cards["S1.coupling"].values) == {"strap_stiffness", "strap_damping"}
+    assert set(found.cards["S1.limb"].values) == {"limb_inertia", "limb_gravity", "limb_viscous"}
+    for card in found.cards.values():
+        assert np.shape(card.covariance) == (len(card.parameters), len(card.parameters))
+    assert told(found) == ""
+
+
+def test_a_leg_that_helps_is_not_relaxed_and_not_used(whole):
+    config, recordings = with_other(whole, [relaxed_trial(RIG, "S1_relaxed_2", S1, helps=True)])
+    findings = identify_worn(config, recordings)
+    assert set(findings.wearers["S1"].at_work) == {"S1_relaxed_2"}
+    assert "S1_relaxed_2 was not relaxed and is not used" in told(findings)
+    assert len(findings.wearers["S1"].limb.trials) == 1
+    assert findings.wearers["S1"].limb.gravity.value == pytest.approx(S1.gravity, rel=0.015)
+
+
+def test_an_imu_that_falls_silent_takes_its_swing_with_it(whole):
+    config, recordings = with_other(whole, swings(Faults(imu_dropout=(8.0, 2.5)))[:1])
+    findings = identify_worn(config, recordings)
+    assert "S1_swing_1 is not used" in told(findings)
+    assert "expected dropouts shorter than 2 s" in told(findings)
+    assert findings.wearers["S1"].coupling.orthosis_side.stiffness.value == pytest.approx(14.0, rel=0.1)
+
+
+def test_a_strap_that_slips_in_mid_trial_is_told_and_its_trial_not_fitted(whole):
+    config, recordings = with_other(whole, swings(Faults(slip=(12.0, 0.10)))[:1])
+    findings = identify_worn(config, recordings)
+    slips = findings.wearers["S1"].coupling.slips
+    assert [s.recording for s in slips] == ["S1_swing_1"]
+    assert slips[0].time == pytest.approx(12.0, abs=0.5)
+    assert slips[0].step == pytest.approx(0.10, rel=0.3)
+    assert "the strap slipped" in told(findings)
+
+
+def test_an_encoder_that_rolls_over_is_undone_and_told(whole):
+    config, recordings = with_other(whole, swings(Faults(encoder_turn=2.4))[:1])
+    rolled = next(r for r in recordings if r.name == "S1_swing_1")
+    assert np.abs(np.diff(rolled["position"])).max() > 6.0
+    findings = identify_worn(config, recordings)
+    assert any("position wraps by a whole turn" in v.text for v in findings.verdicts)
+
+
+def test_nothing_to_identify_is_refused(whole):
+    config, recordings, _ = whole
+    with pytest.raises(IdentificationError, match="no participant's strap can be identified"):
+        identify_worn(config, [r for r in recordings if r.protocol != "free_swing"])
+    with pytest.raises(IdentificationError, match="found 0 recordings of holds"):
+        identify_worn(config, [r for r in recordings if r.protocol != "gravity_holds"])
+    with pytest.raises(IdentificationError, match=r"found no \[coupling\]"):
+        identify_worn(config.model_copy(update={"coupling": None}), recordings)
+
+
+def test_from_files_the_same_comes_out_and_check_tells_what_is_wrong(tmp_path, found):
+    made = [*BENCH, *WORN, *swings()]
+    study = write_knee_study(tmp_path / "knee", RIG, name="knee-orthosis", seed=5, made=made)
+    assert faults(study) == []
+    again = identify_coupling(study)
+    a, b = (f.wearers["S1"].coupling.orthosis_side for f in (again, found))
+    assert a.stiffness.value == pytest.approx(b.stiffness.value, rel=1e-3)
+    made[5:7] = [relaxed_trial(RIG, "S1_relaxed_1", S1, helps=True), made[6]]
+    made[-3] = swings(Faults(imu_dropout=(8.0, 2.5)))[0]
+    bad = write_knee_study(tmp_path / "bad", RIG, name="knee-orthosis", seed=5, made=made)
+    assert {(f.severity, f.kind) for f in faults(bad)} >= {("refuse", "not_relaxed"), ("refuse", "gap")}
