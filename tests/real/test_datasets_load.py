@@ -5,6 +5,7 @@ import pytest
 
 from pellucid import datasets
 from pellucid.recordings import inspect
+from pellucid.signals.emg_quality import inspect_emg
 
 
 @pytest.fixture(scope="module")
@@ -16,9 +17,12 @@ def studies(data_folder, tmp_path_factory):
 @pytest.mark.parametrize("name", datasets.names())
 def test_nothing_is_refused(studies, name):
     study = studies[name]
-    refused = [f.message for r in study.recordings() for f in inspect(r, study) if f.severity == "refuse"]
-    assert refused == []
-    assert study.notes == ()
+    joint = study.config.procedure is None and study.rig.drive is not None
+    faults = [f for r in study.recordings() for f in (inspect(r, study) if joint else [])]
+    for recording in study.recordings():
+        faults += [f for each in (recording, *recording.streams.values()) for f in inspect_emg(each)]
+    assert [f.message for f in faults if f.severity == "refuse"] == []
+    assert datasets.notes(name) == ()
 
 
 def test_emps(studies):
@@ -101,3 +105,43 @@ def test_bam_payload_is_in_the_gravity_of_a_quick_regression(studies):
         torques.append(torque[slow])
     sine, torque = np.concatenate(rows), np.concatenate(torques)
     assert 0.4 < sine @ torque / (sine @ sine) < 0.7
+
+
+def test_leg_extension(studies):
+    study = studies["uci_lower_limb"]
+    sitting = study.recordings("fit")
+    assert [r.name for r in sitting] == [f"{k}N" for k in (1, 3, 4, 5, 6, 7, 8)]
+    for recording in study.recordings():
+        assert recording.fs == pytest.approx(1000.0)
+        assert recording.participant == recording.name.removesuffix("_standing")
+        for name, channel in recording.channels.items():
+            assert np.isfinite(channel.samples).all(), (recording.name, name)
+        # Millivolts, and one sign of the angle whatever the file's.
+        assert 0.02e-3 < np.abs(recording["emg.rectus_femoris"]).max() < 5e-3
+        angle = np.degrees(recording["angle.knee"])
+        if recording.protocol == "leg_extension":
+            assert 50.0 < angle[0] < 85.0
+            assert angle.min() < 25.0
+        else:
+            assert angle[0] < 25.0
+            assert angle.max() > 100.0
+    assert len({recording.checksum for recording in study.recordings()}) == 10
+
+
+def test_muscles_lengths_and_moment_arms(studies):
+    """A moment arm is how much a muscle shortens for each radian; length, its rate and the arm agree."""
+    for recording in studies["nmsm_knee_emg"].recordings():
+        length, rate, arm = (recording.streams[name] for name in ("lengths", "lengthening", "moment_arms"))
+        assert len(recording) == len(length) == len(arm) == 101
+        emg = recording.streams["emg"]
+        assert emg.time[0] < recording.time[0] - 0.2
+        assert emg.time[-1] > recording.time[-1] + 0.2
+        for muscle in ("vastus_lateralis", "vastus_medialis", "vastus_intermedius", "biceps_femoris_short"):
+            found = np.gradient(length[f"length.{muscle}"], length.time)
+            assert np.corrcoef(found, rate[f"lengthening.{muscle}"])[0, 1] > 0.99
+            # These cross the knee alone.
+            turned = -arm[f"moment_arm.knee.{muscle}"] * np.gradient(recording["angle.knee"], recording.time)
+            assert np.corrcoef(found, turned)[0, 1] > 0.97
+        # Flexion is positive: the quadriceps' arm is below 0, the hamstrings' above.
+        assert arm["moment_arm.knee.vastus_lateralis"].max() < -0.02
+        assert arm["moment_arm.knee.semimembranosus"].min() > 0.01

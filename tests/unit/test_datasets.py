@@ -7,6 +7,7 @@ import http.server
 import re
 import threading
 import tomllib
+from dataclasses import replace
 
 import pytest
 
@@ -97,9 +98,10 @@ def test_every_template_is_a_study_of_the_registered_files():
         assert study.citation
         files = {file for entry in study.recordings for file in (entry.file, *entry.streams.values())}
         assert {file.removeprefix("recordings/") for file in files} == set(datasets.info(name).files)
-        asks = study.transfer_function or study.hinge
+        # A fit that leaves trials or repetitions out in turn needs no recording set apart.
+        asks = study.transfer_function or study.hinge or study.emg_torque
         assert asks or {entry.use for entry in study.recordings} == {"fit", "validate"}
-        assert asks or study.emg_torque or study.processing.lowpass is not None
+        assert asks or study.processing.lowpass is not None
 
 
 def test_fetch_keeps_what_it_fetched(toy, tmp_path, server):
@@ -157,6 +159,22 @@ def test_init_makes_a_whole_study(toy, tmp_path):
     assert [len(recording) for recording in study.recordings()] == [50, 20]
     assert study.notes == ()
     assert [p.name for p in study.folder.parent.iterdir()] == ["new"]
+
+
+def test_files_in_subfolders_stay_there(toy, tmp_path, server, monkeypatch):
+    # Two trials whose files have the same name.
+    files = {f"{trial}/one.csv": CSV + b"51,%d,0\n" % i for i, trial in enumerate(("first", "second/again"))}
+    for file, content in files.items():
+        (server[1] / file).parent.mkdir(parents=True)
+        (server[1] / file).write_bytes(content)
+    known = replace(toy, files={file: hashlib.sha256(content).hexdigest() for file, content in files.items()})
+    monkeypatch.setattr(registry, "_registry", lambda: {"toy": known})
+    text = STUDY.replace("one.csv", "first/one.csv", 1).replace("recordings/one.csv", "recordings/second/again/one.csv")
+    (tmp_path / "toy.toml").write_text(text)
+    study = datasets.init(tmp_path / "new", dataset="toy")
+    for file, content in files.items():
+        assert (study.folder / "recordings" / file).read_bytes() == content
+    assert study.notes == ()
 
 
 def test_init_takes_an_empty_folder_and_no_other(toy, tmp_path, monkeypatch):

@@ -57,6 +57,18 @@ def test_columns_without_a_header_have_numbers(tmp_path):
         columns.column(2, "position")
 
 
+def test_columns_named_on_a_line_each(tmp_path):
+    head = "File Name: 1.log\nChannel 1: 'RF', 3 values, engineering units: mV\nChannel 2: 'FX', 1 values\n\n"
+    # The last line ends the file, the one before lacks a slower channel's sample.
+    columns = text(tmp_path, head + 4 * "0.5\t70.1\n" + "0.75\t\n\t\n")
+    assert columns.column("RF", "emg.a").tolist() == [0.5, 0.5, 0.5, 0.5, 0.75]
+    assert columns.column("FX", "angle.b")[:4].tolist() == [70.1, 70.1, 70.1, 70.1]
+    assert np.isnan(columns.column("FX", "angle.b")[4])
+    # Titles name nothing where they do not name every column.
+    columns = text(tmp_path, head.replace("Channel 2", "Second") + 4 * "0.5\t70.1\n")
+    assert columns.column(1, "angle.b").tolist() == [70.1, 70.1, 70.1, 70.1]
+
+
 def test_missing_samples_and_words(tmp_path):
     columns = text(tmp_path, "t,q,on\n0,,true\n1,NaN,false\n2,3,true\n3,NA,false\n")
     assert np.isnan(columns.column("q", "position")).tolist() == [True, True, False, True]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import os
 import shutil
-from pathlib import Path
+from pathlib import Path, PurePosixPath
 from typing import TYPE_CHECKING
 
 from .._errors import DatasetError
@@ -60,15 +60,20 @@ def init(folder: str | os.PathLike, dataset: str, progress: bool = False) -> Stu
         for entry in open_study(building).config.recordings:
             for file in (entry.file, *entry.streams.values()):
                 target = building / file
-                target.parent.mkdir(exist_ok=True)
+                target.parent.mkdir(parents=True, exist_ok=True)
                 if not target.exists():
-                    shutil.copyfile(source / target.name, target)
+                    shutil.copyfile(source / _in_the_data_set(file), target)
         _move(building, folder, last=STUDY_FILE)
     except OSError as error:
         raise DatasetError(f"{folder}: the study could not be made: {error}") from error
     finally:
         shutil.rmtree(building, ignore_errors=True)
     return open_study(folder)
+
+
+def _in_the_data_set(file: str) -> PurePosixPath:
+    # A study keeps a data set's files, subfolders and all, in one folder of its own.
+    return PurePosixPath(*PurePosixPath(file).parts[1:])
 
 
 def _with_notes(text: str, remarks: tuple[str, ...]) -> str:

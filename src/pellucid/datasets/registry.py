@@ -27,7 +27,8 @@ class Dataset:
     folders : tuple of str
         Names its folder may have below ``PELLUCID_DATA``.
     files : Mapping[str, str]
-        File name -> SHA-256, hexadecimal.
+        Path below the origin, with its subfolders -> SHA-256, hexadecimal. A study has each at the same path below its
+        folder of recordings.
     """
 
     name: str

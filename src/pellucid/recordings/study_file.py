@@ -658,7 +658,7 @@ class StudyFile(Table):
 # What the last or last but one part of a dotted name says of its unit.
 _PARTS = {
     "acceleration": "m/s^2", "angular_velocity": "rad/s", "magnetic_field": "T", "orientation": "1", "angle": "rad",
-    "moment": "N*m",
+    "moment": "N*m", "length": "m", "lengthening": "m/s", "moment_arm": "m",
 }  # fmt: skip
 
 

@@ -12,6 +12,7 @@ from ..._errors import RecordingError
 _COMMENT = ("#", "%", "//", "!")
 _MISSING = {"", "nan", "na", "n/a", "null", "none", "-", "--", "missing"}
 _WORDS = {"true": 1.0, "false": 0.0, "inf": np.inf, "-inf": -np.inf}
+_CHANNEL_LINE = re.compile(r"Channel \d+: '([^']+)'")
 _COMMA_NUMBER = re.compile(r"[-+]?\d*,\d+(?:[eE][-+]?\d+)?")
 
 
@@ -21,7 +22,9 @@ def read(path: Path) -> dict[str, np.ndarray | str]:
     A column with text in it is given as a str that says which.
 
     Lines that begin with ``#``, ``%``, ``//`` or ``!`` are comments. An empty field, ``NaN``, ``NA`` or ``null`` is a
-    missing sample (NaN); ``true`` and ``false`` are 1 and 0. A row of units below the header is skipped.
+    missing sample (NaN); ``true`` and ``false`` are 1 and 0. A row of units below the header is skipped. Columns may
+    also be named on a line each, ``Channel 1: 'RF'``, as Biometrics' DataLOG does; titles without a delimiter name no
+    columns.
 
     Raises
     ------
@@ -112,6 +115,11 @@ def _header(above: list[tuple[int, str]], comments: list[str], delimiter: str | 
         fields = _split(line, delimiter)
         if len(fields) == width or (len(fields) == width + 1 and not fields[-1]):
             return fields
+    listed = [match[1] for _, line in above if (match := _CHANNEL_LINE.match(line))]
+    if len(listed) == width:
+        return listed
+    if delimiter is not None and above and all(delimiter not in line for _, line in above):
+        return None
     if above:
         return _split(above[0][1], delimiter)
     for line in reversed(comments):

@@ -1,0 +1,206 @@
+"""CEINMS subjects: XML that says what each muscle is like, which joints it moves, and whose EMG excites it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from xml.etree import ElementTree
+
+import numpy as np
+
+from ..._errors import RecordingError
+
+
+@dataclass(frozen=True)
+class SubjectMuscle:
+    """One muscle of a CEINMS subject.
+
+    Attributes
+    ----------
+    name : str
+    optimal_fibre_length, tendon_slack_length : float
+        [m]
+    pennation : float
+        Of the fibres at their optimal length [rad].
+    largest_force : float
+        Isometric [N], without the strength coefficient.
+    strength : float
+        The factor that calibration put on it [1].
+    shape : float
+        A of the activation [1]; CEINMS has it from -3 to 0, CEINMS-RT without the sign.
+    twitch : tuple of float
+        C1 and C2 of the activation's recursion [1].
+    """
+
+    name: str
+    optimal_fibre_length: float
+    tendon_slack_length: float
+    pennation: float
+    largest_force: float
+    strength: float
+    shape: float
+    twitch: tuple[float, float]
+
+
+@dataclass(frozen=True, eq=False)
+class Subject:
+    """A CEINMS subject.
+
+    Attributes
+    ----------
+    path : Path
+    muscles : Mapping of str to SubjectMuscle
+        In the file's order.
+    joints : Mapping of str to tuple of str
+        Muscles that move each degree of freedom.
+    excitations : Mapping of str to tuple of str
+        Muscles that each EMG channel excites; empty where the file does not say.
+    curves : Mapping of str to ndarray, shape (2, n)
+        Points of ``activeForceLength``, ``passiveForceLength`` and ``forceVelocity``, those that are given: normalised
+        length or velocity, and force.
+    damping : float
+        Of the fibres, normalised [1]; 0 where none is given.
+    """
+
+    path: Path
+    muscles: Mapping[str, SubjectMuscle]
+    joints: Mapping[str, tuple[str, ...]]
+    excitations: Mapping[str, tuple[str, ...]]
+    curves: Mapping[str, np.ndarray]
+    damping: float = 0.0
+
+
+def read_subject(path: Path) -> Subject:
+    """Read a subject of CEINMS or CEINMS-RT, uncalibrated or calibrated.
+
+    Parameters
+    ----------
+    path : Path
+
+    Returns
+    -------
+    Subject
+
+    Raises
+    ------
+    RecordingError
+        If the file is missing or no XML, is no subject, lacks a muscle's parameter, or names a muscle that it does not
+        describe; a pennation angle in radians (CEINMS has degrees) is told too.
+    """
+    path = Path(path)
+    try:
+        root = ElementTree.fromstring(path.read_bytes())
+    except OSError as error:
+        raise RecordingError(f"{path}: not readable: {error}") from error
+    except ElementTree.ParseError as error:
+        raise RecordingError(f"{path.name}: not readable as XML, truncated or damaged: {error}") from error
+    found = _child(root, "mtuset", "muscles")
+    if root.tag != "subject" or found is None:
+        raise RecordingError(
+            f"{path.name}: found <{root.tag}>, expected the <subject> of CEINMS with <mtuSet> or of CEINMS-RT with "
+            "<muscles>"
+        )
+    default = _child(root, "mtudefault", "muscledefault")
+    muscles = {}
+    for each in found:
+        muscle = _muscle(path, each, default)
+        muscles[muscle.name] = muscle
+    if not muscles:
+        raise RecordingError(f"{path.name}: found no muscle, expected some")
+    _refuse_radians(path, muscles)
+    joints = _groups(path, _child(root, "dofset", "dofs"), muscles)
+    excitations = _groups(path, _child(root, "channels"), muscles)
+    return Subject(path, muscles, joints, excitations, _curves(path, default), _optional(path, default, "damping"))
+
+
+def _child(parent, *names):
+    """The first child of one of these names, whatever its case; None if there is none."""
+    if parent is None:
+        return None
+    return next((child for child in parent if child.tag.lower() in names), None)
+
+
+def _muscle(path: Path, element, default) -> SubjectMuscle:
+    named = _child(element, "name")
+    name = (named.text or "").strip() if named is not None else ""
+    if not name:
+        raise RecordingError(f"{path.name}: found a muscle without a <name>, expected one")
+
+    def value(key: str) -> float:
+        # What all muscles share may stand with the defaults.
+        for place in (element, default):
+            found = _child(place, key.lower())
+            if found is not None:
+                return _number(path, found, f"muscle {name}")
+        raise RecordingError(f"{path.name}, muscle {name}: found no <{key}>, expected a number")
+
+    return SubjectMuscle(
+        name,
+        value("optimalFiberLength"),
+        value("tendonSlackLength"),
+        math.radians(value("pennationAngle")),
+        value("maxIsometricForce"),
+        value("strengthCoefficient"),
+        value("shapeFactor"),
+        (value("C1"), value("C2")),
+    )
+
+
+def _number(path: Path, element, where: str) -> float:
+    try:
+        number = float(element.text)
+    except (TypeError, ValueError):
+        number = math.nan
+    if not math.isfinite(number):
+        raise RecordingError(f'{path.name}, {where}, <{element.tag}>: found "{element.text}", expected a number')
+    return number
+
+
+def _optional(path: Path, parent, name: str) -> float:
+    found = _child(parent, name)
+    return 0.0 if found is None else _number(path, found, parent.tag)
+
+
+def _refuse_radians(path: Path, muscles: Mapping[str, SubjectMuscle]) -> None:
+    largest = max(math.degrees(muscle.pennation) for muscle in muscles.values())
+    if 0.0 < largest < math.pi / 4:
+        raise RecordingError(
+            f"{path.name}: found no pennation angle above {largest:.3g}, which is as in radians; expected degrees, as "
+            "CEINMS has them"
+        )
+
+
+def _groups(path: Path, parent, muscles) -> dict[str, tuple[str, ...]]:
+    groups = {}
+    for each in parent if parent is not None else ():
+        name, listed = _child(each, "name"), _child(each, "mtunameset", "musclesequence")
+        if name is None or listed is None:
+            continue
+        members = tuple((listed.text or "").split())
+        unknown = [member for member in members if member not in muscles]
+        if unknown:
+            raise RecordingError(
+                f"{path.name}, <{each.tag}> {name.text}: found the muscles {', '.join(unknown)}, expected some that "
+                "the file describes"
+            )
+        groups[(name.text or "").strip()] = members
+    return groups
+
+
+def _curves(path: Path, default) -> dict[str, np.ndarray]:
+    curves = {}
+    for each in default if default is not None else ():
+        if each.tag.lower() != "curve":
+            continue
+        name, x, y = (_child(each, key) for key in ("name", "xpoints", "ypoints"))
+        try:
+            points = np.array([x.text.split(), y.text.split()], dtype=float)
+            curves[name.text.strip()] = points
+        except (AttributeError, ValueError):
+            raise RecordingError(
+                f"{path.name}: found a <{each.tag}> that is incomplete or has lists of different lengths, expected "
+                "<name>, <xPoints> and <yPoints>"
+            ) from None
+    return curves
