@@ -1,5 +1,6 @@
 // pellucid._core: the core for Python. Checks what comes in, releases the interpreter's lock, runs the kernels.
 #include "arrays.hpp"
+#include "controllers.hpp"
 #include "coupled_plant.hpp"
 #include "docs.hpp"
 #include "kernels.hpp"
@@ -442,6 +443,7 @@ NB_MODULE(_core, m) {
       .def("reset", &b::SafetyGate::reset,
            "Open the gate again; the output goes on from where it is, within the rate limit.");
 
+  b::add_controllers(m);
   b::add_coupled_plant(m);
 
   nb::module_ math = m.def_submodule("math", "The core's elementary functions, on float64 or float32 arrays.");

@@ -435,6 +435,219 @@ class SafetyGate:
         Open the gate again; the output goes on from where it is, within the rate limit.
         """
 
+RESIDUAL_PARAMETER_NAMES: tuple[str, ...]
+
+class ResidualCompensator:
+    """
+    Carries the orthosis for its wearer in zero-impedance mode, from encoder, spring and EMG torque.
+
+    What goes out has passed the safety gate: finite and within the limits, whatever comes in. A fault latches and the
+    command ramps to 0, which is plain zero-impedance mode. EMG that is not valid or not finite fades out instead.
+
+    Parameters
+    ----------
+    parameters : (53,)
+        In the order of RESIDUAL_PARAMETER_NAMES; see include/pellucid/residual_compensator.hpp for their units.
+    """
+
+    def __init__(self, parameters: ArrayLike) -> None: ...
+    def step(self, time: float, position: float, torque: float, emg_torque: float, emg_valid: bool = True) -> float:
+        """
+        One control period: the torque wanted from the spring [N m].
+
+        Parameters
+        ----------
+        time : float
+            When position and torque were measured [s].
+        position, torque : float
+            Output encoder [rad] and measured spring torque [N m].
+        emg_torque : float
+            Torque of the wearer's muscles, estimated from EMG [N m].
+        emg_valid : bool
+            False: the electrodes say nothing.
+        """
+
+    def run(self, time: ArrayLike, position: ArrayLike, torque: ArrayLike, emg_torque: ArrayLike) -> NDArray[float64]:
+        """
+        step, one period after another.
+
+        Parameters
+        ----------
+        time, position, torque, emg_torque : (n,)
+            As `step` takes them; an EMG torque of NaN is not valid.
+
+        Returns
+        -------
+        (n,)
+            The commands [N m].
+        """
+
+    @property
+    def estimate(self, /) -> tuple[float, float, float, float, float, float, float, float]:
+        """
+        Observed: orthosis angle [rad] and velocity [rad/s], mismatch [rad] and its rate [rad/s], torque that EMG misses
+        [N m], strap torque [N m], limb acceleration [rad/s^2], trust in EMG [1].
+        """
+
+    def set_strap(self, stiffness: float, damping: float) -> None:
+        """Another strap [N m/rad, N m s/rad], from the next period on."""
+
+    @property
+    def fault(self) -> str:
+        """As of SafetyGate: 'none' while it is open."""
+
+    def reset(self) -> None:
+        """Open the gate again and start the observer from the next sample."""
+
+class ResidualCompensatorFloat:
+    """ResidualCompensator in float32, as on a microcontroller."""
+
+    def __init__(self, parameters: ArrayLike) -> None: ...
+    def step(self, time: float, position: float, torque: float, emg_torque: float, emg_valid: bool = True) -> float:
+        """
+        One control period: the torque wanted from the spring [N m].
+
+        Parameters
+        ----------
+        time : float
+            When position and torque were measured [s].
+        position, torque : float
+            Output encoder [rad] and measured spring torque [N m].
+        emg_torque : float
+            Torque of the wearer's muscles, estimated from EMG [N m].
+        emg_valid : bool
+            False: the electrodes say nothing.
+        """
+
+    def run(self, time: ArrayLike, position: ArrayLike, torque: ArrayLike, emg_torque: ArrayLike) -> NDArray[float64]:
+        """
+        step, one period after another.
+
+        Parameters
+        ----------
+        time, position, torque, emg_torque : (n,)
+            As `step` takes them; an EMG torque of NaN is not valid.
+
+        Returns
+        -------
+        (n,)
+            The commands [N m].
+        """
+
+    @property
+    def estimate(self, /) -> tuple[float, float, float, float, float, float, float, float]:
+        """
+        Observed: orthosis angle [rad] and velocity [rad/s], mismatch [rad] and its rate [rad/s], torque that EMG misses
+        [N m], strap torque [N m], limb acceleration [rad/s^2], trust in EMG [1].
+        """
+
+    def set_strap(self, stiffness: float, damping: float) -> None:
+        """Another strap [N m/rad, N m s/rad], from the next period on."""
+
+    @property
+    def fault(self) -> str:
+        """As of SafetyGate: 'none' while it is open."""
+
+    def reset(self) -> None:
+        """Open the gate again and start the observer from the next sample."""
+
+class StrapEstimator:
+    """
+    The strap's stiffness and damping while it is worn, by recursive least squares with forgetting.
+
+    Parameters
+    ----------
+    bodies : (11,)
+        The first eleven of RESIDUAL_PARAMETER_NAMES; strap_stiffness and strap_damping are where the estimate starts.
+    bandwidth, slowest : float
+        The band in which is fitted [rad/s].
+    forgetting : float
+        Time over which the past is forgotten [s].
+    prior_mismatch : float
+        RMS mismatch that weighs as much as the start does [rad].
+    excitation : float
+        RMS mismatch below which nothing is learnt [rad].
+    stiffness_min, stiffness_max, damping_min, damping_max : float
+        Bounds [N m/rad, N m s/rad].
+    period : float
+        [s].
+    """
+
+    def __init__(
+        self,
+        *,
+        bodies: ArrayLike,
+        bandwidth: float,
+        slowest: float,
+        forgetting: float,
+        prior_mismatch: float,
+        excitation: float,
+        stiffness_min: float,
+        stiffness_max: float,
+        damping_min: float,
+        damping_max: float,
+        period: float,
+    ) -> None: ...
+    def step(
+        self, position: float, torque: float, emg_torque: float, emg_valid: bool = True
+    ) -> tuple[float, float, bool]:
+        """
+        One control period: stiffness [N m/rad], damping [N m s/rad], and whether it taught anything.
+        """
+
+class EmgTorque:
+    """
+    Raw EMG to a joint torque, causally.
+
+    Parameters
+    ----------
+    band, envelope : (k, 6)
+        Second-order sections before and after rectification, as scipy.signal designs them; k at most 4 and 2.
+    weights : (muscles + 1, powers)
+        Of the angle's powers 0, 1, ...: row 0 without EMG [N m/rad^p], then by muscle [N m/(V rad^p)]; at most (5, 4).
+    floor, ceiling : (muscles,)
+        Envelopes outside are no muscle's [V].
+    patience : int
+        Samples in a row outside before EMG is not valid.
+    torque_limit : float
+        Of |torque| [N m], > 0.
+    """
+
+    def __init__(
+        self,
+        *,
+        band: ArrayLike,
+        envelope: ArrayLike,
+        weights: ArrayLike,
+        floor: ArrayLike,
+        ceiling: ArrayLike,
+        patience: int,
+        torque_limit: float,
+    ) -> None: ...
+    def listen(self, samples: ArrayLike) -> None:
+        """
+        Raw samples of every muscle.
+
+        Parameters
+        ----------
+        samples : (n, muscles)
+            [V].
+        """
+
+    def torque(self, position: float) -> float:
+        """Torque at this joint angle [rad], finite and within its limit [N m]."""
+
+    @property
+    def valid(self) -> bool:
+        """Whether what the electrodes say can be a muscle."""
+
+    @property
+    def levels(self, /) -> tuple[float, ...]:
+        """The envelopes [V]."""
+
+    def reset(self) -> None:
+        """Forget all samples."""
+
 COUPLED_PARAMETER_NAMES: tuple[str, ...]
 
 class CoupledPlant:

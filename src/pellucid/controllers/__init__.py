@@ -1,0 +1,1 @@
+"""Controllers built from identified parameters: they know physics and no data."""

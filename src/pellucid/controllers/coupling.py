@@ -1,0 +1,140 @@
+"""What was identified of a worn orthosis, as its controllers need it: two bodies, a strap and an actuator."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, fields, replace
+
+import numpy as np
+
+from .._errors import PellucidError
+
+
+@dataclass(frozen=True)
+class Coupling:
+    """An orthosis, the limb in it, the strap between them and the torque loop that moves the orthosis.
+
+    Attributes
+    ----------
+    orthosis_inertia, orthosis_viscous, orthosis_gravity : float
+        I_e [kg m^2], b_e [N m s/rad], G_e = m g l [N m].
+    coulomb : float
+        Coulomb friction between spring and orthosis [N m].
+    limb_inertia, limb_viscous, limb_gravity : float
+        I_k [kg m^2], b_k [N m s/rad], G_k = m g l [N m].
+    strap_stiffness, strap_damping : float
+        k [N m/rad], b [N m s/rad].
+    actuator_frequency, actuator_damping : float
+        Second-order lag from the torque wanted to the spring's torque: natural frequency [rad/s], damping ratio [1].
+    delay : float
+        Dead time before that lag [s]; the loop's own sample and hold is not part of it.
+    slack : float
+        Half the gap in which the strap's spring is slack [rad].
+    actuator_inertia, actuator_viscous, actuator_coulomb : float
+        What the torque loop does not cancel of motor and gear [kg m^2], [N m s/rad], [N m].
+    actuator_leak : float
+        Rate at which the torque loop's integral cancels it after all [1/s].
+    """
+
+    orthosis_inertia: float
+    orthosis_viscous: float
+    orthosis_gravity: float
+    coulomb: float
+    limb_inertia: float
+    limb_viscous: float
+    limb_gravity: float
+    strap_stiffness: float
+    strap_damping: float
+    actuator_frequency: float
+    actuator_damping: float = 1.0
+    delay: float = 0.0
+    slack: float = 0.0
+    actuator_inertia: float = 0.0
+    actuator_viscous: float = 0.0
+    actuator_coulomb: float = 0.0
+    actuator_leak: float = 0.0
+
+    def __post_init__(self):
+        for field in fields(self):
+            value = getattr(self, field.name)
+            if not np.isfinite(value) or (value <= 0 if field.name in POSITIVE else value < 0):
+                bound = "> 0" if field.name in POSITIVE else ">= 0"
+                raise PellucidError(f"Coupling: {field.name} is {value:g}, expected a number {bound}.")
+
+    @classmethod
+    def from_cards(cls, *cards: Mapping[str, float]) -> Coupling:
+        """From the parameters of several cards.
+
+        Parameters
+        ----------
+        *cards : mapping of str to float
+            SI numbers by this class's names; what two cards name must agree, what none names has its default.
+
+        Returns
+        -------
+        Coupling
+            Of all of them.
+
+        Raises
+        ------
+        PellucidError
+            If cards contradict each other or a parameter is missing.
+        """
+        known = {field.name for field in fields(cls)}
+        merged: dict[str, float] = {}
+        for card in cards:
+            for name in known & set(card):
+                if name in merged and merged[name] != float(card[name]):
+                    raise PellucidError(f"Coupling: two cards give {name}, {merged[name]:g} and {float(card[name]):g}.")
+                merged[name] = float(card[name])
+        missing = sorted(POSITIVE | {"coulomb", "orthosis_viscous", "limb_viscous"} - set(merged))
+        missing = [name for name in missing if name not in merged]
+        if missing:
+            raise PellucidError(f"Coupling: no card gives {', '.join(missing)}.")
+        return cls(**merged)
+
+    def scaled(self, **factors: float) -> Coupling:
+        """The same with some parameters multiplied.
+
+        Parameters
+        ----------
+        **factors : float
+            By parameter name.
+
+        Returns
+        -------
+        Coupling
+            A new one.
+        """
+        return replace(self, **{name: getattr(self, name) * factor for name, factor in factors.items()})
+
+
+POSITIVE = {
+    "orthosis_inertia", "orthosis_gravity", "limb_inertia", "limb_gravity", "strap_stiffness", "strap_damping",
+    "actuator_frequency", "actuator_damping",
+}  # fmt: skip
+
+
+def friction_slope(amplitude: float, coulomb: float, width: float = 0.0) -> float:
+    """Describing function of Coulomb friction: the viscous coefficient that does the same to a sinusoidal velocity.
+
+    N(A) = 2/(pi A) int_0^pi F tanh(A sin x / w) sin x dx, which is 4 F/(pi A) for a true sign.
+
+    Parameters
+    ----------
+    amplitude : float
+        Of the velocity [rad/s], > 0.
+    coulomb : float
+        Level [N m].
+    width : float
+        Velocity over which the sign changes [rad/s]; 0: a true sign.
+
+    Returns
+    -------
+    float
+        [N m s/rad].
+    """
+    if width <= 0:
+        return 4 * coulomb / (np.pi * amplitude)
+    phase = (np.arange(400) + 0.5) * np.pi / 400  # the midpoint rule is spectrally exact on a periodic integrand
+    return float(2 / amplitude * np.mean(coulomb * np.tanh(amplitude * np.sin(phase) / width) * np.sin(phase)))

@@ -1,0 +1,94 @@
+"""PID on the estimated strap torque, tuned from the identified coupling: the most it can do within its margins."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from itertools import product
+
+import numpy as np
+
+from .._errors import PellucidError
+from .coupling import Coupling
+from .residual_compensator import Law, ResidualDesign, worst_margins
+from .stability import LinearSystem, sampled, worn_orthosis
+
+
+def strap_torque_gain(made: ResidualDesign, omega: Sequence[float], speed: float = 1.0) -> np.ndarray:
+    """How much strap torque the limb's own torque causes in the closed loop, EMG left aside.
+
+    Parameters
+    ----------
+    made : ResidualDesign
+        The controller, on the plant it was built for.
+    omega : sequence of float
+        [rad/s].
+    speed : float
+        Amplitude of the velocity at which friction is linearised [rad/s].
+
+    Returns
+    -------
+    ndarray, shape (len(omega),)
+        |tau_c / tau_k| [1].
+    """
+    m = made.coupling
+    plant = sampled(worn_orthosis(m, speed), made.period, m.delay)
+    controller: LinearSystem = made.linear(speed, trust=0.0)
+    command, limb = plant.b[:, :1], plant.b[:, 1:]
+    seen, strap = plant.c[:2], plant.c[2:3]
+    a = np.block(
+        [[plant.a + command @ controller.d @ seen, command @ controller.c], [controller.b @ seen, controller.a]]
+    )
+    b = np.vstack([limb, np.zeros((len(controller.a), 1))])
+    c = np.hstack([strap, np.zeros((1, len(controller.a)))])
+    points = np.exp(1j * np.asarray(omega) * made.period)
+    return np.array([abs((c @ np.linalg.solve(z * np.eye(len(a)) - a, b))[0, 0]) for z in points])
+
+
+def tune_pid(
+    made: ResidualDesign,
+    plants: Sequence[Coupling],
+    *,
+    gain_db: float,
+    delay: float,
+    band: tuple[float, float] = (2.0, 6.5),
+    proportional: Sequence[float] = (0.0, 0.5, 1.0, 1.5, 2.0, 2.5, 3.0),
+    integral: Sequence[float] = (0.0, 2.0),
+    derivative: Sequence[float] = (0.0, 0.03),
+) -> ResidualDesign:
+    """The gains that leave the least strap torque over a band, among those with these margins on every plant.
+
+    Parameters
+    ----------
+    made : ResidualDesign
+        Whose observer it uses; nothing is carried by model.
+    plants : sequence of Coupling
+        On each of which the margins must hold.
+    gain_db, delay : float
+        Margins wanted [dB], [s].
+    band : tuple of float
+        [rad/s].
+    proportional, integral, derivative : sequence of float
+        Gains to try [1], [1/s], [s].
+
+    Returns
+    -------
+    ResidualDesign
+        PID alone.
+
+    Raises
+    ------
+    PellucidError
+        If none has them.
+    """
+    omega = np.linspace(*band, 8)
+    tried = []
+    for p, i, d in product(proportional, integral, derivative):
+        law = Law(0, 0, 0, 0, proportional=p, integral=i, derivative=d, torque_gain=0)
+        candidate = replace(made, law=law)
+        tried.append((float(np.mean(strap_torque_gain(candidate, omega))), candidate))
+    for _, candidate in sorted(tried, key=lambda pair: pair[0]):
+        left = worst_margins(candidate, plants, (0.1, 0.5, 1.5, 4.0))
+        if left.stable and left.gain_db >= gain_db and left.delay >= delay:
+            return candidate
+    raise PellucidError(f"tune_pid: no gains leave {gain_db:g} dB and {1e3 * delay:g} ms on every plant.")

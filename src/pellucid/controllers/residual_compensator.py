@@ -1,0 +1,402 @@
+"""From identified parameters to the core's residual compensator, with the linear loop that its margins come from."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from .. import _core
+from .._errors import PellucidError
+from .coupling import Coupling, friction_slope
+from .limits import Limits
+from .stability import LinearSystem, Margins, margins
+
+
+@dataclass(frozen=True)
+class Noise:
+    """How far each thing is to be believed, from which the observer's gains follow.
+
+    Attributes
+    ----------
+    encoder : float
+        Standard deviation of the encoder's angle [rad].
+    orthosis_torque : float
+        Of what the orthosis's model misses, white over a period [N m].
+    limb_torque : float
+        Of what the limb's model misses, white over a period [N m].
+    emg_drift : float
+        How fast the error of the EMG torque wanders [N m/sqrt(s)].
+    """
+
+    encoder: float = 2e-4
+    orthosis_torque: float = 0.2
+    limb_torque: float = 1.0
+    emg_drift: float = 8.0
+
+
+@dataclass(frozen=True)
+class Law:
+    """What is carried and how hard the rest is driven to zero.
+
+    Attributes
+    ----------
+    gravity, viscous, friction, inertia : float
+        Shares of the orthosis's own gravity, viscous and Coulomb friction, and of its inertia times the limb's
+        acceleration, that are carried for the wearer [1].
+    proportional, integral, derivative : float
+        On the estimated strap torque [1], [1/s], [s].
+    torque_gain : float
+        On how far the spring is from the torque wanted [1].
+    phase_gain : tuple of 8 float
+        Factors over a swing: 0 its flexed end, 2 the middle on the way there, 4 the other end, 6 the way back [1].
+    preview : float or None
+        How far ahead the motion is predicted [s]; None: the actuator's delay and lag and half a period.
+    """
+
+    gravity: float = 0.8
+    viscous: float = 0.8
+    friction: float = 0.5
+    inertia: float = 0.7
+    proportional: float = 1.0
+    integral: float = 0.0
+    derivative: float = 0.0
+    torque_gain: float = 0.3
+    phase_gain: tuple[float, ...] = (1.0,) * 8
+    preview: float | None = None
+
+
+@dataclass(frozen=True)
+class ResidualDesign:
+    """A residual compensator before it runs: numbers only.
+
+    Attributes
+    ----------
+    coupling : Coupling
+        What it was built for.
+    period : float
+        [s].
+    law : Law
+        Its shares and gains.
+    noise : Noise
+        From which the observer follows.
+    limits : Limits
+        Of the gate.
+    correction : tuple of 5 float
+        The observer's gains.
+    width, assist_width : float
+        Velocity over which friction changes its sign, in the observer and in what is carried [rad/s].
+    swing : tuple of float
+        Middle [rad] and angular frequency [rad/s] of a swing, for the gain by phase.
+    """
+
+    coupling: Coupling
+    period: float
+    law: Law = field(default_factory=Law)
+    noise: Noise = field(default_factory=Noise)
+    limits: Limits = field(default_factory=Limits)
+    correction: tuple[float, ...] = ()
+    width: float = 0.05
+    assist_width: float = 0.6
+    swing: tuple[float, float] = (0.0, 4.4)
+
+    @property
+    def preview(self) -> float:
+        """How far ahead the motion is predicted [s]."""
+        if self.law.preview is not None:
+            return self.law.preview
+        m = self.coupling
+        return m.delay + 2 * m.actuator_damping / m.actuator_frequency + self.period / 2
+
+    def parameters(self) -> np.ndarray:
+        """The core's numbers.
+
+        Returns
+        -------
+        ndarray, shape (53,)
+            In the order of `_core.RESIDUAL_PARAMETER_NAMES`.
+        """
+        m, law, limits = self.coupling, self.law, self.limits
+        values = {
+            "orthosis_inertia": m.orthosis_inertia,
+            "orthosis_viscous": m.orthosis_viscous,
+            "orthosis_gravity": m.orthosis_gravity,
+            "coulomb": m.coulomb,
+            "friction_width": self.width,
+            "assist_width": self.assist_width,
+            "limb_inertia": m.limb_inertia,
+            "limb_viscous": m.limb_viscous,
+            "limb_gravity": m.limb_gravity,
+            "strap_stiffness": m.strap_stiffness,
+            "strap_damping": m.strap_damping,
+            "slack": m.slack,
+            "innovation_limit": 0.05,
+            "gravity_share": law.gravity,
+            "viscous_share": law.viscous,
+            "friction_share": law.friction,
+            "inertia_share": law.inertia,
+            "actuator_inertia": m.actuator_inertia,
+            "actuator_viscous": m.actuator_viscous,
+            "actuator_coulomb": m.actuator_coulomb,
+            "actuator_leak": m.actuator_leak,
+            "torque_gain": law.torque_gain,
+            "proportional": law.proportional,
+            "integral": law.integral,
+            "derivative": law.derivative,
+            "integral_limit": 1.0,
+            "preview": self.preview,
+            "emg_limit": limits.emg_torque,
+            "trust_time": 0.3,
+            "swing_angle": self.swing[0],
+            "swing_rate": self.swing[1],
+            "effort_limit": limits.effort,
+            "rate_limit": limits.rate,
+            "velocity_limit": limits.velocity,
+            "position_min": limits.position[0],
+            "position_max": limits.position[1],
+            "stop_margin": limits.stop_margin,
+            "max_age": 5 * self.period,
+            "max_repeats": 2,
+            "period": self.period,
+        }
+        values |= {f"phase_gain_{i}": gain for i, gain in enumerate(law.phase_gain)}
+        names = ("position", "velocity", "mismatch", "mismatch_rate", "disturbance")
+        values |= {f"correct_{name}": gain for name, gain in zip(names, self.correction, strict=True)}
+        return np.array([values[name] for name in _core.RESIDUAL_PARAMETER_NAMES])
+
+    def linear(self, speed: float = 1.0, trust: float = 1.0) -> LinearSystem:
+        """The controller near the hanging place, without gate and limits: from encoder and spring to torque wanted.
+
+        Parameters
+        ----------
+        speed : float
+            Amplitude of the velocity at which friction is linearised [rad/s].
+        trust : float
+            In EMG, from 0 to 1.
+
+        Returns
+        -------
+        LinearSystem
+            Sampled at `period`; states q_e, v_e, D, dD, d, and the actuator's slow part and the integral where
+            there is one.
+        """
+        m, law, step = self.coupling, self.law, self.period
+        slope = friction_slope(speed, m.coulomb, self.width)
+        row = np.eye(7)
+        correct = np.append(self.correction, (0.0, 0.0))
+        seen = np.hstack([row - np.outer(correct, row[0]), np.outer(correct, [1.0]), np.zeros((7, 1))])  # of x, q, tau
+        q, v, mismatch, rate, missing, slow, integral = seen
+        spring = np.zeros(9)
+        spring[8] = 1
+        strap = m.strap_stiffness * mismatch + m.strap_damping * rate
+        orthosis = (spring + strap - (m.orthosis_viscous + slope) * v - m.orthosis_gravity * q) / m.orthosis_inertia
+        limb = (missing - strap - m.limb_viscous * (v + rate) - m.limb_gravity * (q + mismatch)) / m.limb_inertia
+        integral = integral + law.integral * step * strap
+        ahead = v + trust * (rate + self.preview * limb)
+
+        def carried(viscous: float, coulomb: float, inertia: float) -> np.ndarray:
+            drag = law.viscous * viscous + law.friction * friction_slope(speed, coulomb, self.assist_width)
+            return drag * ahead + trust * law.inertia * inertia * limb
+
+        wanted = (
+            law.gravity * m.orthosis_gravity * (q + self.preview * v)
+            + carried(m.orthosis_viscous, m.coulomb, m.orthosis_inertia)
+            + law.proportional * strap
+            + integral
+            + law.derivative * (m.strap_stiffness * rate + m.strap_damping * (limb - orthosis))
+        )
+        drag = carried(m.actuator_viscous, m.actuator_coulomb, m.actuator_inertia)
+        slow = slow + m.actuator_leak * step * (drag - slow)
+        command = (wanted + drag - slow + law.torque_gain * (wanted - spring)) * float(np.mean(law.phase_gain))
+        v = v + step * orthosis
+        rate = rate + step * (limb - orthosis)
+        following = np.array([q + step * v, v, mismatch + step * rate, rate, missing, slow, integral])
+        used = [True] * 5 + [m.actuator_leak > 0, law.integral != 0]  # what nothing uses would stand on the unit circle
+        states, inputs = np.flatnonzero(used), [7, 8]
+        return LinearSystem(
+            following[np.ix_(states, states)], following[np.ix_(states, inputs)], command[None, states],
+            command[None, inputs],
+        )  # fmt: skip
+
+    def margins(self, plant: Coupling | None = None, speed: float = 1.0, trust: float = 1.0) -> Margins:
+        """Gain and delay margin, at one speed of the friction.
+
+        Parameters
+        ----------
+        plant : Coupling, optional
+            The true one; the one it was built for if None.
+        speed : float
+            Amplitude of the velocity at which friction is linearised, in plant and controller [rad/s].
+        trust : float
+            In EMG.
+
+        Returns
+        -------
+        Margins
+            Of this loop.
+        """
+        plant = plant or self.coupling
+        return margins(plant, self.linear(speed, trust), self.period, speed=speed)
+
+    def build(self) -> _core.ResidualCompensator:
+        """The core's controller.
+
+        Returns
+        -------
+        _core.ResidualCompensator
+            At rest, its gate open.
+        """
+        return _core.ResidualCompensator(self.parameters())
+
+
+def observer_gains(coupling: Coupling, noise: Noise, period: float, speed: float = 1.0, width: float = 0.05) -> tuple:
+    """The steady-state Kalman filter of q_e, v_e, D, dD and d on the encoder alone.
+
+    Parameters
+    ----------
+    coupling : Coupling
+        The model.
+    noise : Noise
+        What it misses.
+    period : float
+        [s].
+    speed, width : float
+        Amplitude of the velocity at which friction is linearised, and where it changes its sign [rad/s].
+
+    Returns
+    -------
+    tuple of 5 float
+        Corrections per angle that the encoder is off [1, 1/s, 1, 1/s, N m/rad].
+
+    Raises
+    ------
+    PellucidError
+        If there is no such filter.
+    """
+    from scipy.linalg import solve_discrete_are
+
+    bare = ResidualDesign(coupling, period, law=Law(preview=0.0), correction=(0.0,) * 5, width=width)
+    a = bare.linear(speed).a[:5, :5]
+    m = coupling
+    # A torque over one period changes a velocity and, in semi-implicit Euler, the angle with it.
+    on_orthosis = np.array([period, 1, -period, -1, 0]) * period / m.orthosis_inertia * noise.orthosis_torque
+    on_limb = np.array([0, 0, period, 1, 0]) * period / m.limb_inertia * noise.limb_torque
+    drift = np.array([0, 0, 0, 0, 1.0]) * noise.emg_drift * np.sqrt(period)
+    q = sum(np.outer(g, g) for g in (on_orthosis, on_limb, drift))
+    c = np.array([[1.0, 0, 0, 0, 0]])
+    scale = np.array([1e-2, 1e-1, 1e-2, 1e-1, 1.0])  # so that Riccati's equation is well scaled
+    to, back = np.diag(1 / scale), np.diag(scale)
+    try:
+        p = solve_discrete_are((to @ a @ back).T, (c @ back).T, to @ q @ to, np.array([[noise.encoder**2]]))
+    except np.linalg.LinAlgError as error:
+        raise PellucidError(f"observer_gains: the filter's Riccati equation has no solution ({error}).") from error
+    p = back @ p @ back
+    gain = p @ c.T / (c @ p @ c.T + noise.encoder**2)
+    return tuple(float(g) for g in gain[:, 0])
+
+
+def design(
+    coupling: Coupling,
+    period: float,
+    *,
+    law: Law | None = None,
+    noise: Noise | None = None,
+    limits: Limits | None = None,
+    width: float = 0.05,
+    assist_width: float = 0.6,
+    swing: tuple[float, float] = (0.0, 4.4),
+) -> ResidualDesign:
+    """A residual compensator for an identified coupling.
+
+    Parameters
+    ----------
+    coupling : Coupling
+        What was identified.
+    period : float
+        [s].
+    law, noise, limits : optional
+        The class's defaults if None.
+    width, assist_width : float
+        Velocity over which friction changes its sign, in the observer and in what is carried [rad/s].
+    swing : tuple of float
+        Middle [rad] and angular frequency [rad/s] of a swing.
+
+    Returns
+    -------
+    ResidualDesign
+        With the observer's gains.
+    """
+    law, noise, limits = law or Law(), noise or Noise(), limits or Limits()
+    gains = observer_gains(coupling, noise, period, width=width)
+    return ResidualDesign(coupling, period, law, noise, limits, gains, width, assist_width, swing)
+
+
+def worst_margins(
+    made: ResidualDesign, plants: Sequence[Coupling], speeds: Sequence[float] = (0.1, 0.5, 1.5, 4.0)
+) -> Margins:
+    """The smallest margins over plants that differ from the one designed for, and over speeds.
+
+    Parameters
+    ----------
+    made : ResidualDesign
+        The controller.
+    plants : sequence of Coupling
+        Couplings that may be the true one.
+    speeds : sequence of float
+        Amplitudes of the velocity, from creeping to the fastest swing [rad/s].
+
+    Returns
+    -------
+    Margins
+        Each the smallest of all, with and without EMG.
+    """
+    found = [made.margins(p, s, trust) for p in plants for s in speeds for trust in (0.0, 1.0)]
+    return Margins(
+        all(f.stable for f in found),
+        min(f.gain_db for f in found),
+        min(f.delay for f in found),
+        max(f.radius for f in found),
+    )
+
+
+def with_strap_gain(
+    made: ResidualDesign,
+    gains: Sequence[float],
+    plants: Sequence[Coupling],
+    *,
+    gain_db: float,
+    delay: float,
+    speeds: Sequence[float] = (0.1, 0.5, 1.5, 4.0),
+) -> ResidualDesign:
+    """The strongest gain on the strap torque that leaves these margins on every plant.
+
+    Parameters
+    ----------
+    made : ResidualDesign
+        Without one, or with any.
+    gains : sequence of float
+        To try [1].
+    plants : sequence of Coupling
+        On each of which the margins must hold.
+    gain_db, delay : float
+        Margins wanted [dB], [s].
+    speeds : sequence of float
+        As in `worst_margins` [rad/s].
+
+    Returns
+    -------
+    ResidualDesign
+        With that gain.
+
+    Raises
+    ------
+    PellucidError
+        If no gain leaves them.
+    """
+    for gain in sorted(gains, reverse=True):
+        tried = replace(made, law=replace(made.law, proportional=gain))
+        left = worst_margins(tried, plants, speeds)
+        if left.stable and left.gain_db >= gain_db and left.delay >= delay:
+            return tried
+    raise PellucidError(f"with_strap_gain: no gain leaves {gain_db:g} dB and {1e3 * delay:g} ms on every plant.")

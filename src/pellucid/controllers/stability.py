@@ -1,0 +1,300 @@
+"""How much gain and delay a worn orthosis's loop bears: the linear sampled loop, exactly, with dead time and lag.
+
+The loop is opened where the controller hands its torque to the actuator. Its gain margin is the factor by which the
+whole command may be too strong, its delay margin the dead time that may be added, before a closed-loop eigenvalue
+leaves the unit circle; nothing is approximated but the linearisation. Friction enters as its describing function.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+
+from .coupling import Coupling, friction_slope
+
+
+@dataclass(frozen=True)
+class LinearSystem:
+    """x' = A x + B u, y = C x + D u: continuous, or sampled (x' the next state).
+
+    Attributes
+    ----------
+    a, b, c, d : ndarray
+        Shapes (n, n), (n, m), (p, n), (p, m).
+    """
+
+    a: np.ndarray
+    b: np.ndarray
+    c: np.ndarray
+    d: np.ndarray
+
+
+@dataclass(frozen=True)
+class Margins:
+    """What a loop bears.
+
+    Attributes
+    ----------
+    stable : bool
+        Whether the loop is stable as it is; the margins are 0 where it is not.
+    gain_db : float
+        Largest factor on the command [dB]; infinite where none up to 40 dB destabilises.
+    delay : float
+        Largest added dead time [s]; infinite where none up to the search's end destabilises.
+    radius : float
+        Largest magnitude of the closed loop's eigenvalues [1].
+    """
+
+    stable: bool
+    gain_db: float
+    delay: float
+    radius: float
+
+
+def worn_orthosis(coupling: Coupling, speed: float = 1.0) -> LinearSystem:
+    """Actuator, orthosis, strap and a passive limb, hanging: from torque wanted to encoder and spring.
+
+    tau_e" + (2 zeta w + N/J_a) tau_e' + w^2 tau_e = w^2 (u - (b_a + N) v - J_a a + i), i' = leak (u - tau_e), N the
+    describing function of the actuator's Coulomb friction.
+
+    Parameters
+    ----------
+    coupling : Coupling
+        The plant; its dead time is not in here.
+    speed : float
+        Amplitude of the velocity at which Coulomb friction is linearised, see `friction_slope` [rad/s].
+
+    Returns
+    -------
+    LinearSystem
+        Continuous; states q_e, v_e, D, dD, tau_e, its rate, and i where there is a leak; input the torque wanted [N m]
+        and the limb's own [N m]; outputs q_e [rad], tau_e [N m], tau_c [N m], D [rad].
+    """
+    m, wn = coupling, coupling.actuator_frequency
+    viscous = m.orthosis_viscous + friction_slope(speed, m.coulomb)
+    strap = np.array([0, 0, m.strap_stiffness, m.strap_damping, 0, 0, 0])
+    orthosis = np.array([-m.orthosis_gravity, -viscous, 0, 0, 1, 0, 0]) + strap
+    limb = np.array([-m.limb_gravity, -m.limb_viscous, -m.limb_gravity, -m.limb_viscous, 0, 0, 0]) - strap
+    a = np.zeros((7, 7))
+    a[0, 1] = a[2, 3] = a[4, 5] = 1
+    a[1] = orthosis / m.orthosis_inertia
+    a[3] = limb / m.limb_inertia - a[1]
+    a[5] = -(wn**2) * m.actuator_inertia * a[1]
+    rubbing = friction_slope(speed, m.actuator_coulomb)
+    a[5, 1] -= wn**2 * (m.actuator_viscous + rubbing)
+    a[5, 4] -= wn**2
+    a[5, 5] -= 2 * m.actuator_damping * wn
+    if m.actuator_inertia > 0:
+        a[5, 5] -= rubbing / m.actuator_inertia  # it rubs at the motor, which the spring's deflection moves as well
+    a[5, 6] = wn**2
+    a[6, 4] = -m.actuator_leak
+    b = np.zeros((7, 2))
+    b[5, 0], b[3, 1], b[6, 0] = wn**2, 1 / m.limb_inertia, m.actuator_leak
+    c = np.array([[1, 0, 0, 0, 0, 0, 0], [0, 0, 0, 0, 1, 0, 0], strap, [0, 0, 1, 0, 0, 0, 0]], dtype=float)
+    n = 7 if m.actuator_leak > 0 else 6
+    return LinearSystem(a[:n, :n], b[:n], c[:, :n], np.zeros((4, 2)))
+
+
+def sampled(system: LinearSystem, period: float, delay: float = 0.0) -> LinearSystem:
+    """A continuous system behind a zero-order hold and a dead time of any length, sampled exactly.
+
+    x[k+1] = Phi x[k] + Gamma_0 u[k-n] + Gamma_1 u[k-n-1], where delay = (n + f) period.
+
+    Parameters
+    ----------
+    system : LinearSystem
+        Continuous, without feedthrough.
+    period : float
+        [s].
+    delay : float
+        Dead time at the input [s], >= 0.
+
+    Returns
+    -------
+    LinearSystem
+        Sampled; the inputs still under way are states.
+    """
+    from scipy.linalg import expm
+
+    n, m = system.b.shape
+
+    def held(duration: float) -> tuple[np.ndarray, np.ndarray]:
+        both = expm(np.block([[system.a, system.b], [np.zeros((m, n + m))]]) * duration)
+        return both[:n, :n], both[:n, n:]
+
+    whole = int(np.floor(delay / period + 1e-9))
+    fraction = max(delay / period - whole, 0.0) * period
+    phi, _ = held(period)
+    early, recent = held(period - fraction)
+    _, old = held(fraction)
+    under_way = whole + 1
+    a = np.zeros((n + m * under_way, n + m * under_way))
+    b = np.zeros((n + m * under_way, m))
+    a[:n, :n] = phi
+    # The states behind the plant's are u[k-1], u[k-2], ...
+    place = [b[:n]] + [a[:n, n + m * i : n + m * (i + 1)] for i in range(under_way)]
+    place[whole] += recent
+    place[whole + 1] += early @ old
+    b[n : n + m] = np.eye(m)
+    for i in range(1, under_way):
+        a[n + m * i : n + m * (i + 1), n + m * (i - 1) : n + m * i] = np.eye(m)
+    c = np.hstack([system.c, np.zeros((system.c.shape[0], m * under_way))])
+    return LinearSystem(a, b, c, np.zeros((c.shape[0], m)))
+
+
+def closed_loop(plant: LinearSystem, controller: LinearSystem, gain: float = 1.0) -> np.ndarray:
+    """The closed loop's matrix: the plant's first input is `gain` times the controller's output.
+
+    Parameters
+    ----------
+    plant : LinearSystem
+        Sampled, without feedthrough.
+    controller : LinearSystem
+        Sampled; its inputs are the plant's first outputs.
+    gain : float
+        Factor on its output.
+
+    Returns
+    -------
+    ndarray, shape (n, n)
+        Of both systems' states.
+    """
+    inputs = controller.b.shape[1]
+    b, c = gain * plant.b[:, :1], plant.c[:inputs]
+    return np.block([[plant.a + b @ controller.d @ c, b @ controller.c], [controller.b @ c, controller.a]])
+
+
+def radius(matrix: np.ndarray) -> float:
+    """Largest magnitude of a matrix's eigenvalues [1].
+
+    Parameters
+    ----------
+    matrix : ndarray, shape (n, n)
+        Of a sampled system.
+
+    Returns
+    -------
+    float
+        Below 1: stable.
+    """
+    return float(np.abs(np.linalg.eigvals(matrix)).max())
+
+
+def loop_response(plant: LinearSystem, controller: LinearSystem, omega: np.ndarray, period: float) -> np.ndarray:
+    """The open loop at some frequencies, L = -C P, so that 1 + L = 0 is the verge of stability.
+
+    Parameters
+    ----------
+    plant, controller : LinearSystem
+        Sampled, as `closed_loop` takes them.
+    omega : ndarray, shape (n,)
+        [rad/s].
+    period : float
+        [s].
+
+    Returns
+    -------
+    ndarray of complex, shape (n,)
+        L.
+    """
+
+    def at(system: LinearSystem, z: complex) -> np.ndarray:
+        return system.c @ np.linalg.solve(z * np.eye(len(system.a)) - system.a, system.b) + system.d
+
+    inputs = controller.b.shape[1]
+    points = np.exp(1j * np.asarray(omega) * period)
+    return np.array([-(at(controller, z) @ at(plant, z)[:inputs, :1])[0, 0] for z in points])
+
+
+def crossings(omega: np.ndarray, response: np.ndarray) -> tuple[float, float]:
+    """Gain and delay margin read off an open loop's frequency response, for a loop that is stable as it is.
+
+    Parameters
+    ----------
+    omega : ndarray, shape (n,)
+        Rising [rad/s]; dense enough that the phase turns by less than half a turn between two.
+    response : ndarray of complex, shape (n,)
+        L, where 1 + L = 0 is the verge of stability.
+
+    Returns
+    -------
+    gain, delay : float
+        Smallest factor above 1 at which L passes -1 [1] and smallest dead time that takes |L| = 1 there [s]; infinite
+        where there is none.
+    """
+    phase = np.unwrap(np.angle(response))
+    size = np.log(np.abs(response))
+    gain = delay = np.inf
+    turn = (phase + np.pi) / (2 * np.pi)  # a whole number where L is on the negative real axis
+    for i in np.flatnonzero(np.floor(turn[1:]) != np.floor(turn[:-1])):
+        whole = max(np.floor(turn[i]), np.floor(turn[i + 1]))
+        share = (whole - turn[i]) / (turn[i + 1] - turn[i])
+        factor = np.exp(-(size[i] + share * (size[i + 1] - size[i])))
+        if factor > 1:
+            gain = min(gain, factor)
+    for i in np.flatnonzero(np.sign(size[1:]) != np.sign(size[:-1])):
+        share = -size[i] / (size[i + 1] - size[i])
+        at = omega[i] + share * (omega[i + 1] - omega[i])
+        left = (phase[i] + share * (phase[i + 1] - phase[i]) + np.pi) % (2 * np.pi)
+        delay = min(delay, left / at)
+    return float(gain), float(delay)
+
+
+def margins(
+    coupling: Coupling,
+    controller: LinearSystem,
+    period: float,
+    *,
+    speed: float = 1.0,
+    most_delay: float = 0.1,
+) -> Margins:
+    """Gain and delay margin of a controller on a worn orthosis, from the closed loop's eigenvalues.
+
+    Parameters
+    ----------
+    coupling : Coupling
+        The plant, which need not be the one that the controller was built for.
+    controller : LinearSystem
+        Sampled; from encoder and spring to the torque wanted.
+    period : float
+        [s].
+    speed : float
+        Amplitude of the velocity at which the plant's Coulomb friction is linearised [rad/s].
+    most_delay : float
+        Where the search for a delay margin ends [s].
+
+    Returns
+    -------
+    Margins
+        At the joint's hanging place.
+    """
+    plant = worn_orthosis(coupling, speed)
+    plant = LinearSystem(plant.a, plant.b[:, :1], plant.c[:2], plant.d[:2, :1])
+    held = sampled(plant, period, coupling.delay)
+    own = radius(closed_loop(held, controller))
+    if own >= 1:
+        return Margins(False, 0.0, 0.0, own)
+
+    def unstable_gain(decibel: float) -> bool:
+        return radius(closed_loop(held, controller, 10 ** (decibel / 20))) >= 1
+
+    def unstable_delay(delay: float) -> bool:
+        return radius(closed_loop(sampled(plant, period, coupling.delay + delay), controller)) >= 1
+
+    gain = _first(unstable_gain, np.arange(0, 40.1, 1.0))
+    delay = _first(unstable_delay, np.arange(0, most_delay + 1e-9, 0.004))
+    return Margins(True, gain, delay, own)
+
+
+def _first(fails: Callable[[float], bool], grid: np.ndarray) -> float:
+    """Where a condition first holds along a grid, by bisection; infinite where it never does."""
+    for low, high in pairwise(grid):
+        if fails(high):
+            while high - low > 1e-4 * max(high, 1e-3):
+                middle = (low + high) / 2
+                low, high = (low, middle) if fails(middle) else (middle, high)
+            return float(low)
+    return float("inf")

@@ -1,0 +1,168 @@
+"""The residual compensator as the orthosis calls it: raw EMG in, torque out, and its variants."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from .. import _core
+from .residual_compensator import ResidualDesign
+
+
+@dataclass(frozen=True)
+class EmgMap:
+    """A causal EMG chain and an identified map, as the core takes them.
+
+    Attributes
+    ----------
+    band, envelope : ndarray, shape (k, 6)
+        Second-order sections before and after rectification, at the EMG's own rate.
+    weights : ndarray, shape (muscles + 1, powers)
+        Of the angle's powers: row 0 without EMG [N m/rad^p], then by muscle [N m/(V rad^p)].
+    floor, ceiling : ndarray, shape (muscles,)
+        Envelopes outside are no muscle's [V].
+    patience : int
+        Samples in a row outside before EMG is not valid.
+    torque_limit : float
+        [N m].
+    """
+
+    band: np.ndarray
+    envelope: np.ndarray
+    weights: np.ndarray
+    floor: np.ndarray
+    ceiling: np.ndarray
+    patience: int = 400
+    torque_limit: float = 40.0
+
+    def build(self) -> _core.EmgTorque:
+        """The core's chain.
+
+        Returns
+        -------
+        _core.EmgTorque
+            At rest.
+        """
+        return _core.EmgTorque(
+            band=self.band,
+            envelope=self.envelope,
+            weights=self.weights,
+            floor=self.floor,
+            ceiling=self.ceiling,
+            patience=self.patience,
+            torque_limit=self.torque_limit,
+        )
+
+
+@dataclass(frozen=True)
+class StrapLearning:
+    """How the strap is estimated while it is worn; bounds are factors on what was identified, where margins hold.
+
+    Attributes
+    ----------
+    bandwidth, slowest : float
+        The band that is fitted [rad/s].
+    forgetting : float
+        [s].
+    prior_mismatch, excitation : float
+        RMS mismatch that weighs as much as the start, and below which nothing is learnt [rad].
+    stiffness, damping : tuple of float
+        Bounds [1].
+    """
+
+    bandwidth: float = 100.0
+    slowest: float = 1.0
+    forgetting: float = 10.0
+    prior_mismatch: float = 0.1
+    excitation: float = 0.01
+    stiffness: tuple[float, float] = (0.7, 1.3)
+    damping: tuple[float, float] = (0.7, 1.3)
+
+
+class WornCompensator:
+    """A residual compensator with its EMG chain, called once a period.
+
+    Parameters
+    ----------
+    design : ResidualDesign
+        The controller.
+    emg : EmgMap, optional
+        None: without EMG, only what needs none.
+    learning : StrapLearning, optional
+        None: the strap as identified.
+    """
+
+    def __init__(self, design: ResidualDesign, emg: EmgMap | None = None, learning: StrapLearning | None = None):
+        self.design = design
+        self.core = design.build()
+        self._emg = emg.build() if emg is not None else None
+        self._strap = None
+        if learning is not None:
+            m = design.coupling
+            self._strap = _core.StrapEstimator(
+                bodies=design.parameters()[:11],
+                bandwidth=learning.bandwidth,
+                slowest=learning.slowest,
+                forgetting=learning.forgetting,
+                prior_mismatch=learning.prior_mismatch,
+                excitation=learning.excitation,
+                stiffness_min=learning.stiffness[0] * m.strap_stiffness,
+                stiffness_max=learning.stiffness[1] * m.strap_stiffness,
+                damping_min=learning.damping[0] * m.strap_damping,
+                damping_max=learning.damping[1] * m.strap_damping,
+                period=design.period,
+            )
+        self.strap = (design.coupling.strap_stiffness, design.coupling.strap_damping)
+
+    @property
+    def fault(self) -> str:
+        """As of the gate."""
+        return self.core.fault
+
+    def step(self, time: float, position: float, torque: float, emg: Sequence[tuple[float, float]] = ()) -> float:
+        """One control period.
+
+        Parameters
+        ----------
+        time, position, torque : float
+            [s], output encoder [rad], spring [N m].
+        emg : sequence of (rectus femoris, lateral hamstring)
+            Raw samples since the last call [V].
+
+        Returns
+        -------
+        float
+            Torque wanted from the spring [N m].
+        """
+        muscle, heard = 0.0, False
+        if self._emg is not None:
+            if len(emg):
+                self._emg.listen(emg)
+            muscle, heard = self._emg.torque(position), self._emg.valid
+        return self.step_with_torque(time, position, torque, muscle, heard)
+
+    def step_with_torque(self, time: float, position: float, torque: float, muscle: float, heard: bool = True) -> float:
+        """One control period, with the muscles' torque already estimated.
+
+        Parameters
+        ----------
+        time, position, torque : float
+            [s], output encoder [rad], spring [N m].
+        muscle : float
+            [N m].
+        heard : bool
+            Whether it can be believed.
+
+        Returns
+        -------
+        float
+            Torque wanted from the spring [N m].
+        """
+        if self._strap is not None:
+            stiffness, damping, learns = self._strap.step(position, torque, muscle, heard)
+            if learns:
+                self.strap = (stiffness, damping)
+                self.core.set_strap(stiffness, damping)
+        return self.core.step(time, position, torque, muscle, heard)
