@@ -1,0 +1,169 @@
+"""Repetitions of a movement that leaves a rest and comes back, found from an angle: what is left out together."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Literal
+
+import numpy as np
+
+from .._errors import RecordingError
+from .filters import runs, zero_phase_lowpass
+
+LOWPASS = 3.0
+"""Cut-off ahead of the search [Hz]: tremor and a goniometer's steps are no repetitions."""
+
+AWAY, BACK = 0.5, 0.25
+"""Shares of the whole range: a repetition goes beyond the one and comes back below the other."""
+
+STILL = np.radians(8.0)
+"""Slower than this [rad/s] is at rest."""
+
+
+@dataclass(frozen=True)
+class Repetition:
+    """One repetition.
+
+    Attributes
+    ----------
+    start, end : int
+        First sample, and the one after the last.
+    turn : int
+        Sample furthest from rest.
+    excursion : float
+        From rest to there [rad]; signed.
+    """
+
+    start: int
+    end: int
+    turn: int
+    excursion: float
+
+    @property
+    def samples(self) -> slice:
+        """Its samples."""
+        return slice(self.start, self.end)
+
+
+@dataclass(frozen=True)
+class Repetitions:
+    """All of a recording.
+
+    Attributes
+    ----------
+    each : tuple of Repetition
+        In order; one begins where the one before it ends, in the middle of the rest between them.
+    rest : float
+        Angle of rest: the median where the angle is still and near where the repetitions begin [rad].
+    unfinished : slice or None
+        A last movement that did not come back before the recording's end; it is none of them.
+    """
+
+    each: tuple[Repetition, ...]
+    rest: float
+    unfinished: slice | None = field(default=None)
+
+    def __len__(self) -> int:
+        return len(self.each)
+
+    def labels(self, count: int) -> np.ndarray:
+        """Number of the repetition that each sample belongs to, shape (count,); -1 for none.
+
+        Parameters
+        ----------
+        count : int
+            Samples of the recording.
+        """
+        labels = np.full(count, -1)
+        for number, repetition in enumerate(self.each):
+            labels[repetition.samples] = number
+        return labels
+
+
+def find_repetitions(
+    angle: np.ndarray,
+    fs: float,
+    *,
+    smallest: float = np.radians(15.0),
+    rest: Literal["first", "low", "high"] = "first",
+    where: str = "the recording",
+) -> Repetitions:
+    """Cut a recording into its repetitions.
+
+    The whole range is between the 2nd and 98th percentiles of the low-passed angle. Beyond half of it a repetition has
+    left its rest, below a quarter it is back.
+
+    Parameters
+    ----------
+    angle : ndarray, shape (n,)
+        [rad]
+    fs : float
+        [Hz]
+    smallest : float
+        Range below which nothing moved [rad].
+    rest : {"first", "low", "high"}
+        Which end of the range is the rest: the one nearer to the recording's beginning, or the one named.
+    where : str
+        File and channel, for messages.
+
+    Returns
+    -------
+    Repetitions
+
+    Raises
+    ------
+    RecordingError
+        If a sample is missing, the angle's range is too small, or no movement comes back to rest.
+    """
+    angle = np.asarray(angle, dtype=float)
+    missing = np.flatnonzero(~np.isfinite(angle))
+    if len(missing):
+        raise RecordingError(
+            f"{where}: found {len(missing)} missing samples (NaN), the first at index {missing[0]}, expected a number "
+            "in every sample; choose a window without them"
+        )
+    smooth = zero_phase_lowpass(angle, LOWPASS, 2, fs)
+    low, high = np.percentile(smooth, [2.0, 98.0])
+    if high - low < smallest:
+        raise RecordingError(
+            f"{where}: found a range of {np.degrees(high - low):.3g} deg, expected at least "
+            f"{np.degrees(smallest):.3g} deg of a movement"
+        )
+    begins_low = abs(smooth[0] - low) < abs(smooth[0] - high) if rest == "first" else rest == "low"
+    base, way = (low, high - low) if begins_low else (high, low - high)
+    share = (smooth - base) / way
+    trips, unfinished = _trips(share)
+    if not trips:
+        raise RecordingError(
+            f"{where}: found no movement that leaves {np.degrees(base):.3g} deg by {np.degrees(abs(way)) * AWAY:.3g} "
+            "deg and comes back, expected at least one"
+        )
+    settled = (np.abs(np.gradient(smooth, 1.0 / fs)) < STILL) & (share < BACK)
+    at_rest = float(np.median(angle[settled])) if np.any(settled) else float(base)
+    ends = [trip.stop for trip in trips]
+    starts = [trip.start for trip in trips[1:]] + ([unfinished.start] if unfinished else [])
+    cuts = [0, *(_middle(share, a, b) for a, b in zip(ends, starts, strict=False))]
+    if unfinished is None:
+        cuts.append(len(angle))
+    each = []
+    for trip, start, end in zip(trips, cuts[:-1], cuts[1:], strict=True):
+        turn = trip.start + int(np.argmax(share[trip]))
+        each.append(Repetition(start, end, turn, float(smooth[turn]) - at_rest))
+    return Repetitions(tuple(each), at_rest, slice(cuts[-1], len(angle)) if unfinished else None)
+
+
+def _trips(share: np.ndarray) -> tuple[list[slice], slice | None]:
+    """Stretches away from rest that go far enough and come back, and a last one that does not come back."""
+    found = [run for run in runs(share > BACK) if share[run].max() > AWAY]
+    # One that is away at the very beginning did not begin here.
+    found = [run for run in found if run.start > 0]
+    if found and found[-1].stop == len(share):
+        return found[:-1], found[-1]
+    return found, None
+
+
+def _middle(share: np.ndarray, end: int, start: int) -> int:
+    """The middle of the rest between two trips."""
+    between = share[end:start]
+    near = np.flatnonzero(between <= between.min() + 0.05)
+    return end + round(float(np.mean(near)))
