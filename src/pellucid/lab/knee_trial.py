@@ -118,8 +118,8 @@ class _PositionLoop:
     def __init__(self, rig: KneeRig, trial: KneeTrial, worn: bool) -> None:
         loop = rig["position_loop"]
         gains = loop["worn" if worn else "bench"]
-        self._kp, self._kd, self._span = gains["kp"], gains["kd"] / (loop["velocity_span"] * rig.period), 0
         self._span = loop["velocity_span"]
+        self._kp, self._kd = gains["kp"], gains["kd"] / (self._span * rig.period)
         self._reference = trial.reference.tolist()
         self._errors: list[float] = []
 
