@@ -25,6 +25,7 @@ TABLES = [
     study_procedures.Hinge,
     study_procedures.Coupling,
     study_procedures.EmgTorque,
+    study_procedures.Assessment,
     study_file.Processing,
     study_file.Model,
     study_file.PayloadSpec,

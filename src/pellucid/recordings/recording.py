@@ -83,6 +83,8 @@ class Recording:
         All of one length n, ``"time"`` [s] among them.
     protocol, participant, condition : str or None
         As study.toml names them.
+    amplitude : float or None
+        How far each movement in it was to go, signed [rad or m], where no channel says so.
     payload : Payload or None
         Known mass carried during the trial.
     start : str
@@ -114,6 +116,7 @@ class Recording:
     optical: OpticalRecording | None = None
     slider: float | None = None
     streams: Mapping[str, Recording] = field(default_factory=dict, repr=False)
+    amplitude: float | None = None
 
     def __post_init__(self):
         if "time" not in self.channels:

@@ -158,6 +158,7 @@ class Study:
             optical=self._load_optical(entry, files),
             slider=entry.slider,
             streams={stream: self._load_stream(entry, name, stream, files) for stream in entry.streams},
+            amplitude=entry.amplitude,
         )
         self._loaded[name] = recording
         return recording
@@ -225,6 +226,7 @@ def _read_once(path: Path, files: dict[Path, tuple[Columns, str]]) -> tuple[Colu
 
 
 def _channels(columns: Columns, specs: dict[str, ChannelSpec], window) -> dict[str, Channel]:
+    _require_the_files_units(columns, specs)
     for name, spec in specs.items():
         if columns.angle_unit not in (None, spec.unit) and spec.unit in ("deg", "rad"):
             raise RecordingError(
@@ -255,6 +257,15 @@ def _channels(columns: Columns, specs: dict[str, ChannelSpec], window) -> dict[s
             )
         values = {name: samples[inside] for name, samples in values.items()}
     return {name: Channel(name, values[name], spec.si_unit, spec.column) for name, spec in specs.items()}
+
+
+def _require_the_files_units(columns: Columns, specs: dict[str, ChannelSpec]) -> None:
+    for name, spec in specs.items():
+        said = columns.units.get(spec.column)
+        if said is not None and said != spec.unit:
+            raise RecordingError(
+                f'{columns.path.name}: channel {name}: study.toml says {spec.unit}, the file itself "{said}"'
+            )
 
 
 def _to_si(stored: np.ndarray, spec: ChannelSpec) -> np.ndarray:

@@ -15,7 +15,7 @@ from pydantic import Field, ValidationError, ValidationInfo, field_validator, mo
 from .._errors import StudyError
 from ..units import parse_quantity, si_text, to_si_factor
 from .study_fields import DERIVED, NAME, Table, quantity
-from .study_procedures import Coupling, EmgTorque, Hinge, TransferFunction
+from .study_procedures import Assessment, Coupling, EmgTorque, Hinge, TransferFunction
 from .toml_place import explain
 
 PROCEDURES = ("transfer_function", "hinge", "coupling")
@@ -501,6 +501,8 @@ class RecordingEntry(Table):
         Samples with start <= time < end are taken, on the file's own clock [s].
     participant, condition : str or None
         Who, and under which condition.
+    amplitude : float or None
+        How far each movement in it was to go, signed [rad or m], where no channel says so.
     payload : PayloadSpec or None
         Known mass carried.
     optical : str or None
@@ -523,6 +525,7 @@ class RecordingEntry(Table):
     window: tuple[quantity("s"), quantity("s")] | None = None
     participant: str | None = None
     condition: str | None = None
+    amplitude: quantity("<coordinate>") | None = None
     payload: PayloadSpec | None = None
     optical: str | None = None
     streams: dict[str, str] = Field({})
@@ -557,7 +560,7 @@ class StudyFile(Table):
         Remarks the report repeats.
     rig, participants, channels, optical, streams, processing, model, recordings
         Its tables; `optical` is None where no motion capture took part.
-    transfer_function, hinge, coupling, emg_torque
+    transfer_function, hinge, coupling, emg_torque, assessment
         What is asked of these recordings in place of a joint with friction; None where it is not.
     """
 
@@ -575,6 +578,7 @@ class StudyFile(Table):
     hinge: Hinge | None = None
     coupling: Coupling | None = None
     emg_torque: EmgTorque | None = None
+    assessment: Assessment | None = None
     recordings: tuple[RecordingEntry, ...] = ()
 
     @model_validator(mode="before")
@@ -617,8 +621,28 @@ class StudyFile(Table):
         asked = [name for name in PROCEDURES if getattr(self, name) is not None]
         if len(asked) > 1:
             raise ValueError(f"found the tables {', '.join(asked)}, expected one of them: each is a study of its own")
-        if self.rig.drive is None and not asked and self.emg_torque is None:
+        others = self.emg_torque is not None or self.assessment is not None
+        if self.rig.drive is None and not asked and not others:
             raise ValueError("[rig.drive] no such table found, expected one that says how the effort is known")
+        return self
+
+    @model_validator(mode="after")
+    def _has_what_is_assessed(self) -> StudyFile:
+        if self.assessment is None:
+            return self
+        conditions = [entry.condition for entry in self.recordings if entry.condition is not None]
+        if self.recordings and self.assessment.control not in conditions:
+            raise ValueError(
+                f'[assessment] control: found "{self.assessment.control}", expected one of the recordings\' conditions: '
+                f"{', '.join(dict.fromkeys(conditions)) or 'none'}"
+            )
+        markers = self.optical.markers if self.optical is not None else ()
+        absent = [marker for marker in self.assessment.segment if marker not in markers]
+        if absent:
+            raise ValueError(
+                f"[assessment] segment: found {', '.join(absent)}, expected [optical] markers: "
+                f"{', '.join(markers) or 'none'}"
+            )
         return self
 
     @model_validator(mode="after")
@@ -678,6 +702,7 @@ def channel_unit(name: str, units: Mapping[str, str | None], given: str | None =
         "time": "s", "position": "<coordinate>", "reference": "<reference>", "velocity": "<velocity>",
         "acceleration": "<acceleration>", "current": "A", "voltage": "V", "duty": "1", "supply": "V", "torque": "N*m",
         "force": "N", "enabled": "1", "temperature": "K", "motor_position": "<coordinate>",
+        "target": "<coordinate>", "interaction": "N*m",
     }  # fmt: skip
     expected = fixed.get(name)
     parts = name.split(".")

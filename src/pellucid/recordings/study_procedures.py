@@ -101,6 +101,10 @@ class EmgTorque(Table):
         From raw EMG to envelopes: ``"knee"``, ``"able"``, ``"hill"``, or ``"none"`` where envelopes were recorded.
     reference_lowpass : float or None
         Cut-off of the zero-phase low-pass on the reference torque [Hz].
+    muscle_file : str or None
+        Path from the study's folder to an OpenSim model or a CEINMS subject, with the muscles' constants.
+    muscle_names : dict of str to str
+        What that file calls the study's muscles.
     """
 
     joints: tuple[str, ...] = Field(min_length=1)
@@ -109,3 +113,63 @@ class EmgTorque(Table):
     moments: str = "moments"
     chain: Literal["knee", "able", "hill", "none"] = "knee"
     reference_lowpass: quantity("Hz", gt=0) | None = None
+    muscle_file: str | None = None
+    muscle_names: dict[str, str] = Field(default_factory=dict)
+
+
+class Assessment(Table):
+    """Whether conditions change how people move: ``[assessment]``. Recordings that name a condition take part.
+
+    Attributes
+    ----------
+    control : str
+        The condition the others are compared with.
+    angle : str
+        Channel of the angle; a study with `segment` does not need it.
+    segment : tuple of str
+        Markers on the moving segment, the proximal one first: its angle with the vertical is the angle.
+    target : str
+        Channel of the angle to be reached; each of its steps begins a movement and says how far.
+    agonists, antagonists : tuple of str
+        Muscles ``emg.<muscle>`` that make positive movements, and their opponents; none: no EMG.
+    emg : str
+        Stream of the muscles, where they are not in the recording's own file.
+    interaction : str
+        Channel of the robot's torque on the person.
+    lowpass : float
+        Cut-off of the zero-phase low-pass on the angle [Hz].
+    order : int
+        Of one pass.
+    threshold : float
+        Share of the largest speed that begins and ends a movement.
+    cutoffs : tuple of float
+        With which the indices are computed again [Hz].
+    advance : float
+        By which EMG is taken earlier than the motion [s].
+    confidence : float
+        Of the intervals, in (0, 1).
+    """
+
+    control: str
+    angle: str = "position"
+    segment: tuple[str, ...] = ()
+    target: str = "target"
+    agonists: tuple[str, ...] = ()
+    antagonists: tuple[str, ...] = ()
+    emg: str = "emg"
+    interaction: str = "interaction"
+    lowpass: quantity("Hz", gt=0) = 3.0
+    order: int = Field(4, ge=1, le=12)
+    threshold: float = Field(0.05, gt=0, lt=0.5)
+    cutoffs: tuple[quantity("Hz", gt=0), ...] = (3.0, 6.0, 12.0)
+    advance: quantity("s", ge=0) = 0.1
+    confidence: float = Field(0.95, gt=0, lt=1)
+
+    @model_validator(mode="after")
+    def _two_markers(self) -> Assessment:
+        if len(self.segment) not in (0, 2) or len(set(self.segment)) < len(self.segment):
+            raise ValueError(f"segment: found {list(self.segment)}, expected two markers, the proximal one first")
+        both = set(self.agonists) & set(self.antagonists)
+        if both:
+            raise ValueError(f"found {', '.join(sorted(both))} among agonists and antagonists, expected one of both")
+        return self

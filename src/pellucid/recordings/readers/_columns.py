@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -25,11 +25,14 @@ class Columns:
         path. A column of text holds instead, as a str, what was found where.
     angle_unit : str or None
         ``"deg"`` or ``"rad"``, where the file says in which its angles are.
+    units : Mapping[str, str]
+        By column, where the file says it of each.
     """
 
     path: Path
     values: Mapping[str, np.ndarray | str]
     angle_unit: str | None = None
+    units: Mapping[str | int, str] = field(default_factory=dict)
 
     def column(self, key: str | int, channel: str) -> np.ndarray:
         """Column by its name or 0-based number, for `channel` (named in the message).

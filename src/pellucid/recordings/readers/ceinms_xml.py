@@ -11,34 +11,23 @@ from xml.etree import ElementTree
 import numpy as np
 
 from ..._errors import RecordingError
+from ..muscle_constants import MuscleConstants
 
 
 @dataclass(frozen=True)
-class SubjectMuscle:
+class SubjectMuscle(MuscleConstants):
     """One muscle of a CEINMS subject.
 
     Attributes
     ----------
-    name : str
-    optimal_fibre_length, tendon_slack_length : float
-        [m]
-    pennation : float
-        Of the fibres at their optimal length [rad].
-    largest_force : float
-        Isometric [N], without the strength coefficient.
     strength : float
-        The factor that calibration put on it [1].
+        The factor that calibration put on the largest force [1].
     shape : float
         A of the activation [1]; CEINMS has it from -3 to 0, CEINMS-RT without the sign.
     twitch : tuple of float
         C1 and C2 of the activation's recursion [1].
     """
 
-    name: str
-    optimal_fibre_length: float
-    tendon_slack_length: float
-    pennation: float
-    largest_force: float
     strength: float
     shape: float
     twitch: tuple[float, float]
@@ -138,10 +127,10 @@ def _muscle(path: Path, element, default) -> SubjectMuscle:
 
     return SubjectMuscle(
         name,
+        value("maxIsometricForce"),
         value("optimalFiberLength"),
         value("tendonSlackLength"),
         math.radians(value("pennationAngle")),
-        value("maxIsometricForce"),
         value("strengthCoefficient"),
         value("shapeFactor"),
         (value("C1"), value("C2")),

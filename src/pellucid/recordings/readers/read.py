@@ -17,6 +17,7 @@ FORMATS = {
     ".json": "json",
     ".sto": "sto",
     ".mot": "sto",
+    ".c3d": "c3d",
 }
 """File ending -> module of this package that reads it."""
 
@@ -52,8 +53,9 @@ def read_columns(path: Path) -> Columns:
     try:
         values = reader.read(path)
         angles = reader.angle_unit(path) if hasattr(reader, "angle_unit") else None
+        units = reader.units(path) if hasattr(reader, "units") else {}
     except OSError as error:
         raise RecordingError(f"{path}: not readable: {error}") from error
     if all(isinstance(value, str) for value in values.values()):
         raise RecordingError(f"{path.name}: found no numeric column")
-    return Columns(path, values, angles)
+    return Columns(path, values, angles, units)

@@ -1,0 +1,365 @@
+"""Point-to-point movements in an angle record: where each begins and ends, how fast it is, which are none.
+
+A record is cut into stretches with one movement each: from one step of the target to the next, or, without a target,
+from the middle of one rest to the middle of the next. The angle is low-passed without delay and differentiated; a
+movement lasts from the first to the last sample of its stretch whose speed is above a share of its largest, 5 % in the
+published rule [1]_. That rule counts small corrections at the target; the other one ends where the speed first falls
+below the share. What a filter at 3 Hz does to fast movements (longer, with lower peaks) is told by doing it again with
+others.
+
+.. [1] D. Verdel, S. Bastide, N. Vignais, O. Bruneau, B. Berret, "An identification-based method improving the
+   transparency of a robotic upper limb exoskeleton", Robotica 39, 2021, section 4.3.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from .._errors import RecordingError
+from .filters import central_difference, runs, zero_phase_lowpass
+
+FEWEST = 8
+"""Samples that a movement must have between its ends: fewer do not show where its speed is largest."""
+
+RIVAL = 0.8
+"""A second peak of the speed at least this high, relative to the largest, rivals it ..."""
+
+VALLEY = 0.5
+"""... where the speed falls below this share of the largest in between: then no peak is clear."""
+
+LEAST_TRAVEL = 0.5
+"""Share of what a movement was to cover below which nobody moved, or moved the other way."""
+
+REST = 0.15
+"""Rests shorter than this [s] do not divide movements where there is no target."""
+
+BRIDGED = 0.1
+"""Missing samples for up to this long [s] are bridged by a straight line; a movement that touches a longer loss is
+left out."""
+
+MERGED = 0.05
+"""Target steps closer than this [s] are one: a screen or a filter drew the step out."""
+
+
+@dataclass(frozen=True)
+class MovementRule:
+    """How an angle record becomes movements.
+
+    Parameters
+    ----------
+    lowpass : float
+        Cut-off of the zero-phase Butterworth filter [Hz].
+    order : int
+        Of one pass.
+    threshold : float
+        Share of the largest speed that begins and ends a movement.
+    ends : str
+        ``"all"``: first and last sample above it, as published; ``"peak"``: the run of samples above it that holds the
+        largest.
+    """
+
+    lowpass: float = 3.0
+    order: int = 4
+    threshold: float = 0.05
+    ends: Literal["all", "peak"] = "all"
+
+
+@dataclass(frozen=True, eq=False)
+class Kinematics:
+    """A filtered angle with its derivatives, all of shape (n,).
+
+    Attributes
+    ----------
+    time : ndarray
+        [s], even.
+    angle, velocity, acceleration : ndarray
+        [rad], [rad/s], [rad/s^2].
+    lost : ndarray of bool
+        Samples that were missing for longer than is bridged.
+    fs : float
+        [Hz]
+    """
+
+    time: np.ndarray
+    angle: np.ndarray
+    velocity: np.ndarray
+    acceleration: np.ndarray
+    lost: np.ndarray
+    fs: float
+
+
+@dataclass(frozen=True)
+class Stretch:
+    """Time with one movement in it: [begin, end) in seconds, and how far it was to go [rad], signed, where known."""
+
+    begin: float
+    end: float
+    amplitude: float | None = None
+
+
+@dataclass(frozen=True)
+class Movement:
+    """One movement.
+
+    Attributes
+    ----------
+    first, last : int
+        Its first and last sample.
+    start, duration : float
+        [s]
+    direction : int
+        1 along +angle, -1 against it.
+    amplitude : float or None
+        As labelled, without sign [rad].
+    travel : float
+        As measured, between its ends, without sign [rad].
+    peak_velocity, mean_velocity : float
+        Along its direction [rad/s].
+    peak_time : float
+        When its velocity is largest, as a share of its duration.
+    peak_acceleration : float
+        Largest along its direction [rad/s^2].
+    """
+
+    first: int
+    last: int
+    start: float
+    duration: float
+    direction: int
+    amplitude: float | None
+    travel: float
+    peak_velocity: float
+    mean_velocity: float
+    peak_time: float
+    peak_acceleration: float
+
+
+@dataclass(frozen=True)
+class NoMovement:
+    """A stretch from which no movement was taken, and why.
+
+    `kind` is ``"lost"``, ``"still"``, ``"direction"``, ``"no_peak"``, ``"too_few_samples"`` or ``"unfinished"``.
+    """
+
+    stretch: Stretch
+    kind: str
+    found: str
+    expected: str
+
+
+def kinematics(time: np.ndarray, angle: np.ndarray, rule: MovementRule, *, where: str = "") -> Kinematics:
+    """Filter an angle and differentiate it twice.
+
+    Parameters
+    ----------
+    time, angle : ndarray, shape (n,)
+        [s], increasing, and [rad]; NaN where a sample is missing.
+    rule : MovementRule
+    where : str
+        File and channel, for the message.
+
+    Returns
+    -------
+    Kinematics
+        On an even clock with the record's mean rate.
+
+    Raises
+    ------
+    RecordingError
+        If time does not increase, hardly any sample is there, or the filter does not fit the rate.
+    """
+    time, angle = np.asarray(time, float), np.asarray(angle, float)
+    seen = np.isfinite(angle) & np.isfinite(time)
+    if seen.sum() < 2 or np.any(np.diff(time[np.isfinite(time)]) <= 0.0):
+        raise RecordingError(
+            f"{where or 'angle'}: found {int(seen.sum())} samples, expected many, at times that increase"
+        )
+    steps = np.diff(time)
+    fs = 1.0 / float(np.mean(steps[steps < 1.5 * np.median(steps)]))
+    even = time[0] + np.arange(int(np.floor((time[-1] - time[0]) * fs + 0.5)) + 1) / fs
+    filled = np.interp(even, time[seen], angle[seen])
+    # How far the nearest samples that were seen are apart, at every sample.
+    at = np.searchsorted(time[seen], even, side="right")
+    padded = np.concatenate(([-np.inf], time[seen], [np.inf]))
+    gap = padded[np.minimum(at + 1, len(padded) - 1)] - padded[at]
+    lost = (gap > BRIDGED + 1.5 / fs) & (np.abs(even - padded[at]) > 0.5 / fs)
+    try:
+        smooth = zero_phase_lowpass(filled, rule.lowpass, rule.order, fs)
+    except ValueError as error:
+        raise RecordingError(f"{where or 'angle'}: {error}") from None
+    velocity = central_difference(smooth, fs)
+    return Kinematics(even, smooth, velocity, central_difference(velocity, fs), lost, fs)
+
+
+def target_stretches(time: np.ndarray, target: np.ndarray) -> list[Stretch]:
+    """Stretches from one step of the target to the next, the last one to the end of the record.
+
+    Parameters
+    ----------
+    time, target : ndarray, shape (n,)
+        [s] and [rad]; the target is constant between its steps. What is missing holds the value before it.
+
+    Returns
+    -------
+    list of Stretch
+        Each with the step's signed height.
+    """
+    known = np.isfinite(target)
+    time, target = time[known], target[known]
+    if not len(target):
+        return []
+    at = np.flatnonzero(np.diff(target) != 0.0) + 1
+    groups = np.split(at, np.flatnonzero(np.diff(time[at]) > MERGED) + 1) if len(at) else []
+    begins = [float(time[group[0]]) for group in groups]
+    heights = [float(target[group[-1]] - target[group[0] - 1]) for group in groups]
+    ends = [*begins[1:], float(time[-1]) + 1e-9]
+    return [Stretch(b, e, h) for b, e, h in zip(begins, ends, heights, strict=True) if h != 0.0]
+
+
+def rest_stretches(
+    motion: Kinematics, rule: MovementRule, *, least: float, amplitude: float | None = None
+) -> list[Stretch]:
+    """Stretches between rests, where no target was recorded.
+
+    A movement is a run of speeds above the rule's share of the record's largest, in one direction; runs less than
+    `REST` apart in the same direction are one, and what covers less than `least` is none.
+
+    Parameters
+    ----------
+    motion : Kinematics
+    rule : MovementRule
+    least : float
+        Travel that makes a movement [rad].
+    amplitude : float, optional
+        Signed, where all movements of the record in its direction were to cover the same [rad].
+
+    Returns
+    -------
+    list of Stretch
+    """
+    top = float(np.quantile(np.abs(motion.velocity), 0.999))
+    if top == 0.0:
+        return []
+    found: list[list] = []
+    for sign in (1, -1):
+        for run in runs(sign * motion.velocity > rule.threshold * top):
+            found.append([run.start, run.stop, sign])
+    found.sort()
+    joined: list[list] = []
+    for start, stop, sign in found:
+        if joined and joined[-1][2] == sign and (start - joined[-1][1]) / motion.fs < REST:
+            joined[-1][1] = stop
+        else:
+            joined.append([start, stop, sign])
+    # What a filter or a tremor makes between movements is no movement, and divides none.
+    kept = [m for m in joined if abs(motion.angle[m[1] - 1] - motion.angle[m[0]]) >= least]
+    middles = [0.5 * (a[1] + b[0]) for a, b in zip(kept, kept[1:], strict=False)]
+    edges = [0.0, *middles, float(len(motion.time))]
+    begin = motion.time[0]
+    return [
+        Stretch(begin + low / motion.fs, begin + high / motion.fs, _as_labelled(amplitude, sign))
+        for low, high, (_, _, sign) in zip(edges, edges[1:], kept, strict=False)
+    ]
+
+
+def _as_labelled(amplitude: float | None, sign: int) -> float | None:
+    """A record's label holds for movements in its direction; those back to the start are not labelled."""
+    return amplitude if amplitude is not None and np.sign(amplitude) == sign else None
+
+
+def movements(
+    motion: Kinematics, stretches: Sequence[Stretch], rule: MovementRule
+) -> tuple[list[Movement], list[NoMovement]]:
+    """The movement in each stretch.
+
+    Parameters
+    ----------
+    motion : Kinematics
+    stretches : sequence of Stretch
+        On `motion`'s clock.
+    rule : MovementRule
+        Whose filter `motion` has passed.
+
+    Returns
+    -------
+    found : list of Movement
+    left_out : list of NoMovement
+        Stretches without a movement that could be used.
+    """
+    found, left_out = [], []
+    for stretch in stretches:
+        outcome = _movement(motion, stretch, rule)
+        (found if isinstance(outcome, Movement) else left_out).append(outcome)
+    return found, left_out
+
+
+def _movement(motion: Kinematics, stretch: Stretch, rule: MovementRule) -> Movement | NoMovement:
+    low, high = np.searchsorted(motion.time, (stretch.begin - 1e-9, stretch.end - 1e-9))
+    if high - low < FEWEST:
+        return NoMovement(stretch, "too_few_samples", f"{high - low} samples", f"at least {FEWEST}")
+    went = motion.angle[high - 1] - motion.angle[low]
+    direction = int(np.sign(stretch.amplitude if stretch.amplitude is not None else went)) or 1
+    speed = direction * motion.velocity[low:high]
+    peak = int(np.argmax(speed))
+    top = speed[peak]
+    if stretch.amplitude is not None and direction * went < LEAST_TRAVEL * abs(stretch.amplitude):
+        kind = "direction" if direction * went < -0.2 * abs(stretch.amplitude) else "still"
+        moved = f"{np.degrees(direction * went):.3g} deg towards the target"
+        return NoMovement(stretch, kind, moved, f"{np.degrees(abs(stretch.amplitude)):.3g} deg")
+    if top <= 0.0:
+        return NoMovement(stretch, "still", "no motion", "a movement")
+    above = speed > rule.threshold * top
+    if rule.ends == "all":
+        inside = np.flatnonzero(above)
+        first, last = int(inside[0]), int(inside[-1])
+    else:
+        run = next(run for run in runs(above) if run.start <= peak < run.stop)
+        first, last = run.start, run.stop - 1
+    if motion.lost[low + first : low + last + 1].any():
+        n = int(motion.lost[low + first : low + last + 1].sum())
+        return NoMovement(stretch, "lost", f"{n} missing samples in a movement", "an angle throughout")
+    if last - first + 1 < FEWEST:
+        return NoMovement(stretch, "too_few_samples", f"{last - first + 1} samples", f"at least {FEWEST}")
+    if last == high - low - 1 and speed[-1] > 2.0 * rule.threshold * top:
+        share = 100.0 * speed[-1] / top
+        return NoMovement(stretch, "unfinished", f"{share:.0f} % of the largest speed at its end", "a rest after it")
+    second, valley = _rival(speed, peak)
+    if peak in (0, len(speed) - 1):
+        return NoMovement(stretch, "no_peak", "the largest speed at its border", "a speed that rises and falls")
+    if second > RIVAL and valley < VALLEY:
+        said = f"a second peak of {100 * second:.0f} % with {100 * valley:.0f} % in between"
+        return NoMovement(stretch, "no_peak", said, "one clear peak of the speed")
+    duration = (last - first) / motion.fs
+    travel = direction * (motion.angle[low + last] - motion.angle[low + first])
+    return Movement(
+        first=low + first,
+        last=low + last,
+        start=float(motion.time[low + first]),
+        duration=duration,
+        direction=direction,
+        amplitude=None if stretch.amplitude is None else abs(stretch.amplitude),
+        travel=float(travel),
+        peak_velocity=float(top),
+        mean_velocity=float(travel / duration),
+        peak_time=(peak - first) / (last - first),
+        peak_acceleration=float(np.max(direction * motion.acceleration[low + first : low + last + 1])),
+    )
+
+
+def _rival(speed: np.ndarray, peak: int) -> tuple[float, float]:
+    """Height of the highest other local maximum with a valley below `VALLEY`, and that valley, relative to the peak."""
+    inner = np.flatnonzero((speed[1:-1] >= speed[:-2]) & (speed[1:-1] > speed[2:])) + 1
+    best, valley = 0.0, 1.0
+    for other in inner:
+        if other == peak:
+            continue
+        low, high = sorted((other, peak))
+        between = float(speed[low : high + 1].min() / speed[peak])
+        height = float(speed[other] / speed[peak])
+        if between < VALLEY and height > best:
+            best, valley = height, between
+    return best, valley
