@@ -1,27 +1,30 @@
 """A worn orthosis, stage by stage, on the virtual rig: what is found, what is told, and recordings that are wrong."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from pellucid._errors import IdentificationError
 from pellucid.identification.identify_coupling import faults, identify_coupling, identify_worn
 from pellucid.identification.transfer_function_fit import fit_percent
-from pellucid.lab.knee_protocol import Faults, bench_trials, imu_trial, mvc_trial, relaxed_trial, swing_trial
+from pellucid.lab.knee_protocol import NO_FAULTS, Faults, bench_trials, imu_trial, mvc_trial, relaxed_trial, swing_trial
 from pellucid.lab.knee_protocol import torque_trial as torque
 from pellucid.lab.knee_rig import knee_orthosis
 from pellucid.lab.knee_study import record_in_memory, write_knee_study
+from pellucid.recordings.recording import Channel
+from pellucid.recordings.study import Study
+from pellucid.report.coupling_document import page
+from pellucid.report.page import write_page
 
 RIG = knee_orthosis()
 S1 = RIG.subjects["S1"]
 BENCH = [t for t in bench_trials(RIG) if t[0].name in ("gravity", "response_03", "response_10", "response_check_07")]
 
 
-def swings(first=None, seconds=24.0, **named):
-    made = [swing_trial(RIG, f"S1_swing_{i}", S1, duration=seconds, use=use) for i, use in ((1, "fit"), (2, "fit"))]
-    made.append(swing_trial(RIG, "S1_swing_3", S1, duration=seconds, use="validate"))
-    if first is not None:
-        made[0] = swing_trial(RIG, "S1_swing_1", S1, duration=seconds, faults=first)
-    return made
+def swings(first=NO_FAULTS, second=NO_FAULTS, third=NO_FAULTS):
+    made = zip((1, 2, 3), ("fit", "fit", "validate"), (first, second, third), strict=True)
+    return [swing_trial(RIG, f"S1_swing_{i}", S1, duration=24.0, use=use, faults=faults) for i, use, faults in made]
 
 
 WORN = [
@@ -44,12 +47,33 @@ def found(whole):
     return identify_worn(*whole[:2])
 
 
-def with_other(whole, made, seed=5):
-    """The same recordings, some of them replaced."""
+WRONG = [
+    relaxed_trial(RIG, "S1_relaxed_2", S1, helps=True),
+    *swings(Faults(imu_dropout=(8.0, 2.5)), NO_FAULTS, Faults(slip=(12.0, 0.10))),
+    swing_trial(RIG, "S1_swing_4", S1, duration=24.0, faults=Faults(encoder_turn=2.4)),
+]
+"""A leg that helps, an IMU that falls silent, a strap that slips, and an encoder whose zero moves and rolls over."""
+
+
+@pytest.fixture(scope="module")
+def wrong(whole):
+    """The same recordings, some of them as they should not be."""
     config, recordings, _ = whole
-    _, others, _ = record_in_memory(RIG, made, seed=seed)
-    by_name = {r.name: r for r in others}
-    return config, [by_name.get(r.name, r) for r in recordings]
+    by_name = {r.name: r for r in recordings} | {r.name: r for r in record_in_memory(RIG, WRONG, seed=5)[1]}
+    by_name["response_03"] = rolled(by_name["response_03"])
+    return config, list(by_name.values())
+
+
+def rolled(recording):
+    """Its encoder counts from 0 to a whole turn."""
+    old = recording.channels["position"]
+    position = Channel(old.name, np.mod(old.samples, 2.0 * np.pi), old.unit, old.column)
+    return replace(recording, channels={**recording.channels, "position": position})
+
+
+@pytest.fixture(scope="module")
+def found_wrong(wrong):
+    return identify_worn(*wrong)
 
 
 def told(findings):
@@ -98,39 +122,49 @@ def test_every_figure_has_an_id_and_cards_what_a_controller_needs(found):
     assert told(found) == ""
 
 
-def test_a_leg_that_helps_is_not_relaxed_and_not_used(whole):
-    config, recordings = with_other(whole, [relaxed_trial(RIG, "S1_relaxed_2", S1, helps=True)])
-    findings = identify_worn(config, recordings)
-    assert set(findings.wearers["S1"].at_work) == {"S1_relaxed_2"}
-    assert "S1_relaxed_2 was not relaxed and is not used" in told(findings)
-    assert len(findings.wearers["S1"].limb.trials) == 1
-    assert findings.wearers["S1"].limb.gravity.value == pytest.approx(S1.gravity, rel=0.015)
+def test_the_report_says_and_draws_it(tmp_path, whole, found):
+    made = page(Study(tmp_path, whole[0]), found)
+    text = write_page(tmp_path / "report", made).read_text(encoding="utf-8")
+    assert "The straps" in text
+    assert "m g l sin" in text
+    names = {d.name for section in made.sections for d in section.drawings}
+    assert names == {"gravity", "response", "limbs", "straps", "mismatch_S1"}
+    assert all((tmp_path / "report" / f"{name}.svg").exists() for name in names)
 
 
-def test_an_imu_that_falls_silent_takes_its_swing_with_it(whole):
-    config, recordings = with_other(whole, swings(Faults(imu_dropout=(8.0, 2.5)))[:1])
-    findings = identify_worn(config, recordings)
-    assert "S1_swing_1 is not used" in told(findings)
-    assert "expected dropouts shorter than 2 s" in told(findings)
-    assert findings.wearers["S1"].coupling.orthosis_side.stiffness.value == pytest.approx(14.0, rel=0.1)
+def test_a_leg_that_helps_is_not_relaxed_and_not_used(found_wrong):
+    stages = found_wrong.wearers["S1"]
+    assert set(stages.at_work) == {"S1_relaxed_2"}
+    assert "S1_relaxed_2 was not relaxed and is not used" in told(found_wrong)
+    assert len(stages.limb.trials) == 1
+    assert stages.limb.gravity.value == pytest.approx(S1.gravity, rel=0.015)
 
 
-def test_a_strap_that_slips_in_mid_trial_is_told_and_its_trial_not_fitted(whole):
-    config, recordings = with_other(whole, swings(Faults(slip=(12.0, 0.10)))[:1])
-    findings = identify_worn(config, recordings)
-    slips = findings.wearers["S1"].coupling.slips
-    assert [s.recording for s in slips] == ["S1_swing_1"]
+def test_an_imu_that_falls_silent_takes_its_swing_with_it(found_wrong):
+    assert "S1_swing_1 is not used" in told(found_wrong)
+    assert "expected dropouts shorter than 2 s" in told(found_wrong)
+    assert found_wrong.wearers["S1"].coupling.orthosis_side.stiffness.value == pytest.approx(14.0, rel=0.1)
+
+
+def test_a_strap_that_slips_in_mid_trial_is_told(found_wrong):
+    slips = found_wrong.wearers["S1"].coupling.slips
+    assert [s.recording for s in slips] == ["S1_swing_3"]
     assert slips[0].time == pytest.approx(12.0, abs=0.5)
     assert slips[0].step == pytest.approx(0.10, rel=0.3)
-    assert "the strap slipped" in told(findings)
+    assert "the strap slipped" in told(found_wrong)
 
 
-def test_an_encoder_that_rolls_over_is_undone_and_told(whole):
-    config, recordings = with_other(whole, swings(Faults(encoder_turn=2.4))[:1])
-    rolled = next(r for r in recordings if r.name == "S1_swing_1")
-    assert np.abs(np.diff(rolled["position"])).max() > 6.0
-    findings = identify_worn(config, recordings)
-    assert any("position wraps by a whole turn" in v.text for v in findings.verdicts)
+def test_an_encoder_that_rolls_over_is_undone_and_told(wrong, found, found_wrong):
+    jumps = next(r for r in wrong[1] if r.name == "response_03")["position"]
+    assert np.abs(np.diff(jumps)).max() > 6.0
+    assert any("response_03: position wraps by a whole turn" in v.text for v in found_wrong.verdicts)
+    same = found.orthosis.pendulum["inertia"].value
+    assert found_wrong.orthosis.pendulum["inertia"].value == pytest.approx(same, rel=1e-3)
+
+
+def test_an_encoder_whose_zero_moved_is_refused(found_wrong):
+    assert "S1_swing_4 is not used" in told(found_wrong)
+    assert "the encoder's zero has moved" in told(found_wrong)
 
 
 def test_nothing_to_identify_is_refused(whole):
@@ -143,14 +177,14 @@ def test_nothing_to_identify_is_refused(whole):
         identify_worn(config.model_copy(update={"coupling": None}), recordings)
 
 
-def test_from_files_the_same_comes_out_and_check_tells_what_is_wrong(tmp_path, found):
-    made = [*BENCH, *WORN, *swings()]
-    study = write_knee_study(tmp_path / "knee", RIG, name="knee-orthosis", seed=5, made=made)
-    assert faults(study) == []
+def test_from_files_the_same_comes_out_and_check_tells_what_is_wrong(tmp_path, found_wrong):
+    other = {trial.name: (trial, wearer) for trial, wearer in WRONG}
+    made = {task[0].name: task for task in (*BENCH, *WORN, *swings())} | other
+    study = write_knee_study(tmp_path / "knee", RIG, name="knee-orthosis", seed=5, made=list(made.values()))
+    told_of = {(f.severity, f.kind, f.file) for f in faults(study)}
+    assert ("refuse", "not_relaxed", "S1_relaxed_2.csv") in told_of
+    assert ("refuse", "gap", "S1_swing_1.csv") in told_of
+    assert ("refuse", "magnitude", "S1_swing_4.csv") in told_of
     again = identify_coupling(study)
-    a, b = (f.wearers["S1"].coupling.orthosis_side for f in (again, found))
+    a, b = (f.wearers["S1"].coupling.orthosis_side for f in (again, found_wrong))
     assert a.stiffness.value == pytest.approx(b.stiffness.value, rel=1e-3)
-    made[5:7] = [relaxed_trial(RIG, "S1_relaxed_1", S1, helps=True), made[6]]
-    made[-3] = swings(Faults(imu_dropout=(8.0, 2.5)))[0]
-    bad = write_knee_study(tmp_path / "bad", RIG, name="knee-orthosis", seed=5, made=made)
-    assert {(f.severity, f.kind) for f in faults(bad)} >= {("refuse", "not_relaxed"), ("refuse", "gap")}

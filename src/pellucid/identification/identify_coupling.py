@@ -6,6 +6,7 @@ Every stage uses what the ones before it found. A stage that fails for one parti
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import replace
 
 import numpy as np
@@ -34,6 +35,8 @@ CHAIN = "knee"
 """From raw EMG to envelopes, zero-phase: nothing is late where nothing must be in time."""
 CHANNELS = ("torque", "position")
 """Of the spring on the orthosis, and of the orthosis itself."""
+BEYOND = np.radians(30.0)
+"""How far a worn orthosis may leave the angles at which it was identified alone [rad]."""
 PROTOCOLS = ("gravity_holds", "sine_tracking", "imu_on_orthosis", "relaxed_holds", "mvc", "torque_steps", "free_swing")
 
 
@@ -94,6 +97,7 @@ def identify_worn(
     trials = _Trials(recordings)
     tell("the orthosis alone", 0.0)
     sines = trials.of("sine_tracking")
+    trials.learn_range()
     orthosis = fit_orthosis(
         [trials.actuator(r) for r in trials.of("gravity_holds")],
         [trials.actuator(r) for r in sines if r.use == "fit"],
@@ -142,13 +146,15 @@ def faults(study: Study) -> list[Fault]:
         found.append(Fault(severity, kind, r.path.name, channel, text, "a trial as its protocol has it", message))
 
     trials = _Trials(study.recordings())
+    with suppress(PellucidError):  # told below, where the recording's turn comes
+        trials.learn_range()
     for r in trials.recordings:
         if r.protocol not in PROTOCOLS:
             continue
         try:
-            trials.actuator(r)
+            trials.worn(r)
         except PellucidError as error:
-            add("refuse", "missing_channel", r, "position", str(error))
+            add("refuse", "magnitude", r, "position", str(error))
         if r.protocol in ("imu_on_orthosis", "free_swing"):
             try:
                 trials.imu(r, asked)
@@ -168,6 +174,7 @@ class _Trials:
     def __init__(self, recordings: Sequence[Recording]):
         self.recordings = tuple(recordings)
         self.notes: dict[str, str] = {}
+        self.low, self.high = -np.inf, np.inf
 
     def of(self, protocol: str, participant: str | None = None) -> list[Recording]:
         return [r for r in self.recordings if r.protocol == protocol and r.participant == participant]
@@ -186,6 +193,24 @@ class _Trials:
         turns = np.round(np.median(undone.angle) / (2.0 * np.pi))
         return replace(made, output=undone.angle - 2.0 * np.pi * turns)
 
+    def learn_range(self) -> None:
+        """Between which angles the orthosis was while it was identified."""
+        alone = [self.actuator(r).output for r in (*self.of("gravity_holds"), *self.of("sine_tracking"))]
+        if alone:
+            self.low, self.high = (float(f([f(q) for q in alone])) for f in (min, max))
+
+    def worn(self, recording: Recording) -> InputOutput:
+        """The actuator's record of a trial with a wearer, its angle where the orthosis's gravity is known."""
+        record = self.actuator(recording)
+        low, high = float(record.output.min()), float(record.output.max())
+        if low < self.low - BEYOND or high > self.high + BEYOND:
+            raise IdentificationError(
+                f"{recording.path.name} (recording {recording.name}), channel position: found {np.degrees(low):.0f} to "
+                f"{np.degrees(high):.0f} deg, expected angles near those at which the orthosis was identified, "
+                f"{np.degrees(self.low):.0f} to {np.degrees(self.high):.0f} deg: the encoder's zero has moved"
+            )
+        return record
+
     def imu(self, recording: Recording, asked: Coupling):
         stream = recording.stream(asked.imu)
         return inertial(stream, "imu", magnetometer=asked.magnetometer)
@@ -203,7 +228,7 @@ def _wearer(
     limb, muscles = None, None
     working = _not_relaxed(trials, who, asked)
     try:
-        relaxed = [trials.actuator(r) for r in trials.of("relaxed_holds", who)]
+        relaxed = [trials.worn(r) for r in trials.of("relaxed_holds", who)]
         limb = fit_limb(relaxed, orthosis.gravity, participant, at_work=working)
         muscles = _muscles(trials, who, asked, orthosis.gravity.gravity.value + limb.gravity.value)
     except PellucidError as error:
@@ -225,7 +250,7 @@ def _wearer(
 def _swing(
     trials: _Trials, recording: Recording, asked: Coupling, muscles: MuscleTorque | None, chosen: Mapping
 ) -> Swing:
-    record = trials.actuator(recording)
+    record = trials.worn(recording)
     time, angle = limb_by_imu(trials.imu(recording, asked), record, **chosen)
     torque = None
     if muscles is not None and asked.emg in recording.streams:
