@@ -5,6 +5,7 @@ import pytest
 
 from pellucid import datasets
 from pellucid.recordings import inspect
+from pellucid.recordings.muscle_constants import study_muscles
 from pellucid.signals.emg_quality import inspect_emg
 
 
@@ -145,3 +146,19 @@ def test_muscles_lengths_and_moment_arms(studies):
         # Flexion is positive: the quadriceps' arm is below 0, the hamstrings' above.
         assert arm["moment_arm.knee.vastus_lateralis"].max() < -0.02
         assert arm["moment_arm.knee.semimembranosus"].min() > 0.01
+
+
+def test_muscles_constants(studies):
+    found = study_muscles(studies["nmsm_knee_emg"])
+    assert len(found) == 10
+    vastus = found["vastus_lateralis"]
+    assert vastus.name == "vaslat_l"
+    assert vastus.largest_force == pytest.approx(5148.77, abs=0.01)
+    assert vastus.optimal_fibre_length == pytest.approx(0.09456, abs=1e-5)
+    assert vastus.tendon_slack_length == pytest.approx(0.20987, abs=1e-5)
+    assert vastus.pennation == pytest.approx(0.25287, abs=1e-5)
+    # At the recorded lengths fibres are not far from their optimum, as far as the tendon does not yield.
+    for recording in studies["nmsm_knee_emg"].recordings():
+        length = recording.streams["lengths"]["length.vastus_lateralis"]
+        assert np.all(np.abs((length - vastus.tendon_slack_length) / vastus.optimal_fibre_length - 1.1) < 0.6)
+    assert study_muscles(studies["lower_limb_walking"]) == {}

@@ -14,6 +14,7 @@ from .registry import template
 
 if TYPE_CHECKING:
     from ..recordings import Study
+    from ..recordings.study_file import StudyFile
 
 
 def init(folder: str | os.PathLike, dataset: str, progress: bool = False) -> Study:
@@ -57,18 +58,23 @@ def init(folder: str | os.PathLike, dataset: str, progress: bool = False) -> Stu
         building.mkdir(parents=True)
         text = _with_notes(source_file.read_text(encoding="utf-8"), notes(dataset))
         (building / STUDY_FILE).write_text(text, encoding="utf-8")
-        for entry in open_study(building).config.recordings:
-            for file in (entry.file, *entry.streams.values()):
-                target = building / file
-                target.parent.mkdir(parents=True, exist_ok=True)
-                if not target.exists():
-                    shutil.copyfile(source / _in_the_data_set(file), target)
+        for file in _files(open_study(building).config):
+            target = building / file
+            target.parent.mkdir(parents=True, exist_ok=True)
+            shutil.copyfile(source / _in_the_data_set(file), target)
         _move(building, folder, last=STUDY_FILE)
     except OSError as error:
         raise DatasetError(f"{folder}: the study could not be made: {error}") from error
     finally:
         shutil.rmtree(building, ignore_errors=True)
     return open_study(folder)
+
+
+def _files(config: StudyFile) -> list[str]:
+    """Every file that a study.toml names, once."""
+    files = [file for entry in config.recordings for file in (entry.file, *entry.streams.values())]
+    constants = config.emg_torque.muscle_file if config.emg_torque else None
+    return list(dict.fromkeys(files + ([constants] if constants else [])))
 
 
 def _in_the_data_set(file: str) -> PurePosixPath:

@@ -1,0 +1,69 @@
+"""OpenSim models: the constants of their muscles."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from xml.etree import ElementTree
+
+from ..._errors import RecordingError
+from ..muscle_constants import MuscleConstants
+
+_KEYS = {
+    "largest_force": "max_isometric_force",
+    "optimal_fibre_length": "optimal_fiber_length",
+    "tendon_slack_length": "tendon_slack_length",
+    "pennation": "pennation_angle_at_optimal",
+}
+_OLD_PENNATION = "pennation_angle"  # before OpenSim 3
+
+
+def read_model(path: Path) -> dict[str, MuscleConstants]:
+    """Constants of a model's muscles, of whatever muscle model.
+
+    Parameters
+    ----------
+    path : Path
+
+    Returns
+    -------
+    dict of str to MuscleConstants
+        By the model's names, in its order.
+
+    Raises
+    ------
+    RecordingError
+        If the file is missing or no XML, is no model, has no muscles, or lacks a constant.
+    """
+    path = Path(path)
+    try:
+        root = ElementTree.fromstring(path.read_bytes())
+    except OSError as error:
+        raise RecordingError(f"{path}: not readable: {error}") from error
+    except ElementTree.ParseError as error:
+        raise RecordingError(f"{path.name}: not readable as XML, truncated or damaged: {error}") from error
+    if root.tag != "OpenSimDocument":
+        raise RecordingError(f"{path.name}: found <{root.tag}>, expected an <OpenSimDocument>")
+    # Muscles of every kind have these, and nothing else does.
+    muscles = [
+        element for element in root.iter() if element.get("name") and element.find(_KEYS["largest_force"]) is not None
+    ]
+    if not muscles:
+        raise RecordingError(f"{path.name}: found no muscle, expected some with <{_KEYS['largest_force']}>")
+    return {element.get("name"): _constants(path, element) for element in muscles}
+
+
+def _constants(path: Path, element) -> MuscleConstants:
+    values = {}
+    for name, key in _KEYS.items():
+        found = element.find(key)
+        if found is None and name == "pennation":
+            found = element.find(_OLD_PENNATION)
+        try:
+            values[name] = float(found.text)
+        except (AttributeError, TypeError, ValueError):
+            values[name] = math.nan
+        if not math.isfinite(values[name]):
+            said = "none" if found is None else f'"{found.text}"'
+            raise RecordingError(f"{path.name}, muscle {element.get('name')}, <{key}>: found {said}, expected a number")
+    return MuscleConstants(element.get("name"), **values)
