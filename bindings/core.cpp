@@ -3,6 +3,7 @@
 #include "controllers.hpp"
 #include "coupled_plant.hpp"
 #include "docs.hpp"
+#include "hill.hpp"
 #include "kernels.hpp"
 
 #include <pellucid/pellucid.hpp>
@@ -445,6 +446,7 @@ NB_MODULE(_core, m) {
 
   b::add_controllers(m);
   b::add_coupled_plant(m);
+  b::add_hill(m);
 
   nb::module_ math = m.def_submodule("math", "The core's elementary functions, on float64 or float32 arrays.");
   const auto elementary = [&math](const char* name, double (*in_double)(double), float (*in_float)(float),

@@ -95,6 +95,10 @@ template <class T, std::size_t N> Dual<T, N> exp(const Dual<T, N>& x) noexcept {
   const T power = exp(x.value);
   return {power, x.derivative * power};
 }
+template <class T, std::size_t N> Dual<T, N> expm1(const Dual<T, N>& x) noexcept {
+  const T less = expm1(x.value);
+  return {less, x.derivative * (less + T(1))};
+}
 template <class T, std::size_t N> Dual<T, N> log(const Dual<T, N>& x) noexcept {
   return {log(x.value), x.derivative * (T(1) / x.value)};
 }

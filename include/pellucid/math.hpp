@@ -100,6 +100,7 @@ template <> struct Format<double> {
   static constexpr std::uint64_t sqrt_half = 0x3fe6a09e667f3bcdu;
   static constexpr double exp_min = -746.0, exp_max = 710.0;  // exp is 0, infinite beyond
   static constexpr double tanh_max = 20.0;                    // tanh is 1 beyond
+  static constexpr double expm1_max = 709.0;                  // up to here one power of two scales e^x
   static constexpr double quarter_turns = 268435456.0;        // 2^28: what the reduction of sin and cos carries
   static constexpr double ln2[2] = {0.6931471803691238, 1.9082149292705877e-10};
   static constexpr double half_pi[5] = {1.5707963109016418, 1.5893254712295857e-08, 6.123233932053594e-17,
@@ -124,6 +125,7 @@ template <> struct Format<float> {
   static constexpr std::uint32_t sqrt_half = 0x3f3504f3u;
   static constexpr float exp_min = -104.0f, exp_max = 89.0f;
   static constexpr float tanh_max = 10.0f;
+  static constexpr float expm1_max = 88.0f;
   static constexpr float quarter_turns = 8192.0f;
   static constexpr float ln2[2] = {0.693115234375f, 3.1946184945309415e-05f};
   static constexpr float half_pi[5] = {1.5703125f, 0.0004837512969970703f, 7.549533620476723e-08f,
@@ -195,6 +197,16 @@ template <class S, if_real<S> = 0> S exp(S x) noexcept {
   const S half = reduced.n * S(0.5) + S(F::rounder);
   const S rest = (reduced.n - (half - S(F::rounder))) + S(F::rounder);
   return ((S(1) + reduced.expm1) * detail::power_of_two(half)) * detail::power_of_two(rest);
+}
+
+/// e^x - 1, without the cancellation near 0. Error below 2 ulp (double and float). -1 at -inf, infinite from 709 (88 in
+/// float) on, NaN stays NaN.
+template <class S, if_real<S> = 0> S expm1(S x) noexcept {
+  using F = detail::Format<value_t<S>>;
+  const auto reduced = detail::reduce_exp(clamp(x, S(-F::expm1_max), S(F::expm1_max)));
+  const S scale = detail::power_of_two(reduced.n + S(F::rounder));
+  const S result = scale * reduced.expm1 + (scale - S(1));
+  return select(x > S(F::expm1_max), S(std::numeric_limits<value_t<S>>::infinity()), result);
 }
 
 /// tanh x = (e^2x - 1) / (e^2x + 1). Error below 2.6 ulp (double and float). NaN stays NaN.

@@ -712,6 +712,254 @@ class CoupledPlant:
     def slip(self) -> float:
         """Of the strap, so far [rad]."""
 
+MUSCLE_PARAMETER_NAMES: tuple[str, ...]
+
+def hill_torque(
+    parameters: ArrayLike,
+    excitation: ArrayLike,
+    length: ArrayLike,
+    velocity: ArrayLike,
+    moment_arm: ArrayLike,
+    *,
+    period: float,
+    starts: ArrayLike | None = None,
+) -> NDArray[float64]:
+    """
+    Torque of several muscles from their EMG envelopes.
+
+    Parameters
+    ----------
+    parameters : (m, 18)
+        A row per muscle in the order of MUSCLE_PARAMETER_NAMES, SI.
+    excitation, length, velocity, moment_arm : (m, n)
+        Envelopes relative to maximal effort [1], musculotendon lengths [m] and their rates [m/s], moment arms about the
+        joint, positive where the muscle pulls along +q [m].
+    period : float
+        From one sample to the next [s], > 0.
+    starts : (r,) of int
+        First sample of each recording, ascending from 0; left out, all samples are one. Lags begin settled.
+
+    Returns
+    -------
+    (n,)
+        [N m].
+    """
+
+def hill_jacobian(
+    parameters: ArrayLike,
+    excitation: ArrayLike,
+    length: ArrayLike,
+    velocity: ArrayLike,
+    moment_arm: ArrayLike,
+    column: ArrayLike,
+    gain: ArrayLike,
+    *,
+    period: float,
+    starts: ArrayLike | None = None,
+) -> tuple[NDArray[float64], NDArray[float64]]:
+    """
+    hill_torque and its exact derivatives by k free parameters.
+
+    Parameters
+    ----------
+    parameters : (m, 18)
+    excitation, length, velocity, moment_arm : (m, n)
+        As of hill_torque.
+    column : (m, 11) of int
+        Which free parameter drives each of the first 11 quantities of each muscle; -1: none. One may drive several.
+    gain : (m, 11)
+        d quantity / d parameter.
+    period : float
+    starts : (r,) of int
+        As of hill_torque.
+
+    Returns
+    -------
+    torque : (n,)
+        [N m].
+    jacobian : (k, n)
+        A row per free parameter.
+    """
+
+def hill_normal(
+    parameters: ArrayLike,
+    excitation: ArrayLike,
+    length: ArrayLike,
+    velocity: ArrayLike,
+    moment_arm: ArrayLike,
+    column: ArrayLike,
+    gain: ArrayLike,
+    measured: ArrayLike,
+    *,
+    period: float,
+    starts: ArrayLike | None = None,
+    weight: ArrayLike | None = None,
+) -> tuple[float, NDArray[float64], NDArray[float64]]:
+    """
+    What a least-squares step needs, in one pass and without storing a Jacobian.
+
+    Parameters
+    ----------
+    parameters : (m, 18)
+    excitation, length, velocity, moment_arm : (m, n)
+    column : (m, 11) of int
+    gain : (m, 11)
+        As of hill_jacobian.
+    measured : (n,)
+        Torque to be met [N m].
+    period : float
+    starts : (r,) of int
+        As of hill_torque.
+    weight : (n,)
+        By which every residual is multiplied; left out, 1.
+
+    Returns
+    -------
+    cost : float
+        Half the sum of the squares of r = weight (torque - measured).
+    gradient : (k,)
+        J' r.
+    normal : (k, k)
+        J' J.
+    """
+
+def hill_states(
+    parameters: ArrayLike,
+    excitation: ArrayLike,
+    length: ArrayLike,
+    velocity: ArrayLike,
+    *,
+    period: float,
+    starts: ArrayLike | None = None,
+) -> tuple[NDArray[float64], NDArray[float64], NDArray[float64], NDArray[float64]]:
+    """
+    What each muscle does.
+
+    Parameters
+    ----------
+    parameters : (m, 18)
+    excitation, length, velocity : (m, n)
+    period : float
+    starts : (r,) of int
+        As of hill_torque.
+
+    Returns
+    -------
+    activation : (m, n)
+        [1].
+    force : (m, n)
+        In the tendon [N].
+    fibre_length : (m, n)
+        [m].
+    fibre_velocity : (m, n)
+        In v_max l_o, lengthening positive [1].
+    """
+
+def activation_dynamics(
+    excitation: ArrayLike,
+    *,
+    period: float,
+    activation_time: float = 0.01,
+    deactivation_time: float = 0.04,
+    start: float = 0.0,
+) -> NDArray[float64]:
+    """
+    Activation from excitation by a first-order lag, quicker while activation rises.
+
+    Parameters
+    ----------
+    excitation : (n,)
+        [1], held over each period; clipped to [0, 1].
+    period : float
+        [s], > 0.
+    activation_time, deactivation_time : float
+        [s], > 0.
+    start : float
+        Activation before the first sample [1].
+
+    Returns
+    -------
+    (n,)
+        At the end of each period [1].
+    """
+
+class HillTorque:
+    """
+    hill_torque sample by sample, causal, as a robot runs it.
+
+    Parameters
+    ----------
+    parameters : (m, 18)
+        A row per muscle in the order of MUSCLE_PARAMETER_NAMES; at most 32.
+    period : float
+        From one sample to the next [s], > 0. No delay may be longer than 1021 periods.
+    """
+
+    def __init__(self, parameters: ArrayLike, *, period: float) -> None: ...
+    def step(self, excitation: ArrayLike, length: ArrayLike, velocity: ArrayLike, moment_arm: ArrayLike) -> float:
+        """
+        Torque at one sample more [N m].
+
+        Parameters
+        ----------
+        excitation, length, velocity, moment_arm : (m,)
+            As of hill_torque. A sample that is not finite makes the torque so, and does not stay.
+        """
+
+    def run(
+        self, excitation: ArrayLike, length: ArrayLike, velocity: ArrayLike, moment_arm: ArrayLike
+    ) -> NDArray[float64]:
+        """
+        Samples one after another, each argument (m, n), going on from the state: torque, (n,) [N m].
+        """
+
+    @property
+    def forces(self) -> NDArray[float64]:
+        """In each tendon at the last sample, (m,) [N]."""
+
+    @property
+    def delays(self) -> NDArray[float64]:
+        """
+        How late slow envelopes arrive in each muscle's activation, delay and lags together, (m,) [s].
+        """
+
+    def reset(self) -> None:
+        """Forget every sample."""
+
+class ElasticMuscle:
+    """
+    One muscle on an elastic tendon, sample by sample.
+
+    Parameters
+    ----------
+    parameters : (18,)
+        In the order of MUSCLE_PARAMETER_NAMES; those of envelope and activation are not used.
+    tendon_strain : float
+        Of the tendon under F_0 [1], > 0.
+    period : float
+        From one sample to the next [s], > 0.
+    """
+
+    def __init__(self, parameters: ArrayLike, *, tendon_strain: float, period: float) -> None: ...
+    def rest(self, activation: float, length: float) -> float:
+        """
+        Fibre and tendon at rest at an activation [1] and a musculotendon length [m]: force [N].
+        """
+
+    def step(self, activation: float, length: float) -> float:
+        """
+        Force in the tendon one period on [N], at an activation [1] and a musculotendon length [m].
+        """
+
+    def run(self, activation: ArrayLike, length: ArrayLike) -> tuple[NDArray[float64], NDArray[float64]]:
+        """
+        Samples one after another, each argument (n,): force [N] and fibre length [m], each (n,).
+        """
+
+    @property
+    def fibre_length(self) -> float:
+        """At the last sample [m]."""
+
 class math:
     """The core's elementary functions, on float64 or float32 arrays."""
 

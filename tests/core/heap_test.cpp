@@ -55,6 +55,15 @@ int main() {
   const auto gate = p::coefficients(p::SafetyParams<double>{10, 500, 20, -1, 1.5, 0.2, 0.01, 3, 1e-3});
   p::BiquadCoefficients<double> filter;
   filter.count = 2;
+  p::HillTorqueParams<double, 3> muscles;
+  muscles.count = 3;
+  for (auto& muscle : muscles.muscle) {
+    muscle.activation = {-1, 0.02, 0.02, 1e-3};
+    muscle.muscle.optimal_fibre_length = 0.09;
+    muscle.muscle.tendon_slack_length = 0.1;
+  }
+  const auto h = p::coefficients<64>(muscles);
+  p::HillTorqueState<double, 3, 64> hs;
   p::PlantState<double> cs;
   p::PlantState<float> fs;
   p::PlantState<p::Dual<double, 8>> ds;
@@ -67,6 +76,7 @@ int main() {
     p::step<p::Friction::smooth>(f, fs, p::PlantInput<float>{static_cast<float>(r), 0, 0, 0});
     p::step(m, ms, p::PlantInput<double>{r, 0, 0, 0});
     p::step(w, ws, p::CoupledPlantInput<double>{r, 1, 0});
+    p::step(h, hs, {{r, r, r}, {0.2, 0.2, 0.2}, {r, r, r}, {0.04, 0.04, 0.04}});
     if (k % 100 == 0) {
       p::step<p::Friction::smooth>(d, ds, {p::Dual<double, 8>(r), {}, {}, {}});
       p::step<p::Friction::smooth>(

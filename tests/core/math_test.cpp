@@ -58,6 +58,27 @@ template <class T> struct Functions {
   }
 };
 
+template <class T> void expm1_near_and_far(const char* type) {
+  using L = std::numeric_limits<T>;
+  const T most = sizeof(T) == 8 ? T(709) : T(88);
+  Worst worst;
+  const auto at = [&worst, most](T x) {
+    if (!(x > most)) compare(worst, x, p::expm1(x), std::expm1(Long(x)), "expm1");
+  };
+  for (const T x : {T(0), -T(0), L::denorm_min(), L::min(), L::lowest(), -L::infinity(), L::quiet_NaN(), T(0.35), most})
+    at(x);
+  check(std::isinf(p::expm1(L::infinity())) && std::isinf(p::expm1(L::max())), "expm1 far away");
+  Random random(2);
+  for (int i = 0; i < 300000; ++i) {
+    at(random.anything<T>());
+    at(static_cast<T>(random.uniform(-1, 1)));
+    at(static_cast<T>(random.uniform(-30, 30)));
+    at(static_cast<T>(random.uniform(-800, 800)));
+  }
+  std::printf("%-6s  expm1 %.2Lf ulp at %.17Lg\n", type, worst.error, worst.at);
+  check(worst.error < Long(2), "expm1: no worse than stated");
+}
+
 template <class T> void sweep(const char* type, const double (&stated)[6]) {
   using L = std::numeric_limits<T>;
   Functions<T> f;
@@ -120,5 +141,7 @@ int main() {
   sweep<float>("float", {1.1, 1.0, 1.1, 1.1, 2.6, 0.51});
   small_functions<double>();
   small_functions<float>();
+  expm1_near_and_far<double>("double");
+  expm1_near_and_far<float>("float");
   return failures();
 }

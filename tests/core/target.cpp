@@ -13,6 +13,8 @@ p::SafetyCoefficients<float> gate;
 p::SafetyState<float> gate_state;
 p::PlantCoefficients<float> plant;
 p::PlantState<float> plant_state;
+p::HillTorqueCoefficients<float, 4> hill;
+p::HillTorqueState<float, 4, 256> hill_state;
 }  // namespace
 
 extern "C" {
@@ -38,5 +40,9 @@ float pellucid_simulate(float reference) {
   return p::step<p::Friction::stiction>(plant, plant_state, p::PlantInput<float>{reference, 0, 0, 0}).position +
          p::step<p::Friction::smooth>(plant, plant_state, p::PlantInput<float>{reference, 0, 0, 0}).effort;
 }
+
+void pellucid_configure_torque(const p::HillTorqueParams<float, 4>* params) { hill = p::coefficients<256>(*params); }
+
+float pellucid_torque(const p::HillTorqueInput<float, 4>* input) { return p::step(hill, hill_state, *input); }
 
 }  // extern "C"

@@ -1,0 +1,121 @@
+// Torque of several muscles at one joint, from their EMG envelopes, sample by sample and causal.
+//
+//   envelope -> delay -> two lags -> shape -> muscle on a rigid tendon -> sum of moment arm times force
+//
+// Musculotendon lengths, their rates and moment arms come in with every sample: geometry belongs to the joint.
+#pragma once
+
+#include "activation.hpp"
+#include "fractional_delay.hpp"
+#include "muscle.hpp"
+
+namespace pellucid {
+inline namespace PELLUCID_ABI {
+
+/// One muscle from its envelope on.
+template <class S> struct EmgMuscleParams {
+  S delay{};                       ///< electromechanical [s]
+  ActivationParams<S> activation;  ///< lags and shape
+  MuscleParams<S> muscle;          ///< force
+};
+
+/// How many numbers a muscle is, in the one order that every array of parameters has; identification frees the first.
+constexpr std::size_t muscle_parameter_count = 18;
+constexpr std::size_t muscle_free_count = 11;
+constexpr const char* muscle_parameter_names[muscle_parameter_count] = {"shape",
+                                                                        "time_constant_1",
+                                                                        "time_constant_2",
+                                                                        "delay",
+                                                                        "optimal_fibre_length",
+                                                                        "tendon_slack_length",
+                                                                        "strength",
+                                                                        "optimal_length_shift",
+                                                                        "max_velocity",
+                                                                        "force_length_width",
+                                                                        "passive_scale",
+                                                                        "max_isometric_force",
+                                                                        "pennation",
+                                                                        "damping",
+                                                                        "curvature",
+                                                                        "eccentric_force",
+                                                                        "passive_strain",
+                                                                        "passive_shape"};
+
+/// EmgMuscleParams from numbers in the order of muscle_parameter_names.
+template <class S>
+EmgMuscleParams<S> emg_muscle_params(const S (&p)[muscle_parameter_count], const S& period) noexcept {
+  return {p[3],
+          {p[0], p[1], p[2], period},
+          {p[4], p[5], p[6], p[7], p[8], p[9], p[10], p[11], p[12], p[13], p[14], p[15], p[16], p[17]}};
+}
+
+template <class S, std::size_t most> struct HillTorqueParams {
+  EmgMuscleParams<S> muscle[most]{};  ///< in the order of every input; their periods are one and the same
+  std::size_t count = 0;              ///< how many are used; more than `most` count as `most`
+};
+
+/// What follows from EmgMuscleParams once.
+template <class S> struct EmgMuscleCoefficients {
+  DelayCoefficients<S> delay{};            ///< electromechanical
+  ActivationCoefficients<S> activation{};  ///< lags and shape
+  MuscleCoefficients<S> muscle{};          ///< force
+};
+
+/// `longest` is the most samples a delay may have.
+template <class S>
+EmgMuscleCoefficients<S> coefficients(const EmgMuscleParams<S>& params, std::size_t longest) noexcept {
+  return {delay_coefficients(params.delay / params.activation.period, longest), coefficients(params.activation),
+          coefficients(params.muscle)};
+}
+
+/// What follows from HillTorqueParams once.
+template <class S, std::size_t most> struct HillTorqueCoefficients {
+  EmgMuscleCoefficients<S> muscle[most]{};  ///< in the order of every input
+  std::size_t count = 0;                    ///< at most `most`
+};
+
+template <std::size_t capacity, class S, std::size_t most>
+HillTorqueCoefficients<S, most> coefficients(const HillTorqueParams<S, most>& params) noexcept {
+  HillTorqueCoefficients<S, most> c;
+  c.count = params.count < most ? params.count : most;
+  for (std::size_t i = 0; i < c.count; ++i) c.muscle[i] = coefficients(params.muscle[i], capacity - 3);
+  return c;
+}
+
+/// What the estimator remembers. Zeros but for `settled` are a beginning.
+template <class S, std::size_t most, std::size_t capacity> struct HillTorqueState {
+  DelayState<S, capacity> delay[most]{};  ///< envelopes
+  ActivationState<S> activation[most]{};  ///< lags
+  S force[most]{};                        ///< in each tendon at the last sample [N]
+  bool settled[most]{};                   ///< whether the lags have begun
+};
+
+/// What the estimator is given with each sample.
+template <class S, std::size_t most> struct HillTorqueInput {
+  S excitation[most]{};  ///< envelopes, relative to maximal effort [1]
+  S length[most]{};      ///< musculotendon [m]
+  S velocity[most]{};    ///< its rate [m/s]
+  S moment_arm[most]{};  ///< about the joint, positive where the muscle pulls along +q [m]
+};
+
+/// Torque of all muscles [N m]. A sample that is not finite makes it so, and does not stay.
+template <class S, std::size_t most, std::size_t capacity> S step(const HillTorqueCoefficients<S, most>& c,
+                                                                  HillTorqueState<S, most, capacity>& state,
+                                                                  const HillTorqueInput<S, most>& input) noexcept {
+  S torque(0);
+  for (std::size_t i = 0; i < c.count; ++i) {
+    const S e = step(c.muscle[i].delay, state.delay[i], input.excitation[i]);
+    if (!state.settled[i] && is_finite(e)) {
+      settle(state.activation[i], e);
+      state.settled[i] = true;
+    }
+    const S a = step(c.muscle[i].activation, state.activation[i], e);
+    const MuscleCoefficients<S>& m = c.muscle[i].muscle;
+    state.force[i] = tendon_force(m, a, fibre(m, input.length[i], input.velocity[i]));
+    torque = torque + input.moment_arm[i] * state.force[i];
+  }
+  return torque;
+}
+
+}  // namespace PELLUCID_ABI
+}  // namespace pellucid
