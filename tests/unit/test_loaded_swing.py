@@ -12,6 +12,7 @@ from pellucid.identification.loaded_swing import (
     as_published,
     corrected,
     fit_swings,
+    leg_alone,
     swing,
     torque_in_a_worn_exoskeleton,
     torque_of_a_bare_leg,
@@ -69,8 +70,13 @@ def test_the_corrected_form_finds_the_body(rich, rng):
 def test_difference_with_the_better_swing_is_the_leg(rich, rng):
     empty = fit_swings([recorded(rich, EMPTY, rng=rng)], corrected())
     loaded = fit_swings([recorded(rich, LOADED, rng=rng)], corrected())
-    assert loaded.p.value - empty.p.value == pytest.approx(0.40, rel=0.10)
-    assert loaded.q.value - empty.q.value == pytest.approx(1.04, rel=0.02)
+    p, q = leg_alone(empty, loaded)
+    assert p.value == pytest.approx(0.40, rel=0.10)
+    assert q.value == pytest.approx(1.04, rel=0.02)
+    assert abs(p.value - 0.40) < 3.0 * p.standard_error
+    assert p.standard_error == pytest.approx(np.hypot(empty.p.standard_error, loaded.p.standard_error))
+    assert p.identifiable
+    assert not p.at_bound
 
 
 def test_the_angle_of_rest_is_found_where_it_is_not_known(rng):

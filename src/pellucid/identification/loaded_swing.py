@@ -345,6 +345,29 @@ def adam_swings(
     return adam(cost, first, rate=rate, final_rate=final_rate, iterations=iterations)
 
 
+def leg_alone(empty: SwingFit, loaded: SwingFit) -> tuple[Parameter, Parameter]:
+    """p' - p and q' - q: the leg's own.
+
+    Parameters
+    ----------
+    empty, loaded : SwingFit
+        From different recordings.
+
+    Returns
+    -------
+    p, q : Parameter
+        [kg m^2], [kg m]; `at_bound` where either fit's is.
+    """
+
+    def less(with_leg: Parameter, without: Parameter) -> Parameter:
+        value = with_leg.value - without.value
+        sd = float(np.hypot(with_leg.standard_error, without.standard_error))
+        held = with_leg.at_bound or without.at_bound
+        return Parameter(with_leg.name, with_leg.unit, value, sd, held, abs(value) > 1.96 * sd > 0.0)
+
+    return less(loaded.p, empty.p), less(loaded.q, empty.q)
+
+
 @dataclass(frozen=True, eq=False)
 class WearerTorque:
     """A wearer's torque at the knee, by balance.
