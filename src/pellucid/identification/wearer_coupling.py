@@ -15,7 +15,6 @@ from .coupled_impedance import (
     CouplingFit,
     Instrument,
     align,
-    clock_shift,
     fit_coupling,
     limb_angle,
     mismatch,
@@ -29,6 +28,7 @@ from .published_coupling import (
     solve_balance,
     torque_mismatch,
 )
+from .strap_search import clock_shift
 from .strap_slip import Slip, find_slip, unexplained
 from .strap_torque import Limb, Orthosis, Swing, from_limb, from_orthosis
 from .transfer_function_fit import fit_percent
