@@ -156,7 +156,7 @@ def choose_law(rig: KneeRig, cards: Mapping[str, WearerCard], seeds: Sequence[in
     """
     best, least = Law(), np.inf
     for law in CANDIDATES:
-        made = {name: design(card.coupling, rig.period, law=law) for name, card in cards.items()}  # as it is
+        made = {name: design(card.coupling, rig.period, law=law) for name, card in cards.items()}
         left = [worst_margins(m, uncertain_straps(m.coupling), SPEEDS) for m in made.values()]
         if not all(m.stable and m.gain_db >= WANTED_GAIN_DB + 1 and m.delay >= WANTED_DELAY for m in left):
             continue
@@ -298,8 +298,7 @@ def compare_controllers(
     rows, law, faults = [], law or Law(), faults or Faults()
     for subject in subjects:
         card = cards[subject]
-        made = _controllers(card, rig, law)
-        made = {name: entry for name, entry in made.items() if only is None or name in only}
+        made = _controllers(card, rig, law, only)
         if only is None or "gain by phase" in only:
             first = replace(for_wearer(card.coupling, rig.period, law), swing=(rig["swing"]["centre"], 4.4))
             # Its gains are learnt on a swing of the same wearer that is not judged.
@@ -324,31 +323,52 @@ def compare_controllers(
 
 
 def _controllers(
-    card: WearerCard, rig: KneeRig, law: Law
+    card: WearerCard, rig: KneeRig, law: Law, only: Sequence[str] | None
 ) -> dict[str, tuple[Margins | None, Callable[[], Controller]]]:
-    """Everything but the gain by phase: margins, and how to build it."""
+    """Everything but the gain by phase that is wanted: margins, and how to build it."""
     coupling, period = card.coupling, rig.period
     plants = uncertain_straps(coupling)
     made = for_wearer(coupling, period, law)
-    pid = tune_pid(made, plants, gain_db=WANTED_GAIN_DB, delay=WANTED_DELAY)
-    observer = DisturbanceObserver(coupling, period)
-    observed = [margins(p, observer.linear(s), period, speed=s) for p in plants for s in SPEEDS]
-    smallest = Margins(
-        all(m.stable for m in observed),
-        min(m.gain_db for m in observed),
-        min(m.delay for m in observed),
-        max(m.radius for m in observed),
-    )
     left = worst_margins(made, plants, SPEEDS)
-    return {
+    found: dict[str, tuple[Margins | None, Callable[[], Controller]]] = {
         "residual compensator": (left, lambda: WornCompensator(made, card.emg)),
         "without EMG": (left, lambda: WornCompensator(made)),
-        "PID": (worst_margins(pid, plants, SPEEDS), lambda: WornCompensator(pid, card.emg)),
         "strap learnt online": (left, lambda: WornCompensator(made, card.emg, StrapLearning())),
-        "disturbance observer": (smallest, lambda: DisturbanceObserver(coupling, period)),
         "fuzzy": (None, lambda: FuzzyCompensation(coupling, period)),
         "neural (RBF)": (None, lambda: RbfCompensation(coupling, period)),
     }
+    if only is None or "PID" in only:
+        pid = tune_pid(made, plants, gain_db=WANTED_GAIN_DB, delay=WANTED_DELAY)
+        found["PID"] = (worst_margins(pid, plants, SPEEDS), lambda: WornCompensator(pid, card.emg))
+    if only is None or "disturbance observer" in only:
+        observer = _observer(coupling, period)
+        found["disturbance observer"] = (_observer_margins(observer), lambda: _observer(coupling, period))
+    return {name: entry for name, entry in found.items() if only is None or name in only}
+
+
+def _observer(coupling: Coupling, period: float) -> DisturbanceObserver:
+    """The strongest disturbance observer that leaves the margins wanted, as the compensator is chosen."""
+    for gain in (1.5, 1.0, 0.75, 0.5, 0.25, 0.0):
+        for friction in (0.5, 0.4, 0.3):
+            observer = DisturbanceObserver(coupling, period, gain=gain, friction=friction)
+            left = _observer_margins(observer)
+            if left.gain_db >= WANTED_GAIN_DB and left.delay >= WANTED_DELAY:
+                return observer
+    return observer
+
+
+def _observer_margins(observer: DisturbanceObserver) -> Margins:
+    found = [
+        margins(plant, observer.linear(speed), observer.period, speed=speed)
+        for plant in uncertain_straps(observer.coupling)
+        for speed in SPEEDS
+    ]
+    return Margins(
+        all(m.stable for m in found),
+        min(m.gain_db for m in found),
+        min(m.delay for m in found),
+        max(m.radius for m in found),
+    )
 
 
 def robustness(
