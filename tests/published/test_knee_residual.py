@@ -88,5 +88,6 @@ def test_detached_electrodes_leave_what_needs_none(rig, cards):
     faults = Faults(emg_detached={0: 6.0, 1: 6.0})
     taken = swing(rig, "S1", 32, controller, duration=14.0, faults=faults)
     assert controller.fault == "none"
+    assert controller.core.estimate[-1] == 0.0  # found by its hum, and faded out
     assert np.abs(taken.command).max() < 10
     assert root_mean_square(taken)[1] < plain

@@ -81,7 +81,7 @@ def emg_card(taken: Sequence[KneeTaken], coupling: Coupling, *, ridge: float = 1
     Returns
     -------
     EmgMap
-        As the core takes it.
+        As the core takes it; what is twice the largest envelope of these recordings is no muscle's.
     float
         Root mean square error on held-out seconds [N m].
 
@@ -121,7 +121,7 @@ def emg_card(taken: Sequence[KneeTaken], coupling: Coupling, *, ridge: float = 1
     error = float(np.sqrt(np.mean((y[out] - x[out] @ fitted(~out)) ** 2)))
     seen = np.vstack(levels)
     made = EmgMap(
-        band, envelope, fitted(np.ones(len(y), bool)).reshape(3, 2), 0.2 * seen.min(axis=0), 20 * seen.max(axis=0)
+        band, envelope, fitted(np.ones(len(y), bool)).reshape(3, 2), 0.2 * seen.min(axis=0), 2 * seen.max(axis=0)
     )
     return made, error
 
