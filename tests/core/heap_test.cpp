@@ -64,6 +64,14 @@ int main() {
   }
   const auto h = p::coefficients<64>(muscles);
   p::HillTorqueState<double, 3, 64> hs;
+  p::ResidualParams<double> carrying;
+  carrying.bodies = {0.05, 0.01, 1.5, 0.02, 0.05, 0.3, 0.2, 8, 14, 0.4, 0};
+  carrying.innovation_limit = carrying.trust_time = carrying.swing_rate = carrying.assist_width = 1;
+  carrying.emg_limit = 40;
+  carrying.gate = {10, 500, 1e9, -100, 100, 0.2, 0.01, 3, 2e-3};
+  const auto rc = p::coefficients(carrying);
+  check(rc.gate.valid, "the compensator makes sense");
+  p::ResidualState<double> rs;
   p::PlantState<double> cs;
   p::PlantState<float> fs;
   p::PlantState<p::Dual<double, 8>> ds;
@@ -77,6 +85,7 @@ int main() {
     p::step(m, ms, p::PlantInput<double>{r, 0, 0, 0});
     p::step(w, ws, p::CoupledPlantInput<double>{r, 1, 0});
     p::step(h, hs, {{r, r, r}, {0.2, 0.2, 0.2}, {r, r, r}, {0.04, 0.04, 0.04}});
+    p::step(rc, rs, p::ResidualInput<double>{q, r, r, true, static_cast<std::int64_t>(k) * 2000});
     if (k % 100 == 0) {
       p::step<p::Friction::smooth>(d, ds, {p::Dual<double, 8>(r), {}, {}, {}});
       p::step<p::Friction::smooth>(
