@@ -1,0 +1,299 @@
+r"""Muscles of Hill's type, from EMG envelopes to the torque of a joint; the physics is the core's.
+
+For every muscle, with envelope e, electromechanical delay d and poles :math:`c_i = e^{-T_s/T_i}`
+(``include/pellucid/activation.hpp``, ``fractional_delay.hpp``, ``muscle.hpp``):
+
+.. math::
+   u_t &= (1 - c_1)(1 - c_2)\,e(t - d) + (c_1 + c_2)\,u_{t-1} - c_1 c_2\,u_{t-2}, \qquad
+   a = \frac{e^{A u} - 1}{e^A - 1} \\
+   F &= s F_0 \max\left(0,\; a f_l(\tilde l) f_v(\tilde v) + k_p f_p(l/l_o) + \beta\tilde v\right)\cos\varphi, \qquad
+   \tilde l = \frac{l}{l_o(\lambda(1 - a) + 1)}, \quad \tilde v = \frac{\dot l}{v_{max} l_o} \\
+   l\cos\varphi &= l_{mt} - l_{ts}, \qquad l\sin\varphi = l_o\sin\varphi_o, \qquad \tau = \sum r F
+
+The published form of this model is in `hill_as_published`. Geometry (l_mt, its rate, r) comes from `muscle_geometry`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from .. import _core
+
+QUANTITIES: tuple[str, ...] = tuple(_core.MUSCLE_PARAMETER_NAMES)
+"""What a muscle is, in the core's order."""
+
+FREE: tuple[str, ...] = QUANTITIES[:11]
+"""What identification may free."""
+
+
+@dataclass(frozen=True)
+class HillMuscle:
+    """One muscle.
+
+    Attributes
+    ----------
+    name : str
+    optimal_fibre_length, tendon_slack_length : float
+        l_o and l_ts [m].
+    max_isometric_force : float
+        F_0 [N].
+    pennation : float
+        phi_o, at l_o [rad].
+    shape : float
+        A, from -3 to 0 [1].
+    time_constant_1, time_constant_2 : float
+        T_1 and T_2 of the two lags [s].
+    delay : float
+        Electromechanical, d [s].
+    strength : float
+        s [1].
+    optimal_length_shift : float
+        lambda [1].
+    max_velocity : float
+        v_max, in l_o per second [1/s].
+    force_length_width : float
+        gamma of f_l [1].
+    passive_scale : float
+        k_p [1].
+    damping : float
+        beta [1].
+    curvature, eccentric_force : float
+        A_f and g of f_v [1].
+    passive_strain, passive_shape : float
+        e_0 and k of f_p [1].
+    """
+
+    name: str
+    optimal_fibre_length: float
+    tendon_slack_length: float
+    max_isometric_force: float
+    pennation: float = 0.0
+    shape: float = -1.0
+    time_constant_1: float = 0.02
+    time_constant_2: float = 0.02
+    delay: float = 0.02
+    strength: float = 1.0
+    optimal_length_shift: float = 0.15
+    max_velocity: float = 10.0
+    force_length_width: float = 0.45
+    passive_scale: float = 1.0
+    damping: float = 0.0
+    curvature: float = 0.25
+    eccentric_force: float = 1.5
+    passive_strain: float = 0.6
+    passive_shape: float = 4.0
+
+    def vector(self) -> np.ndarray:
+        """Its numbers in the core's order, shape (18,), SI."""
+        return np.array([getattr(self, quantity) for quantity in QUANTITIES], float)
+
+
+@dataclass(frozen=True)
+class FreeParameter:
+    """A number that identification may change, and what it drives.
+
+    Attributes
+    ----------
+    name : str
+    quantity : str
+        One of `FREE`.
+    muscles : tuple of str
+        Whose quantity it is; several share it.
+    lower, upper : float
+        Bounds of the number.
+    relative : bool
+        Whether the number multiplies what each muscle has (a share of 1), or is the quantity itself (SI).
+    """
+
+    name: str
+    quantity: str
+    muscles: tuple[str, ...]
+    lower: float
+    upper: float
+    relative: bool = False
+
+
+@dataclass(frozen=True, eq=False)
+class HillData:
+    """What is known at every sample, a row per muscle.
+
+    Attributes
+    ----------
+    excitation : ndarray, shape (m, n)
+        Envelopes relative to maximal effort [1].
+    length, rate, moment_arm : ndarray, shape (m, n)
+        Musculotendon lengths [m], how fast they grow [m/s], moment arms about the joint [m].
+    period : float
+        From one sample to the next [s].
+    starts : tuple of int
+        First sample of each recording.
+    """
+
+    excitation: np.ndarray
+    length: np.ndarray
+    rate: np.ndarray
+    moment_arm: np.ndarray
+    period: float
+    starts: tuple[int, ...] = (0,)
+
+    def __post_init__(self):
+        for name in ("excitation", "length", "rate", "moment_arm"):
+            object.__setattr__(self, name, np.ascontiguousarray(getattr(self, name), float))
+
+    @property
+    def arrays(self) -> tuple[np.ndarray, ...]:
+        """Excitation, length, rate and moment arm, each of shape (m, n), as the core takes them."""
+        return self.excitation, self.length, self.rate, self.moment_arm
+
+
+class HillModel:
+    """Muscles of one joint, some of whose numbers are free.
+
+    Parameters
+    ----------
+    muscles : sequence of HillMuscle
+        In the order of every row.
+    free : sequence of FreeParameter
+        In the order of every vector of values, Jacobian and covariance.
+
+    Raises
+    ------
+    ValueError
+        If names of muscles repeat, a free parameter drives what is not there or not free, or two drive the same.
+    """
+
+    def __init__(self, muscles: Sequence[HillMuscle], free: Sequence[FreeParameter] = ()):
+        self.muscles, self.free = tuple(muscles), tuple(free)
+        names = [m.name for m in self.muscles]
+        if len(set(names)) < len(names):
+            raise ValueError(f"muscles: found {names}, expected each name once")
+        self._base = np.array([m.vector() for m in self.muscles]).reshape(len(names), len(QUANTITIES))
+        self._column = np.full((len(names), len(FREE)), -1)
+        for j, parameter in enumerate(self.free):
+            if parameter.quantity not in FREE or not set(parameter.muscles) <= set(names) or not parameter.muscles:
+                raise ValueError(
+                    f"{parameter.name}: found {parameter.quantity} of {', '.join(parameter.muscles) or 'nothing'}, "
+                    f"expected one of {', '.join(FREE)} of some of {', '.join(names)}"
+                )
+            for muscle in parameter.muscles:
+                at = names.index(muscle), FREE.index(parameter.quantity)
+                if self._column[at] >= 0:
+                    other = self.free[self._column[at]].name
+                    raise ValueError(f"{parameter.name}: {other} drives {parameter.quantity} of {muscle} already")
+                self._column[at] = j
+        relative = np.array([p.relative for p in self.free], bool)
+        driven = self._column >= 0
+        self._gain = np.ones(self._column.shape)
+        if relative.any():
+            scaled = driven & relative[np.where(driven, self._column, 0)]
+            self._gain[scaled] = self._base[:, : len(FREE)][scaled]
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Of the free parameters."""
+        return tuple(p.name for p in self.free)
+
+    @property
+    def bounds(self) -> tuple[np.ndarray, np.ndarray]:
+        """Lower and upper, each of shape (k,)."""
+        return np.array([p.lower for p in self.free]), np.array([p.upper for p in self.free])
+
+    @property
+    def start(self) -> np.ndarray:
+        """What the muscles have, shape (k,): 1 of what is relative, the mean of what several share."""
+        mean = [
+            1.0 if p.relative else np.mean(self._base[:, : len(FREE)][self._column == j])
+            for j, p in enumerate(self.free)
+        ]
+        return np.array(mean, float)
+
+    def parameters(self, values: np.ndarray | None = None) -> np.ndarray:
+        """The core's array, shape (m, 18), for free `values`, shape (k,)."""
+        table = self._base.copy()
+        if values is not None and self.free:
+            driven = self._column >= 0
+            block = table[:, : len(FREE)]
+            block[driven] = self._gain[driven] * np.asarray(values, float)[self._column[driven]]
+        return table
+
+    def with_values(self, values: np.ndarray) -> tuple[HillMuscle, ...]:
+        """The muscles with free `values`, shape (k,), put in."""
+        rows = self.parameters(values)
+        return tuple(
+            replace(m, **dict(zip(QUANTITIES, map(float, row), strict=True)))
+            for m, row in zip(self.muscles, rows, strict=True)
+        )
+
+    def torque(self, data: HillData, values: np.ndarray | None = None) -> np.ndarray:
+        """Of all muscles, shape (n,) [N m], for free `values`, shape (k,)."""
+        return _core.hill_torque(self.parameters(values), *data.arrays, period=data.period, starts=data.starts)
+
+    def jacobian(self, data: HillData, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Torque and its exact derivatives.
+
+        Parameters
+        ----------
+        data : HillData
+        values : ndarray, shape (k,)
+
+        Returns
+        -------
+        torque : ndarray, shape (n,)
+            [N m]
+        jacobian : ndarray, shape (k, n)
+            A row per free parameter.
+        """
+        return _core.hill_jacobian(
+            self.parameters(values), *data.arrays, self._column, self._gain, period=data.period, starts=data.starts
+        )
+
+    def normal(
+        self, data: HillData, values: np.ndarray, measured: np.ndarray, weight: np.ndarray | None = None
+    ) -> tuple[float, np.ndarray, np.ndarray]:
+        """What a least-squares step needs, in one pass: half the sum of squares, its gradient, and J'J.
+
+        Parameters
+        ----------
+        data : HillData
+        values : ndarray, shape (k,)
+        measured : ndarray, shape (n,)
+            [N m]
+        weight : ndarray, shape (n,), optional
+            By which every residual is multiplied; 0 leaves a sample out, and its envelope stays in the lags.
+
+        Returns
+        -------
+        cost : float
+        gradient : ndarray, shape (k,)
+        normal : ndarray, shape (k, k)
+        """
+        return _core.hill_normal(
+            self.parameters(values), *data.arrays, self._column, self._gain, measured,
+            period=data.period, starts=data.starts, weight=weight,
+        )  # fmt: skip
+
+    def states(self, data: HillData, values: np.ndarray | None = None) -> Mapping[str, np.ndarray]:
+        """What each muscle does.
+
+        Parameters
+        ----------
+        data : HillData
+        values : ndarray, shape (k,), optional
+
+        Returns
+        -------
+        mapping of str to ndarray, each of shape (m, n)
+            activation [1], force [N], fibre_length [m], fibre_velocity [1, in v_max l_o].
+        """
+        found = _core.hill_states(self.parameters(values), *data.arrays[:3], period=data.period, starts=data.starts)
+        return dict(zip(("activation", "force", "fibre_length", "fibre_velocity"), found, strict=True))
+
+    def estimator(self, period: float, values: np.ndarray | None = None) -> _core.HillTorque:
+        """The same muscles sample by sample, causal, every `period` [s], with free `values`, shape (k,).
+
+        Its ``delays`` say how late slow envelopes arrive in each muscle's activation.
+        """
+        return _core.HillTorque(self.parameters(values), period=period)

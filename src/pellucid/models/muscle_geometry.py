@@ -1,0 +1,173 @@
+r"""Musculotendon length and moment arm as smooth functions of the angles of the joints that a muscle crosses.
+
+Length is a tensor product of cubic splines, the rest its derivatives, so that muscle work and joint work agree:
+
+.. math::
+   l = \sum_{ij} c_{ij} B_i(\theta_1) B_j(\theta_2), \qquad r_k = -\frac{\partial l}{\partial \theta_k}, \qquad
+   \dot l = -\sum_k r_k \dot\theta_k
+
+Beyond a table's angles length goes on straight. Tables ship with the package (``data/``), each with its source and
+licence; ``examples/muscle_geometry_tables.py`` makes them again. Angles have the model's own signs: in gait2392 hip
+flexion, knee *extension* (0 straight) and ankle dorsiflexion are positive.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property, lru_cache
+from pathlib import Path
+
+import numpy as np
+
+from .hill import HillMuscle
+
+_DATA = Path(__file__).parent / "data"
+
+
+@dataclass(frozen=True, eq=False)
+class MuscleGeometry:
+    """Path of one muscle.
+
+    Attributes
+    ----------
+    muscle : str
+    angles : tuple of str
+        Joints it crosses.
+    knots : tuple of ndarray, each of shape (k + 4,)
+        Of cubic splines, per angle [rad].
+    coefficients : ndarray, shape (k,) or (k, m)
+        [m]
+    """
+
+    muscle: str
+    angles: tuple[str, ...]
+    knots: tuple[np.ndarray, ...]
+    coefficients: np.ndarray
+
+    def range(self, angle: str) -> tuple[float, float]:
+        """First and last angle of the table, of one of its angles [rad]."""
+        knots = self.knots[self.angles.index(angle)]
+        return float(knots[0]), float(knots[-1])
+
+    def length(self, angles: Mapping[str, np.ndarray]) -> np.ndarray:
+        """Of muscle and tendon.
+
+        Parameters
+        ----------
+        angles : mapping of str to ndarray, each of shape (n,)
+            At least those that the muscle crosses [rad].
+
+        Returns
+        -------
+        ndarray, shape (n,)
+            [m]
+        """
+        inside, beyond = self._split(angles)
+        result = self._spline(inside)
+        for k in range(len(self.angles)):
+            if np.any(beyond[k]):
+                result = result + beyond[k] * self._spline(inside, k)
+        return result
+
+    def moment_arm(self, joint: str, angles: Mapping[str, np.ndarray]) -> np.ndarray:
+        """About a joint, positive where the muscle pulls towards positive angles.
+
+        Parameters
+        ----------
+        joint : str
+            One that the muscle does not cross has none.
+        angles : mapping of str to ndarray, each of shape (n,)
+            [rad]
+
+        Returns
+        -------
+        ndarray, shape (n,)
+            [m]
+        """
+        inside, beyond = self._split(angles)
+        if joint not in self.angles:
+            return np.zeros(len(inside))
+        k = self.angles.index(joint)
+        result = -self._spline(inside, k)
+        for other in range(len(self.angles)):
+            # Where another angle is beyond its table, the length that goes on straight there bends with this one.
+            if other != k and np.any(beyond[other]):
+                within = (beyond[k] == 0.0).astype(float)
+                result = result - within * beyond[other] * self._spline(inside, k, other)
+        return result
+
+    def rate(self, angles: Mapping[str, np.ndarray], rates: Mapping[str, np.ndarray]) -> np.ndarray:
+        """How fast the length grows.
+
+        Parameters
+        ----------
+        angles, rates : mapping of str to ndarray, each of shape (n,)
+            [rad] and [rad/s].
+
+        Returns
+        -------
+        ndarray, shape (n,)
+            [m/s]
+        """
+        return -sum(self.moment_arm(a, angles) * np.asarray(rates[a], float) for a in self.angles)
+
+    def _split(self, angles: Mapping[str, np.ndarray]) -> tuple[np.ndarray, list[np.ndarray]]:
+        columns = [np.atleast_1d(np.asarray(angles[a], float)) for a in self.angles]
+        inside = [np.clip(c, k[0], k[-1]) for c, k in zip(columns, self.knots, strict=True)]
+        return np.stack(inside, axis=-1), [c - i for c, i in zip(columns, inside, strict=True)]
+
+    def _spline(self, points: np.ndarray, *derivatives: int) -> np.ndarray:
+        order = [derivatives.count(k) for k in range(len(self.angles))]
+        return self._product(points, nu=order)
+
+    @cached_property
+    def _product(self):
+        from scipy.interpolate import NdBSpline
+
+        return NdBSpline(self.knots, self.coefficients, 3)
+
+
+@dataclass(frozen=True, eq=False)
+class MuscleTable:
+    """Muscles of a musculoskeletal model.
+
+    Attributes
+    ----------
+    source, licence, citation : str
+        Where it is from, under which terms, and what to cite.
+    geometry : mapping of str to MuscleGeometry
+        By muscle.
+    constants : mapping of str to HillMuscle
+        The model's anatomical constants; everything else is `HillMuscle`'s own.
+    """
+
+    source: str
+    licence: str
+    citation: str
+    geometry: Mapping[str, MuscleGeometry]
+    constants: Mapping[str, HillMuscle]
+
+
+@lru_cache(maxsize=4)
+def muscle_table(model: str = "gait2392") -> MuscleTable:
+    """Muscles of one of the models that ship with the package.
+
+    Raises
+    ------
+    ValueError
+        If there is none of that name.
+    """
+    path = _DATA / f"{model}.json"
+    if not path.is_file():
+        known = ", ".join(sorted(p.stem for p in _DATA.glob("*.json")))
+        raise ValueError(f"model: found {model!r}, expected one of {known}")
+    raw = json.loads(path.read_text(encoding="utf-8"))
+    geometry, constants = {}, {}
+    for name, row in raw["muscles"].items():
+        knots = tuple(np.array(k, float) for k in row["knots"])
+        geometry[name] = MuscleGeometry(name, tuple(row["angles"]), knots, np.array(row["coefficients"], float))
+        fixed = ("max_isometric_force", "optimal_fibre_length", "tendon_slack_length", "pennation")
+        constants[name] = HillMuscle(name, **{key: row[key] for key in fixed})
+    return MuscleTable(raw["source"], raw["licence"], raw["citation"], geometry, constants)
