@@ -115,8 +115,9 @@ def test_every_figure_has_an_id_and_cards_what_a_controller_needs(found):
     for what in ("orthosis.gravity", "orthosis.fit", "S1.limb.gravity", "S1.coupling.k", "S1.coupling.fit"):
         assert f"knee-orthosis.{what}" in ids
     assert set(found.cards) == {"orthosis", "S1.coupling", "S1.limb"}
-    assert set(found.cards["S1.coupling"].values) == {"strap_stiffness", "strap_damping"}
-    assert set(found.cards["S1.limb"].values) == {"limb_inertia", "limb_gravity", "limb_viscous"}
+    assert set(found.cards["S1.coupling"].values) == {"stiffness", "damping"}
+    assert set(found.cards["S1.limb"].values) == {"inertia", "gravity", "damping"}
+    assert set(found.cards["orthosis"].values) == {"inertia", "damping", "gravity", "coulomb"}
     for card in found.cards.values():
         assert np.shape(card.covariance) == (len(card.parameters), len(card.parameters))
     assert told(found) == ""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from importlib.metadata import version
 
 import numpy as np
@@ -26,14 +26,7 @@ WORDS: Mapping[str, str] = {
     "de_leva": "de Leva",
 }
 """Tables of shares, as a reader knows them."""
-ON_CARD: Mapping[str, str] = {
-    "inertia": "orthosis_inertia",
-    "damping": "orthosis_viscous",
-    "gravity": "orthosis_gravity",
-    "coulomb": "coulomb",
-}
-"""Names of the orthosis's parameters on its card, beside which a limb's and a strap's are read."""
-LIMB_VISCOUS = Parameter("limb_viscous", "N*m*s/rad", 0.0, VISCOUS_SPREAD, identifiable=False)
+LIMB_DAMPING = Parameter("damping", "N*m*s/rad", 0.0, VISCOUS_SPREAD, identifiable=False)
 """Nothing recorded here tells a relaxed knee's damping."""
 GOOD_FIT = 95.0
 """From here on [%] a model of the orthosis alone leaves nothing that matters."""
@@ -307,7 +300,7 @@ def _cards(
         "orthosis": card(
             "orthosis",
             "orthosis",
-            [replace(by_name[name], name=ON_CARD[name]) for name in ORDER],
+            [by_name[name] for name in ORDER],
             orthosis.covariance,
             None,
             "gravity from holds; inertia and friction by output error on sines",
@@ -320,7 +313,7 @@ def _cards(
         made[f"{who}.coupling"] = card(
             "coupling",
             f"{who}.coupling",
-            [replace(fit.stiffness, name="strap_stiffness"), replace(fit.damping, name="strap_damping")],
+            [fit.stiffness, fit.damping],
             fit.covariance,
             who,
             "output error on the IMU's angle, torque by the orthosis's balance",
@@ -331,7 +324,7 @@ def _cards(
             made[f"{who}.limb"] = card(
                 "limb",
                 f"{who}.limb",
-                [replace(limb.inertia, name="limb_inertia"), replace(limb.gravity, name="limb_gravity"), LIMB_VISCOUS],
+                [limb.inertia, limb.gravity, LIMB_DAMPING],
                 limb.limb.covariance,
                 who,
                 "gravity on a rigid plate, muscles at rest; inertia by shares of the body",
