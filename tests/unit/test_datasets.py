@@ -100,7 +100,7 @@ def test_every_template_is_a_study_of_the_registered_files():
         files |= {study.emg_torque.muscle_file} if study.emg_torque and study.emg_torque.muscle_file else set()
         assert {file.removeprefix("recordings/") for file in files} == set(datasets.info(name).files)
         # A fit that leaves trials or repetitions out in turn needs no recording set apart.
-        asks = study.transfer_function or study.hinge or study.emg_torque
+        asks = study.transfer_function or study.hinge or study.emg_torque or study.isolated_muscle
         assert asks or {entry.use for entry in study.recordings} == {"fit", "validate"}
         assert asks or study.processing.lowpass is not None
 

@@ -120,3 +120,16 @@ def test_a_damaged_storage_file(tmp_path, text, said):
 def test_a_wrong_study_file(study, old, new, said):
     with pytest.raises(StudyError, match=said):
         study((old, new))
+
+
+def test_a_dat_file_is_read_as_what_it_is(tmp_path):
+    """OpenSim's header or plain columns: the content says, not the ending."""
+    from pellucid.recordings.readers import read_columns
+
+    (tmp_path / "storage.dat").write_text(
+        "Made by hand\n\nendheader\ntime_s\tforce_N\n0.0\t1.5\n0.1\t2.5\n", encoding="utf-8"
+    )
+    (tmp_path / "plain.dat").write_text("time_s force_N\n0.0 1.5\n0.1 2.5\n", encoding="utf-8")
+    for name in ("storage.dat", "plain.dat"):
+        columns = read_columns(tmp_path / name)
+        assert np.array_equal(columns.values["force_N"], [1.5, 2.5])

@@ -26,6 +26,7 @@ TABLES = [
     study_procedures.Coupling,
     study_procedures.EmgTorque,
     study_procedures.Assessment,
+    study_procedures.IsolatedMuscle,
     study_file.Processing,
     study_file.Model,
     study_file.PayloadSpec,

@@ -15,7 +15,7 @@ from pydantic import Field, ValidationError, ValidationInfo, field_validator, mo
 from .._errors import StudyError
 from ..units import parse_quantity, si_text, to_si_factor
 from .study_fields import DERIVED, NAME, Table, quantity
-from .study_procedures import Assessment, Coupling, EmgTorque, Hinge, TransferFunction
+from .study_procedures import Assessment, Coupling, EmgTorque, Hinge, IsolatedMuscle, TransferFunction
 from .toml_place import explain
 
 PROCEDURES = ("transfer_function", "hinge", "coupling")
@@ -560,7 +560,7 @@ class StudyFile(Table):
         Remarks the report repeats.
     rig, participants, channels, optical, streams, processing, model, recordings
         Its tables; `optical` is None where no motion capture took part.
-    transfer_function, hinge, coupling, emg_torque, assessment
+    transfer_function, hinge, coupling, emg_torque, assessment, isolated_muscle
         What is asked of these recordings in place of a joint with friction; None where it is not.
     """
 
@@ -579,6 +579,7 @@ class StudyFile(Table):
     coupling: Coupling | None = None
     emg_torque: EmgTorque | None = None
     assessment: Assessment | None = None
+    isolated_muscle: IsolatedMuscle | None = None
     recordings: tuple[RecordingEntry, ...] = ()
 
     @model_validator(mode="before")
@@ -621,7 +622,7 @@ class StudyFile(Table):
         asked = [name for name in PROCEDURES if getattr(self, name) is not None]
         if len(asked) > 1:
             raise ValueError(f"found the tables {', '.join(asked)}, expected one of them: each is a study of its own")
-        others = self.emg_torque is not None or self.assessment is not None
+        others = any(t is not None for t in (self.emg_torque, self.assessment, self.isolated_muscle))
         if self.rig.drive is None and not asked and not others:
             raise ValueError("[rig.drive] no such table found, expected one that says how the effort is known")
         return self

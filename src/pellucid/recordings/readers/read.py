@@ -49,8 +49,10 @@ def read_columns(path: Path) -> Columns:
         raise RecordingError(
             f'{path.name}: found the ending "{path.suffix}", expected one of {", ".join(sorted(FORMATS))}'
         )
-    reader = importlib.import_module(f".{module}", __package__)
     try:
+        if path.suffix.lower() == ".dat" and _is_storage(path):
+            module = "sto"
+        reader = importlib.import_module(f".{module}", __package__)
         values = reader.read(path)
         angles = reader.angle_unit(path) if hasattr(reader, "angle_unit") else None
         units = reader.units(path) if hasattr(reader, "units") else {}
@@ -59,3 +61,9 @@ def read_columns(path: Path) -> Columns:
     if all(isinstance(value, str) for value in values.values()):
         raise RecordingError(f"{path.name}: found no numeric column")
     return Columns(path, values, angles, units)
+
+
+def _is_storage(path: Path) -> bool:
+    """Whether a line ``endheader`` makes a .dat file one of OpenSim's."""
+    with path.open(encoding="utf-8-sig", errors="replace") as lines:
+        return any(line.strip().lower() == "endheader" for _, line in zip(range(1000), lines, strict=False))
