@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from . import datasets as datasets
     from . import report as report
+    from .assessment.assess import assess as assess
     from .demonstration.demo import demo as demo
     from .estimators.calibrate import calibrate as calibrate
     from .identification.check import check as check
@@ -27,6 +28,7 @@ if TYPE_CHECKING:
 
 _WHERE = {
     "open": ("recordings.study", "open_study"),
+    "assess": ("assessment.assess", "assess"),
     "check": ("identification.check", "check"),
     "calibrate": ("estimators.calibrate", "calibrate"),
     "identify": ("identification.identify", "identify"),
@@ -41,6 +43,7 @@ _WHERE = {
 
 __all__ = [
     "__version__",
+    "assess",
     "calibrate",
     "check",
     "compare",

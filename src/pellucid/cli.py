@@ -101,7 +101,9 @@ def check(folder: Folder) -> None:
     if refused:
         _say(out, f"Not fit to identify from: {_count(len(refused), 'fault')}.")
         raise typer.Exit(1)
-    _say(out, f"Fit to identify from. Next: pellucid identify {folder}")
+    only_torque = study.config.emg_torque is not None and study.config.procedure is None and study.rig.drive is None
+    command = "calibrate" if only_torque else "identify"
+    _say(out, f"Fit to {command} from. Next: pellucid {command} {folder}")
 
 
 @app.command()
@@ -134,7 +136,8 @@ def identify(
     else:
         _print_slider_fit(out, study, fit)
     _say(out, f"Model cards in {study.models_dir}, every figure in {study.results_path}.")
-    _say(out, f"Next: pellucid report {folder}")
+    command = "report" if study.config.emg_torque is None else "calibrate"
+    _say(out, f"Next: pellucid {command} {folder}")
 
 
 @app.command()
@@ -157,6 +160,30 @@ def calibrate(
     out = _console()
     _print_findings(out, found)
     _say(out, f"Model cards in {study.models_dir}, every figure in {study.results_path}.")
+    _say(out, f"Next: pellucid report {folder}")
+
+
+@app.command()
+def assess(
+    folder: Folder,
+    json: Annotated[bool, typer.Option("--json", help="Print the figures as JSON instead of tables.")] = False,
+) -> None:
+    """Do conditions change how people move? Indices, tests, a paragraph."""
+    from .assessment.assess import assess as run
+    from .identification.findings import save_findings
+    from .recordings.study import open_study
+
+    study = open_study(folder)
+    with _progress() as tell:
+        found = run(study, on_progress=tell)
+    save_findings(study, found, "assess")
+    if json:
+        _print_json(study, "assess")
+        return
+    out = _console()
+    _print_findings(out, found)
+    out.print(found.paragraph, markup=False)
+    _say(out, f"\nEvery figure in {study.results_path}.")
     _say(out, f"Next: pellucid report {folder}")
 
 
@@ -330,12 +357,13 @@ def _progress() -> Iterator[Callable[[str, float], None]]:
 def _table(*heads: str) -> Table:
     """A table without frames; a head that begins with > sets its column to the right, one that ends with ~ may wrap."""
     from rich.box import SIMPLE_HEAD
+    from rich.markup import escape
     from rich.table import Table
 
     table = Table(box=SIMPLE_HEAD, pad_edge=False, padding=(0, 1), header_style="dim", safe_box=True)
     for head in heads:
         table.add_column(
-            head.removeprefix(">").removesuffix("~"),
+            escape(head.removeprefix(">").removesuffix("~")),  # a unit in brackets is no markup
             justify="right" if head.startswith(">") else "left",
             no_wrap=not head.endswith("~"),
         )
@@ -404,21 +432,35 @@ def _parameter_table(parameters: Sequence[Parameter], level: float) -> Table:
 
 
 def _print_findings(out: Console, found: Findings) -> None:
-    from .identification.findings import ParameterTable
-    from .report.quantities import cell_text
+    from rich.markup import escape
 
-    _say(out, f"\n{found.study}: {found.headline}")
+    from .identification.findings import ParameterTable
+    from .report.quantities import cell_text, units_in
+
+    _say(out, f"\n{found.study}: {units_in(found.headline)}")
     for shown in found.tables:
         _say(out, f"\n{shown.title}")
         if isinstance(shown, ParameterTable):
             out.print(_parameter_table(shown.parameters, found.confidence))
             continue
-        texts = [any(isinstance(row[i], str) for row in shown.rows) for i in range(len(shown.heads))]
-        table = _table(*(head if text else f">{head}" for head, text in zip(shown.heads, texts, strict=True)))
-        for row in shown.rows:
-            table.add_row(*map(cell_text, row))
+        rows = [[cell_text(cell) for cell in row] for row in shown.rows]
+        table = _table(*(_folded(head, [r[i] for r in rows], shown.rows, i) for i, head in enumerate(shown.heads)))
+        for row in rows:
+            table.add_row(*map(escape, row))
         out.print(table)
     _print_verdicts(out, found.verdicts)
+
+
+def _folded(head: str, cells: Sequence[str], rows: Sequence[Sequence[object]], column: int) -> str:
+    """A head on as many lines as keep it no wider than what stands below; figures stand to the right."""
+    from textwrap import wrap
+
+    from .report.quantities import units_in
+
+    head = units_in(head)
+    width = max(map(len, [*head.split(), *cells]))
+    side = "" if any(isinstance(row[column], str) for row in rows) else ">"
+    return side + "\n".join(wrap(head, width, break_long_words=False, break_on_hyphens=False))
 
 
 def _print_json(study: Study, command: str) -> None:
@@ -433,7 +475,9 @@ def _print_json(study: Study, command: str) -> None:
 
 
 def _print_verdicts(out: Console, verdicts: Sequence[Verdict]) -> None:
-    _list(out, [(v.kind, v.text) for v in verdicts])
+    from .report.quantities import units_in
+
+    _list(out, [(v.kind, units_in(v.text)) for v in verdicts])
     out.print()
 
 

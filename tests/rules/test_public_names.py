@@ -9,6 +9,7 @@ import pellucid
 
 NAMES = [
     "__version__",
+    "assess",
     "calibrate",
     "check",
     "compare",
@@ -27,6 +28,7 @@ COMMANDS = [
     "check",
     "identify",
     "calibrate",
+    "assess",
     "report",
     "compare",
     "demo",

@@ -52,7 +52,7 @@ def test_version():
 
 def test_help_names_every_command_on_one_line_each():
     text = run(cli.app, ["--help"]).output
-    for command in ("init", "simulate", "check", "identify", "calibrate", "report", "compare", "demo", "reproduce"):
+    for command in ("init", "simulate", "check", "identify", "calibrate", "assess", "report", "compare", "demo", "reproduce"):
         assert f"\n  {command} " in text
     assert "..." not in text.split("Commands:")[1]
 

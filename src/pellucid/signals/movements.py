@@ -15,6 +15,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Literal
 
 import numpy as np
@@ -117,6 +118,8 @@ class Movement:
         As labelled, without sign [rad].
     travel : float
         As measured, between its ends, without sign [rad].
+    reach : float
+        As measured, from the rest before to the rest after it, along its direction [rad].
     peak_velocity, mean_velocity : float
         Along its direction [rad/s].
     peak_time : float
@@ -132,6 +135,7 @@ class Movement:
     direction: int
     amplitude: float | None
     travel: float
+    reach: float
     peak_velocity: float
     mean_velocity: float
     peak_time: float
@@ -257,12 +261,12 @@ def rest_stretches(
             joined.append([start, stop, sign])
     # What a filter or a tremor makes between movements is no movement, and divides none.
     kept = [m for m in joined if abs(motion.angle[m[1] - 1] - motion.angle[m[0]]) >= least]
-    middles = [0.5 * (a[1] + b[0]) for a, b in zip(kept, kept[1:], strict=False)]
+    middles = [0.5 * (a[1] + b[0]) for a, b in pairwise(kept)]
     edges = [0.0, *middles, float(len(motion.time))]
     begin = motion.time[0]
     return [
         Stretch(begin + low / motion.fs, begin + high / motion.fs, _as_labelled(amplitude, sign))
-        for low, high, (_, _, sign) in zip(edges, edges[1:], kept, strict=False)
+        for low, high, (_, _, sign) in zip(edges[:-1], edges[1:], kept, strict=True)
     ]
 
 
@@ -343,6 +347,7 @@ def _movement(motion: Kinematics, stretch: Stretch, rule: MovementRule) -> Movem
         direction=direction,
         amplitude=None if stretch.amplitude is None else abs(stretch.amplitude),
         travel=float(travel),
+        reach=float(direction * went),
         peak_velocity=float(top),
         mean_velocity=float(travel / duration),
         peak_time=(peak - first) / (last - first),

@@ -1,0 +1,146 @@
+r"""Muscle activity of a movement, and the EMG/Acc index: how much activity an acceleration costs.
+
+EMG is band-passed from 20 to 450 Hz, centred and rectified, divided by the largest value of the muscle in all of a
+participant's recordings, and taken 0.1 s earlier than the motion. Over a movement with its agonists,
+
+.. math::  \mathrm{EMG/Acc} = \frac{1}{C} \, \frac{\mathrm{mean}_m\, \mathrm{RMS}(e_m)}{\ddot q_{max}} - 1,
+
+with C the same ratio in the control condition, for the same participant and amplitude [1]_. It is 0 for control by its
+definition, and is not computed for movements that gravity helps.
+
+.. [1] D. Verdel, S. Bastide, N. Vignais, O. Bruneau, B. Berret, "An identification-based method improving the
+   transparency of a robotic upper limb exoskeleton", Robotica 39, 2021, eq. 9.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from .._errors import RecordingError
+from ..recordings.recording import Recording
+from ..recordings.study_procedures import Assessment
+from ..signals.emg_chain import EmgChain, emg_chain
+
+
+@dataclass(frozen=True, eq=False)
+class Activity:
+    """Rectified EMG of one recording, advanced.
+
+    Attributes
+    ----------
+    time : ndarray, shape (m,)
+        [s]
+    rectified : Mapping[str, ndarray of shape (m,)]
+        By muscle, as many times the amplifier's unit; sample at t is what the motion at t follows.
+    largest : Mapping[str, float]
+        By muscle.
+    """
+
+    time: np.ndarray
+    rectified: Mapping[str, np.ndarray]
+    largest: Mapping[str, float]
+
+    def level(self, muscles: Sequence[str], maxima: Mapping[str, float], start: float, end: float) -> float:
+        """Mean over muscles of the RMS of their relative activity from `start` to `end` [s]; NaN beyond the record."""
+        first, last = np.searchsorted(self.time, (start, end))
+        if start < self.time[0] or end > self.time[-1] or last - first < 2:
+            return float("nan")
+        each = [np.sqrt(np.mean(np.square(self.rectified[m][first:last]))) / maxima[m] for m in muscles]
+        return float(np.mean(each))
+
+
+def activity(recording: Recording, spec: Assessment) -> Activity | None:
+    """EMG of a recording, processed as published but for its normalisation, which needs all recordings.
+
+    Parameters
+    ----------
+    recording : Recording
+    spec : Assessment
+
+    Returns
+    -------
+    Activity or None
+        None where the recording has no EMG at all.
+
+    Raises
+    ------
+    RecordingError
+        If one of the muscles is not recorded, a sample is missing, or the rate does not allow the filter.
+    """
+    muscles = (*spec.agonists, *spec.antagonists)
+    names = [f"emg.{muscle}" for muscle in muscles]
+    source = recording.streams.get(spec.emg, recording)
+    present = [name for name in names if name in source]
+    if not present:
+        return None
+    if len(present) < len(names):
+        absent = ", ".join(name for name in names if name not in present)
+        raise RecordingError(
+            f"{source.path.name} (recording {recording.name}): found {', '.join(present)}, expected {absent} too"
+        )
+    chain = _chain(spec.advance)
+    rectified = {}
+    for muscle, name in zip(muscles, names, strict=True):
+        channel = source.channels[name]
+        try:
+            if channel.unit == "1":
+                rectified[muscle] = _later(channel.samples, round(spec.advance * source.fs))
+            else:
+                rectified[muscle] = chain.zero_phase(channel.samples, source.fs)
+        except RecordingError as error:
+            raise RecordingError(f"{source.path.name} (recording {recording.name}), {name}: {error}") from None
+    return Activity(source.time, rectified, {muscle: float(samples.max()) for muscle, samples in rectified.items()})
+
+
+def maxima(activities: Sequence[Activity]) -> dict[str, float]:
+    """Largest activity of every muscle over all recordings of a participant.
+
+    Parameters
+    ----------
+    activities : sequence of Activity
+
+    Returns
+    -------
+    dict of str to float
+
+    Raises
+    ------
+    RecordingError
+        If a muscle is silent throughout.
+    """
+    found = {m: max(each.largest[m] for each in activities) for m in activities[0].largest} if activities else {}
+    silent = [muscle for muscle, top in found.items() if not top > 0.0]
+    if silent:
+        raise RecordingError(f"EMG: found no activity at all of {', '.join(silent)}, expected some in every recording")
+    return found
+
+
+def emg_per_acceleration(level: float, acceleration: float) -> float:
+    """Activity of the agonists over the largest acceleration [s^2/rad]: eq. 9's ratio before control divides it.
+
+    Parameters
+    ----------
+    level : float
+        Relative activity [1].
+    acceleration : float
+        [rad/s^2]
+
+    Returns
+    -------
+    float
+    """
+    return level / acceleration if acceleration > 0.0 else float("nan")
+
+
+def _chain(advance: float) -> EmgChain:
+    """The published chain without its normalisation, and with this advance."""
+    published = emg_chain("able")
+    stages = [stage for stage in published.stages if stage.kind != "normalise"]
+    return replace(published, stages=tuple(replace(s, seconds=advance) if s.kind == "advance" else s for s in stages))
+
+
+def _later(samples: np.ndarray, count: int) -> np.ndarray:
+    return np.concatenate((np.full(count, samples[0]), samples[: len(samples) - count]))

@@ -1,0 +1,263 @@
+"""Indices of transparency: what each is, and each participant's value in each condition.
+
+A value is a mean over movements that are alike (one amplitude, one direction), then over these cells, of those alone
+that the participant has in every condition: a movement left out does not tip the balance between short and long ones.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from .session import DOWN, UP, Measured
+
+
+@dataclass(frozen=True)
+class Index:
+    """One index.
+
+    Attributes
+    ----------
+    name : str
+        In ids.
+    words, short, unit : str
+        What it is, in full and as narrow tables call it.
+    of : str
+        Which of a movement's values.
+    direction : str
+        ``"up"`` or ``"down"``; ``""`` for both.
+    over_control : bool
+        Whether it is a share of control's ratio less 1, and thus 0 for control.
+    """
+
+    name: str
+    words: str
+    short: str
+    unit: str
+    of: str
+    direction: str = ""
+    over_control: bool = False
+
+
+INDICES = {
+    index.name: index
+    for index in (
+        Index("duration", "Duration", "Duration", "s", "duration"),
+        Index("vmax", "Peak velocity", "Peak vel.", "rad/s", "vmax"),
+        Index("vmean", "Mean velocity", "Mean vel.", "rad/s", "vmean"),
+        Index("acceleration", "Peak acceleration", "Peak acc.", "rad/s^2", "acceleration"),
+        Index("peak_time_up", "Relative time to peak velocity, up", "Time to peak, up", "1", "peak_time", UP),
+        Index("peak_time_down", "Relative time to peak velocity, down", "Time to peak, down", "1", "peak_time", DOWN),
+        Index("sparc", "Spectral arc length", "SPARC", "1", "sparc"),
+        Index("ldlj", "Log dimensionless jerk", "LDLJ", "1", "ldlj"),
+        Index("emg_level", "EMG level", "EMG level", "1", "emg_level"),
+        Index("emgacc", "EMG/Acc", "EMG/Acc", "1", "emg_per_acc", UP, True),
+        Index("torque_rms", "Interaction torque, RMS", "Torque RMS", "N*m", "torque_rms"),
+        Index("torque_peak", "Interaction torque, peak", "Torque peak", "N*m", "torque_peak"),
+        Index("work", "Work against the robot", "Work", "J", "work"),
+    )
+}
+"""All indices, in the order of tables."""
+
+NEGATIVE = ("sparc", "ldlj")
+"""Indices whose values are below 0, of which a change in % says little."""
+
+
+@dataclass(frozen=True, eq=False)
+class IndexTable:
+    """Values of one index.
+
+    Attributes
+    ----------
+    index : Index
+    participants, conditions : tuple of str
+        Participants with a value in all of these conditions.
+    values : ndarray, shape (n, k)
+    """
+
+    index: Index
+    participants: tuple[str, ...]
+    conditions: tuple[str, ...]
+    values: np.ndarray
+
+    def column(self, condition: str) -> np.ndarray:
+        """Values in one condition, shape (n,)."""
+        return self.values[:, self.conditions.index(condition)]
+
+
+def cell_means(movements: Sequence[Measured], of: str, direction: str = "") -> dict[tuple, float]:
+    """Means of one value over movements that are alike.
+
+    Parameters
+    ----------
+    movements : sequence of Measured
+    of : str
+    direction : str
+        ``"up"``, ``"down"``, or ``""`` for both.
+
+    Returns
+    -------
+    dict
+        By (participant, condition, cell).
+    """
+    sums: dict[tuple, list[float]] = {}
+    for m in movements:
+        value = m.values.get(of, np.nan)
+        if np.isfinite(value) and direction in ("", m.cell[1]):
+            sums.setdefault((m.participant, m.condition, m.cell), []).append(value)
+    return {key: float(np.mean(each)) for key, each in sums.items()}
+
+
+def index_table(
+    movements: Sequence[Measured], index: Index, participants: Sequence[str], conditions: Sequence[str], control: str
+) -> IndexTable | None:
+    """Each participant's value in each condition.
+
+    Parameters
+    ----------
+    movements : sequence of Measured
+    index : Index
+    participants : sequence of str
+        Those to take; who lacks this index in a condition is left out.
+    conditions : sequence of str
+    control : str
+        An index over control does not have it as a column, and neither does one that needs a robot.
+
+    Returns
+    -------
+    IndexTable or None
+        None where nobody has the index.
+    """
+    means = cell_means(movements, index.of, index.direction)
+    recorded = [c for c in conditions if any(key[1] == c for key in means)]
+    # Without a robot there is no interaction: a condition that nobody has it in is no column.
+    if not recorded or (index.over_control and (control not in recorded or len(recorded) < 2)):
+        return None
+    rows, people = [], []
+    for person in participants:
+        cells = [{key[2] for key in means if key[:2] == (person, c)} for c in recorded]
+        shared = set.intersection(*cells)
+        if not shared:
+            continue
+        ordered = sorted(shared, key=str)
+        value = {c: np.array([means[person, c, cell] for cell in ordered]) for c in recorded}
+        if index.over_control:
+            rows.append([float(np.mean(value[c] / value[control] - 1.0)) for c in recorded if c != control])
+        else:
+            rows.append([float(np.mean(value[c])) for c in recorded])
+        people.append(person)
+    if not rows:
+        return None
+    shown = tuple(c for c in recorded if not (index.over_control and c == control))
+    return IndexTable(index, tuple(people), shown, np.array(rows))
+
+
+@dataclass(frozen=True)
+class Isochrony:
+    """Straight lines through amplitude and mean velocity, and through amplitude and duration.
+
+    Attributes
+    ----------
+    condition, direction : str
+    participants : tuple of str
+    velocity_r2 : tuple of float
+        Of each participant's own line, over the means of each amplitude.
+    velocity_slope, velocity_intercept : float
+        Of the line through the means over participants [1/s], [rad/s].
+    group_r2 : float
+        Of that line.
+    duration_r2 : tuple of float
+    duration_slope, duration_intercept : float
+        [s/rad], [s].
+    points : tuple of (amplitude [rad], mean velocity [rad/s], duration [s])
+        Means over participants.
+    """
+
+    condition: str
+    direction: str
+    participants: tuple[str, ...]
+    velocity_r2: tuple[float, ...]
+    velocity_slope: float
+    velocity_intercept: float
+    group_r2: float
+    duration_r2: tuple[float, ...]
+    duration_slope: float
+    duration_intercept: float
+    points: tuple[tuple[float, float, float], ...]
+
+
+def isochrony(
+    movements: Sequence[Measured], participants: Sequence[str], conditions: Sequence[str]
+) -> tuple[Isochrony, ...]:
+    """Isochrony of every condition and direction with at least three amplitudes.
+
+    Parameters
+    ----------
+    movements : sequence of Measured
+    participants, conditions : sequence of str
+
+    Returns
+    -------
+    tuple of Isochrony
+    """
+    velocity, duration = cell_means(movements, "vmean"), cell_means(movements, "duration")
+    found = []
+    for condition in conditions:
+        for direction in (UP, DOWN):
+            each = [_person_line(person, condition, direction, velocity, duration) for person in participants]
+            each = [(person, *line) for person, line in zip(participants, each, strict=True) if line is not None]
+            if not each:
+                continue
+            amplitudes = sorted(set.intersection(*(set(a) for _, a, *_ in each)))
+            if len(amplitudes) < 3:
+                continue
+            v = [np.mean([vs[a] for _, _, vs, _ in each]) for a in amplitudes]
+            t = [np.mean([ts[a] for _, _, _, ts in each]) for a in amplitudes]
+            radians = np.radians(amplitudes)
+            slope, intercept, r2 = affine(radians, np.array(v))
+            dslope, dintercept, _ = affine(radians, np.array(t))
+            found.append(
+                Isochrony(
+                    condition, direction, tuple(person for person, *_ in each),
+                    tuple(affine(np.radians(a), np.array([vs[x] for x in a]))[2] for _, a, vs, _ in each),
+                    slope, intercept, r2,
+                    tuple(affine(np.radians(a), np.array([ts[x] for x in a]))[2] for _, a, _, ts in each),
+                    dslope, dintercept,
+                    tuple(zip(radians.tolist(), map(float, v), map(float, t), strict=True)),
+                )
+            )  # fmt: skip
+    return tuple(found)
+
+
+def _person_line(person, condition, direction, velocity: Mapping, duration: Mapping):
+    """Amplitudes in degrees with the person's mean velocity and duration; None with fewer than three."""
+    cells = [
+        key[2] for key in velocity
+        if key[:2] == (person, condition) and key[2][1] == direction and key[2][0] is not None
+    ]  # fmt: skip
+    if len(cells) < 3:
+        return None
+    cells = sorted(cells)
+    v = {cell[0]: velocity[person, condition, cell] for cell in cells}
+    t = {cell[0]: duration[person, condition, cell] for cell in cells}
+    return [cell[0] for cell in cells], v, t
+
+
+def affine(x: np.ndarray, y: np.ndarray) -> tuple[float, float, float]:
+    """Straight line by least squares.
+
+    Parameters
+    ----------
+    x, y : ndarray, shape (n,)
+
+    Returns
+    -------
+    slope, intercept, r2 : float
+        r2 is NaN where y is constant.
+    """
+    slope, intercept = np.polyfit(x, y, 1)
+    spread = float(np.sum((y - y.mean()) ** 2))
+    rest = float(np.sum((y - slope * x - intercept) ** 2))
+    return float(slope), float(intercept), 1.0 - rest / spread if spread > 0.0 else float("nan")

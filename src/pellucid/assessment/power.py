@@ -1,0 +1,216 @@
+"""How many participants would a lab need? Power of the tests by simulation, from what a pilot study showed.
+
+Participants are drawn from a normal distribution with the pilot's means and covariances over conditions: what is the
+same in all conditions of a participant cancels, as it does in the tests. The control's mean stays, and the other
+conditions may be moved to the change that is to be found. Every draw is one study, judged as `comparison` would; the
+power is the share of them in which the test is significant.
+
+Draws come in parts with seeds of their own, so that the outcome is the same on however many cores. The parts go through
+an executor of the standard library's kind; without one, small runs stay in this process and larger ones use every core.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from concurrent.futures import ProcessPoolExecutor
+from contextlib import nullcontext
+from dataclasses import dataclass
+from multiprocessing import get_context
+from typing import Any, Literal
+
+import numpy as np
+from scipy import stats
+
+from .._errors import PellucidError
+from .signed_rank import sign_distribution
+
+PART = 500
+"""Studies drawn in one part."""
+
+INLINE = 200_000
+"""Participants drawn in all below which starting processes takes longer than drawing them."""
+
+Test = Literal["friedman", "nemenyi", "signed_rank"]
+
+
+@dataclass(frozen=True)
+class Power:
+    """Power of one test over numbers of participants.
+
+    Attributes
+    ----------
+    test : str
+    participants : tuple of int
+    power : tuple of float
+        Share of the simulated studies that were significant.
+    standard_error : tuple of float
+        Of `power`, from the number of studies.
+    """
+
+    test: str
+    participants: tuple[int, ...]
+    power: tuple[float, ...]
+    standard_error: tuple[float, ...]
+
+    def needed(self, power: float = 0.8) -> int | None:
+        """The fewest participants from which on the power is reached; None where it is not reached at all."""
+        enough = [p >= power for p in self.power]
+        for i, n in enumerate(self.participants):
+            if all(enough[i:]):
+                return n
+        return None
+
+
+def power_curve(
+    pilot: np.ndarray,
+    participants: Sequence[int],
+    *,
+    test: Test = "friedman",
+    control: int = 0,
+    compared: int | None = None,
+    change: float | None = None,
+    comparisons: int = 1,
+    alpha: float = 0.05,
+    studies: int = 2000,
+    seed: int = 1,
+    executor: Any = None,
+) -> Power:
+    """Power of a test for studies of several sizes.
+
+    Parameters
+    ----------
+    pilot : ndarray, shape (n, k)
+        Participants' values of a study that was made, one column a condition, in any one unit.
+    participants : sequence of int
+        Sizes to try, each at least 2.
+    test : str
+        ``"friedman"``: do conditions differ at all; ``"nemenyi"`` or ``"signed_rank"``: does `compared` differ from
+        control.
+    control, compared : int
+        Columns.
+    change : float, optional
+        Difference from control that `compared` (with ``"friedman"``, every other condition) is to have, in the pilot's
+        unit; left out, that of the pilot.
+    comparisons : int
+        Among which `alpha` is divided, for ``"signed_rank"``.
+    alpha : float
+        Chance of a false alarm.
+    studies : int
+        Drawn for each size.
+    seed : int
+    executor : object, optional
+        With a method ``submit(function, *arguments)`` whose outcome has ``result()``: a `concurrent.futures.Executor`,
+        or a Dask client.
+
+    Returns
+    -------
+    Power
+
+    Raises
+    ------
+    PellucidError
+        If the pilot has fewer than 3 participants or 2 conditions, or there is nothing to compare.
+    """
+    pilot = np.asarray(pilot, float)
+    if pilot.ndim != 2 or pilot.shape[0] < 3 or pilot.shape[1] < 2 or not np.isfinite(pilot).all():
+        raise PellucidError(
+            f"power: found a pilot of shape {pilot.shape}, expected at least 3 participants x 2 conditions"
+        )
+    if test != "friedman" and (compared is None or compared == control):
+        raise PellucidError(f"power: found compared = {compared}, expected another condition than the control")
+    if min(participants) < 2:
+        raise PellucidError(f"power: found {min(participants)} participants, expected at least 2")
+    mean = pilot.mean(axis=0)
+    if change is not None:
+        moved = [j for j in range(pilot.shape[1]) if j != control] if test == "friedman" else [compared]
+        mean[moved] = mean[control] + change
+    factor = _root(np.cov(pilot, rowvar=False))
+    parts = [(n, i) for n in participants for i in range(-(-studies // PART))]
+    arguments = [
+        (mean, factor, n, min(PART, studies - i * PART), (seed, n, i), test, control, compared, alpha / comparisons)
+        for n, i in parts
+    ]
+    hits = dict.fromkeys(participants, 0)
+    for (n, _), count in zip(parts, _run(arguments, executor, studies * sum(participants)), strict=True):
+        hits[n] += count
+    share = tuple(hits[n] / studies for n in participants)
+    spread = tuple(float(np.sqrt(max(p * (1.0 - p), 1.0 / studies) / studies)) for p in share)
+    return Power(test, tuple(participants), share, spread)
+
+
+SIZES = (4, 6, 8, 12, 16, 24, 32, 48, 64, 96)
+"""Numbers of participants that `participants_needed` tries first; more than the last are not looked for."""
+
+
+def participants_needed(pilot: np.ndarray, *, power: float = 0.8, **options) -> int | None:
+    """The fewest participants with whom a test has enough power.
+
+    Parameters
+    ----------
+    pilot : ndarray, shape (n, k)
+        As for `power_curve`.
+    power : float
+        That is to be reached.
+    **options
+        As for `power_curve`.
+
+    Returns
+    -------
+    int or None
+        None where not even the largest of `SIZES` is enough.
+    """
+
+    def enough(n: int) -> bool:
+        return power_curve(pilot, (n,), **options).power[0] >= power
+
+    last = 1
+    for size in SIZES:
+        if enough(size):
+            low, high = max(last, 2), size
+            while high - low > 1:
+                middle = (low + high) // 2
+                low, high = (low, middle) if enough(middle) else (middle, high)
+            return high
+        last = size
+    return None
+
+
+def _run(arguments: list[tuple], executor: Any, size: int) -> list[int]:
+    if executor is None and size <= INLINE:
+        return [_significant(*each) for each in arguments]
+    # Forked children would inherit locks of the numeric libraries' threads.
+    pool = nullcontext(executor) if executor is not None else ProcessPoolExecutor(os.cpu_count(), get_context("spawn"))
+    with pool as used:
+        return [future.result() for future in [used.submit(_significant, *each) for each in arguments]]
+
+
+def _significant(mean, factor, n, studies, seed, test, control, compared, alpha) -> int:
+    """How many of so many simulated studies are significant."""
+    rng = np.random.default_rng(seed)
+    values = mean + rng.standard_normal((studies, n, len(mean))) @ factor.T
+    if test == "signed_rank":
+        return int(np.sum(_signed_ranks(values[:, :, compared] - values[:, :, control], alpha)))
+    k = len(mean)
+    sums = (np.argsort(np.argsort(values, axis=2), axis=2) + 1.0).sum(axis=1)
+    if test == "friedman":
+        statistic = 12.0 / (n * k * (k + 1)) * np.sum((sums - 0.5 * n * (k + 1)) ** 2, axis=1)
+        return int(np.sum(stats.chi2.sf(statistic, k - 1) < alpha))
+    least = stats.studentized_range.isf(alpha, k, np.inf) / np.sqrt(2.0) * n * np.sqrt(k * (k + 1) / (6.0 * n))
+    return int(np.sum(np.abs(sums[:, compared] - sums[:, control]) > least))
+
+
+def _signed_ranks(differences: np.ndarray, alpha: float) -> np.ndarray:
+    """Which rows' counted p is below alpha; differences of real numbers are neither tied nor 0."""
+    n = differences.shape[1]
+    ranks = np.argsort(np.argsort(np.abs(differences), axis=1), axis=1) + 1.0
+    above = np.sum(ranks * (differences > 0.0), axis=1).astype(int)
+    chance = np.cumsum(sign_distribution(np.arange(1, n + 1)))
+    below = np.minimum(above, n * (n + 1) // 2 - above)
+    return 2.0 * chance[below] < alpha
+
+
+def _root(covariance: np.ndarray) -> np.ndarray:
+    """A square root of a covariance, which with few participants need not have full rank."""
+    values, vectors = np.linalg.eigh(covariance)
+    return vectors * np.sqrt(np.maximum(values, 0.0))

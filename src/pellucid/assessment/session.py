@@ -1,0 +1,231 @@
+"""Every movement of a study with its indices: what the statistics are made from."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from .._errors import RecordingError
+from ..recordings.quality import Fault
+from ..recordings.study_procedures import Assessment
+from ..signals.emg_timing import LEAD, emg_lead
+from ..signals.movements import Kinematics, Movement, MovementRule
+from ..signals.pointing import PointingRecord, drop_mistaken
+from .emg_index import Activity, activity, emg_per_acceleration, maxima
+from .interaction import interaction
+from .smoothness import log_dimensionless_jerk, spectral_arc_length
+
+UP, DOWN = "up", "down"
+"""Along the angle, which is 0 where the segment hangs, and back."""
+
+SAME = 0.005
+"""Labels closer than this [rad] are one that was rounded."""
+
+RANDOM = 12
+"""With more amplitudes than this they were random, and movements are pooled over them."""
+
+
+@dataclass(frozen=True)
+class Measured:
+    """One movement and its indices.
+
+    Attributes
+    ----------
+    participant, condition, recording : str
+    movement : Movement
+    cell : tuple
+        Labelled amplitude in degrees (None where there is none, or too many) and direction: movements that are alike.
+    values : Mapping[str, float]
+        By index, in SI; NaN where it could not be had.
+    """
+
+    participant: str
+    condition: str
+    recording: str
+    movement: Movement
+    cell: tuple[float | None, str]
+    values: Mapping[str, float]
+
+
+@dataclass(frozen=True, eq=False)
+class Session:
+    """All movements of a study, by one rule.
+
+    Attributes
+    ----------
+    rule : MovementRule
+    movements : tuple of Measured
+    left_out : Mapping[str, Mapping[str, int]]
+        By recording, how many stretches gave no movement and why.
+    motions : Mapping[str, Kinematics]
+        By recording.
+    """
+
+    rule: MovementRule
+    movements: tuple[Measured, ...]
+    left_out: Mapping[str, Mapping[str, int]]
+    motions: Mapping[str, Kinematics] = field(repr=False)
+
+
+def labels(records: Sequence[PointingRecord]) -> list[float]:
+    """All amplitudes that are labelled, without sign [rad], each once."""
+    named = sorted(abs(s.amplitude) for record in records for s in record.stretches if s.amplitude is not None)
+    groups = np.split(named, np.flatnonzero(np.diff(named) > SAME) + 1) if named else []
+    return [float(group.mean()) for group in groups]
+
+
+def activities(
+    records: Sequence[PointingRecord], spec: Assessment, rule: MovementRule
+) -> tuple[dict[str, Activity], dict[str, dict[str, float]], list[Fault]]:
+    """EMG of every recording, each muscle's largest activity, and clocks that are none.
+
+    Parameters
+    ----------
+    records : sequence of PointingRecord
+    spec : Assessment
+    rule : MovementRule
+        Of the motion that EMG is compared with.
+
+    Returns
+    -------
+    found : dict of str to Activity
+        By recording; a recording without EMG is not in it.
+    largest : dict of str to dict of str to float
+        By participant and muscle.
+    faults : list of Fault
+        Of the kinds ``"overlap"`` and ``"clock"``, refused.
+
+    Raises
+    ------
+    RecordingError
+        If an EMG cannot be used.
+    """
+    found: dict[str, Activity] = {}
+    faults: list[Fault] = []
+    for record in records if spec.agonists or spec.antagonists else ():
+        made = activity(record.recording, spec)
+        if made is not None:
+            found[record.recording.name] = made
+            faults += _clock_faults(record, made, spec, rule)
+    people: dict[str, list[Activity]] = {}
+    for record in records:
+        if record.recording.name in found:
+            people.setdefault(record.recording.participant, []).append(found[record.recording.name])
+    return found, {person: maxima(own) for person, own in people.items()}, faults
+
+
+def _clock_faults(record: PointingRecord, made: Activity, spec: Assessment, rule: MovementRule) -> list[Fault]:
+    name = record.recording.path.name
+
+    def refuse(kind: str, what: str, expected: str) -> list[Fault]:
+        message = f"{record.where}, EMG: found {what}, expected {expected}"
+        return [Fault("refuse", kind, name, "emg", what, expected, message)]
+
+    begin, end = record.stretches[0].begin, record.stretches[-1].end
+    low, high = made.time[0], made.time[-1]
+    shared = min(end, high) - max(begin, low)
+    if shared < 0.5 * (end - begin):
+        return refuse(
+            "overlap",
+            f"EMG from {low:.4g} s to {high:.4g} s, movements from {begin:.4g} s to {end:.4g} s",
+            "both of the same time: are their clocks started together?",
+        )
+    motion = record.motion(rule)
+    # What is tested is when muscles were active, not when their activity is counted.
+    total = np.sum(
+        [samples / made.largest[m] for m, samples in made.rectified.items() if made.largest[m] > 0.0], axis=0
+    )
+    seen = emg_lead(made.time - spec.advance, total, motion) if np.ndim(total) else None
+    if seen is not None and not seen.plausible:
+        return refuse(
+            "clock",
+            f"activity that fits the motion best {abs(seen.lead):.2g} s {'before' if seen.lead > 0 else 'after'} it "
+            f"(correlation {seen.correlation:.2f})",
+            f"{-LEAD[0]:g} s after to {LEAD[1]:g} s before it: EMG and angle are on different clocks",
+        )
+    return []
+
+
+def measure(
+    records: Sequence[PointingRecord],
+    spec: Assessment,
+    rule: MovementRule,
+    emg: Mapping[str, Activity],
+    largest: Mapping[str, Mapping[str, float]],
+) -> Session:
+    """Find every movement and compute its indices.
+
+    Parameters
+    ----------
+    records : sequence of PointingRecord
+    spec : Assessment
+    rule : MovementRule
+    emg, largest
+        As `activities` gives them.
+
+    Returns
+    -------
+    Session
+
+    Raises
+    ------
+    RecordingError
+        If an angle does not allow the rule's filter.
+    """
+    named = labels(records)
+    pooled = len(named) > RANDOM
+    made: list[Measured] = []
+    left_out: dict[str, dict[str, int]] = {}
+    motions: dict[str, Kinematics] = {}
+    for record in records:
+        recording = record.recording
+        motion, found, without = record.movements(rule)
+        motions[recording.name] = motion
+        reasons = Counter(each.kind for each in without)
+        if named:
+            found, mistaken = drop_mistaken(found, named) if not pooled else (found, 0)
+            if mistaken:
+                reasons["amplitude"] = mistaken
+        left_out[recording.name] = dict(reasons)
+        for movement in found:
+            cell = (None if pooled else _degrees(movement.amplitude, named), UP if movement.direction > 0 else DOWN)
+            values = _indices(record, motion, movement, spec, emg.get(recording.name), largest)
+            made.append(Measured(recording.participant, recording.condition, recording.name, movement, cell, values))
+    if not made:
+        raise RecordingError("assess: found no movement in any recording, expected some")
+    return Session(rule, tuple(made), left_out, motions)
+
+
+def _degrees(amplitude: float | None, named: Sequence[float]) -> float | None:
+    if amplitude is None:
+        return None
+    return round(float(np.degrees(min(named, key=lambda each: abs(each - amplitude)))), 1)
+
+
+def _indices(record, motion, movement, spec, made, largest) -> dict[str, float]:
+    part = slice(movement.first, movement.last + 1)
+    velocity = motion.velocity[part]
+    values = {
+        "duration": movement.duration,
+        "vmax": movement.peak_velocity,
+        "vmean": movement.mean_velocity,
+        "acceleration": movement.peak_acceleration,
+        "peak_time": movement.peak_time,
+        "sparc": spectral_arc_length(velocity, motion.fs),
+        "ldlj": log_dimensionless_jerk(velocity, motion.fs),
+    }
+    if spec.interaction in record.recording:
+        torque = np.interp(motion.time[part], record.recording.time, record.recording[spec.interaction])
+        felt = interaction(torque, velocity, motion.fs)
+        values |= {"torque_rms": felt.rms, "torque_peak": felt.peak, "work": felt.resisted}
+    if made is not None:
+        top = largest[record.recording.participant]
+        ends = movement.start, movement.start + movement.duration
+        values["emg_level"] = made.level((*spec.agonists, *spec.antagonists), top, *ends)
+        if movement.direction > 0 and spec.agonists:
+            level = made.level(spec.agonists, top, *ends)
+            values["emg_per_acc"] = emg_per_acceleration(level, movement.peak_acceleration)
+    return values
