@@ -115,7 +115,7 @@ def orthosis(folder, *, cards=True, spoil=None):
     if cards:
         study.models_dir.mkdir()
         for kind, name, gravity in (("orthosis", "orthosis", 4.0), ("limb", "S1.limb", 8.0)):
-            parameter = CardParameter("gravity", "N*m", gravity, 0.01, (gravity - 0.02, gravity + 0.02), False, True)
+            parameter = CardParameter(f"{kind}_gravity", "N*m", gravity, 0.01, (gravity - 0.02, gravity + 0.02), False, True)
             card = ParameterCard(kind, "orthosis", name, (parameter,), settings={"participant": "S1"})
             write_parameter_card(study.models_dir / f"{name}.json", card)
     return study

@@ -11,7 +11,7 @@ from ..models.parameter_card import ParameterCard, read_parameter_card
 from ..recordings.recording import Recording
 from ..recordings.study import Study
 from ..signals.emg_chain import EmgChain, emg_chain
-from ..signals.emg_quality import inspect_emg
+from ..signals.emg_check import trial_faults
 from ..signals.filters import zero_phase_lowpass
 from .features import MOTION_LOWPASS
 from .torque_reference import MovedBody, human_torque
@@ -162,11 +162,11 @@ def moved_body(study: Study, participant: str | None) -> MovedBody:
 
 
 def _body(card: ParameterCard) -> MovedBody:
-    values = card.values
+    values = {name.removeprefix(f"{card.kind}_"): value for name, value in card.values.items()}
     return MovedBody(
         values["gravity"],
         values.get("inertia", 0.0),
-        values.get("damping", 0.0),
+        values.get("viscous", 0.0),
         float(card.settings.get("zero", 0.0)),
         float(card.settings.get("torque_offset", 0.0)),
     )
@@ -208,7 +208,8 @@ def _chain(study: Study) -> EmgChain | None:
 def _envelopes(study: Study, recording: Recording, top: Mapping[str, float], *, causal: bool) -> dict[str, np.ndarray]:
     """Envelopes on the recording's clock, refused where EMG is not fit to be used."""
     stream, chain = _stream(recording, study.config.emg_torque.emg), _chain(study)
-    faults = [fault.message for fault in inspect_emg(stream) if fault.severity == "refuse"]
+    # A stream that ends early is refused below, muscle by muscle.
+    faults = [fault.message for fault in trial_faults(recording, stream, whole=False) if fault.severity == "refuse"]
     if faults:
         raise RecordingError("\n".join(faults))
     made = {}

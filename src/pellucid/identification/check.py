@@ -33,7 +33,7 @@ def check(study: Study) -> list[Fault]:
     """
     faults: list[Fault] = []
     if study.config.emg_torque is not None:
-        from ..signals.emg_quality import emg_faults
+        from ..signals.emg_check import emg_faults
 
         faults += emg_faults(study)
     if study.config.procedure is not None:

@@ -142,7 +142,8 @@ def faults(study: Study) -> list[Fault]:
     found: list[Fault] = []
 
     def add(severity: str, kind: str, r: Recording, channel: str, text: str) -> None:
-        message = f"{r.path.name} (recording {r.name}): {text}"
+        where = f"{r.path.name} (recording {r.name})"
+        message = text if text.startswith(r.path.stem) else f"{where}: {text}"
         found.append(Fault(severity, kind, r.path.name, channel, text, "a trial as its protocol has it", message))
 
     trials = _Trials(study.recordings())
@@ -152,7 +153,8 @@ def faults(study: Study) -> list[Fault]:
         if r.protocol not in PROTOCOLS:
             continue
         try:
-            trials.worn(r)
+            # Steps of torque are held wherever the wearer holds them.
+            (trials.worn if r.protocol in ("relaxed_holds", "free_swing") else trials.actuator)(r)
         except PellucidError as error:
             add("refuse", "magnitude", r, "position", str(error))
         if r.protocol in ("imu_on_orthosis", "free_swing"):

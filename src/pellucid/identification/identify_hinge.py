@@ -9,6 +9,7 @@ import numpy as np
 
 from .._errors import IdentificationError, PellucidError
 from ..models.parameter_card import ParameterCard
+from ..recordings.quality import Fault
 from ..recordings.recording import Recording
 from ..recordings.results import ResultRow
 from ..recordings.study import Study
@@ -125,6 +126,47 @@ def identify_hinge(study: Study, on_progress: Callable[[str, float], None] | Non
         checksums=checksums,
         trials=tuple(trials),
     )
+
+
+def faults(study: Study) -> list[Fault]:
+    """What keeps recordings from being used, and what is bridged in them.
+
+    Parameters
+    ----------
+    study : Study
+        With ``[hinge]``.
+
+    Returns
+    -------
+    list of Fault
+
+    Raises
+    ------
+    RecordingError
+        If a file cannot be read at all.
+    """
+    table = study.config.hinge
+    found = []
+    for recording in study.recordings():
+        file, where = recording.path.name, f"{recording.path.name} (recording {recording.name})"
+        length = float(recording.time[-1] - recording.time[0])
+        if length <= table.score_from:
+            text, wanted = f"{length:.4g} s", f"more than the {table.score_from:g} s after which the angle is judged"
+            message = f"{where}, channel time: found {text}, expected {wanted}"
+            found.append(Fault("refuse", "too_few_samples", file, "time", text, wanted, message))
+        for prefix in (table.proximal, table.distal):
+            wanted = "an IMU's samples at every step"
+            try:
+                bridged = inertial(recording, prefix)
+            except PellucidError as error:
+                found.append(Fault("refuse", "gap", file, prefix, str(error), wanted, str(error)))
+                continue
+            if bridged.interpolated:
+                start, stop = max(bridged.gaps, key=lambda gap: gap[1] - gap[0])
+                text = f"{bridged.interpolated} missing samples, the longest stretch from {start:.3f} to {stop:.3f} s"
+                message = f"{where}, channels {prefix}: found {text}, expected {wanted}; they are bridged"
+                found.append(Fault("note", "gap", file, prefix, text, wanted, message))
+    return found
 
 
 def hinge_trial(recording: Recording, table: HingeTable) -> HingeTrial:

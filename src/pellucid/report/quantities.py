@@ -192,10 +192,15 @@ def prose(text: str) -> str:
         text = re.sub(rf"\b{name}\b", name.replace("_positive", " +").replace("_negative", f" {MINUS}"), text)
     text = re.sub(r"(?<=[a-z])_(?=[a-z])", " ", text)
     text = re.sub(r"(?<=\d) (?=%)", "\N{NO-BREAK SPACE}", text)
-    text = re.sub(r"(?<![\w^])-(?=[\d.])", MINUS, text)
-    text = re.sub(r"(?<=[A-Za-z])\*(?=[A-Za-z])", "·", text).replace("^2", "²")
+    text = re.sub(r"(?<![\w^])-(?=[\d.])", MINUS, units_in(text))
     text = re.sub(r"\bR2\b", "R²", text)
     return text[:1].upper() + text[1:]
+
+
+def units_in(text: str) -> str:
+    """A sentence with its units' typography: N·m, kg·m²; a name of an instrument's file stays as it is."""
+    text = re.sub(r"(?<=[A-Za-z])\*(?=[A-Za-z])", "·", text)
+    return re.sub(r"(?<=[a-z])\^2\b", "²", text)
 
 
 def label(name: str) -> str:

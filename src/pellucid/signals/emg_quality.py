@@ -21,6 +21,12 @@ HUM_SHARE = 0.3
 DETACHED_SHARE = 0.8
 """Share of the power above which the mains is all there is: an electrode is an antenna then."""
 
+AERIAL = 20e-6
+"""RMS of the mains [V] that an attached electrode stays below: of a muscle at rest, little hum is most of the power."""
+
+AUDIBLE = 5e-6
+"""RMS of the mains [V] below which it is not worth a word, whatever its share."""
+
 CLIPPED_RUN = 3
 """Samples in a row at the very largest value that no muscle makes."""
 
@@ -237,10 +243,11 @@ def _raw_faults(recording: Recording, name: str, x: np.ndarray, mains: float) ->
         found = f"{clipped} samples ({100.0 * clipped / len(x):.2g} %) in runs at the largest value"
         faults.append(_fault("refuse", "clipped", recording, name, found, "an amplifier's range that EMG stays within"))
     share = hum_share(x, recording.fs, mains)
-    if share > DETACHED_SHARE:
+    hum = np.sqrt(share) * rms
+    if share > DETACHED_SHARE and hum > AERIAL:
         found, expected = f"{100.0 * share:.3g} % of the power at the mains' {mains:g} Hz", "a muscle's signal"
         faults.append(_fault("refuse", "detached_electrode", recording, name, found, expected))
-    elif share > HUM_SHARE:
+    elif share > HUM_SHARE and hum > AUDIBLE:
         found, expected = f"{100.0 * share:.3g} % of the power at the mains' {mains:g} Hz", f"{100 * HUM_SHARE:g} %"
         faults.append(_fault("note", "mains_hum", recording, name, found, f"at most {expected}; use a notch"))
     return faults
