@@ -1,0 +1,119 @@
+"""Models of several muscles: what is free drives what it says, and nothing else."""
+
+import numpy as np
+import pytest
+
+from pellucid.models.hill import FREE, QUANTITIES, FreeParameter, HillData, HillModel, HillMuscle
+
+MUSCLES = (
+    HillMuscle("vastus_lateralis", 0.084, 0.157, 1871.0, 0.087),
+    HillMuscle("vastus_medialis", 0.089, 0.126, 1294.0, 0.087),
+    HillMuscle("rectus_femoris", 0.114, 0.310, 1169.0, 0.087),
+)
+BOTH = ("vastus_lateralis", "vastus_medialis")
+FREED = (
+    FreeParameter("shape", "shape", tuple(m.name for m in MUSCLES), -3.0, 0.0),
+    FreeParameter("fibres", "optimal_fibre_length", BOTH, 0.8, 1.2, relative=True),
+    FreeParameter("strength.rectus_femoris", "strength", ("rectus_femoris",), 0.5, 2.0),
+)
+
+
+@pytest.fixture
+def data(rng):
+    t = 2e-3 * np.arange(900)
+    phase = np.array([[0.0], [0.4], [1.0]])
+    slack = np.array([[m.tendon_slack_length] for m in MUSCLES])
+    optimal = np.array([[m.optimal_fibre_length] for m in MUSCLES])
+    return HillData(
+        0.4 + 0.3 * np.sin(6.0 * t + phase),
+        slack + optimal * (1.05 + 0.2 * np.sin(4.0 * t)),
+        optimal * 0.8 * np.cos(4.0 * t),
+        np.full((3, 900), 0.04),
+        2e-3,
+        (0, 400),
+    )
+
+
+def test_quantities_are_the_cores():
+    assert QUANTITIES[:11] == FREE
+    assert MUSCLES[0].vector()[QUANTITIES.index("max_isometric_force")] == 1871.0
+    assert [getattr(MUSCLES[0], q) for q in QUANTITIES] == MUSCLES[0].vector().tolist()
+
+
+def test_free_values_drive_what_they_name():
+    model = HillModel(MUSCLES, FREED)
+    assert model.names == ("shape", "fibres", "strength.rectus_femoris")
+    assert model.start.tolist() == [-1.0, 1.0, 1.0]
+    assert [b.tolist() for b in model.bounds] == [[-3.0, 0.8, 0.5], [0.0, 1.2, 2.0]]
+    made = model.with_values([-2.0, 1.1, 0.7])
+    assert [m.shape for m in made] == [-2.0] * 3
+    assert [m.optimal_fibre_length for m in made] == pytest.approx([0.0924, 0.0979, 0.114])
+    assert [m.strength for m in made] == [1.0, 1.0, 0.7]
+    np.testing.assert_array_equal(model.parameters(model.start), [m.vector() for m in MUSCLES])
+
+
+def test_jacobian_is_of_the_free_values(data):
+    model = HillModel(MUSCLES, FREED)
+    values = np.array([-1.7, 1.04, 1.2])
+    torque, jacobian = model.jacobian(data, values)
+    np.testing.assert_array_equal(torque, model.torque(data, values))
+    for j, h in enumerate((1e-5, 1e-6, 1e-5)):
+        step = h * np.eye(3)[j]
+        expected = (model.torque(data, values + step) - model.torque(data, values - step)) / (2 * h)
+        np.testing.assert_allclose(jacobian[j], expected, rtol=1e-5, atol=1e-6 * np.abs(expected).max())
+
+
+def test_least_squares_steps_find_the_values_again(data):
+    """Gauss-Newton on the normal equations alone."""
+    model = HillModel(MUSCLES, FREED)
+    truth = np.array([-1.3, 1.07, 0.8])
+    measured = model.torque(data, truth)
+    values = model.start
+    for _ in range(12):
+        cost, gradient, normal = model.normal(data, values, measured)
+        values = values - np.linalg.solve(normal, gradient)
+    assert values == pytest.approx(truth, rel=1e-8)
+    assert cost < 1e-12
+
+
+def test_samples_of_no_weight_say_nothing(data):
+    model = HillModel(MUSCLES, FREED)
+    measured = model.torque(data, [-1.3, 1.07, 0.8])
+    weight = np.ones(900)
+    weight[:300] = 0.0
+    spoilt = np.where(weight > 0, measured, 1e6)
+    cost, gradient, _ = model.normal(data, np.array([-1.3, 1.07, 0.8]), spoilt, weight)
+    assert cost < 1e-20
+    assert np.abs(gradient).max() < 1e-8
+
+
+def test_the_estimator_is_the_same_model(data):
+    model = HillModel(MUSCLES, FREED)
+    values = [-2.0, 1.1, 0.7]
+    estimator = model.estimator(data.period, values)
+    whole = model.torque(data, values)
+    first = [np.ascontiguousarray(x[:, :400]) for x in data.arrays]
+    np.testing.assert_array_equal(estimator.run(*first), whole[:400])
+    states = model.states(data, values)
+    np.testing.assert_allclose((data.moment_arm * states["force"]).sum(axis=0), whole, rtol=1e-12)
+    # 20 ms of delay, and two lags of 20 ms, each short by half a period.
+    assert estimator.delays == pytest.approx([0.058] * 3, abs=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("free", "message"),
+    [
+        ((FreeParameter("x", "pennation", BOTH, 0, 1),), "pennation"),
+        ((FreeParameter("x", "shape", ("soleus",), 0, 1),), "soleus"),
+        ((FreeParameter("x", "shape", (), 0, 1),), "nothing"),
+        ((FREED[0], FreeParameter("again", "shape", BOTH, -3, 0)), "drives shape of vastus_lateralis already"),
+    ],
+)
+def test_what_cannot_be_freed(free, message):
+    with pytest.raises(ValueError, match=message):
+        HillModel(MUSCLES, free)
+
+
+def test_names_are_told_apart():
+    with pytest.raises(ValueError, match="once"):
+        HillModel((MUSCLES[0], MUSCLES[0]))
