@@ -69,7 +69,10 @@ def _mean_cell(found: AssessmentFindings, each: Assessed, condition: str) -> str
     if condition not in each.table.conditions:
         return None
     column = each.table.column(condition)
-    shown = _fixed(float(column.mean()), decimals := _decimals(column, 1))
+    # Three digits of a mean are what a reader compares; its SD has as many decimals.
+    mean = float(column.mean())
+    decimals = min(max(2 - int(f"{mean:.2e}".split("e")[1]), 0), 3) if mean else 3
+    shown = _fixed(mean, decimals)
     if len(column) > 1:
         shown += f" ({_fixed(float(np.std(column, ddof=1)), decimals)})"
     known = found.control in each.table.conditions and condition != found.control
@@ -145,7 +148,7 @@ def description_table(found: AssessmentFindings, each: Assessed) -> FigureTable:
     index = each.table.index
     against = {a.condition: a for a in each.comparison.against_control}
     percent = index.name not in NEGATIVE
-    decimals = _decimals(each.table.values, 2)
+    decimals = _decimals(each.table.values)
     rows = []
     for condition in each.table.conditions:
         column = each.table.column(condition)
@@ -187,10 +190,10 @@ def effect_table(found: AssessmentFindings) -> FigureTable:
     return FigureTable(f"Changes from {found.control}", heads, tuple(rows))
 
 
-def _decimals(values: np.ndarray, digits: int) -> int:
-    """As many decimals as so many digits of the standard deviation need, at most four."""
+def _decimals(values: np.ndarray) -> int:
+    """As many decimals as two digits of the largest standard deviation need, and one more; at most four."""
     sd = float(np.std(values, axis=0, ddof=1).max()) if len(values) > 1 else 0.0
-    return min(max(digits - 1 - int(f"{sd:.1e}".split("e")[1]), 0), 4) if sd > 0.0 else 3
+    return min(max(2 - int(f"{sd:.1e}".split("e")[1]), 0), 4) if sd > 0.0 else 3
 
 
 def _fixed(value: float, decimals: int) -> str:

@@ -23,7 +23,7 @@ def run_procedure(study: Study, *, on_progress: Callable[[str, float], None] | N
     Parameters
     ----------
     study : Study
-        Its study.toml has such a table, or asks only for a torque from EMG.
+        Its study.toml has such a table, or asks only for a torque from EMG or an assessment.
     on_progress : callable, optional
         Called with a text and the share done, 0 to 1.
 
@@ -41,8 +41,8 @@ def run_procedure(study: Study, *, on_progress: Callable[[str, float], None] | N
     asked = study.config.procedure
     if asked is None:
         raise IdentificationError(
-            f"{study.folder}: study.toml has no [rig.drive] and asks only for [emg_torque]; use: "
-            f"pellucid calibrate {study.folder}"
+            f"{study.folder}: study.toml has no [rig.drive] and asks for nothing that identify does; use: pellucid "
+            f"{'calibrate' if study.config.emg_torque is not None else 'assess'} {study.folder}"
         )
     name = _MODULES[asked]
     return getattr(import_module(f".{name}", __package__), name)(study, on_progress=on_progress)

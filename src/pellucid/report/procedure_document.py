@@ -17,20 +17,22 @@ _DOCUMENTS = {
     "hinge": "hinge_document",
     "coupling": "coupling_document",
     "emg_torque": "calibration_document",
+    "assessment": "assessment_document",
 }  # each has a function `page`
 
 
 def write_procedure_report(
     study: Study, found: Findings | None = None, *, on_progress: Callable[[str, float], None] | None = None
 ) -> Path:
-    """Write the report: what was identified, and what was calibrated, on one page.
+    """Write the report: what was identified, calibrated and assessed, on one page.
 
     Parameters
     ----------
     study : Study
-        Its study.toml has a table that asks for a procedure, or for a torque from EMG.
+        Its study.toml has a table that asks for a procedure, for a torque from EMG, or for an assessment.
     found : Findings, optional
-        What `identify` (or, in a study without anything to identify, `calibrate`) found; found again if left out.
+        What `identify` (or, in a study without anything to identify, `calibrate` or `assess`) found; found again if
+        left out.
     on_progress : callable, optional
         Called with a text and the share done, 0 to 1.
 
@@ -50,11 +52,15 @@ def write_procedure_report(
     asked = [study.config.procedure] if study.config.procedure is not None else []
     if study.config.emg_torque is not None:
         asked.append("emg_torque")
+    if study.config.assessment is not None:
+        asked.append("assessment")
     pages = []
     for i, name in enumerate(asked):
         run = run_procedure
         if name == "emg_torque":
             from ..estimators.calibrate import calibrate as run
+        elif name == "assessment":
+            from ..assessment.assess import assess as run
         told = found if i == 0 else None
         if told is None:
             told = run(study, on_progress=lambda text, share, i=i: tell(text, (i + 0.8 * share) / len(asked)))

@@ -1,0 +1,139 @@
+"""The report of an assessment: what was found, what was not, and every participant."""
+
+from __future__ import annotations
+
+from importlib.metadata import version
+
+from ..assessment import assessment_tables as tables
+from ..assessment.assessment_findings import AssessmentFindings
+from ..identification.findings import FigureTable
+from ..recordings.study import Study
+from . import assessment_figures as figures
+from .drawing import draw
+from .page import Page, Section, Tile
+from .quantities import cell_text, number, prose
+from .tables import Row, Table
+
+TILES = (("duration", "Duration"), ("vmax", "Peak velocity"), ("emgacc", "EMG/Acc"), ("torque_rms", "Interaction"))
+DRAWN = ("duration", "vmax", "acceleration", "emgacc", "emg_level", "torque_rms", "work", "sparc", "ldlj")
+"""Indices with a panel."""
+
+
+def page(study: Study, findings: AssessmentFindings) -> Page:
+    """Everything that an assessment found, as a page.
+
+    Parameters
+    ----------
+    study : Study
+    findings : AssessmentFindings
+
+    Returns
+    -------
+    Page
+    """
+    sections = [_found(findings), _people(findings), _movements(findings)]
+    if findings.isochrony:
+        sections.append(_isochrony(findings))
+    sections += [_sensitivity(findings), _method(study, findings)]
+    return Page(
+        title=f"{findings.study}: transparency",
+        kicker="Pellucid report",
+        headline=prose(findings.headline),
+        tiles=_tiles(findings),
+        sections=tuple(sections),
+        footer=f"Written by pellucid {version('pellucid')}. Every figure is beside this page as SVG and PDF, every "
+        "number in results.json.",
+    )
+
+
+def _tiles(findings: AssessmentFindings) -> tuple[Tile, ...]:
+    made = []
+    for name, words in TILES:
+        each = findings.assessed.get(name)
+        if each is None:
+            continue
+        others = [c for c in each.table.conditions if c != findings.control]
+        against = {a.condition: a for a in each.comparison.against_control}
+        if each.table.index.over_control:
+            shown, unit = {c: 100.0 * float(each.table.column(c).mean()) for c in others}, "% over control"
+        elif against:
+            shown, unit = {c: 100.0 * (against[c].relative or 0.0) for c in others}, f"% against {findings.control}"
+        elif others:
+            shown, unit = {c: float(each.table.column(c).mean()) for c in others}, "N·m RMS"
+        least = min(shown, key=lambda c: abs(shown[c]))
+        rest = ", ".join(f"{c} {number(v, digits=3)}" for c, v in shown.items() if c != least)
+        made.append(Tile(f"{words}, {least}", number(shown[least], digits=3), unit, rest))
+    return tuple(made)
+
+
+def _found(findings: AssessmentFindings) -> Section:
+    shown = [tables.summary_table(findings), tables.test_table(findings)]
+    if any(each.comparison.nemenyi is not None for each in findings.assessed.values()):
+        shown.append(tables.pair_table(findings))
+    shown.append(tables.effect_table(findings))
+    if findings.needed:
+        shown.append(tables.needed_table(findings))
+    return Section(
+        "assess_found",
+        "What was found, and what was not",
+        (prose(findings.paragraph), *(prose(v.text) for v in findings.verdicts if v.kind != "note")),
+        tuple(_table(each) for each in shown if each.rows),
+        notes=tuple(prose(v.text) for v in findings.verdicts if v.kind == "note"),
+    )
+
+
+def _people(findings: AssessmentFindings) -> Section:
+    drawn = {name: findings.assessed[name] for name in DRAWN if name in findings.assessed}
+    described = tuple(_table(tables.description_table(findings, each)) for each in findings.assessed.values())
+    drawing = draw(figures.index_figure, drawn, findings.conditions)
+    return Section("assess_people", "Every participant", tables=described, drawings=(drawing,))
+
+
+def _movements(findings: AssessmentFindings) -> Section:
+    drawing = draw(figures.profile_figure, findings.profiles, findings.profile_of, findings.conditions)
+    return Section("assess_movements", "Movements", drawings=(drawing,))
+
+
+def _isochrony(findings: AssessmentFindings) -> Section:
+    drawing = draw(figures.isochrony_figure, findings.isochrony, findings.conditions)
+    table = _table(tables.isochrony_table(findings))
+    return Section("assess_isochrony", "Isochrony", tables=(table,), drawings=(drawing,))
+
+
+def _sensitivity(findings: AssessmentFindings) -> Section:
+    said = (
+        "The indices again, with other cut-offs of the angle's filter, and with movements that end where the speed "
+        "first falls below the threshold in place of where it last does."
+    )
+    table = tables.sensitivity_table(findings)
+    shown = (_table(table),) if table.rows else ()
+    return Section("assess_filters", "Other filters", (said,), shown)
+
+
+def _method(study: Study, findings: AssessmentFindings) -> Section:
+    spec = study.config.assessment
+    said = [
+        f"The angle passes a zero-phase Butterworth low-pass of order {spec.order} at {spec.lowpass:g} Hz. A movement "
+        f"lasts from the first to the last sample above {100 * spec.threshold:g} % of its largest speed. A "
+        "participant's value is the mean over movements that are alike, then over amplitudes and directions."
+    ]
+    if spec.agonists:
+        said.append(
+            "EMG is band-passed from 20 to 450 Hz (order 4), centred, rectified, divided by the muscle's largest value "
+            f"in all of the participant's recordings, and taken {spec.advance:g} s earlier than the motion. EMG/Acc is "
+            "the mean RMS of the agonists over the largest acceleration of upward movements, relative to the same "
+            f"participant and amplitude in {findings.control}, less 1."
+        )
+    said.append(
+        "Friedman's test with its p counted over all orders; Nemenyi's by the studentised range; signed ranks against "
+        f"{findings.control} with counted p, corrected after Holm; intervals by bootstrap over participants, widened "
+        "for few of them. Powers are shares of simulated studies with the covariances of this one."
+    )
+    return Section("assess_method", "How", (" ".join(said),), notes=study.notes)
+
+
+def _table(table: FigureTable) -> Table:
+    rows = tuple(Row(tuple(cell_text(cell) for cell in row)) for row in table.rows)
+    words = 2 if len(table.heads) > 1 and table.heads[1] in ("", "Rule", "Change") and table.heads[0] != "" else 1
+    words = 2 if table.heads[:2] == ("", "") else words
+    return Table(table.heads, rows, numeric=frozenset(range(words, len(table.heads))), caption=table.title, wide=True)
