@@ -252,7 +252,7 @@ def demo(
 
 @app.command()
 def reproduce(
-    paper: Annotated[str, typer.Argument(metavar="PAPER", help="Published study: able.")],
+    paper: Annotated[str, typer.Argument(metavar="PAPER", help="Published study: able, knee.")],
     out: Annotated[Path | None, typer.Option("--out", metavar="DIR", help="Folder for the page and its files.")] = None,
 ) -> None:
     """Reproduce a published study, number by number."""

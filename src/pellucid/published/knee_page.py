@@ -24,6 +24,7 @@ ROLES = {
     "measured": "measured",
     "knee": "measured",
     "strap": "fitted",
+    "map": "fitted",
     "pendulum": "fitted",
     "boosting": "fitted",
     "two poles": "heldout",
@@ -158,12 +159,13 @@ def _orthosis(made: KneeReproduction) -> Section:
         for n, words in names.items()
     )
     offset = bench.fit.gravity.offset.value
+    short = 100.0 * abs(bench.as_published["line"] / bench.gravity - 1.0)
     holds = draw(
         knee_figures.held_torques,
         [HeldTorques("Orthosis alone", bench.angle, bench.torque, *_sine(_hanging(made)), offset)],
         "fig-3-1",
         caption="Fig. 3.1: torque that holds the orthosis at each angle, the sine of its weight, and the thesis's line "
-        f"of best fit, whose slope is {abs(bench.as_published['line'] / bench.gravity - 1):.0%} short of m g l.",
+        f"of best fit, whose slope is {short:.0f} % short of m g l.",
     )
     return Section(
         "orthosis",
@@ -323,7 +325,7 @@ def _torque_trace(made: KneeReproduction) -> Drawing:
     steps = made.steps[chosen.subject]
     name = next(t.name for t in steps.trials if "_15_" in t.name)
     trial = next(t for t in steps.trials if t.name == name)
-    label = "boosting" if chosen.estimator == "boost" else "strap"
+    label = "boosting" if chosen.estimator == "boost" else "map"
     lines = {"knee": steps.true[name], label: chosen.predicted[name], "orthosis": steps.actuator[name]}
     panel = Traces(f"{chosen.subject}, 15°", f"RMSE {chosen.score.rmse:.2f} N·m", trial.time, lines, "Torque (N·m)")
     return draw(
@@ -419,13 +421,13 @@ def _straps_over_seeds(made: KneeReproduction, rows: dict[str, Reproduced]) -> S
             values = np.array([p.value for p in own])
             row.append(StrapIntervals(f"{letter}, {name}", values, half, found.subject.strap[what], unit))
         panels.append(row)
-    k, b, inertia = (rows[f"knee.coupled.coverage.{n}"] for n in ("k", "b", "inertia"))
+    k, b, inertia = (100.0 * rows[f"knee.coupled.coverage.{n}"].ours for n in ("k", "b", "inertia"))
     return Section(
         "coverage",
         "Do the intervals hold the truth?",
         (
-            f"Over {len(made.drawn)} subjects and seeds, 95 % intervals hold the strap's stiffness in {k.ours:.0%}, "
-            f"its damping in {b.ours:.0%}, and an inertia of zero in {inertia.ours:.0%}.",
+            f"Over {len(made.drawn)} subjects and seeds, 95 % intervals hold the strap's stiffness in {k:.0f} %, its "
+            f"damping in {b:.0f} %, and an inertia of zero in {inertia:.0f} %.",
         ),
         (),
         (

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 
 from ..identification.coupling_findings import WearerStages
+from ..identification.fit import Parameter
 from ..identification.gravity_holds import cosine_moment, line_of_best_fit
 from ..identification.identify_coupling import identify_worn
 from ..identification.limb_imu import limb_by_imu
@@ -20,6 +21,9 @@ from ..models.anthropometry import de_leva, shank_length, winter
 from ..signals.inertial import inertial
 from ..signals.input_output import input_output
 from .knee_trials import STRAP_ONLY, Taken, held_angles, take
+
+STRAP = ("stiffness", "damping", "inertia")
+"""Parameters of a strap; the last is 0."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -138,6 +142,62 @@ class WearerFound:
 def mean_fit(swings: Sequence[Mismatch], model: str = "predicted", split: str = "heldout") -> float:
     """Mean over the swings of a `split`, as `Mismatch.fit` has it [%]."""
     return float(np.mean([s.fit(model) for s in swings if s.split == split]))
+
+
+@dataclass(frozen=True)
+class Drawn:
+    """One subject and seed, judged by the truth: errors and fits in percent.
+
+    Parameters
+    ----------
+    subject : str
+    seed : int
+    gravity_error : float
+        Of the limb's gravity torque, with its sign.
+    fit, rmse : float
+        Of the mismatch in held-out swings against the true one [%], [rad].
+    fit_to_imu, ceiling : float
+        Against the IMU's mismatch, and what the IMU's own error allows.
+    strap : mapping of str to Parameter
+        Stiffness, damping and inertia.
+    holds : mapping of str to bool
+        Whether their intervals hold the truth, for the inertia 0.
+    """
+
+    subject: str
+    seed: int
+    gravity_error: float
+    fit: float
+    rmse: float
+    fit_to_imu: float
+    ceiling: float
+    strap: Mapping[str, Parameter]
+    holds: Mapping[str, bool]
+
+
+def drawn_from(found: WearerFound) -> Drawn:
+    """A wearer's figures against the truth.
+
+    Parameters
+    ----------
+    found : WearerFound
+
+    Returns
+    -------
+    Drawn
+    """
+    coupling, held = found.stages.coupling, [s for s in found.swings if s.split == "heldout"]
+    return Drawn(
+        found.name,
+        found.seed,
+        100.0 * (found.stages.limb.gravity.value / found.subject.gravity - 1.0),
+        mean_fit(found.swings),
+        float(np.mean([s.rmse() for s in held])),
+        coupling.mean_fit(),
+        coupling.mean_ceiling(),
+        {name: getattr(coupling.orthosis_side, name) for name in STRAP},
+        {name: found.holds(name) for name in STRAP},
+    )
 
 
 def identify_bench(rig: KneeRig, seed: int) -> Bench:

@@ -7,8 +7,11 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from .._errors import PellucidError
+from .reproduction import Reproduced
 
-PAPERS = ("able",)
+Progress = Callable[[str, float], None] | None
+
+PAPERS = ("able", "knee")
 
 
 @dataclass(frozen=True)
@@ -49,20 +52,9 @@ def reproduce(paper: str, out: str | Path, *, on_progress: Callable[[str, float]
     """
     if paper not in PAPERS:
         raise PellucidError(f"unknown paper {paper!r}; known: {', '.join(PAPERS)}")
-    from .able import reproduce_able
-    from .able_page import write_able_page
-
-    made = reproduce_able(Path(out), on_progress=on_progress)
-    page = write_able_page(Path(out), made)
-    shown = (
-        "able.table1.",
-        "able.consistent.ratio",
-        "able.load.ratio",
-        "able.load.torque_error",
-        "able.friction_needed.factor",
-    )
+    made, page, shown = {"able": _able, "knee": _knee}[paper](Path(out), on_progress)
     lines = []
-    for row in made.rows:
+    for row in made:
         if not row.id.startswith(shown) or row.id.count(".") > 3:
             continue
         ours = "none" if row.ours is None else f"{row.ours:.4g}"
@@ -71,3 +63,22 @@ def reproduce(paper: str, out: str | Path, *, on_progress: Callable[[str, float]
         unit = "" if row.unit == "1" else f" {row.unit.replace('*', '·')}"
         lines.append(f"{row.quantity}: {ours}{between}{unit}{beside}")
     return Reproduction(page, tuple(lines))
+
+
+def _able(out: Path, on_progress: Progress) -> tuple[tuple[Reproduced, ...], Path, tuple[str, ...]]:
+    from .able import reproduce_able
+    from .able_page import write_able_page
+
+    made = reproduce_able(out, on_progress=on_progress)
+    main = "table1.", "consistent.ratio", "load.ratio", "load.torque_error", "friction_needed.factor"
+    return made.rows, write_able_page(out, made), tuple(f"able.{name}" for name in main)
+
+
+def _knee(out: Path, on_progress: Progress) -> tuple[tuple[Reproduced, ...], Path, tuple[str, ...]]:
+    from .knee import reproduce_knee
+    from .knee_page import write_knee_page
+
+    made = reproduce_knee(out, on_progress=on_progress)
+    main = "mgl_e.error", "mgl_sh.error", "orthosis.inertia.error", "tf.fit", "emg.rmse.", "coupled.fit", "residual."
+    shown = [r for r in made.rows if not r.id.endswith(tuple(made.wearers)) and "_axes" not in r.id]
+    return tuple(shown), write_knee_page(out, made), tuple(f"knee.{name}" for name in main)
