@@ -47,7 +47,7 @@ def tables(found: AssessmentFindings) -> tuple[FigureTable, ...]:
 
 
 def summary_table(found: AssessmentFindings) -> FigureTable:
-    """Every index: mean (SD) in each condition, with an asterisk where Nemenyi's test tells it from control.
+    """Every index: mean ± SD in each condition, with an asterisk where Nemenyi's test tells it from control.
 
     Parameters
     ----------
@@ -61,7 +61,7 @@ def summary_table(found: AssessmentFindings) -> FigureTable:
     for each in found.assessed.values():
         rows.append((_words(each, short=True), *(_mean_cell(found, each, condition) for condition in found.conditions)))
     n = len(found.participants)
-    title = f"Mean (SD) over {n} participant{'s' if n != 1 else ''}; * differs from {found.control} (Nemenyi)"
+    title = f"Mean ± SD over {n} participant{'s' if n != 1 else ''}; * differs from {found.control} (Nemenyi)"
     return FigureTable(title, ("Index", *found.conditions), tuple(rows))
 
 
@@ -74,7 +74,7 @@ def _mean_cell(found: AssessmentFindings, each: Assessed, condition: str) -> str
     decimals = min(max(2 - int(f"{mean:.2e}".split("e")[1]), 0), 3) if mean else 3
     shown = _fixed(mean, decimals)
     if len(column) > 1:
-        shown += f" ({_fixed(float(np.std(column, ddof=1)), decimals)})"
+        shown += f"±{_fixed(float(np.std(column, ddof=1)), decimals)}"
     known = found.control in each.table.conditions and condition != found.control
     differs = known and each.comparison.pair(found.control, condition) < 1.0 - found.confidence
     return shown + ("*" if differs else "")

@@ -1,0 +1,98 @@
+"""Signed ranks against SciPy, Holm against a worked example, intervals against how often they hold, effect sizes."""
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from pellucid._errors import PellucidError
+from pellucid.assessment.comparison import compare_conditions, holm, mean_interval
+from pellucid.assessment.friedman import friedman, nemenyi
+from pellucid.assessment.signed_rank import sign_distribution, signed_rank, smallest_p
+
+
+@pytest.mark.parametrize("n", [4, 9, 20])
+def test_signed_ranks_are_scipys(n):
+    d = np.random.default_rng(n).normal(0.4, 1.0, n)
+    ours, theirs = signed_rank(d), stats.wilcoxon(d, method="exact")
+    assert ours.p_value == pytest.approx(theirs.pvalue, rel=1e-12)
+    assert min(ours.statistic, n * (n + 1) / 2 - ours.statistic) == theirs.statistic
+
+
+def test_ties_are_counted_too():
+    """By hand: ranks 1.5, 1.5, 3 with signs + - +; of 8 outcomes W+ is as far from 3 as 4.5 in 6."""
+    found = signed_rank(np.array([1.0, -1.0, 2.0, 0.0]))
+    assert found.pairs == 3
+    assert found.statistic == 4.5
+    assert found.p_value == 6.0 / 8.0
+    assert found.rank_biserial == pytest.approx((4.5 - 1.5) / 6.0)
+
+
+def test_the_smallest_p_is_that_of_all_on_one_side():
+    for n in (2, 5, 6, 10):
+        assert signed_rank(np.arange(1.0, n + 1.0)).p_value == pytest.approx(smallest_p(n), rel=1e-12)
+        assert sign_distribution(np.arange(1, n + 1)).sum() == pytest.approx(1.0)
+    assert signed_rank(np.zeros(5)).p_value == 1.0
+
+
+def test_holm_as_in_a_worked_example():
+    assert holm([0.01, 0.04, 0.03, 0.005]) == pytest.approx([0.03, 0.06, 0.06, 0.02])
+    assert holm([0.9, 0.8]) == [1.0, 1.0]
+
+
+def test_intervals_of_six_hold_about_as_often_as_they_say():
+    """Normal differences of six participants: a plain percentile interval holds in 86 %."""
+    rng = np.random.default_rng(7)
+    held = 0
+    for _ in range(400):
+        low, high = mean_interval(rng.normal(0.3, 1.0, 6), 0.95, rng)
+        held += low <= 0.3 <= high
+    assert 0.90 <= held / 400 <= 0.98
+    assert np.isnan(mean_interval(np.ones(2), 0.95, rng)).all()
+
+
+def test_a_comparison_holds_all_its_parts():
+    rng = np.random.default_rng(2)
+    values = rng.normal(1.0, 0.2, (6, 1)) + rng.normal(0.0, 0.02, (6, 4)) + np.array([0.0, 0.0, 0.2, 0.18])
+    found = compare_conditions(values, ["Ctrl", "FC", "PCFr", "CLPC"], "Ctrl", rng=rng)
+    assert found.friedman == friedman(values, exact=True)
+    assert np.array_equal(found.nemenyi, nemenyi(values))
+    assert found.kendall == pytest.approx(found.friedman.statistic / 18.0)
+    assert found.pair("FC", "CLPC") == found.nemenyi[1, 3]
+    fc, pcfr, _ = found.against_control
+    d = values[:, 2] - values[:, 0]
+    assert pcfr.condition == "PCFr"
+    assert pcfr.change == pytest.approx(d.mean())
+    assert pcfr.relative == pytest.approx(values[:, 2].mean() / values[:, 0].mean() - 1.0)
+    assert pcfr.standardised == pytest.approx(d.mean() / d.std(ddof=1))
+    assert pcfr.rank_biserial == 1.0
+    assert pcfr.cliff == pytest.approx(np.mean(np.sign(values[:, 2][:, None] - values[:, 0])))
+    assert pcfr.interval[0] < pcfr.change < pcfr.interval[1]
+    assert pcfr.p_value == 2.0**-5
+    assert pcfr.holm == pytest.approx(3.0 * 2.0**-5)
+    assert fc.holm >= fc.p_value
+
+
+def test_kendalls_w_is_one_where_all_agree():
+    values = np.arange(4.0) + np.array([[0.1], [0.2], [0.3]])
+    assert compare_conditions(values, "abcd", "a", rng=np.random.default_rng(0)).kendall == pytest.approx(1.0)
+
+
+def test_one_participant_is_described_and_not_tested():
+    found = compare_conditions(np.array([[1.0, 2.0]]), ["a", "b"], "a", rng=np.random.default_rng(0))
+    assert found.friedman is None
+    assert found.against_control == ()
+    assert np.isnan(found.pair("a", "b"))
+
+
+def test_many_conditions_are_tested_without_counting():
+    values = np.random.default_rng(1).normal(size=(12, 8))
+    found = compare_conditions(values, list("abcdefgh"), "a", rng=np.random.default_rng(0))
+    assert found.friedman.exact_p_value is None
+    assert 0.0 < found.friedman.p_value < 1.0
+
+
+def test_missing_values_are_refused():
+    with pytest.raises(PellucidError, match="participants x 2 numbers"):
+        compare_conditions(np.array([[1.0, np.nan]]), ["a", "b"], rng=np.random.default_rng(0))
+    with pytest.raises(PellucidError, match="finite numbers"):
+        signed_rank(np.array([np.nan]))

@@ -1,0 +1,144 @@
+"""Movements in an angle record: known ones are found where they are, and what is none is left out with a reason."""
+
+import numpy as np
+import pytest
+from made_pointing import minimum_jerk
+
+from pellucid._errors import RecordingError
+from pellucid.signals.movements import (
+    MovementRule,
+    kinematics,
+    movements,
+    rest_stretches,
+    target_stretches,
+)
+
+FS = 200.0
+RAW = MovementRule(lowpass=20.0)
+
+
+def record(parts, seconds=8.0, fs=FS):
+    time = np.arange(int(seconds * fs)) / fs
+    angle = sum((height * minimum_jerk((time - start) / duration) for start, duration, height in parts), 0.0 * time)
+    return time, angle
+
+
+def steps(time, *at):
+    target = np.zeros(len(time))
+    for start, height in at:
+        target[time >= start] += height
+    return target_stretches(time, target)
+
+
+def test_a_minimum_jerk_movement_is_measured_as_it_is():
+    """Between 5 % of its peak, 0.882 of its time; peak 1.875 A/T, mean as it covers almost all of A there."""
+    time, angle = record([(1.0, 0.8, 0.6), (4.0, 1.2, -0.9)])
+    motion = kinematics(time, angle, RAW)
+    (up, down), none = movements(motion, steps(time, (0.9, 0.6), (3.8, -0.9)), RAW)
+    assert none == []
+    s = np.linspace(0.0, 1.0, 200_001)
+    inside = s[30.0 * s**2 * (1.0 - s) ** 2 > 0.05 * 1.875]
+    share = inside[-1] - inside[0]
+    for found, duration, amplitude in ((up, 0.8, 0.6), (down, 1.2, 0.9)):
+        assert found.amplitude == pytest.approx(amplitude)
+        assert found.duration == pytest.approx(share * duration, abs=1.5 / FS)
+        assert found.peak_velocity == pytest.approx(1.875 * amplitude / duration, rel=2e-3)
+        assert found.peak_acceleration == pytest.approx(10.0 / np.sqrt(3.0) * amplitude / duration**2, rel=0.01)
+        assert found.peak_time == pytest.approx(0.5, abs=0.01)
+        assert found.reach == pytest.approx(amplitude, rel=1e-3)
+        assert found.mean_velocity == pytest.approx(found.travel / found.duration)
+    assert (up.direction, down.direction) == (1, -1)
+
+
+def test_three_hertz_lengthen_and_flatten_a_fast_movement():
+    """What the published filter does to 36 degrees in 0.6 s (audit A14): longer, with a lower peak acceleration."""
+    time, angle = record([(1.0, 0.6, np.radians(36.0))], 4.0)
+    stretches = steps(time, (0.9, np.radians(36.0)))
+    found = {}
+    for cutoff in (3.0, 20.0):
+        rule = MovementRule(lowpass=cutoff)
+        (found[cutoff],), _ = movements(kinematics(time, angle, rule), stretches, rule)
+    assert found[3.0].peak_acceleration / found[20.0].peak_acceleration == pytest.approx(0.94, abs=0.03)
+    assert 1.0 < found[3.0].duration / found[20.0].duration < 1.1
+
+
+def test_a_correction_at_the_target_counts_as_published_and_not_with_the_other_end():
+    time, angle = record([(1.0, 0.8, 0.6), (2.6, 0.4, 0.03)])
+    stretches = steps(time, (0.9, 0.63))
+    first_rest = MovementRule(lowpass=20.0, ends="peak")
+    motion = kinematics(time, angle, RAW)
+    (published,), _ = movements(motion, stretches, RAW)
+    (other,), _ = movements(motion, stretches, first_rest)
+    assert published.duration > 1.8
+    assert other.duration < 0.8
+    assert published.peak_velocity == other.peak_velocity
+
+
+def test_without_a_target_rests_divide_movements():
+    time, angle = record([(1.0, 0.8, 0.6), (3.0, 0.8, -0.6), (5.0, 0.6, 0.4), (7.0, 0.2, 0.01)])
+    motion = kinematics(time, angle, RAW)
+    stretches = rest_stretches(motion, RAW, least=0.05)
+    found, none = movements(motion, stretches, RAW)
+    assert none == []
+    assert [m.direction for m in found] == [1, -1, 1]
+    assert [m.start for m in found] == pytest.approx([1.05, 3.05, 5.04], abs=0.02)
+    labelled = rest_stretches(motion, RAW, least=0.05, amplitude=0.6)
+    assert [s.amplitude for s in labelled] == [0.6, None, 0.6]
+
+
+def test_a_record_at_rest_has_no_movement():
+    time = np.arange(400) / FS
+    motion = kinematics(time, np.zeros(400), RAW)
+    assert rest_stretches(motion, RAW, least=0.05) == []
+
+
+def test_a_step_that_was_drawn_out_is_one_step():
+    time = np.arange(0.0, 4.0, 0.005)
+    target = np.interp(time, [1.0, 1.02, 3.0, 3.02], [0.0, 0.5, 0.5, 0.1])
+    found = target_stretches(time, target)
+    assert [s.amplitude for s in found] == pytest.approx([0.5, -0.4])
+    assert found[0].end == found[1].begin
+
+
+@pytest.mark.parametrize(
+    ("parts", "lost", "kind"),
+    [
+        ([(1.0, 0.5, 0.3), (1.7, 0.5, 0.3)], None, "no_peak"),
+        ([(1.0, 0.8, 0.1)], None, "still"),
+        ([(1.0, 0.8, -0.6)], None, "direction"),
+        ([(1.0, 0.8, 0.6)], (1.2, 1.6), "lost"),
+        ([(3.4, 0.8, 0.9)], None, "unfinished"),
+    ],
+)
+def test_what_is_no_movement_says_why(parts, lost, kind):
+    time, angle = record(parts)
+    if lost is not None:
+        angle[(time > lost[0]) & (time < lost[1])] = np.nan
+    stretches = steps(time, (0.9, 0.6), (3.9, -0.6))[:1]
+    found, (none,) = movements(kinematics(time, angle, RAW), stretches, RAW)
+    assert found == []
+    assert none.kind == kind
+    assert none.found
+    assert none.expected
+
+
+def test_a_short_loss_is_bridged():
+    time, angle = record([(1.0, 0.8, 0.6)], 4.0)
+    whole = kinematics(time, angle, RAW)
+    angle[(time > 1.3) & (time < 1.38)] = np.nan
+    bridged = kinematics(time, angle, RAW)
+    assert not bridged.lost.any()
+    assert np.max(np.abs(bridged.angle - whole.angle)) < 0.01
+
+
+def test_what_cannot_be_filtered_is_refused():
+    time, angle = record([(1.0, 0.8, 0.6)], 2.0)
+    with pytest.raises(RecordingError, match=r"x\.csv: low-pass at 150 Hz"):
+        kinematics(time, angle, MovementRule(lowpass=150.0), where="x.csv")
+    with pytest.raises(RecordingError, match="times that increase"):
+        kinematics(time[::-1], angle, RAW)
+    with pytest.raises(RecordingError, match="found 0 samples"):
+        kinematics(time, np.full(len(time), np.nan), RAW)
+    stretches = steps(time, (1.97, 0.6))
+    _, (none,) = movements(kinematics(time, angle, RAW), stretches, RAW)
+    assert none.kind == "too_few_samples"
