@@ -78,23 +78,50 @@ def test_an_unknown_model_is_named():
         muscle_table("gait9999")
 
 
-@pytest.mark.parametrize(("file", "hip"), [("knee_geometry_hip0.csv", 0.0), ("knee_geometry_hip90_seated.csv", 90.0)])
-def test_lengths_are_those_of_opensim(data_folder, file, hip):
-    path = data_folder / "gait2392_muscles" / file
+LABELS = {
+    "rectus_femoris": "rect_fem_r", "vastus_medialis": "vas_med_r", "vastus_intermedius": "vas_int_r",
+    "vastus_lateralis": "vas_lat_r", "biceps_femoris_long": "bifemlh_r", "biceps_femoris_short": "bifemsh_r",
+    "semimembranosus": "semimem_r", "semitendinosus": "semiten_r", "gastrocnemius_medialis": "med_gas_r",
+    "gastrocnemius_lateralis": "lat_gas_r", "soleus": "soleus_r", "tibialis_anterior": "tib_ant_r",
+}  # fmt: skip
+
+
+def columns(path):
     if not path.is_file():
         pytest.skip(f"{path} is not here")
     rows = list(csv.DictReader(path.read_text(encoding="utf-8").splitlines()))
-    knee = np.radians([float(r["knee_angle_deg"]) for r in rows])
+    return {key: np.array([float(r[key]) for r in rows]) for key in rows[0]}
+
+
+@pytest.mark.parametrize(("file", "hip"), [("knee_geometry_hip0.csv", 0.0), ("knee_geometry_hip90_seated.csv", 90.0)])
+def test_lengths_are_those_of_opensim(data_folder, file, hip):
+    table = columns(data_folder / "gait2392_muscles" / file)
+    knee = np.radians(table["knee_angle_deg"])
     pose = {"hip": np.full_like(knee, np.radians(hip)), "knee": knee, "ankle": np.zeros_like(knee)}
-    labels = {
-        "rectus_femoris": "rect_fem_r", "vastus_medialis": "vas_med_r", "vastus_intermedius": "vas_int_r",
-        "vastus_lateralis": "vas_lat_r", "biceps_femoris_long": "bifemlh_r", "biceps_femoris_short": "bifemsh_r",
-        "semimembranosus": "semimem_r", "semitendinosus": "semiten_r", "gastrocnemius_medialis": "med_gas_r",
-        "gastrocnemius_lateralis": "lat_gas_r",
-    }  # fmt: skip
-    for name, label in labels.items():
+    for name, label in LABELS.items():
+        if f"len_{label}" not in table:
+            continue
         geometry = TABLE.geometry[name]
-        length, arm = (np.array([float(r[f"{kind}_{label}"]) for r in rows]) for kind in ("len", "ma"))
-        assert np.abs(geometry.length(pose) - length).max() < 2e-4, name
+        assert np.abs(geometry.length(pose) - table[f"len_{label}"]).max() < 2e-4, name
         # A via point that begins to act makes the model's own arm jump; a spline goes through.
-        assert np.sqrt(np.mean((geometry.moment_arm("knee", pose) - arm) ** 2)) < 8e-4, name
+        arm = geometry.moment_arm("knee", pose) - table[f"ma_{label}"]
+        assert np.sqrt(np.mean(arm**2)) < 8e-4, name
+
+
+def test_walking_turns_the_hip_and_the_foot_too(data_folder):
+    """Angles that the table takes for 0 cost millimetres of length, and hardly any moment arm."""
+    from pellucid.recordings.readers import read_columns
+
+    folder = data_folder / "lower_limb_walking"
+    table = columns(folder / "walk36_geometry.csv")
+    angles = read_columns(folder / "ik.sto").values
+    coordinates = {"hip": "hip_flexion_r", "knee": "knee_angle_r", "ankle": "ankle_angle_r"}
+    pose = {a: np.radians(angles[c]) for a, c in coordinates.items()}
+    for name, label in LABELS.items():
+        geometry = TABLE.geometry[name]
+        error = geometry.length(pose) - table[f"length_{label}"]
+        assert np.abs(error).max() < (2e-5 if geometry.angles == ("knee",) else 4.4e-3), name
+        assert abs(error.mean()) < 1.1e-3, name
+        for joint in ("knee", "ankle"):
+            arm = geometry.moment_arm(joint, pose) - table[f"moment_arm_{joint}_{label}"]
+            assert np.sqrt(np.mean(arm**2)) < 7e-4, (name, joint)
