@@ -168,7 +168,7 @@ def assess(
     folder: Folder,
     json: Annotated[bool, typer.Option("--json", help="Print the figures as JSON instead of tables.")] = False,
 ) -> None:
-    """Do conditions change how people move? Indices, tests, a paragraph."""
+    """Do conditions change how people move? Indices and tests."""
     from .assessment.assess import assess as run
     from .identification.findings import save_findings
     from .recordings.study import open_study

@@ -99,7 +99,7 @@ def test_the_commands_go_through(elbow):
 
 
 def test_families_are_for_other_joints(small):
-    with pytest.raises(PellucidError, match="its own methods"):
+    with pytest.raises(PellucidError, match="methods of its own"):
         pellucid.identify(pellucid.open(small), families=["load"])
 
 

@@ -44,7 +44,10 @@ class Activity:
     largest: Mapping[str, float]
 
     def level(self, muscles: Sequence[str], maxima: Mapping[str, float], start: float, end: float) -> float:
-        """Mean over muscles of the RMS of their relative activity from `start` to `end` [s]; NaN beyond the record."""
+        """Mean over `muscles` of the RMS of their activity from `start` to `end` [s], relative to the `maxima`.
+
+        NaN beyond the record.
+        """
         first, last = np.searchsorted(self.time, (start, end))
         if start < self.time[0] or end > self.time[-1] or last - first < 2:
             return float("nan")

@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from .ensembles import PUBLISHED, TUNED, Regressor, make_ensemble
+from .ensembles import PUBLISHED, QUICK, TUNED, Regressor, make_ensemble
 from .features import Features, FeatureSet, feature_sets
 from .ridge import Ridge
 
@@ -33,9 +33,13 @@ class Family:
     fixed : FeatureSet or None
         The only features it sees, where they are not to be chosen.
     every : bool
-        Every pair of features and settings is tried; otherwise features with the first settings, then settings.
+        Every pair of features and settings is tried; otherwise features first, then settings.
+    quick : Mapping or None
+        Settings with which features are chosen, where that is done first; None: the first of `settings`.
     smoothing : float
         Length of the moving average on its output [s]; 0 for none.
+    whole : callable or None
+        Fits trials itself, where features do not do: from trials, name and whether it is causal to a fitted map.
     """
 
     words: str
@@ -45,7 +49,9 @@ class Family:
     muscles: bool = True
     fixed: FeatureSet | None = None
     every: bool = False
+    quick: Mapping[str, Any] | None = None
     smoothing: float = 0.05
+    whole: Callable[[Any, str, bool], Any] | None = None
 
     def candidates(self, *, neighbours: bool) -> tuple[FeatureSet, ...]:
         """Feature sets it may choose from.
@@ -75,16 +81,23 @@ def _trees(kind: str) -> Callable[[Mapping[str, Any], Features], Regressor]:
     return lambda settings, seen: make_ensemble(kind, settings)
 
 
+def _hill(trials: Any, name: str, causal: bool) -> Any:
+    from .hill import fit_hill
+
+    return fit_hill(trials, name=name, causal=causal)
+
+
 _PENALISED = tuple({"products": products, "penalty": a} for products in ("none", "motion", "all") for a in PENALTIES)
 
 ESTIMATORS: dict[str, Family] = {
-    "boost": Family("least-squares boosting", _trees("boost"), TUNED["boost"]),
-    "bagging": Family("bagged trees", _trees("bagging"), TUNED["bagging"]),
+    "boost": Family("least-squares boosting", _trees("boost"), TUNED["boost"], quick=QUICK["boost"]),
+    "bagging": Family("bagged trees", _trees("bagging"), TUNED["bagging"], quick=QUICK["bagging"]),
     "tree": Family("one tree", _trees("tree"), TUNED["tree"]),
     "ridge": Family("ridge regression", _ridge, _PENALISED, lags=False, every=True, smoothing=0.0),
     "ridge_lags": Family("ridge regression with lags", _ridge, _PENALISED, lags=True, every=True, smoothing=0.0),
     "linear": Family("linear regression", _ridge, ({"penalty": 0.0},), lags=False, smoothing=0.0),
     "motion": Family("ridge regression without EMG", _ridge, _PENALISED, muscles=False, every=True, smoothing=0.0),
+    "hill": Family("muscles of Hill's type", lambda settings, seen: None, smoothing=0.0, whole=_hill),
     **{
         f"{kind}_published": Family(words, _trees(kind), (PUBLISHED[kind],), fixed=FeatureSet())
         for kind, words in (

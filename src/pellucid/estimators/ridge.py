@@ -50,11 +50,12 @@ class Ridge:
         x = self._expanded(np.asarray(x, float))
         self.mean, scale = x.mean(axis=0), x.std(axis=0)
         self.scale = np.where(scale > 0.0, scale, 1.0)
-        u, s, vt = np.linalg.svd((x - self.mean) / self.scale, full_matrices=False)
+        q, r = np.linalg.qr((x - self.mean) / self.scale)
+        u, s, vt = np.linalg.svd(r, full_matrices=False)  # as of x itself, and much smaller
         self.offset = float(np.mean(y))
         carried = s > DEPENDENT * s[0]
         gain = np.divide(s, s**2 + self.alpha, out=np.zeros_like(s), where=carried)
-        self.coefficients = vt.T @ (gain * (u.T @ (y - self.offset)))
+        self.coefficients = vt.T @ (gain * (u.T @ (q.T @ (y - self.offset))))
         return self
 
     def predict(self, x: np.ndarray) -> np.ndarray:

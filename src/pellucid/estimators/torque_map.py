@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -27,6 +27,10 @@ MOST_SAMPLES = 4000
 
 MOST_TRIED = 1500
 """Samples fitted while features and settings are chosen, which is done dozens of times."""
+
+
+MOST_JUDGED = 6000
+"""Samples judged meanwhile, evenly thinned; thinner than this, an output is not smoothed."""
 
 
 @dataclass(frozen=True)
@@ -111,6 +115,8 @@ def fit_torque_map(trials: Sequence[TorqueTrial], name: str, *, causal: bool = F
     if not trials or any(trial.heldout for trial in trials):
         found = "no trial" if not trials else f"the held-out trial {next(t.name for t in trials if t.heldout)}"
         raise IdentificationError(f"torque map: found {found}, expected trials to fit")
+    if family.whole is not None:
+        return family.whole(trials, name, causal)
     stack = _Stack(trials, causal)
     choice = _choose(family, stack)
     seen = stack.features(choice.features)
@@ -225,35 +231,46 @@ def _family(name: str) -> Family:
 
 
 def _choose(family: Family, stack: _Stack) -> Choice:
-    sets, settings = family.candidates(neighbours=stack.neighbours), family.settings
-    tried: dict[tuple[int, int], Score] = {}
+    """Every pair of features and settings, or features first (motion, then earlier envelopes), then settings."""
+    sets = family.candidates(neighbours=stack.neighbours)
+    tried: dict[str, Choice] = {}
 
-    def least(pairs: list[tuple[int, int]]) -> tuple[int, int]:
-        for pair in pairs:
-            if pair not in tried:
-                tried[pair] = _judge(family, stack, sets[pair[0]], settings[pair[1]])
-        return min(pairs, key=lambda pair: tried[pair].rmse)
+    def least(candidates: list[tuple[FeatureSet, Mapping[str, Any]]]) -> Choice:
+        found = []
+        for chosen, settings in candidates:
+            key = f"{chosen} {settings}"
+            if key not in tried:
+                tried[key] = Choice(chosen, settings, _judge(family, stack, chosen, settings), {})
+            found.append(tried[key])
+        return min(found, key=lambda choice: choice.score.rmse)
 
     if family.every:
-        best = least([(i, j) for i in range(len(sets)) for j in range(len(settings))])
+        best = least([(chosen, settings) for chosen in sets for settings in family.settings])
     else:
-        best, _ = least([(i, 0) for i in range(len(sets))])
-        best = least([(best, j) for j in range(len(settings))])
-    words = {Choice(sets[i], settings[j], s, {}).words: s.rmse for (i, j), s in tried.items()}
-    return Choice(sets[best[0]], settings[best[1]], tried[best], words)
+        quick = family.quick or family.settings[0]
+        if len(sets) > 1:
+            plain = least([(chosen, quick) for chosen in sets if chosen.lags == sets[0].lags]).features
+            sets = (least([(c, quick) for c in sets if replace(c, lags=plain.lags) == plain]).features,)
+        best = least([(chosen, settings) for chosen in sets for settings in family.settings])
+    return replace(best, tried={choice.words: choice.score.rmse for choice in tried.values()})
 
 
 def _judge(family: Family, stack: _Stack, chosen: FeatureSet, settings: Mapping[str, Any]) -> Score:
     seen = stack.features(chosen)
     predicted = np.full(len(stack.torque), np.nan)
+    every = -(-len(stack.torque) // MOST_JUDGED)
     for fitted, judged in stack.folds:
         fitted = np.intersect1d(fitted, stack.tried, assume_unique=True)
         regressor = family.make(settings, seen).fit(seen.x[fitted], stack.torque[fitted])
+        if every > 1:
+            predicted[judged[::every]] = regressor.predict(seen.x[judged[::every]])
+            continue
         for part in _by_trial(judged, stack.member):
             raw = regressor.predict(seen.x[part])
             fs = stack.trials[stack.member[part[0]]].fs
             predicted[part] = smooth(raw, family.smoothing, fs, causal=stack.causal) if family.smoothing else raw
-    return score(stack.torque, predicted)
+    known = np.isfinite(predicted)
+    return score(stack.torque[known], predicted[known])
 
 
 def _by_trial(judged: np.ndarray, member: np.ndarray) -> list[np.ndarray]:

@@ -55,13 +55,14 @@ def emg_faults(study: Study) -> list[Fault]:
         own = trial_faults(recording, stream, chain, whole=whole)
         found += own
         if not any(fault.severity == "refuse" for fault in own):
-            rates[f"{stream.path.name} (recording {recording.name})"] = stream.fs
+            if not any(fault.kind == "rate" for fault in own):
+                rates[f"{stream.path.name} (recording {recording.name})"] = _mean_rate(stream)
             if chain is not None:
                 found += _faults_of_envelopes(recording, stream, chain)
     usual = float(np.median(list(rates.values()))) if rates else 0.0
     for where, fs in rates.items():
         if abs(fs - usual) > RATE_TOLERANCE * usual:
-            text, wanted = f"{fs:.5g} Hz", f"{usual:.5g} Hz as in the study's other files"
+            text, wanted = f"{fs:.4g} Hz", f"{usual:.4g} Hz as in the study's other files"
             message = f"{where}, channel time: found {text}, expected {wanted}"
             found.append(Fault("note", "rate", where.split(" (")[0], "time", text, wanted, message))
     return found
@@ -104,16 +105,21 @@ def _hum(stream: Recording, mains: float) -> float:
     return max((hum_share(x, stream.fs, mains) for x in raw if np.isfinite(x).all()), default=0.0)
 
 
+def _mean_rate(stream: Recording) -> float:
+    """Samples a second, gaps counted [Hz]: ticks of another clock make steps of several lengths."""
+    return (len(stream) - 1) / float(stream.time[-1] - stream.time[0])
+
+
 def _length_faults(recording: Recording, stream: Recording) -> list[Fault]:
     """EMG that ends when its trial does not was taken at another rate than its times say."""
     trial, emg = (float(r.time[-1] - r.time[0]) for r in (recording, stream))
     beside = max(2.0 / recording.fs, 2.0 / stream.fs, RATE_TOLERANCE * trial)
     if abs(float(stream.time[-1] - recording.time[-1])) <= beside:
         return []
-    text = f"{emg:.4g} s of EMG at {stream.fs:.5g} Hz, until {stream.time[-1]:.4g} s"
+    text = f"{emg:.4g} s of EMG at {_mean_rate(stream):.4g} Hz, until {stream.time[-1]:.4g} s"
     wanted = (
         f"until {recording.time[-1]:.4g} s, as {recording.path.name} lasts; {len(stream)} samples are as long at "
-        f"{(len(stream) - 1) / trial:.5g} Hz"
+        f"{(len(stream) - 1) / trial:.4g} Hz"
     )
     message = f"{stream.path.name} (recording {recording.name}), channel time: found {text}, expected {wanted}"
     # An amplifier may run on when the trial has ended; it cannot have stopped before.

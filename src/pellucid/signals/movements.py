@@ -71,15 +71,15 @@ class MovementRule:
 
 @dataclass(frozen=True, eq=False)
 class Kinematics:
-    """A filtered angle with its derivatives, all of shape (n,).
+    """A filtered angle with its derivatives.
 
     Attributes
     ----------
-    time : ndarray
+    time : ndarray, shape (n,)
         [s], even.
-    angle, velocity, acceleration : ndarray
+    angle, velocity, acceleration : ndarray, shape (n,)
         [rad], [rad/s], [rad/s^2].
-    lost : ndarray of bool
+    lost : ndarray, shape (n,), bool
         Samples that were missing for longer than is bridged.
     fs : float
         [Hz]
