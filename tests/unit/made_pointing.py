@@ -25,13 +25,10 @@ def minimum_jerk(s: np.ndarray) -> np.ndarray:
     return s**3 * (10.0 - 15.0 * s + 6.0 * s**2)
 
 
-def angle_and_target(
-    rng: np.random.Generator, fs: float, condition: str, pace: float = 1.0, repetitions: int = 2, shuffled: bool = True
-):
+def angle_and_target(rng: np.random.Generator, fs: float, condition: str, pace: float, repetitions: int):
     """Time [s], angle, target [rad], and the movements' true starts and durations [s]."""
     steps = np.repeat(np.radians(AMPLITUDES), repetitions)
-    if shuffled:
-        rng.shuffle(steps)
+    rng.shuffle(steps)
     parts, goals, at, truth = [], [], REST, []
     now = HOLD
     for amplitude in steps:
@@ -75,13 +72,14 @@ def study(
     fs: float = 100.0,
     with_emg: bool = False,
     markers: bool = False,
-    missing: tuple[str, str] | None = None,
+    missing: tuple[tuple[str, str], ...] = (),
+    repetitions: int = 2,
     more: str = "",
     change=None,
 ) -> Study:
     """A study on disk.
 
-    `missing` names a participant and a condition that was not recorded; `change` may spoil (participant, condition,
+    `missing` names participants and conditions that were not recorded; `change` may spoil (participant, condition,
     time, angle, target, emg time) before they are written and returns them.
     """
     folder = Path(folder)
@@ -111,12 +109,12 @@ def study(
         pace = np.exp(0.18 * rng.standard_normal())
         for condition in conditions:
             own = pace * np.exp(0.03 * rng.standard_normal())
-            time, angle, target, truth = angle_and_target(rng, fs, condition, own)
+            time, angle, target, truth = angle_and_target(rng, fs, condition, own, repetitions)
             muscle_time = np.arange(int(time[-1] * 1000.0)) / 1000.0
             activity = emg(rng, 1000.0, truth, time[-1], condition) if with_emg else None
             if change is not None:
                 time, angle, target, muscle_time = change(person, condition, time, angle, target, muscle_time)
-            if missing == (person, condition):
+            if (person, condition) in missing:
                 continue
             name = f"{person}_{condition}"
             lines += ["[[recordings]]", f'name = "{name}"', f'file = "recordings/{name}.csv"', 'protocol = "pointing"']

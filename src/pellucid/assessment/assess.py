@@ -13,14 +13,15 @@ from ..recordings.recording import Recording
 from ..recordings.study import Study
 from ..recordings.study_procedures import Assessment
 from ..signals.movements import MovementRule
-from ..signals.pointing import assessed, pointing_faults, pointing_record, with_rule
+from ..signals.pointing import assessed, labels, pointing_record, with_rule
+from ..signals.pointing_check import pointing_faults
 from .assessment_findings import Assessed, AssessmentFindings, Needed, Profile, Sensitivity
 from .assessment_rows import result_rows
 from .assessment_tables import tables
 from .comparison import compare_conditions
 from .indices import INDICES, index_table, isochrony
 from .power import participants_needed
-from .session import UP, Measured, Session, activities, labels, measure
+from .session import UP, Measured, Session, activities, measure
 from .statements import headline, paragraph, verdicts
 
 SEED = 1

@@ -13,16 +13,13 @@ from ..recordings.quality import Fault
 from ..recordings.study_procedures import Assessment
 from ..signals.emg_timing import LEAD, emg_lead
 from ..signals.movements import Kinematics, Movement, MovementRule
-from ..signals.pointing import PointingRecord, drop_mistaken
+from ..signals.pointing import PointingRecord, drop_mistaken, labels
 from .emg_index import Activity, activity, emg_per_acceleration, maxima
 from .interaction import interaction
 from .smoothness import log_dimensionless_jerk, spectral_arc_length
 
 UP, DOWN = "up", "down"
 """Along the angle, which is 0 where the segment hangs, and back."""
-
-SAME = 0.005
-"""Labels closer than this [rad] are one that was rounded."""
 
 RANDOM = 12
 """With more amplitudes than this they were random, and movements are pooled over them."""
@@ -68,13 +65,6 @@ class Session:
     movements: tuple[Measured, ...]
     left_out: Mapping[str, Mapping[str, int]]
     motions: Mapping[str, Kinematics] = field(repr=False)
-
-
-def labels(records: Sequence[PointingRecord]) -> list[float]:
-    """All amplitudes that are labelled, without sign [rad], each once."""
-    named = sorted(abs(s.amplitude) for record in records for s in record.stretches if s.amplitude is not None)
-    groups = np.split(named, np.flatnonzero(np.diff(named) > SAME) + 1) if named else []
-    return [float(group.mean()) for group in groups]
 
 
 def activities(

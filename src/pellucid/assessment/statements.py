@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..identification.fit import Verdict
-from ..signals.pointing import REASONS
+from ..signals.pointing_check import REASONS
 from .indices import INDICES, NEGATIVE
 from .signed_rank import smallest_p
 

@@ -36,6 +36,10 @@ def check(study: Study) -> list[Fault]:
         from ..signals.emg_check import emg_faults
 
         faults += emg_faults(study)
+    if study.config.assessment is not None:
+        from ..signals.pointing_check import assessment_faults
+
+        faults += assessment_faults(study)
     if study.config.procedure is not None:
         faults += procedure_faults(study)
     if study.config.procedure is not None or study.rig.drive is None:

@@ -297,6 +297,8 @@ def movements(
     found, left_out = [], []
     for stretch in stretches:
         outcome = _movement(motion, stretch, rule)
+        if isinstance(outcome, NoMovement):
+            outcome = _told_of_loss(motion, outcome)
         (found if isinstance(outcome, Movement) else left_out).append(outcome)
     return found, left_out
 
@@ -353,6 +355,15 @@ def _movement(motion: Kinematics, stretch: Stretch, rule: MovementRule) -> Movem
         peak_time=(peak - first) / (last - first),
         peak_acceleration=float(np.max(direction * motion.acceleration[low + first : low + last + 1])),
     )
+
+
+def _told_of_loss(motion: Kinematics, none: NoMovement) -> NoMovement:
+    """What a straight line over a loss looks like is no movement's own fault."""
+    inside = (motion.time >= none.stretch.begin) & (motion.time < none.stretch.end)
+    n = int(motion.lost[inside].sum())
+    if not n or none.kind == "lost":
+        return none
+    return NoMovement(none.stretch, "lost", f"{n} missing samples around a movement", "an angle throughout")
 
 
 def _rival(speed: np.ndarray, peak: int) -> tuple[float, float]:

@@ -1,0 +1,160 @@
+"""Are these recordings fit to be assessed? What is wrong with the movements in them, by name."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+
+import numpy as np
+
+from .._errors import RecordingError
+from ..recordings.quality import Fault
+from ..recordings.recording import Recording
+from ..recordings.study import Study
+from ..recordings.study_procedures import Assessment
+from .emg_quality import inspect_emg
+from .movements import Movement, MovementRule
+from .pointing import OWN, PointingRecord, assessed, labels, pointing_record
+
+SCALE = (0.75, 1.35)
+"""Measured over labelled amplitudes, in the median, beyond which labels or angle have another unit or zero."""
+
+MISTAKEN = 0.1
+"""Share of a recording's movements that may end nearer to another label than to their own."""
+
+LEFT_OUT = 0.2
+"""Share of a recording's movements that may be left out before it is told."""
+
+
+def assessment_faults(study: Study) -> list[Fault]:
+    """What is wrong with recordings that are to be assessed.
+
+    Parameters
+    ----------
+    study : Study
+        With a table ``[assessment]``.
+
+    Returns
+    -------
+    list of Fault
+
+    Raises
+    ------
+    RecordingError
+        If a file cannot be read at all.
+    """
+    spec = study.config.assessment
+    faults: list[Fault] = []
+    records = []
+    for recording in assessed(study.recordings()):
+        try:
+            records.append(pointing_record(recording, spec))
+        except RecordingError as error:
+            faults.append(_refused(recording, spec, str(error)))
+        if spec.agonists or spec.antagonists:
+            faults += inspect_emg(recording.streams.get(spec.emg, recording))
+    named = labels(records)
+    for record in records:
+        faults += pointing_faults(record, spec, named)
+    faults += _missing_conditions(study, [record.recording for record in records])
+    return faults
+
+
+def _refused(recording: Recording, spec: Assessment, message: str) -> Fault:
+    return Fault("refuse", "movements", recording.path.name, spec.angle, message, "movements", message)
+
+
+def _missing_conditions(study: Study, recordings: Sequence[Recording]) -> list[Fault]:
+    conditions = list(dict.fromkeys(recording.condition for recording in recordings))
+    faults = []
+    for person in dict.fromkeys(recording.participant for recording in recordings):
+        own = {recording.condition for recording in recordings if recording.participant == person}
+        absent = ", ".join(condition for condition in conditions if condition not in own)
+        if absent:
+            message = f"participant {person}: found no recording in {absent}: left out of every comparison"
+            faults.append(Fault("note", "condition", "study.toml", "", absent, "every condition", message))
+    return faults
+
+
+def pointing_faults(record: PointingRecord, spec: Assessment, labels: Sequence[float]) -> list[Fault]:
+    """What is wrong with the movements of a recording.
+
+    Parameters
+    ----------
+    record : PointingRecord
+    spec : Assessment
+    labels : sequence of float
+        All amplitudes that the study labels, without sign [rad].
+
+    Returns
+    -------
+    list of Fault
+        Of the kinds ``"amplitude"`` and ``"movements"`` (refused), ``"left_out"`` and ``"lost_marker"`` (noted).
+    """
+    _, found, left_out = record.movements(MovementRule(spec.lowpass, spec.order, spec.threshold))
+    faults = []
+    total = len(found) + len(left_out)
+
+    def add(severity: str, kind: str, what: str, expected: str) -> None:
+        message = f"{record.where}: found {what}, expected {expected}"
+        faults.append(Fault(severity, kind, record.recording.path.name, spec.angle, what, expected, message))
+
+    reasons = Counter(each.kind for each in left_out)
+    if len(left_out) > 0.5 * total:
+        kind, _ = reasons.most_common(1)[0]
+        one = next(each for each in left_out if each.kind == kind)
+        what = f"{len(found)} movements in {total} stretches, most often {one.found} ({one.stretch.begin:.4g} s)"
+        add("refuse", "movements", what, one.expected)
+    elif len(left_out) > LEFT_OUT * total:
+        said = ", ".join(f"{count} {REASONS[kind]}" for kind, count in reasons.most_common())
+        add("note", "left_out", f"{len(left_out)} of {total} movements that had to be left out ({said})", "hardly any")
+    missing = ~np.isfinite(record.angle)
+    if missing.any():
+        share = 100.0 * float(missing.mean())
+        add("note", "lost_marker", f"an angle that is missing in {share:.2g} % of the samples", "all of them")
+    named = [m for m in found if m.amplitude is not None]
+    if named:
+        faults += _label_faults(record, spec, named, np.asarray(labels))
+    return faults
+
+
+REASONS = {
+    "lost": "with a marker lost",
+    "still": "that did not reach half-way",
+    "direction": "the other way",
+    "no_peak": "without a clear peak of the speed",
+    "too_few_samples": "with too few samples",
+    "unfinished": "not finished when the next target came",
+}
+"""What `NoMovement.kind` says, after a number."""
+
+
+def _label_faults(
+    record: PointingRecord, spec: Assessment, named: Sequence[Movement], labels: np.ndarray
+) -> list[Fault]:
+    reach = np.array([m.reach for m in named])
+    label = np.array([m.amplitude for m in named])
+    name = record.recording.path.name
+
+    def refuse(what: str, expected: str) -> list[Fault]:
+        message = f"{record.where}: found {what}, expected {expected}"
+        return [Fault("refuse", "amplitude", name, spec.target, what, expected, message)]
+
+    scale = float(np.median(reach / label))
+    if not SCALE[0] <= scale <= SCALE[1]:
+        return refuse(
+            f"movements {scale:.3g} times as large as their labels say",
+            "amplitudes as labelled: look at the units of angle and target, and at what the angle is an angle of",
+        )
+    nearest = labels[np.argmin(np.abs(reach[:, None] - labels[None, :]), axis=1)]
+    wrong = np.abs(nearest - label) > OWN
+    if wrong.mean() > MISTAKEN:
+        (own, other), count = Counter(
+            zip(np.round(np.degrees(label[wrong]), 1), np.round(np.degrees(nearest[wrong]), 1), strict=True)
+        ).most_common(1)[0]
+        return refuse(
+            f"{int(wrong.sum())} of {len(named)} movements nearer to another amplitude than to their label ({count} "
+            f"labelled {own:g} deg go {other:g} deg)",
+            "movements that go as far as their labels say",
+        )
+    return []

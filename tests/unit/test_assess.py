@@ -1,0 +1,274 @@
+"""An assessment from files to a paragraph: known changes come out, and what is wrong with a study is told by name."""
+
+import json
+from types import SimpleNamespace
+
+import made_pointing
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from pellucid import cli
+from pellucid._errors import RecordingError, StudyError
+from pellucid.assessment.assess import assess
+from pellucid.assessment.indices import affine
+from pellucid.identification.check import check
+from pellucid.recordings.results import read_rows
+from pellucid.recordings.study import open_study
+from pellucid.report.document import write_report
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory):
+    """Six participants with EMG and markers, assessed."""
+    study = made_pointing.study(tmp_path_factory.mktemp("whole"), with_emg=True, markers=True)
+    return SimpleNamespace(study=study, found=assess(study))
+
+
+def value(found, name):
+    return next(row.value for row in found.rows if row.id == f"pointing.{name}")
+
+
+def test_changes_that_were_made_are_found(whole):
+    found = whole.found
+    assert found.conditions == tuple(made_pointing.SLOWER)
+    assert found.participants == tuple(f"P{i}" for i in range(1, 7))
+    assert found.movements == 6 * 4 * 20
+    for condition, slower in list(made_pointing.SLOWER.items())[1:]:
+        low = condition.lower()
+        # A constant added to the duration does not scale, and paces vary by 3 % from condition to condition.
+        assert value(found, f"transparency.duration.{low}") == pytest.approx(100.0 * (slower - 1.0), abs=4.0)
+        assert value(found, f"transparency.vmax.{low}") == pytest.approx(100.0 * (1.0 / slower - 1.0), abs=4.0)
+        # At 3 Hz control's faster movements lose more of their acceleration, and the others seem to cost less.
+        cost = 100.0 * (made_pointing.YIELD[condition] - 1.0)
+        assert value(found, f"assess.sensitivity.6hz.emgacc.{low}") == pytest.approx(cost, abs=3.0)
+        assert 0.85 * cost < value(found, f"transparency.emgacc.{low}") < cost
+        assert value(found, f"transparency.torque_rms.{low}") == pytest.approx(0.38, abs=0.02)
+    assert value(found, "assess.duration.friedman.p_exact") < 0.001
+    assert found.assessed["emgacc"].table.conditions == ("FC", "PCFr", "CLPC")
+    assert found.assessed["emgacc"].comparison.friedman.degrees_of_freedom == 2
+    assert "Ctrl" not in found.assessed["torque_rms"].table.conditions
+
+
+def test_rows_have_ids_of_their_own_and_describe_the_same_table(whole):
+    found = whole.found
+    ids = [row.id for row in found.rows]
+    assert len(set(ids)) == len(ids)
+    assert {row.command for row in found.rows} == {"assess"}
+    column = found.assessed["duration"].table.column("PCFr")
+    assert value(found, "assess.duration.pcfr.mean") == pytest.approx(column.mean())
+    assert value(found, "assess.duration.pcfr.sd") == pytest.approx(column.std(ddof=1))
+    relative = column.mean() / found.assessed["duration"].table.column("Ctrl").mean() - 1.0
+    assert value(found, "transparency.duration.pcfr") == pytest.approx(100.0 * relative)
+
+
+def test_isochrony_is_a_straight_line_of_velocity_over_amplitude(whole):
+    """Durations were made 0.45 + 0.45 A: mean velocity grows with A, and less than in proportion."""
+    found = whole.found
+    assert {(i.condition, i.direction) for i in found.isochrony} == {
+        (c, d) for c in found.conditions for d in ("up", "down")
+    }
+    for each in found.isochrony:
+        assert len(each.participants) == 6
+        assert min(each.velocity_r2) > 0.85
+        assert each.velocity_slope > 0.0
+        assert each.velocity_intercept > 0.0
+        assert [np.degrees(a) for a, _, _ in each.points] == pytest.approx(made_pointing.AMPLITUDES)
+    control = next(i for i in found.isochrony if (i.condition, i.direction) == ("Ctrl", "up"))
+    slowed = next(i for i in found.isochrony if (i.condition, i.direction) == ("PCFr", "up"))
+    assert slowed.duration_intercept > control.duration_intercept
+
+
+def test_a_straight_line_is_scipys():
+    from scipy.stats import linregress
+
+    rng = np.random.default_rng(0)
+    x, y = rng.normal(size=9), rng.normal(size=9)
+    known = linregress(x, y)
+    assert affine(x, y) == pytest.approx((known.slope, known.intercept, known.rvalue**2))
+
+
+def test_the_paragraph_says_what_was_found_and_what_was_not(whole):
+    said = whole.found.paragraph
+    assert "6 participants made 480 movements in 4 conditions (Ctrl, FC, PCFr, CLPC; control: Ctrl)" in said
+    assert "Ctrl and PCFr (p = 0.0" in said
+    assert "Not told apart from Ctrl is not equal to it" in said
+    assert "FC -" in said or "FC +" in said
+    assert "cannot give less than p = 0.094" in said  # 3 comparisons, 2^-5 each
+
+
+def test_another_filter_is_told(whole):
+    found = whole.found
+    words = {s.words for s in found.sensitivity}
+    assert words == {"3 Hz", "6 Hz", "12 Hz", "3 Hz, first rest"}
+    by = {s.words: s for s in found.sensitivity if (s.index, s.condition) == ("acceleration", "PCFr")}
+    assert by["6 Hz"].control > by["3 Hz"].control  # a 3 Hz filter lowers peaks
+
+
+def test_participants_needed_grow_as_changes_shrink(whole):
+    need = {each.change: each.participants for each in whole.found.needed if each.index == "duration"}
+    assert need[0.05] > need[0.1] >= need[0.2] == 7  # fewer cannot pass a level divided by three
+
+
+def test_the_same_study_gives_the_same_rows(whole):
+    assert assess(open_study(whole.study.folder)).rows == whole.found.rows
+
+
+def test_the_command_prints_saves_and_leads_to_the_report(whole):
+    result = CliRunner().invoke(cli.app, ["assess", str(whole.study.folder)])
+    assert result.exit_code == 0, result.output
+    lines = result.output.splitlines()
+    assert max(len(line) for line in lines if str(whole.study.folder) not in line) <= 120
+    assert "…" not in result.output
+    assert "Nemenyi" in result.output
+    assert f"pellucid report {whole.study.folder}" in result.output
+    assert tuple(read_rows(whole.study.results_path)) == whole.found.rows
+    told = json.loads(CliRunner().invoke(cli.app, ["assess", str(whole.study.folder), "--json"]).output)
+    assert {row["id"] for row in told["figures"]} == {row.id for row in whole.found.rows}
+
+
+def test_the_report_shows_every_participant(whole):
+    page = write_report(whole.study, whole.found).read_text(encoding="utf-8")
+    for heading in ("What was found, and what was not", "Every participant", "Movements", "Isochrony", "Other filters"):
+        assert heading in page
+    assert page.count("<svg") == 3
+    assert (whole.study.report_dir / "isochrony.pdf").is_file()
+
+
+def test_a_study_that_only_assesses_is_checked_and_says_what_to_do(whole):
+    assert [f for f in check(whole.study) if f.severity == "refuse"] == []
+    result = CliRunner().invoke(cli.app, ["identify", str(whole.study.folder)])
+    assert "pellucid assess" in str(result.exception)
+
+
+# --- what can be wrong --------------------------------------------------------------------------------------------
+
+
+def small(folder, **options):
+    return made_pointing.study(
+        folder, **{"participants": 3, "conditions": ("Ctrl", "PCFr"), "repetitions": 1, **options}
+    )
+
+
+def test_a_participant_without_a_condition_is_left_out_and_named(tmp_path):
+    found = assess(small(tmp_path, missing=(("P2", "PCFr"),)))
+    assert found.participants == ("P1", "P3")
+    assert found.without == {"P2": "no recording in PCFr"}
+    assert any("P2 is left out" in v.text and v.kind == "warning" for v in found.verdicts)
+    assert "P2" in next(row.note for row in found.rows if row.id.endswith("assess.participants"))
+
+
+def test_nobody_with_all_conditions_is_refused(tmp_path):
+    with pytest.raises(RecordingError, match="P1: no recording in PCFr"):
+        assess(small(tmp_path, participants=2, missing=(("P1", "PCFr"), ("P2", "Ctrl"))))
+
+
+def test_one_participant_is_described_and_not_tested(tmp_path):
+    study = small(tmp_path, participants=1)
+    found = assess(study)
+    assert found.assessed["duration"].comparison.friedman is None
+    assert "With one participant there is no test" in found.paragraph
+    assert any("nothing is tested" in v.text for v in found.verdicts)
+    assert value(found, "assess.duration.pcfr.mean") > value(found, "assess.duration.ctrl.mean")
+    assert write_report(study, found).is_file()
+
+
+def test_movements_without_a_clear_peak_are_refused_by_name(tmp_path):
+    def stutter(person, condition, time, angle, target, emg):
+        if (person, condition) == ("P2", "PCFr"):
+            # Half of every movement a second later: two strokes of the same speed.
+            angle = 0.5 * (angle + np.interp(time - 1.0, time, angle))
+        return time, angle, target, emg
+
+    study = small(tmp_path, change=stutter)
+    with pytest.raises(RecordingError, match=r"P2_PCFr\.csv .*expected one clear peak of the speed"):
+        assess(study)
+    assert any("one clear peak" in f.message and f.severity == "refuse" for f in check(study))
+
+
+def test_a_lost_marker_costs_the_movements_it_touches(tmp_path):
+    def hide(person, condition, time, angle, target, emg):
+        if (person, condition) == ("P1", "PCFr"):
+            angle = angle.copy()
+            angle[(time > 4.0) & (time < 9.0)] = np.nan
+        return time, angle, target, emg
+
+    found = assess(small(tmp_path, change=hide, markers=True))
+    assert found.left_out["lost"] >= 1
+    assert any("with a marker lost" in v.text for v in found.verdicts)
+    assert any("missing in" in v.text and "P1_PCFr.csv" in v.text for v in found.verdicts)
+    assert np.isfinite(found.assessed["duration"].table.values).all()
+
+
+@pytest.mark.parametrize(
+    ("late", "said"),
+    [
+        (1.5, r"P2_PCFr\.csv .*EMG: found activity that fits the motion best 1\.\d+ s after it"),
+        (500.0, "EMG from 500 s"),
+    ],
+)
+def test_emg_on_another_clock_is_refused(tmp_path, late, said):
+    def shift(person, condition, time, angle, target, emg):
+        return time, angle, target, emg + (late if (person, condition) == ("P2", "PCFr") else 0.0)
+
+    with pytest.raises(RecordingError, match=said):
+        assess(small(tmp_path, participants=2, change=shift, with_emg=True))
+
+
+def test_amplitudes_that_are_mislabelled_are_refused(tmp_path):
+    def swap(person, condition, time, angle, target, emg):
+        if (person, condition) == ("P3", "Ctrl"):
+            lift = target - made_pointing.REST
+            twelve, thirty_six = (np.isclose(lift, np.radians(a)) for a in (12.0, 36.0))
+            target = target.copy()
+            target[twelve], target[thirty_six] = (
+                made_pointing.REST + np.radians(36.0),
+                made_pointing.REST + np.radians(12.0),
+            )
+        return time, angle, target, emg
+
+    with pytest.raises(RecordingError, match=r"P3_Ctrl\.csv .*labelled (12 deg go 36|36 deg go 12) deg"):
+        assess(small(tmp_path, change=swap))
+
+
+def test_an_angle_of_another_scale_is_refused(tmp_path):
+    def double(person, condition, time, angle, target, emg):
+        return time, 2.0 * angle if person == "P1" else angle, target, emg
+
+    with pytest.raises(RecordingError, match="2 times as large as their labels say"):
+        assess(small(tmp_path, change=double))
+
+
+def test_without_a_target_rests_divide_and_amplitudes_are_as_labelled_by_the_recording(tmp_path):
+    study = small(tmp_path)
+    text = (tmp_path / "study.toml").read_text(encoding="utf-8")
+    (tmp_path / "study.toml").write_text(
+        text.replace('target = { column = "target", unit = "deg" }\n', ""), encoding="utf-8"
+    )
+    found = assess(open_study(tmp_path))
+    known = assess(study)
+    assert found.movements == known.movements
+    assert found.isochrony == ()
+    ours, theirs = (f.assessed["duration"].table.values for f in (found, known))
+    assert ours == pytest.approx(theirs, rel=0.02)
+
+
+def test_a_study_without_the_table_or_the_control_is_refused(tmp_path):
+    small(tmp_path / "a")
+    path = tmp_path / "a" / "study.toml"
+    text = path.read_text(encoding="utf-8")
+    path.write_text(text.replace('control = "Ctrl"', 'control = "None"'), encoding="utf-8")
+    with pytest.raises(StudyError, match='found "None", expected one of the recordings\' conditions: Ctrl, PCFr'):
+        open_study(tmp_path / "a")
+    path.write_text(text.replace('[assessment]\ncontrol = "Ctrl"', '[rig.drive]\nkind = "torque"'), encoding="utf-8")
+    with pytest.raises(StudyError, match=r"no table \[assessment\]"):
+        assess(open_study(tmp_path / "a"))
+
+
+def test_muscles_that_were_not_recorded_are_named(tmp_path):
+    small(tmp_path, participants=2, with_emg=True)
+    path = tmp_path / "study.toml"
+    text = path.read_text(encoding="utf-8").replace('agonists = ["biceps", ', 'agonists = ["brachialis", ')
+    path.write_text(text, encoding="utf-8")
+    with pytest.raises(RecordingError, match=r"expected emg\.brachialis too"):
+        assess(open_study(tmp_path))
