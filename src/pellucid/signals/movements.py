@@ -214,10 +214,10 @@ def target_stretches(time: np.ndarray, target: np.ndarray) -> list[Stretch]:
     """
     known = np.isfinite(target)
     time, target = time[known], target[known]
-    if not len(target):
-        return []
     at = np.flatnonzero(np.diff(target) != 0.0) + 1
-    groups = np.split(at, np.flatnonzero(np.diff(time[at]) > MERGED) + 1) if len(at) else []
+    if not len(at):
+        return []
+    groups = np.split(at, np.flatnonzero(np.diff(time[at]) > MERGED) + 1)
     begins = [float(time[group[0]]) for group in groups]
     heights = [float(target[group[-1]] - target[group[0] - 1]) for group in groups]
     ends = [*begins[1:], float(time[-1]) + 1e-9]

@@ -7,6 +7,7 @@ recording's motion capture and its EMG at once.
 
 from __future__ import annotations
 
+import struct
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +17,13 @@ from ..._errors import RecordingError
 
 POINT_TIME, ANALOG_TIME = "point.time", "analog.time"
 AXES = ("x", "y", "z")
+
+BLOCK, MAGIC = 512, 0x50
+"""Bytes of a block, and the second byte of every C3D file."""
+DEC, MIPS = 85, 86
+"""Processors, as the parameters' fourth byte names them; Intel's is 84."""
+LONGEST = 65535
+"""Last frame of a file that is too long for its header to say."""
 
 
 def read(path: Path) -> dict[str, np.ndarray]:
@@ -78,10 +86,35 @@ def units(path: Path) -> dict[str, str]:
 def _content(path: Path) -> Any:
     import ezc3d
 
+    _require_whole(path)
     try:
         return ezc3d.c3d(str(path))
     except Exception as error:  # the library raises whatever its C++ does
         raise RecordingError(f"{path.name}: not readable as a C3D file, truncated or damaged: {error}") from error
+
+
+def _require_whole(path: Path) -> None:
+    """Refuse what is no C3D file, or is shorter than its header promises: the library may crash on either."""
+    with path.open("rb") as file:
+        head = file.read(BLOCK)
+        file.seek(BLOCK * (max(head[0], 1) - 1) if head else 0)
+        section = file.read(4)
+    if len(head) < BLOCK or len(section) < 4 or head[1] != MAGIC:
+        raise RecordingError(f"{path.name}: not readable as a C3D file: found no header of such a file")
+    # Motion captures on MIPS stored the large byte first; all others the small one.
+    order = ">" if section[3] == MIPS else "<"
+    points, analogs, first, last = struct.unpack(f"{order}4H", head[2:10])
+    start, _ = struct.unpack(f"{order}2H", head[16:20])
+    # A scale below 0 says floats; its sign is in another byte for each maker of computers.
+    floats = head[{MIPS: 12, DEC: 13}.get(section[3], 15)] & 0x80
+    frame = (4 * points + analogs) * (4 if floats else 2)
+    frames = last - first + 1 if last < LONGEST else 1
+    expected = BLOCK * (start - 1) + frames * frame
+    if path.stat().st_size < expected:
+        raise RecordingError(
+            f"{path.name}: not readable as a C3D file: found {path.stat().st_size} bytes, expected {expected} as its "
+            "header says: it is truncated"
+        )
 
 
 def _texts(content: Any, group: str, name: str) -> list[str]:

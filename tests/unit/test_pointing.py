@@ -1,0 +1,126 @@
+"""Clocks: markers against an encoder, EMG against the motion; labels that were rounded or random."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import made_pointing
+import numpy as np
+import pytest
+
+from pellucid._errors import RecordingError
+from pellucid.assessment.session import measure
+from pellucid.recordings.optical import OpticalRecording
+from pellucid.recordings.recording import Channel, Recording
+from pellucid.recordings.study_procedures import Assessment
+from pellucid.signals.emg_timing import emg_lead
+from pellucid.signals.movements import MovementRule, kinematics
+from pellucid.signals.pointing import assessed, drop_mistaken, labels, pointing_record, with_rule
+
+SPEC = Assessment(control="Ctrl", segment=("elbow", "wrist"))
+
+
+def made(seed=1, late=0.0, encoder=True, **channels):
+    """One recording with markers whose clock is `late` [s], and an encoder."""
+    rng = np.random.default_rng(seed)
+    time, angle, target, truth = made_pointing.angle_and_target(rng, 200.0, "Ctrl", 1.0, 1)
+    given = {"time": time, "target": target, **({"position": angle} if encoder else {}), **channels}
+    seen = np.arange(0.0, time[-1], 1.0 / 179.0)
+    q = np.interp(seen - late, time, angle)
+    elbow = np.zeros((len(seen), 3))
+    wrist = 0.25 * np.c_[np.sin(q), 0.0 * q, -np.cos(q)] + 2e-4 * rng.standard_normal((len(seen), 3))
+    optical = OpticalRecording(Path("m.csv"), "0", seen, {"elbow": elbow, "wrist": wrist}, np.array([0.0, 0.0, -1.0]))
+    made = {name: Channel(name, samples, "1", name) for name, samples in given.items()}
+    return Recording(
+        "r", Path("r.csv"), "0", "fit", made, participant="P1", condition="Ctrl", optical=optical
+    ), truth  # fmt: skip
+
+
+@pytest.mark.parametrize("late", [-0.2, 0.0, 0.13])
+def test_a_late_motion_capture_is_found_and_taken_back(late):
+    recording, truth = made(late=late)
+    record = pointing_record(recording, SPEC)
+    assert record.delay == pytest.approx(late, abs=0.004)
+    _, found, none = record.movements(with_rule(SPEC, lowpass=12.0))
+    assert none == []
+    starts = [m.start for m in found]
+    assert starts == pytest.approx([start for start, _, _ in truth], abs=0.08)
+
+
+def test_markers_of_another_motion_are_refused():
+    recording, _ = made(1)
+    other, _ = made(2)
+    mixed = Recording(
+        "r", Path("r.csv"), "0", "fit", dict(recording.channels), participant="P1", condition="Ctrl",
+        optical=other.optical,
+    )  # fmt: skip
+    with pytest.raises(RecordingError, match=r"r\.csv .*markers against position"):
+        pointing_record(mixed, SPEC)
+
+
+def test_without_an_encoder_both_start_together():
+    recording, _ = made(encoder=False)
+    assert pointing_record(recording, SPEC).delay is None
+
+
+def test_a_recording_without_angle_or_participant_is_refused():
+    recording, _ = made(encoder=False)
+    with pytest.raises(RecordingError, match="expected a channel position with the angle"):
+        pointing_record(recording, Assessment(control="Ctrl"))
+    nameless = Recording("r", Path("r.csv"), "0", "fit", dict(recording.channels), condition="Ctrl")
+    with pytest.raises(RecordingError, match="expected a participant too"):
+        assessed([nameless])
+    still = Recording(
+        "r", Path("r.csv"), "0", "fit",
+        {**recording.channels, "target": Channel("target", np.zeros(len(recording)), "rad", 0)},
+        participant="P1", condition="Ctrl", optical=recording.optical,
+    )  # fmt: skip
+    with pytest.raises(RecordingError, match="no step of the channel target"):
+        pointing_record(still, SPEC)
+
+
+def test_rounded_labels_are_one_and_random_ones_are_pooled():
+    recording, _ = made()
+    target = recording["target"] + 0.0
+    target[len(target) // 2 :] += 1e-4
+    rounded = Recording(
+        "r", Path("r.csv"), "0", "fit",
+        {**recording.channels, "target": Channel("target", target, "rad", 0)},
+        participant="P1", condition="Ctrl", optical=recording.optical,
+    )  # fmt: skip
+    record = pointing_record(recording, SPEC)
+    assert len(labels([record])) == 5
+    assert len([x for x in labels([pointing_record(rounded, SPEC)]) if x > 0.01]) == 5
+    session = measure([record], SPEC, with_rule(SPEC), {}, {})
+    assert {m.cell for m in session.movements} == {(a, d) for a in made_pointing.AMPLITUDES for d in ("up", "down")}
+
+
+def test_a_movement_to_another_target_is_dropped():
+    recording, _ = made()
+    record = pointing_record(recording, SPEC)
+    _, found, _ = record.movements(with_rule(SPEC))
+    kept, dropped = drop_mistaken(found, labels([record]))
+    assert (len(kept), dropped) == (10, 0)
+    wrong = replace(found[0], amplitude=next(a for a in labels([record]) if abs(a - found[0].reach) > 0.1))
+    kept, dropped = drop_mistaken([wrong, *found[1:]], labels([record]))
+    assert (len(kept), dropped) == (9, 1)
+
+
+@pytest.mark.parametrize("late", [-1.2, 0.0, 0.9, 2.0])
+def test_the_clocks_of_emg_and_motion_are_compared(late):
+    rng = np.random.default_rng(5)
+    time, angle, _, truth = made_pointing.angle_and_target(rng, 200.0, "Ctrl", 1.0, 1)
+    motion = kinematics(time, angle, MovementRule())
+    raw = made_pointing.emg(rng, 1000.0, truth, time[-1], "Ctrl")
+    at = np.arange(len(raw)) / 1000.0 + late
+    found = emg_lead(at, np.abs(raw).sum(axis=1), motion)
+    assert found.lead == pytest.approx(0.1 - late, abs=0.1)
+    assert found.plausible == (late == 0.0)
+
+
+def test_emg_that_says_nothing_is_not_accused():
+    rng = np.random.default_rng(6)
+    time, angle, _, _ = made_pointing.angle_and_target(rng, 200.0, "Ctrl", 1.0, 1)
+    at = np.arange(int(time[-1] * 1000.0)) / 1000.0
+    noise = np.abs(rng.standard_normal(len(at)))
+    assert emg_lead(at, noise, kinematics(time, angle, MovementRule())).plausible
+    assert emg_lead(at + 1000.0, noise, kinematics(time, angle, MovementRule())) is None
