@@ -147,6 +147,7 @@ def calibrate(
 ) -> None:
     """Torque from EMG by several methods, judged on held-out data."""
     from .estimators.calibrate import calibrate as run
+    from .estimators.calibration_file import keep_calibration
     from .identification.findings import save_findings
     from .recordings.study import open_study
 
@@ -154,6 +155,7 @@ def calibrate(
     with _progress() as tell:
         found = run(study, on_progress=tell)
     save_findings(study, found, "calibrate")
+    keep_calibration(study, found)
     if json:
         _print_json(study, "calibrate")
         return

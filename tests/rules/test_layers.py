@@ -160,6 +160,7 @@ OWN_FILES = {
     "models/card.py": "model cards",
     "models/muscle_geometry.py": "tables that ship with the package",
     "report/document.py": "the page's template",
+    "estimators/calibration_file.py": "what calibration found, kept",
     "lab": "the virtual lab writes recordings and reads its own rigs",
     "published": "printed numbers",
 }

@@ -8,6 +8,7 @@ from scipy import signal
 from pellucid._errors import IdentificationError, PellucidError, RecordingError
 from pellucid.estimators import calibrate as module
 from pellucid.estimators.calibrate import calibrate
+from pellucid.estimators.calibration_file import keep_calibration, kept_calibration
 from pellucid.estimators.features import features
 from pellucid.estimators.torque_card import torque_of_card
 from pellucid.estimators.torque_map import fit_torque_map
@@ -115,7 +116,9 @@ def orthosis(folder, *, cards=True, spoil=None):
     if cards:
         study.models_dir.mkdir()
         for kind, name, gravity in (("orthosis", "orthosis", 4.0), ("limb", "S1.limb", 8.0)):
-            parameter = CardParameter(f"{kind}_gravity", "N*m", gravity, 0.01, (gravity - 0.02, gravity + 0.02), False, True)
+            parameter = CardParameter(
+                f"{kind}_gravity", "N*m", gravity, 0.01, (gravity - 0.02, gravity + 0.02), False, True
+            )
             card = ParameterCard(kind, "orthosis", name, (parameter,), settings={"participant": "S1"})
             write_parameter_card(study.models_dir / f"{name}.json", card)
     return study
@@ -259,3 +262,21 @@ def test_the_page_shows_what_was_found(tmp_path, quick):
         "fig-errors",
     ):
         assert words in text
+
+
+def test_what_was_found_is_kept_until_something_changes(tmp_path, quick):
+    study = leg(tmp_path)
+    found = calibrate(study)
+    assert kept_calibration(study) is None
+    path = keep_calibration(study, found)
+    kept = kept_calibration(open_study(tmp_path))
+    for part in ("judged", "rows", "tables", "verdicts", "checksums"):
+        assert getattr(kept, part) == getattr(found, part)
+    for a, b in zip(kept.traces, found.traces, strict=True):
+        np.testing.assert_allclose(a.predicted["ridge"], b.predicted["ridge"], atol=1e-5)
+    assert page(study, kept).headline == page(study, found).headline
+    emg = tmp_path / "recordings" / "emg.csv"
+    emg.write_text(emg.read_text().replace("0.1", "0.2"), encoding="utf-8")
+    assert kept_calibration(open_study(tmp_path)) is None
+    path.write_text("{}", encoding="utf-8")
+    assert kept_calibration(study) is None

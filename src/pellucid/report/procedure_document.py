@@ -32,7 +32,7 @@ def write_procedure_report(
         Its study.toml has a table that asks for a procedure, for a torque from EMG, or for an assessment.
     found : Findings, optional
         What `identify` (or, in a study without anything to identify, `calibrate` or `assess`) found; found again if
-        left out.
+        left out, unless calibration was kept.
     on_progress : callable, optional
         Called with a text and the share done, 0 to 1.
 
@@ -57,11 +57,15 @@ def write_procedure_report(
     pages = []
     for i, name in enumerate(asked):
         run = run_procedure
+        kept = None
         if name == "emg_torque":
             from ..estimators.calibrate import calibrate as run
+            from ..estimators.calibration_file import kept_calibration
+
+            kept = kept_calibration(study)
         elif name == "assessment":
             from ..assessment.assess import assess as run
-        told = found if i == 0 else None
+        told = found if i == 0 and found is not None else kept
         if told is None:
             told = run(study, on_progress=lambda text, share, i=i: tell(text, (i + 0.8 * share) / len(asked)))
         tell("drawing", (i + 0.8) / len(asked))
