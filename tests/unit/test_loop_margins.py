@@ -8,9 +8,10 @@ import pytest
 from pellucid._errors import PellucidError
 from pellucid.controllers.coupling import Coupling, friction_slope
 from pellucid.controllers.pid_tuning import strap_torque_gain, tune_pid
-from pellucid.controllers.residual_compensator import Law, design, with_strap_gain, worst_margins
+from pellucid.controllers.residual_compensator import Law, bears_all, design, within, worst_margins
 from pellucid.controllers.stability import (
     LinearSystem,
+    bears,
     closed_loop,
     crossings,
     loop_response,
@@ -19,6 +20,8 @@ from pellucid.controllers.stability import (
     sampled,
     worn_orthosis,
 )
+from pellucid.models.card import CardParameter
+from pellucid.models.parameter_card import ParameterCard
 
 PERIOD = 0.002
 KNEE = Coupling(
@@ -118,7 +121,9 @@ def test_friction_as_a_slope():
 
 def test_strap_gain_and_pid_keep_the_margins_asked_for():
     plants = [KNEE, KNEE.scaled(strap_stiffness=0.7), KNEE.scaled(strap_stiffness=1.3)]
-    made = with_strap_gain(design(KNEE, PERIOD), (0.5, 1.0, 8.0), plants, gain_db=6.0, delay=0.02)
+    wanted = design(KNEE, PERIOD, law=Law(friction=0.6, proportional=8.0))
+    assert not bears_all(wanted, plants, gain_db=6.0, delay=0.02)
+    made = within(wanted, plants, gain_db=6.0, delay=0.02)
     assert made.law.proportional < 8.0
     left = worst_margins(made, plants)
     assert left.gain_db >= 6
@@ -128,8 +133,31 @@ def test_strap_gain_and_pid_keep_the_margins_asked_for():
     omega = [2.0, 4.0, 6.0]
     off = replace(pid, law=Law(0, 0, 0, 0, proportional=0, torque_gain=0))
     assert np.all(strap_torque_gain(pid, omega) < strap_torque_gain(off, omega))
-    with pytest.raises(PellucidError, match="no gain leaves"):
-        with_strap_gain(made, (8.0,), plants, gain_db=20.0, delay=0.02)
+    with pytest.raises(PellucidError, match="no weaker law leaves"):
+        within(made, plants, gain_db=20.0, delay=0.02, strap=(8.0,), friction=(1.0,))
+
+
+def test_what_margins_say_bears_says():
+    made = design(KNEE, PERIOD, law=Law(proportional=6.0))
+    loop = made.linear(1.5, trust=1.0)
+    left = margins(KNEE, loop, PERIOD, speed=1.5)
+    assert np.isfinite([left.gain_db, left.delay]).all()
+    for gain, delay, borne in ((-0.1, -1e-4, True), (0.1, -1e-4, False), (-0.1, 1e-4, False)):
+        asked = {"gain_db": left.gain_db + gain, "delay": left.delay + delay}
+        assert bears(KNEE, loop, PERIOD, speed=1.5, **asked) is borne
+
+
+def test_cards_of_identify_are_read_by_kind():
+    def card(kind, **values):
+        parameters = tuple(CardParameter(name, "1", value, 0.0, (value, value)) for name, value in values.items())
+        return ParameterCard(kind, "study", kind, parameters)
+
+    orthosis = card("orthosis", inertia=0.048, damping=0.008, gravity=1.56, coulomb=0.015)
+    limb, strap = card("limb", inertia=0.33, damping=0.15, gravity=8.0), card("coupling", stiffness=14.0, damping=0.42)
+    actuator = {name: getattr(KNEE, name) for name in KNEE.__dataclass_fields__ if name.startswith("actuator")}
+    assert Coupling.of_cards(orthosis, limb, strap, actuator | {"delay": 0.002}) == KNEE
+    with pytest.raises(PellucidError, match='of kind "limb", expected "orthosis"'):
+        Coupling.of_cards(limb, limb, strap, actuator)
 
 
 def test_cards_that_contradict_or_lack():

@@ -8,6 +8,19 @@ from dataclasses import dataclass, fields, replace
 import numpy as np
 
 from .._errors import PellucidError
+from ..models.parameter_card import ParameterCard
+
+ON_CARDS: Mapping[str, Mapping[str, str]] = {
+    "orthosis": {
+        "inertia": "orthosis_inertia",
+        "damping": "orthosis_viscous",
+        "gravity": "orthosis_gravity",
+        "coulomb": "coulomb",
+    },
+    "limb": {"inertia": "limb_inertia", "damping": "limb_viscous", "gravity": "limb_gravity"},
+    "coupling": {"stiffness": "strap_stiffness", "damping": "strap_damping"},
+}
+"""What a card of each kind calls a parameter, and what `Coupling` does."""
 
 
 @dataclass(frozen=True)
@@ -92,6 +105,36 @@ class Coupling:
         if missing:
             raise PellucidError(f"Coupling: no card gives {', '.join(missing)}.")
         return cls(**merged)
+
+    @classmethod
+    def of_cards(
+        cls, orthosis: ParameterCard, limb: ParameterCard, strap: ParameterCard, actuator: Mapping[str, float]
+    ) -> Coupling:
+        """From the cards that `identify` writes for an orthosis and its wearer.
+
+        Parameters
+        ----------
+        orthosis, limb, strap : ParameterCard
+            Of the kinds ``"orthosis"``, ``"limb"`` and ``"coupling"``.
+        actuator : mapping of str to float
+            By this class's names.
+
+        Returns
+        -------
+        Coupling
+            Of all of them.
+
+        Raises
+        ------
+        PellucidError
+            If a card is of another kind, or a parameter is missing.
+        """
+        named = []
+        for card, kind in ((orthosis, "orthosis"), (limb, "limb"), (strap, "coupling")):
+            if card.kind != kind:
+                raise PellucidError(f'Coupling: the card {card.name} is of kind "{card.kind}", expected "{kind}".')
+            named.append({ON_CARDS[kind][name]: v for name, v in card.values.items() if name in ON_CARDS[kind]})
+        return cls.from_cards(*named, actuator)
 
     def scaled(self, **factors: float) -> Coupling:
         """The same with some parameters multiplied.

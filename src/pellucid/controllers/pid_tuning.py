@@ -10,7 +10,7 @@ import numpy as np
 
 from .._errors import PellucidError
 from .coupling import Coupling
-from .residual_compensator import Law, ResidualDesign, worst_margins
+from .residual_compensator import Law, ResidualDesign, bears_all
 from .stability import LinearSystem, sampled, worn_orthosis
 
 
@@ -88,7 +88,6 @@ def tune_pid(
         candidate = replace(made, law=law)
         tried.append((float(np.mean(strap_torque_gain(candidate, omega))), candidate))
     for _, candidate in sorted(tried, key=lambda pair: pair[0]):
-        left = worst_margins(candidate, plants, (0.1, 0.5, 1.5, 4.0))
-        if left.stable and left.gain_db >= gain_db and left.delay >= delay:
+        if bears_all(candidate, plants, gain_db=gain_db, delay=delay):
             return candidate
     raise PellucidError(f"tune_pid: no gains leave {gain_db:g} dB and {1e3 * delay:g} ms on every plant.")

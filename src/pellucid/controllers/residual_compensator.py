@@ -11,7 +11,7 @@ from .. import _core
 from .._errors import PellucidError
 from .coupling import Coupling, friction_slope
 from .limits import Limits
-from .stability import LinearSystem, Margins, margins
+from .stability import LinearSystem, Margins, bears, margins
 
 
 @dataclass(frozen=True)
@@ -351,7 +351,20 @@ def worst_margins(
     Margins
         Each the smallest of all, with and without EMG.
     """
-    found = [made.margins(p, s, trust) for p in plants for s in speeds for trust in (0.0, 1.0)]
+    return worst([made.margins(p, s, trust) for p in plants for s in speeds for trust in (0.0, 1.0)])
+
+
+def worst(found: Sequence[Margins]) -> Margins:
+    """The smallest of several margins.
+
+    Parameters
+    ----------
+    found : sequence of Margins
+
+    Returns
+    -------
+    Margins
+    """
     return Margins(
         all(f.stable for f in found),
         min(f.gain_db for f in found),
@@ -360,25 +373,22 @@ def worst_margins(
     )
 
 
-def with_strap_gain(
+def bears_all(
     made: ResidualDesign,
-    gains: Sequence[float],
     plants: Sequence[Coupling],
     *,
     gain_db: float,
     delay: float,
     speeds: Sequence[float] = (0.1, 0.5, 1.5, 4.0),
-) -> ResidualDesign:
-    """The strongest gain on the strap torque that leaves these margins on every plant.
+) -> bool:
+    """Whether margins hold on every plant, at every speed, with and without EMG.
 
     Parameters
     ----------
     made : ResidualDesign
-        Without one, or with any.
-    gains : sequence of float
-        To try [1].
+        The controller.
     plants : sequence of Coupling
-        On each of which the margins must hold.
+        As in `worst_margins`.
     gain_db, delay : float
         Margins wanted [dB], [s].
     speeds : sequence of float
@@ -386,17 +396,64 @@ def with_strap_gain(
 
     Returns
     -------
+    bool
+    """
+    loops = {(s, t): made.linear(s, t) for s in sorted(speeds, reverse=True) for t in (0.0, 1.0)}
+    return all(
+        bears(plant, loop, made.period, gain_db=gain_db, delay=delay, speed=speed)
+        for (speed, _), loop in loops.items()
+        for plant in plants
+    )
+
+
+def within(
+    made: ResidualDesign,
+    plants: Sequence[Coupling],
+    *,
+    gain_db: float,
+    delay: float,
+    speeds: Sequence[float] = (0.1, 0.5, 1.5, 4.0),
+    strap: Sequence[float] = (1.0, 0.75, 0.5, 0.25, 0.0),
+    friction: Sequence[float] = (1.0, 0.9, 0.8, 0.7, 0.6, 0.4, 0.2, 0.0),
+) -> ResidualDesign:
+    """A law weakened as little as these margins ask: first its gains on the strap, then the friction that it carries.
+
+    Parameters
+    ----------
+    made : ResidualDesign
+        With the law wanted.
+    plants : sequence of Coupling
+        On each of which the margins must hold.
+    gain_db, delay : float
+        Margins wanted [dB], [s].
+    speeds : sequence of float
+        As in `worst_margins` [rad/s].
+    strap, friction : sequence of float
+        Factors to try, falling [1].
+
+    Returns
+    -------
     ResidualDesign
-        With that gain.
+        The first that has them: the most friction, with it the largest gains.
 
     Raises
     ------
     PellucidError
-        If no gain leaves them.
+        If none has.
     """
-    for gain in sorted(gains, reverse=True):
-        tried = replace(made, law=replace(made.law, proportional=gain))
-        left = worst_margins(tried, plants, speeds)
-        if left.stable and left.gain_db >= gain_db and left.delay >= delay:
-            return tried
-    raise PellucidError(f"with_strap_gain: no gain leaves {gain_db:g} dB and {1e3 * delay:g} ms on every plant.")
+    law = made.law
+    driven = any((law.proportional, law.integral, law.derivative))
+    carries = law.friction > 0
+    for rubbed in friction if carries else (1.0,):
+        for pulled in strap if driven else (1.0,):
+            weaker = replace(
+                law,
+                friction=rubbed * law.friction,
+                proportional=pulled * law.proportional,
+                integral=pulled * law.integral,
+                derivative=pulled * law.derivative,
+            )
+            tried = replace(made, law=weaker)
+            if bears_all(tried, plants, gain_db=gain_db, delay=delay, speeds=speeds):
+                return tried
+    raise PellucidError(f"within: no weaker law leaves {gain_db:g} dB and {1e3 * delay:g} ms on every plant.")

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import lru_cache
 from itertools import pairwise
 
 import numpy as np
@@ -271,8 +272,7 @@ def margins(
     Margins
         At the joint's hanging place.
     """
-    plant = worn_orthosis(coupling, speed)
-    plant = LinearSystem(plant.a, plant.b[:, :1], plant.c[:2], plant.d[:2, :1])
+    plant = _seen_by_controller(coupling, speed)
     held = sampled(plant, period, coupling.delay)
     own = radius(closed_loop(held, controller))
     if own >= 1:
@@ -287,6 +287,48 @@ def margins(
     gain = _first(unstable_gain, np.arange(0, 40.1, 1.0))
     delay = _first(unstable_delay, np.arange(0, most_delay + 1e-9, 0.004))
     return Margins(True, gain, delay, own)
+
+
+def bears(
+    coupling: Coupling, controller: LinearSystem, period: float, *, gain_db: float, delay: float, speed: float = 1.0
+) -> bool:
+    """Whether a loop is stable with every factor up to `gain_db` and every added dead time up to `delay`.
+
+    The same as asking `margins` for both, in a tenth of the time.
+
+    Parameters
+    ----------
+    coupling, controller, period, speed
+        As `margins` takes them.
+    gain_db, delay : float
+        Asked for [dB], [s].
+
+    Returns
+    -------
+    bool
+    """
+    held = _held(coupling, speed, period, 0.0)
+    if any(
+        radius(closed_loop(held, controller, 10 ** (decibel / 20))) >= 1
+        for decibel in (0.0, gain_db, *np.arange(1.0, gain_db, 1.0))
+    ):
+        return False
+    return not any(
+        radius(closed_loop(_held(coupling, speed, period, float(late)), controller)) >= 1
+        for late in (delay, *np.arange(0.004, delay, 0.004))
+    )
+
+
+def _seen_by_controller(coupling: Coupling, speed: float) -> LinearSystem:
+    """From the torque wanted to encoder and spring."""
+    plant = worn_orthosis(coupling, speed)
+    return LinearSystem(plant.a, plant.b[:, :1], plant.c[:2], plant.d[:2, :1])
+
+
+@lru_cache(maxsize=4096)
+def _held(coupling: Coupling, speed: float, period: float, late: float) -> LinearSystem:
+    """The same sampled, that much later: a search asks for the same plant again and again."""
+    return sampled(_seen_by_controller(coupling, speed), period, coupling.delay + late)
 
 
 def _first(fails: Callable[[float], bool], grid: np.ndarray) -> float:

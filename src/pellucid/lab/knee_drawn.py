@@ -104,7 +104,7 @@ def drawn_rig(rig: KneeRig, seed: int) -> KneeRig:
     muscles = rig["muscles"]
     # People plan as early as their own muscles are late.
     values["wearer.foresight"] = rig["wearer"]["foresight"] + values["muscles.delay"] - muscles["delay"]
-    made = changed(rig, values, f"{rig.name}, wearer {seed}")
+    made = changed(rig, values, f"{rig.name}-{seed}")
     return KneeRig(made.name, {**made.tables, "subjects": {f"D{seed}": subject}})
 
 

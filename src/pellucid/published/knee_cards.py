@@ -1,25 +1,63 @@
-"""What a wearer's compensator is built from: the identified coupling, the actuator's residual, and a causal EMG map."""
+"""What a wearer's compensator is built from: identified cards of both bodies, strap and actuator, and a causal EMG map.
+
+Nothing of the simulation's truth enters: only what its instruments wrote. One number is not identified, the dead time
+of the torque loop, which is a property of the actuator's hardware that its maker states: one sample.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
 from .._errors import IdentificationError
 from ..controllers.coupling import Coupling
 from ..controllers.worn import EmgMap
+from ..estimators.ridge import Ridge
+from ..estimators.strapped_reference import strapped_torque
 from ..identification.actuator_residual import actuator_residual
-from ..lab.knee_protocol import bench_trials, torque_trial
+from ..identification.identify_coupling import identify_worn
 from ..lab.knee_rig import KneeRig
-from ..lab.knee_trial import KneeTaken, run_trial
+from ..recordings.recording import Recording
+from .knee_trials import STRAP_ONLY, Taken, take
 
-BAND, ENVELOPE = (30.0, 450.0), 4.0
-"""Corners of the causal chain [Hz]: its envelope is 56 ms late, as muscles are some 50 ms."""
+BAND = (30.0, 450.0)
+"""Corners of the causal chain before it rectifies [Hz]."""
 
-HELD_ANGLES = (0.0, 30.0, 60.0, 90.0)
-"""At which the torque map is learnt [deg]."""
+DEAD_SAMPLES = 1
+"""Of the actuator's torque loop, from reading to current, as its maker states."""
+
+MOTION = 6.0
+"""Cut-off of the zero-phase low-pass on the torque that the map is fitted to [Hz]."""
+
+SETTLED = 2.0
+"""Left out at the start of a recording [s]."""
+
+RATE = 20.0
+"""Samples a second that enter the regression: the envelopes have no more."""
+
+PENALTIES = (0.0, 1.0, 10.0, 100.0)
+"""Of the ridge regression, among which repetitions left out choose."""
+
+
+@dataclass(frozen=True)
+class EmgSettings:
+    """Free constants of the EMG chain.
+
+    Attributes
+    ----------
+    corner : float
+        Of the low-pass after rectification, order 2 [Hz]. At 4 Hz it is 56 ms late, as muscles are some 50 ms.
+    ceiling : float
+        Times the largest envelope of the torque steps: what is above is no muscle's [1].
+    floor : float
+        Times the smallest: what is below is none either [1].
+    """
+
+    corner: float = 4.0
+    ceiling: float = 2.0
+    floor: float = 0.2
 
 
 @dataclass(frozen=True)
@@ -33,7 +71,7 @@ class WearerCard:
     emg : EmgMap
         From raw EMG to torque.
     emg_rmse : float
-        Of the map, on the recordings that it was not fitted to [N m].
+        Of the map, on repetitions that it was not fitted to [N m].
     """
 
     coupling: Coupling
@@ -41,121 +79,231 @@ class WearerCard:
     emg_rmse: float
 
 
-def actuator_card(taken: Sequence[KneeTaken], rig: KneeRig) -> dict[str, float]:
+@dataclass(frozen=True, eq=False)
+class Step:
+    """One recording that EMG maps are fitted to.
+
+    Attributes
+    ----------
+    repetition : str
+    time, position, torque : ndarray, shape (n,)
+        [s], [rad]; of the knee, by orthosis, strap and limb as identified [N m].
+    emg_time : ndarray, shape (k,)
+        [s].
+    emg : ndarray, shape (k, muscles)
+        Raw [V].
+    """
+
+    repetition: str
+    time: np.ndarray
+    position: np.ndarray
+    torque: np.ndarray
+    emg_time: np.ndarray
+    emg: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class Identified:
+    """What was identified of a wearer, and the recordings that EMG maps are fitted to.
+
+    Attributes
+    ----------
+    name : str
+        The wearer.
+    rig : KneeRig
+        In which to swing afterwards.
+    seed : int
+        Of the recordings, and of how the instruments sit.
+    coupling : Coupling
+        By the cards of orthosis, limb and strap, and by the actuator's sines.
+    steps : tuple of Step
+    """
+
+    name: str
+    rig: KneeRig
+    seed: int
+    coupling: Coupling
+    steps: tuple[Step, ...]
+
+    def card(self, settings: EmgSettings | None = None) -> WearerCard:
+        """Everything a controller may know, the EMG chain with some settings."""
+        return WearerCard(self.coupling, *emg_map(self.steps, settings or EmgSettings()))
+
+
+def identify_wearer_of(rig: KneeRig, name: str, seed: int) -> Identified:
+    """Record everything that one wearer does, and identify it.
+
+    Parameters
+    ----------
+    rig : KneeRig
+    name : str
+        Of a subject of the rig.
+    seed : int
+
+    Returns
+    -------
+    Identified
+
+    Raises
+    ------
+    IdentificationError
+        If the strap or the limb cannot be identified.
+    """
+    taken = take(rig, seed, [name], protocols=(*STRAP_ONLY, "mvc", "torque_steps"))
+    return identified(rig, name, seed, taken)
+
+
+def identified(rig: KneeRig, name: str, seed: int, taken: Taken) -> Identified:
+    """The same from recordings that are there already.
+
+    Parameters
+    ----------
+    rig : KneeRig
+    name : str
+    seed : int
+        That the recordings were made with.
+    taken : Taken
+        All that the wearer did.
+
+    Returns
+    -------
+    Identified
+
+    Raises
+    ------
+    IdentificationError
+        As `identify_wearer_of`.
+    """
+    used = [r for r in taken.recordings if r.protocol != "torque_steps"]  # for the EMG map alone
+    findings = identify_worn(taken.config, used)
+    cards, stages = findings.cards, findings.wearers.get(name)
+    if f"{name}.limb" not in cards:
+        why = findings.refused.get(name) or "; ".join(stages.notes)
+        raise IdentificationError(f"{name}: found no card of limb and strap, expected both: {why}")
+    sines = taken.of("sine_tracking", "fit")
+    actuator = actuator_card(sines) | {"delay": DEAD_SAMPLES / sines[0].fs}
+    coupling = Coupling.of_cards(cards["orthosis"], cards[f"{name}.limb"], cards[f"{name}.coupling"], actuator)
+    strap = stages.coupling.orthosis_side
+
+    def step(r: Recording) -> Step:
+        emg = r.streams["emg"]
+        torque = strapped_torque(
+            r.time, r["position"], r["torque"], orthosis=findings.orthosis.orthosis, limb=stages.limb.limb,
+            stiffness=strap.stiffness.value, damping=strap.damping.value, lowpass=MOTION,
+        )  # fmt: skip
+        raw = np.column_stack([emg[channel] for channel in emg.channels if channel.startswith("emg.")])
+        return Step(r.name.rsplit("_", 1)[-1], r.time, r["position"], torque, emg.time, raw)
+
+    return Identified(name, rig, seed, coupling, tuple(map(step, taken.of("torque_steps"))))
+
+
+def actuator_card(sines: Sequence[Recording]) -> dict[str, float]:
     """The actuator's lag and what its torque loop lets through, from recordings of the orthosis alone.
 
     Parameters
     ----------
-    taken : sequence of KneeTaken
-        Sines.
-    rig : KneeRig
-        Of which only the sampling rate and the loop's dead time, which its maker states, are used.
+    sines : sequence of Recording
+        With command, torque, position and motor_position.
 
     Returns
     -------
     dict of str to float
         By the names of `Coupling`.
     """
-    found = actuator_residual([(t.command, t.torque, t.position, t.motor_position) for t in taken], 1 / rig.period)
+    channels = ("command", "torque", "position", "motor_position")
+    found = actuator_residual([tuple(r[c] for c in channels) for r in sines], sines[0].fs)
     known = {field.name for field in fields(Coupling)}
-    return {name: value for name, value in found.items() if name in known} | {
-        "delay": rig["torque_loop"]["delay"] * rig.period
-    }
+    return {name: value for name, value in found.items() if name in known}
 
 
-def emg_card(taken: Sequence[KneeTaken], coupling: Coupling, *, ridge: float = 1e-3) -> tuple[EmgMap, float]:
-    """A causal torque map, linear in envelopes and angle, from what the instruments wrote while angles were held.
-
-    The muscles' torque is the limb's gravity less the strap's torque, which at rest is the orthosis's gravity less the
-    spring's torque. Every third of a recording's seconds is held out for the error.
+def emg_map(steps: Sequence[Step], settings: EmgSettings) -> tuple[EmgMap, float]:
+    """A causal torque map, linear in envelopes and in envelopes times angle, as the core runs it.
 
     Parameters
     ----------
-    taken : sequence of KneeTaken
-        Torque steps.
-    coupling : Coupling
-        Gravity of limb and orthosis, stiffness of the strap.
-    ridge : float
-        Penalty, as a share of the features' variance [1].
+    steps : sequence of Step
+    settings : EmgSettings
 
     Returns
     -------
     EmgMap
-        As the core takes it; what is twice the largest envelope of these recordings is no muscle's.
     float
-        Root mean square error on held-out seconds [N m].
+        Root mean square error on repetitions left out [N m].
 
     Raises
     ------
     IdentificationError
-        If a recording has no EMG.
+        If there are not at least two repetitions.
     """
     from scipy.signal import butter, sosfilt
 
-    features, torques, levels, held = [], [], [], []
-    band = envelope = None
-    for t in taken:
-        if t.emg is None or t.emg_time is None:
-            raise IdentificationError(f"emg_card: {t.trial.name} has no EMG.")
-        fs = 1 / float(np.median(np.diff(t.emg_time)))
-        band = butter(2, BAND, "bandpass", fs=fs, output="sos")
-        envelope = butter(2, ENVELOPE, fs=fs, output="sos")
-        level = sosfilt(envelope, np.abs(sosfilt(band, t.emg * t.emg_quantum, axis=0)), axis=0)
-        level = np.column_stack([np.interp(t.time, t.emg_time, column) for column in level.T])
-        strap = coupling.orthosis_gravity * np.sin(t.position) - t.torque
-        limb = t.position + strap / coupling.strap_stiffness
-        kept = slice(round(2.0 / (t.time[1] - t.time[0])), None, 25)
-        q, e = t.position[kept], level[kept]
-        features.append(np.column_stack([np.ones_like(q), q, e[:, 0], e[:, 0] * q, e[:, 1], e[:, 1] * q]))
-        torques.append((coupling.limb_gravity * np.sin(limb) - strap)[kept])
+    if len({s.repetition for s in steps}) < 2:
+        raise IdentificationError("emg_map: found fewer than two repetitions of torque steps, expected at least two")
+    fs, muscles = _rate(steps[0].emg_time), range(steps[0].emg.shape[1])
+    band = butter(2, BAND, "bandpass", fs=fs, output="sos")
+    envelope = butter(2, settings.corner, fs=fs, output="sos")
+    x, y, levels, repetition = [], [], [], []
+    for s in steps:
+        level = sosfilt(envelope, np.abs(sosfilt(band, s.emg, axis=0)), axis=0)
+        level = np.column_stack([np.interp(s.time, s.emg_time, column) for column in level.T])
+        own = _rate(s.time)
+        kept = slice(round(SETTLED * own), None, max(1, round(own / RATE)))
+        q, e = s.position[kept], level[kept]
+        x.append(np.column_stack([q, *(column for m in e.T for column in (m, m * q))]))
+        y.append(s.torque[kept])
         levels.append(e)
-        held.append(np.floor(t.time[kept]) % 3 == 2)
-    x, y, out = np.vstack(features), np.concatenate(torques), np.concatenate(held)
-    scale = np.append(1.0, x[:, 1:].std(axis=0))
-    penalty = ridge * np.diag([0.0, 1, 1, 1, 1, 1])
+        repetition += [s.repetition] * len(q)
+    x, y, seen, group = np.vstack(x), np.concatenate(y), np.vstack(levels), np.array(repetition)
 
-    def fitted(rows: np.ndarray) -> np.ndarray:
-        a = x[rows] / scale
-        return np.linalg.solve(a.T @ a / len(a) + penalty, a.T @ y[rows] / len(a)) / scale
+    def left_out(penalty: float) -> float:
+        error = [
+            y[group == g] - Ridge(penalty).fit(x[group != g], y[group != g]).predict(x[group == g])
+            for g in np.unique(group)
+        ]
+        return float(np.sqrt(np.mean(np.concatenate(error) ** 2)))
 
-    error = float(np.sqrt(np.mean((y[out] - x[out] @ fitted(~out)) ** 2)))
-    seen = np.vstack(levels)
-    made = EmgMap(
-        band, envelope, fitted(np.ones(len(y), bool)).reshape(3, 2), 0.2 * seen.min(axis=0), 2 * seen.max(axis=0)
-    )
-    return made, error
+    errors = {penalty: left_out(penalty) for penalty in PENALTIES}
+    best = min(errors, key=errors.get)
+    terms = list(Ridge(best).fit(x, y).plain([str(i) for i in range(x.shape[1])]).values())
+    weights = np.array(terms).reshape(1 + len(muscles), 2)  # 1 and q; then each envelope, and the same times q
+    made = EmgMap(band, envelope, weights, settings.floor * seen.min(axis=0), settings.ceiling * seen.max(axis=0))
+    return made, errors[best]
 
 
-def simulated_cards(
-    rig: KneeRig, subjects: Sequence[str], bodies: Mapping[str, Mapping[str, float]], seed: int
-) -> dict[str, WearerCard]:
-    """Cards of some wearers from recordings on the virtual orthosis.
+def _rate(time: np.ndarray) -> float:
+    return (len(time) - 1) / float(time[-1] - time[0])
+
+
+def mistaken(card: WearerCard, **factors: float) -> WearerCard:
+    """A card with some parameters wrong.
 
     Parameters
     ----------
-    rig : KneeRig
-        The virtual orthosis.
-    subjects : sequence of str
-        Names in the rig.
-    bodies : mapping of str to mapping
-        Per subject what was identified of orthosis, limb and strap, SI, by the names of `Coupling`.
-    seed : int
-        Of the recordings.
+    card : WearerCard
+    **factors : float
+        By the names of `Coupling` [1].
 
     Returns
     -------
-    dict of str to WearerCard
-        By subject.
+    WearerCard
     """
-    sines = [task for task in bench_trials(rig) if task[0].name in ("response_05", "response_10")]
-    alone = [run_trial(rig, None, trial, rng=np.random.default_rng([seed, i])) for i, (trial, _) in enumerate(sines)]
-    actuator = actuator_card(alone, rig)
-    cards = {}
-    for number, name in enumerate(subjects):
-        coupling = Coupling.from_cards(actuator, bodies[name])
-        steps = []
-        for i, angle in enumerate(HELD_ANGLES):
-            trial, wearer = torque_trial(rig, f"{name}_torque", rig.subjects[name], float(np.radians(angle)))
-            steps.append(run_trial(rig, wearer, trial, rng=np.random.default_rng([seed, 100 + number, i])))
-        cards[name] = WearerCard(coupling, *emg_card(steps, coupling))
-    return cards
+    return replace(card, coupling=card.coupling.scaled(**factors))
+
+
+def weakened(card: WearerCard, factors: Mapping[int, float]) -> WearerCard:
+    """A card whose EMG map takes channels for stronger or weaker than they are: as after new electrodes, or fatigue.
+
+    Parameters
+    ----------
+    card : WearerCard
+    factors : mapping of int to float
+        On the weights of a channel [1].
+
+    Returns
+    -------
+    WearerCard
+    """
+    weights = card.emg.weights.copy()
+    for channel, factor in factors.items():
+        weights[1 + channel] *= factor
+    return replace(card, emg=replace(card.emg, weights=weights))

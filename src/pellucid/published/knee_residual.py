@@ -1,51 +1,55 @@
-"""What the thesis left for later: the residual impedance of a worn orthosis cancelled, beside the alternatives."""
+"""What the thesis left for later: the residual impedance of a worn orthosis cancelled, beside the alternatives.
+
+A wearer is recorded and identified, every controller is built from the cards and from constants chosen on other
+wearers, and all of them go through the same swings. The truth is used to judge alone.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
-from ..controllers.coupling import Coupling
-from ..controllers.disturbance_observer import DisturbanceObserver
-from ..controllers.fuzzy import FuzzyCompensation
-from ..controllers.pid_tuning import tune_pid
-from ..controllers.rbf import RbfCompensation
-from ..controllers.residual_compensator import Law, ResidualDesign, design, with_strap_gain, worst_margins
-from ..controllers.stability import Margins, margins
-from ..controllers.worn import StrapLearning, WornCompensator
-from ..lab.knee_protocol import Faults, swing_trial
+from .._errors import PellucidError
+from ..lab.knee_drawn import drawn_rig
+from ..lab.knee_instruments import Session
+from ..lab.knee_protocol import Faults, KneeTrial, swing_trial
 from ..lab.knee_rig import KneeRig, changed
+from ..lab.knee_study import sessions_of
 from ..lab.knee_trial import Controller, KneeTaken, run_trial
-from .knee_cards import WearerCard
-
-SPEEDS = (0.1, 0.5, 1.5, 4.0)
-"""At which friction is linearised for the margins [rad/s]."""
-
-WANTED_GAIN_DB, WANTED_DELAY = 6.0, 0.020
-"""Margins that are asked of every controller [dB], [s]."""
+from ..lab.knee_wearer import relaxed
+from .knee_cards import Identified, WearerCard, identify_wearer_of, mistaken, weakened
+from .knee_controllers import DELAY, GAIN_DB, NAMES, Built, Chosen, chosen, controllers
 
 SETTLING = 4.0
 """Not scored at the start of a swing [s]: adaptation and the wearer's own learning."""
 
-CANDIDATES = tuple(
-    Law(0.8, 0.8, friction, 0.7, proportional=proportional, torque_gain=torque)
-    for friction in (0.4, 0.5)
-    for proportional in (0.5, 1.0, 1.5)
-    for torque in (0.0, 0.3)
-)
-"""Laws among which `choose_law` takes one."""
+TUNING, FRESH = tuple(range(101, 107)), tuple(range(201, 213))
+"""Seeds of drawn wearers: on whom constants were chosen, and on whom they were judged."""
+
+SWINGS, DURATION = (31, 32, 33), 20.0
+"""Seeds of the judged swings, and how long one lasts [s]."""
+
+REPRODUCED = 3
+"""So many of the drawn wearers are judged in a reproduction, whose time is short; two swings each."""
+
+RECORDED = 5
+"""Seed of the recordings that the rig's own subjects are identified from; a drawn wearer's is their own."""
+
+REST_SPEED, LET_GO = 0.05, 0.5
+"""What counts as rest [rad/s], and where a relaxed leg is let go [rad]."""
 
 
 @dataclass(frozen=True)
 class ControllerRow:
-    """One controller on one wearer.
+    """One controller on one wearer, in one swing.
 
     Attributes
     ----------
-    controller, subject : str
-        Which.
+    controller : str
+        Of `NAMES`.
+    subject : str
     seed : int
         Of the swing.
     mismatch : float
@@ -57,6 +61,9 @@ class ControllerRow:
     gain_db, delay : float or None
         Smallest margins with the strap as identified and 30 % off [dB], [s], infinite beyond 40 dB and 100 ms; None
         where the controller has no linear form.
+    holds : bool or None
+        Whether, in the simulation, neither twice the command nor one 20 ms late makes a relaxed leg or a swing sway;
+        None where it was not tried.
     fault : str
         Of its gate at the end.
     """
@@ -67,29 +74,52 @@ class ControllerRow:
     mismatch: float
     strap_torque: float
     ratio: float
-    gain_db: float | None
-    delay: float | None
-    fault: str
+    gain_db: float | None = None
+    delay: float | None = None
+    holds: bool | None = None
+    fault: str = "none"
 
 
-def uncertain_straps(coupling: Coupling) -> list[Coupling]:
-    """The coupling, and with stiffness and damping of the strap 30 % off in each combination.
+class Strained:
+    """A controller whose command is too strong and too late: what margins are asked for.
 
     Parameters
     ----------
-    coupling : Coupling
-        As identified.
-
-    Returns
-    -------
-    list of Coupling
-        Five.
+    controller : Controller
+    gain : float
+        On its command [1].
+    late : int
+        Periods that the command waits.
     """
-    return [coupling] + [coupling.scaled(strap_stiffness=k, strap_damping=b) for k in (0.7, 1.3) for b in (0.7, 1.3)]
+
+    def __init__(self, controller: Controller, gain: float = 1.0, late: int = 0):
+        self._controller, self._gain, self._waiting = controller, gain, [0.0] * late
+
+    @property
+    def fault(self) -> str:
+        """As of the controller's gate."""
+        return self._controller.fault
+
+    def step(self, time: float, position: float, torque: float, emg: Sequence[tuple[float, float]] = ()) -> float:
+        """One period, as `Controller.step`."""
+        self._waiting.append(self._gain * self._controller.step(time, position, torque, emg))
+        return self._waiting.pop(0)
+
+
+def session_of(identified: Identified) -> Session:
+    """How the instruments sat while a wearer was identified: electrodes stay on for the swings."""
+    return sessions_of(identified.rig, identified.seed)[identified.name]
 
 
 def swing(
-    rig: KneeRig, subject: str, seed: int, controller: Controller | None, *, duration: float, faults: Faults
+    rig: KneeRig,
+    name: str,
+    seed: int,
+    controller: Controller | None,
+    *,
+    duration: float,
+    session: Session | None = None,
+    faults: Faults | None = None,
 ) -> KneeTaken:
     """A free swing at the rig's own pace.
 
@@ -97,7 +127,7 @@ def swing(
     ----------
     rig : KneeRig
         The virtual orthosis.
-    subject : str
+    name : str
         Who wears it.
     seed : int
         Of the wearer and of all noise.
@@ -105,7 +135,9 @@ def swing(
         None: zero-impedance mode.
     duration : float
         [s].
-    faults : Faults
+    session : Session, optional
+        How the instruments sit; drawn anew if None.
+    faults : Faults, optional
         What goes wrong.
 
     Returns
@@ -113,8 +145,13 @@ def swing(
     KneeTaken
         With its truth.
     """
-    trial, wearer = swing_trial(rig, "swing", rig.subjects[subject], duration=duration, faults=faults)
-    return run_trial(rig, wearer, trial, rng=np.random.default_rng([seed, 7]), controller=controller)
+    trial, wearer = swing_trial(rig, "swing", rig.subjects[name], duration=duration, faults=faults or Faults())
+    return run_trial(rig, wearer, trial, rng=np.random.default_rng([seed, 7]), controller=controller, session=session)
+
+
+def driven_back(rig: KneeRig) -> KneeRig:
+    """The same orthosis without any control: the motor has no current, and the wearer drives it back."""
+    return changed(rig, {f"torque_loop.{gain}": 0.0 for gain in ("kp", "ki", "kd")})
 
 
 def root_mean_square(taken: KneeTaken) -> tuple[float, float]:
@@ -135,281 +172,253 @@ def root_mean_square(taken: KneeTaken) -> tuple[float, float]:
     return float(np.sqrt(np.mean(truth.mismatch[late] ** 2))), float(np.sqrt(np.mean(truth.strap_torque[late] ** 2)))
 
 
-def choose_law(rig: KneeRig, cards: Mapping[str, WearerCard], seeds: Sequence[int], *, duration: float = 12.0) -> Law:
-    """The law that leaves the least strap torque on these wearers, among those whose margins hold on all of them.
+def let_go(rig: KneeRig, name: str, controller: Controller | None, *, duration: float = 12.0) -> KneeTaken:
+    """A relaxed leg, let go where it does not hang.
 
     Parameters
     ----------
     rig : KneeRig
-        With wearers on whom nothing is judged afterwards.
-    cards : mapping of str to WearerCard
-        Theirs.
-    seeds : sequence of int
-        Of their swings.
+    name : str
+    controller : Controller or None
     duration : float
-        Of a swing [s].
-
-    Returns
-    -------
-    Law
-        One of `CANDIDATES`.
-    """
-    best, least = Law(), np.inf
-    for law in CANDIDATES:
-        made = {name: design(card.coupling, rig.period, law=law) for name, card in cards.items()}
-        left = [worst_margins(m, uncertain_straps(m.coupling), SPEEDS) for m in made.values()]
-        if not all(m.stable and m.gain_db >= WANTED_GAIN_DB + 1 and m.delay >= WANTED_DELAY for m in left):
-            continue
-        ratios = []
-        for name, card in cards.items():
-            for seed in seeds:
-                plain = root_mean_square(swing(rig, name, seed, None, duration=duration, faults=Faults()))[1]
-                worn = WornCompensator(made[name], card.emg)
-                ratios.append(
-                    root_mean_square(swing(rig, name, seed, worn, duration=duration, faults=Faults()))[1] / plain
-                )
-        if np.mean(ratios) < least:
-            best, least = law, float(np.mean(ratios))
-    return best
-
-
-def phase_gains(taken: KneeTaken, made: ResidualDesign) -> tuple[float, ...]:
-    """Gains over a swing from what a recorded compensator still left to the strap, by its own estimate of phase.
-
-    In each eighth of the circle of angle and velocity the gain is least squares of command plus missing torque on the
-    command, within 0.8 and 1.25: what the ratio that varies with the swing's phase comes to for this wearer.
-
-    Parameters
-    ----------
-    taken : KneeTaken
-        Under the compensator with gains of 1.
-    made : ResidualDesign
-        That compensator.
-
-    Returns
-    -------
-    tuple of 8 float
-        [1].
-    """
-    m, q = made.coupling, taken.position
-    v = np.gradient(q, taken.time)
-    kernel = np.ones(25) / 25
-    v = np.convolve(v, kernel, mode="same")
-    a = np.convolve(np.gradient(v, taken.time), kernel, mode="same")
-    missing = m.orthosis_inertia * a + m.orthosis_viscous * v + m.orthosis_gravity * np.sin(q) - taken.torque
-    x, y = q - made.swing[0], v / made.swing[1]
-    place = (np.round(np.arctan2(y, x) / (np.pi / 4)).astype(int)) % 8
-    gains = []
-    for i in range(8):
-        here = (place == i) & (taken.time > SETTLING)
-        u = taken.command[here]
-        share = float(u @ missing[here] / (u @ u)) if here.sum() > 100 else 0.0
-        gains.append(float(np.clip(1 + share, 0.8, 1.25)))
-    return tuple(gains)
-
-
-def within_margins(made: ResidualDesign, gains: tuple[float, ...]) -> tuple[ResidualDesign, Margins]:
-    """Gains over a swing, the large ones lowered until their largest, all through the swing, leaves the margins wanted.
-
-    Parameters
-    ----------
-    made : ResidualDesign
-        With gains of 1, which leave them.
-    gains : tuple of 8 float
-        Wanted [1].
-
-    Returns
-    -------
-    ResidualDesign
-        With gains that may be.
-    Margins
-        With the largest of them throughout.
-    """
-    for most in np.arange(1.25, 0.99, -0.05):
-        lowered = tuple(min(gain, float(most)) for gain in gains)
-        constant = replace(made, law=replace(made.law, phase_gain=(max(lowered),) * 8))
-        left = worst_margins(constant, uncertain_straps(made.coupling), SPEEDS)
-        if left.gain_db >= WANTED_GAIN_DB and left.delay >= WANTED_DELAY:
-            break
-    return replace(made, law=replace(made.law, phase_gain=lowered)), left
-
-
-def for_wearer(coupling: Coupling, period: float, law: Law) -> ResidualDesign:
-    """A law on one wearer's card: its gain on the strap torque lowered until the margins wanted are there.
-
-    Parameters
-    ----------
-    coupling : Coupling
-        As identified.
-    period : float
         [s].
-    law : Law
-        Chosen on others.
 
     Returns
     -------
-    ResidualDesign
-        With margins on every strap of `uncertain_straps`.
+    KneeTaken
     """
-    gains = [share * law.proportional for share in (0.0, 0.25, 0.5, 0.75, 1.0)]
-    made = design(coupling, period, law=law)
-    return with_strap_gain(
-        made, gains, uncertain_straps(coupling), gain_db=WANTED_GAIN_DB, delay=WANTED_DELAY, speeds=SPEEDS
-    )
+    reference = np.zeros(round(duration / rig.period))
+    trial = KneeTrial("let_go", "free_swing", "fit", "torque", reference, start=LET_GO)
+    return run_trial(rig, relaxed(rig.subjects[name]), trial, rng=np.random.default_rng([5, 7]), controller=controller)
 
 
-def compare_controllers(
-    rig: KneeRig,
-    cards: Mapping[str, WearerCard],
-    subjects: Sequence[str],
-    seeds: Sequence[int],
-    *,
-    law: Law | None = None,
-    duration: float = 20.0,
-    faults: Faults | None = None,
-    only: Sequence[str] | None = None,
-) -> list[ControllerRow]:
-    """Every controller on every wearer, on the same swings.
+def comes_to_rest(taken: KneeTaken) -> bool:
+    """Whether a leg that was let go rests in its last 3 s."""
+    last = taken.time >= taken.time[-1] - 3.0
+    return bool(np.sqrt(np.mean(taken.truth.limb_velocity[last] ** 2)) < REST_SPEED)
+
+
+def holds_margins(rig: KneeRig, name: str, build: Callable[[], Controller], *, seed: int = 31) -> bool:
+    """Whether the margins asked for hold in the simulation: the command 6 dB too strong, or 20 ms late.
 
     Parameters
     ----------
     rig : KneeRig
-        The virtual orthosis.
-    cards : mapping of str to WearerCard
-        What was identified of each subject; controllers see nothing else.
-    subjects : sequence of str
-        On whom is judged.
+    name : str
+    build : callable
+        Makes the controller.
+    seed : int
+        Of a swing.
+
+    Returns
+    -------
+    bool
+        A relaxed leg comes to rest, no gate trips, and a swing's strap torque stays below 1.5 times zero-impedance
+        mode's.
+    """
+    plain = root_mean_square(swing(rig, name, seed, None, duration=10.0))[1]
+    for gain, late in ((10 ** (GAIN_DB / 20), 0), (1.0, round(DELAY / rig.period))):
+        resting, swinging = Strained(build(), gain, late), Strained(build(), gain, late)
+        if not comes_to_rest(let_go(rig, name, resting)):
+            return False
+        torque = root_mean_square(swing(rig, name, seed, swinging, duration=10.0))[1]
+        if torque > 1.5 * plain or "none" not in {resting.fault} & {swinging.fault}:
+            return False
+    return True
+
+
+def compare(
+    identified: Identified,
+    seeds: Sequence[int] = SWINGS,
+    *,
+    only: Sequence[str] = tuple(NAMES),
+    constants: Chosen | None = None,
+    card: WearerCard | None = None,
+    rig: KneeRig | None = None,
+    session: Session | None = None,
+    faults: Faults | None = None,
+    duration: float = DURATION,
+    stability: bool = True,
+) -> list[ControllerRow]:
+    """Controllers on one wearer, on the same swings.
+
+    Parameters
+    ----------
+    identified : Identified
     seeds : sequence of int
         One swing each.
-    law : Law, optional
-        Of the residual compensator, chosen on other wearers; the default one if None.
-    duration : float
-        Of a swing [s].
+    only : sequence of str
+        Of `NAMES`.
+    constants : Chosen, optional
+        Those of the file if None.
+    card : WearerCard, optional
+        In place of the one identified.
+    rig : KneeRig, optional
+        In place of the one that was identified: something has changed since.
+    session : Session, optional
+        In place of electrodes that stay on.
     faults : Faults, optional
         What goes wrong in every swing.
-    only : sequence of str, optional
-        Names of controllers; all if None.
+    duration : float
+        Of a swing [s].
+    stability : bool
+        Whether margins are computed and tried.
 
     Returns
     -------
     list of ControllerRow
-        The first of each subject and seed is "zero impedance".
+        Seed by seed.
     """
-    rows, law, faults = [], law or Law(), faults or Faults()
-    for subject in subjects:
-        card = cards[subject]
-        made = _controllers(card, rig, law, only)
-        if only is None or "gain by phase" in only:
-            first = replace(for_wearer(card.coupling, rig.period, law), swing=(rig["swing"]["centre"], 4.4))
-            # Its gains are learnt on a swing of the same wearer that is not judged.
-            learnt = swing(rig, subject, 9001, WornCompensator(first, card.emg), duration=duration, faults=Faults())
-            phased = replace(first, law=replace(law, phase_gain=phase_gains(learnt, first)))
-            phased, left = within_margins(first, phase_gains(learnt, first))
-            made["gain by phase"] = (left, lambda p=phased, c=card: WornCompensator(p, c.emg))
-        for seed in seeds:
-            mismatch, plain = root_mean_square(swing(rig, subject, seed, None, duration=duration, faults=faults))
+    constants, rig = constants or chosen(), rig or identified.rig
+    card, session = card or identified.card(constants.emg), session or session_of(identified)
+    name, pace = identified.name, rig["swing"]
+    built = controllers(card, rig.period, (pace["centre"], np.pi * sum(pace["frequency"])), constants, only)
+    if "no_control" in only:
+        built["no_control"] = Built(lambda: None)
+    margins, held = {}, {}
+    for kind, one in built.items() if stability else ():
+        margins[kind] = one.margins() if one.margins else None
+        if kind not in ("zero_impedance", "no_control"):
+            held[kind] = holds_margins(rig, name, one.build)
+    rows = []
+    for seed in seeds:
+
+        def judge(where: KneeRig, controller: Controller | None, seed: int = seed) -> tuple[float, float]:
+            taken = swing(where, name, seed, controller, duration=duration, session=session, faults=faults)
+            return root_mean_square(taken)
+
+        plain = judge(rig, None)
+        for kind, one in built.items():
+            controller = one.build()
+            if kind == "zero_impedance":
+                mismatch, torque = plain
+            else:
+                mismatch, torque = judge(driven_back(rig) if kind == "no_control" else rig, controller)
+            left = margins.get(kind)
+            gain, delay = (left.gain_db, left.delay) if left else (None, None)
+            fault = getattr(controller, "fault", "none")
             rows.append(
-                ControllerRow("zero impedance", subject, seed, mismatch, plain, 1.0, float("inf"), float("inf"), "none")
+                ControllerRow(kind, name, seed, mismatch, torque, torque / plain[1], gain, delay, held.get(kind), fault)
             )
-            for name, (left, build) in made.items():
-                controller = build()
-                taken = swing(rig, subject, seed, controller, duration=duration, faults=faults)
-                mismatch, torque = root_mean_square(taken)
-                gain, delay = (left.gain_db, left.delay) if left else (None, None)
-                rows.append(
-                    ControllerRow(name, subject, seed, mismatch, torque, torque / plain, gain, delay, controller.fault)
-                )
     return rows
 
 
-def _controllers(
-    card: WearerCard, rig: KneeRig, law: Law, only: Sequence[str] | None
-) -> dict[str, tuple[Margins | None, Callable[[], Controller]]]:
-    """Everything but the gain by phase that is wanted: margins, and how to build it."""
-    coupling, period = card.coupling, rig.period
-    plants = uncertain_straps(coupling)
-    made = for_wearer(coupling, period, law)
-    left = worst_margins(made, plants, SPEEDS)
-    found: dict[str, tuple[Margins | None, Callable[[], Controller]]] = {
-        "residual compensator": (left, lambda: WornCompensator(made, card.emg)),
-        "without EMG": (left, lambda: WornCompensator(made)),
-        "strap learnt online": (left, lambda: WornCompensator(made, card.emg, StrapLearning())),
-        "fuzzy": (None, lambda: FuzzyCompensation(coupling, period)),
-        "neural (RBF)": (None, lambda: RbfCompensation(coupling, period)),
-    }
-    if only is None or "PID" in only:
-        pid = tune_pid(made, plants, gain_db=WANTED_GAIN_DB, delay=WANTED_DELAY)
-        found["PID"] = (worst_margins(pid, plants, SPEEDS), lambda: WornCompensator(pid, card.emg))
-    if only is None or "disturbance observer" in only:
-        observer = _observer(coupling, period)
-        found["disturbance observer"] = (_observer_margins(observer), lambda: _observer(coupling, period))
-    return {name: entry for name, entry in found.items() if only is None or name in only}
+# ---------------------------------------------------------------------------------------------- who is judged, and how
 
 
-def _observer(coupling: Coupling, period: float) -> DisturbanceObserver:
-    """The strongest disturbance observer that leaves the margins wanted, as the compensator is chosen."""
-    for gain in (1.5, 1.0, 0.75, 0.5, 0.25, 0.0):
-        for friction in (0.5, 0.4, 0.3):
-            observer = DisturbanceObserver(coupling, period, gain=gain, friction=friction)
-            left = _observer_margins(observer)
-            if left.gain_db >= WANTED_GAIN_DB and left.delay >= WANTED_DELAY:
-                return observer
-    return observer
+def wearer(rig: KneeRig, name: str) -> Identified:
+    """Record and identify one of the rig's own subjects, or a drawn wearer ``D<seed>``.
+
+    Parameters
+    ----------
+    rig : KneeRig
+    name : str
+
+    Returns
+    -------
+    Identified
+    """
+    if name in rig.subjects:
+        return identify_wearer_of(rig, name, RECORDED)
+    if not (name.startswith("D") and name[1:].isdigit()):
+        raise PellucidError(f"found the wearer {name!r}, expected one of {', '.join(rig.subjects)} or D<seed>")
+    seed = int(name[1:])
+    return identify_wearer_of(drawn_rig(rig, seed), name, seed)
 
 
-def _observer_margins(observer: DisturbanceObserver) -> Margins:
-    found = [
-        margins(plant, observer.linear(speed), observer.period, speed=speed)
-        for plant in uncertain_straps(observer.coupling)
-        for speed in SPEEDS
-    ]
-    return Margins(
-        all(m.stable for m in found),
-        min(m.gain_db for m in found),
-        min(m.delay for m in found),
-        max(m.radius for m in found),
-    )
+def residual_jobs(rig: KneeRig) -> list[tuple]:
+    """What a reproduction judges, in parts: `judge_wearer` and its arguments, a list a wearer.
+
+    Parameters
+    ----------
+    rig : KneeRig
+
+    Returns
+    -------
+    list of tuple
+    """
+    names = [*rig.subjects, *(f"D{seed}" for seed in FRESH[:REPRODUCED])]
+    return [(judge_wearer, rig, name, SWINGS[:2]) for name in names]
+
+
+def judge_wearer(rig: KneeRig, name: str, seeds: Sequence[int] = SWINGS) -> tuple[ControllerRow, ...]:
+    """Everything about one wearer, from recordings to rows.
+
+    Parameters
+    ----------
+    rig : KneeRig
+    name : str
+        As in `wearer`.
+    seeds : sequence of int
+        Of the swings.
+
+    Returns
+    -------
+    tuple of ControllerRow
+    """
+    return tuple(compare(wearer(rig, name), seeds))
+
+
+def changes(identified: Identified, card: WearerCard, duration: float) -> dict[str, dict]:
+    """What is not as it was identified, each as arguments of `compare`.
+
+    Parameters
+    ----------
+    identified : Identified
+    card : WearerCard
+        As identified.
+    duration : float
+        Of a swing [s].
+
+    Returns
+    -------
+    dict of str to dict
+    """
+    rig, half = identified.rig, duration / 2
+    muscles, foresight = rig["muscles"]["delay"], rig["wearer"]["foresight"]
+    anew = sessions_of(rig, identified.seed + 5000)[identified.name]
+    made: dict[str, dict] = {"nothing": {}}
+    for k, b in ((0.7, 0.7), (0.7, 1.3), (1.3, 0.7), (1.3, 1.3)):
+        made[f"strap taken for k x {k:g}, b x {b:g}"] = {"card": mistaken(card, strap_stiffness=k, strap_damping=b)}
+    for late in (-0.020, 0.020):
+        values = {"muscles.delay": muscles + late, "wearer.foresight": foresight + late}
+        made[f"EMG leads by {1e3 * late:+.0f} ms more"] = {"rig": changed(rig, values)}
+    for factor in (0.8, 1.25):
+        # A tired muscle sends more EMG for its torque, a drying electrode less.
+        made[f"EMG gain drifts to {factor:g}"] = {"card": weakened(card, {0: factor, 1: factor})}
+    made["electrodes put on anew"] = {"session": anew}
+    made["slack of 0.05 rad"] = {"rig": changed(rig, {"strap.slack": 0.05})}
+    made["slip of 0.1 rad in mid-swing"] = {"faults": Faults(slip=(half, 0.1))}
+    made["both electrodes off from mid-swing"] = {"faults": Faults(emg_detached={0: half, 1: half})}
+    return made
 
 
 def robustness(
-    rig: KneeRig,
-    cards: Mapping[str, WearerCard],
-    subjects: Sequence[str],
-    seeds: Sequence[int],
+    identified: Identified,
+    seeds: Sequence[int] = SWINGS[:1],
     *,
-    law: Law | None = None,
-    duration: float = 20.0,
+    only: Sequence[str] = ("residual", "residual_strap_learnt", "residual_no_emg"),
+    constants: Chosen | None = None,
+    duration: float = DURATION,
 ) -> dict[str, list[ControllerRow]]:
     """The residual compensator where something is not as it was identified.
 
     Parameters
     ----------
-    rig, cards, subjects, seeds, law, duration
-        As `compare_controllers` takes them.
+    identified, seeds, only, constants, duration
+        As `compare` takes them.
 
     Returns
     -------
     dict of str to list of ControllerRow
-        By what is wrong.
+        By what has changed; "nothing" first.
     """
-    muscles, wearer = rig["muscles"]["delay"], rig["wearer"]["foresight"]
-    found = {}
-
-    def judge(name: str, where: KneeRig, known: Mapping[str, WearerCard], faults: Faults) -> None:
-        found[name] = compare_controllers(
-            where, known, subjects, seeds, law=law, duration=duration, faults=faults, only=("residual compensator",)
+    constants = constants or chosen()
+    card = identified.card(constants.emg)
+    return {
+        what: compare(
+            identified, seeds, only=only, constants=constants, duration=duration, stability=False,
+            **{"card": card, **arguments},
         )
-
-    for k, b in ((0.7, 0.7), (0.7, 1.3), (1.3, 0.7), (1.3, 1.3)):
-        wrong = {
-            name: replace(card, coupling=card.coupling.scaled(strap_stiffness=k, strap_damping=b))
-            for name, card in cards.items()
-        }
-        judge(f"strap identified as k x {k:g}, b x {b:g}", rig, wrong, Faults())
-    for late in (-0.020, 0.020):
-        other = changed(rig, {"muscles.delay": muscles + late, "wearer.foresight": wearer + late})
-        judge(f"EMG leads by {1e3 * late:+.0f} ms more", other, cards, Faults())
-    judge("slack of 0.05 rad", changed(rig, {"strap.slack": 0.05}), cards, Faults())
-    judge("slip of 0.1 rad", rig, cards, Faults(slip=(duration / 2, 0.1)))
-    judge("electrode detached", rig, cards, Faults(emg_detached={0: duration / 2, 1: duration / 2}))
-    return found
+        for what, arguments in changes(identified, card, duration).items()
+    }  # fmt: skip
