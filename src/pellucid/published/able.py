@@ -17,6 +17,7 @@ from ..recordings.results import ResultRow, write_rows
 from .able_card import write_published_card
 from .able_coherence import inconsistencies
 from .able_elbow import able_elbow as published_elbow
+from .able_statistics import statistics_rows
 from .able_trials import Comparison, compare_many, compare_models
 from .paired_test import paired_test
 from .parameter_count import chain_parameters
@@ -32,6 +33,7 @@ SPLITS = {
     "fitted": (".published_protocol.", ".friction_needed.", ".implied_friction."),
     "simulated": (
         ".gravity_error", ".inertia_error", ".slider_error", ".recomputed.", ".parameter_count", ".table2.",
+        ".statistics.",
     ),
 }  # fmt: skip
 """What a row is judged on, by a part of its id: rows not named here, on trials never fitted. A rig's own constants, and
@@ -108,6 +110,7 @@ def reproduce_able(
     reference = excitation(rig)
     _, fit = compare_models(rig, seeds[0], trials(rig, lambda _: reference))
     rows = (*_compared(rig, comparisons, paper), *_by_factor(by_factor, paper), *_recomputed(paper))
+    rows += statistics_rows(paper)
     out.mkdir(parents=True, exist_ok=True)
     results = tuple(ResultRow(row.id, row.ours, row.unit, COMMAND, _split(row.id), note=_note(row)) for row in rows)
     write_rows(out / "results.json", COMMAND, results)
