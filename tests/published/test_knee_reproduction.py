@@ -106,8 +106,11 @@ def test_one_body_s_balance_has_the_strap_and_both_together_do_not(made, value):
 def test_the_target_of_torque_maps_goes_through_the_strap(made, value):
     assert value["knee.emg.target.rmse"] < 0.3
     assert value["knee.emg.target.as_one.rmse"] > 5.0 * value["knee.emg.target.rmse"]
+    assert {(m.protocol, m.estimator) for m in made[1].maps} == {
+        (p, e) for p in ("published", "both_ways") for e in ("tree", "ridge")
+    }
     for m in made[1].maps:
-        steps = made[1].steps[m.subject]
+        steps = made[1].steps[m.subject, m.protocol]
         assert set(m.predicted) == {t.name for t in steps.trials}
         assert m.score.rmse < 2.5
         assert steps.true_error(m.predicted) == pytest.approx(m.score.rmse, abs=0.2)

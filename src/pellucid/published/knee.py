@@ -10,6 +10,8 @@ from pathlib import Path
 from ..lab.knee_rig import KneeRig, knee_orthosis
 from ..recordings.results import ResultRow, write_rows
 from .knee_recomputed import recomputed
+from .knee_residual import ControllerRow
+from .knee_residual_rows import residual_rows
 from .knee_rows import coupling_rows, limbs_rows, orthosis_rows, torques_rows
 from .knee_torque import AS_PUBLISHED, ESTIMATORS, TorqueMap, TorqueSteps
 from .knee_wearers import Bench, Drawn, WearerFound, identify_bench
@@ -19,12 +21,16 @@ from .reproduction import Reproduced, write_reproduction
 
 SEEDS = tuple(range(1, 11))
 
+COMPARED: tuple[str, ...] = ()
+"""Wearers on whom controllers are compared."""
+
 COMMAND = "reproduce knee"
 
 SPLITS = {
     "fitted": (".fitted", "knee.tf.fit.published_form", "knee.emg.target"),
     "simulated": (
         ".recomputed.", "knee.mgl_", ".inertia", ".damping", ".stiffness", ".coverage.", "knee.imu.", ".gravity",
+        "_margin.",
     ),
 }  # fmt: skip
 """What a row is judged on, by a part of its id: rows not named here, on recordings never fitted. What is compared with
@@ -47,10 +53,13 @@ class KneeReproduction:
     bench : Bench
     wearers : mapping of str to WearerFound
         With the first seed.
-    steps : mapping of str to TorqueSteps
+    steps : mapping of (str, str) to TorqueSteps
+        By subject and protocol.
     maps : tuple of TorqueMap
     drawn : tuple of Drawn
         All seeds.
+    compared : tuple of ControllerRow
+        Controllers, by wearer and swing.
     """
 
     rows: tuple[Reproduced, ...]
@@ -59,9 +68,10 @@ class KneeReproduction:
     paper: PrintedPaper
     bench: Bench
     wearers: Mapping[str, WearerFound]
-    steps: Mapping[str, TorqueSteps]
+    steps: Mapping[tuple[str, str], TorqueSteps]
     maps: tuple[TorqueMap, ...]
     drawn: tuple[Drawn, ...]
+    compared: tuple[ControllerRow, ...] = ()
 
 
 def reproduce_knee(
@@ -69,6 +79,7 @@ def reproduce_knee(
     *,
     seeds: Sequence[int] = SEEDS,
     estimators: Sequence[str] = (*ESTIMATORS, *AS_PUBLISHED),
+    compared: Sequence[str] = COMPARED,
     workers: int | None = None,
     on_progress: Callable[[str, float], None] | None = None,
 ) -> KneeReproduction:
@@ -82,6 +93,8 @@ def reproduce_knee(
         Of the noise; torque from EMG is mapped with the first.
     estimators : sequence of str
         Of the torque maps.
+    compared : sequence of str
+        Wearers on whom controllers are compared: the rig's own, or drawn ones ``D<seed>``.
     workers : int, optional
         Processes; as many as there are processors if left out.
     on_progress : callable, optional
@@ -95,13 +108,15 @@ def reproduce_knee(
     rig, paper = knee_orthosis(), printed("knee")
     tell("the orthosis alone", 0.0)
     bench = identify_bench(rig, seeds[0])
-    work = KneeWork(rig, bench, seeds, estimators)
+    published_time = paper["step_time"] * len(paper.values["torque_steps"])
+    work = KneeWork(rig, bench, seeds, estimators, published_time=published_time, compared=compared)
     work.run(workers or os.cpu_count() or 1, tell)
     rows = (
         *orthosis_rows(bench, paper),
         *limbs_rows(rig, work.wearers, work.drawn, paper),
         *torques_rows(work.steps, work.maps, paper),
         *coupling_rows(work.wearers, work.drawn, paper),
+        *residual_rows(work.compared),
         *recomputed(paper),
     )
     out.mkdir(parents=True, exist_ok=True)
@@ -110,6 +125,7 @@ def reproduce_knee(
     write_reproduction(out / "reproduction.json", rows)
     return KneeReproduction(
         rows, results, rig, paper, bench, work.wearers, work.steps, tuple(work.maps), tuple(work.drawn),
+        tuple(work.compared),
     )  # fmt: skip
 
 

@@ -134,12 +134,15 @@ def _by_seed(drawn: Sequence[Drawn], of: Callable[[Drawn], float]) -> list[float
     return [float(np.mean([of(d) for d in drawn if d.seed == s])) for s in dict.fromkeys(d.seed for d in drawn)]
 
 
-def torques_rows(steps: Mapping[str, TorqueSteps], maps: Sequence[TorqueMap], paper: PrintedPaper) -> list[Reproduced]:
+def torques_rows(
+    steps: Mapping[tuple[str, str], TorqueSteps], maps: Sequence[TorqueMap], paper: PrintedPaper
+) -> list[Reproduced]:
     """Table 3.4 and Fig. 3.4.
 
     Parameters
     ----------
-    steps : mapping of str to TorqueSteps
+    steps : mapping of (str, str) to TorqueSteps
+        By subject and protocol.
     maps : sequence of TorqueMap
     paper : PrintedPaper
 
@@ -148,27 +151,29 @@ def torques_rows(steps: Mapping[str, TorqueSteps], maps: Sequence[TorqueMap], pa
     list of Reproduced
     """
     table, rows = paper.tables["regression"], []
-    for estimator in dict.fromkeys(m.estimator for m in maps):
-        mine = [m for m in maps if m.estimator == estimator]
+    for protocol, estimator in dict.fromkeys((m.protocol, m.estimator) for m in maps):
+        mine = [m for m in maps if (m.protocol, m.estimator) == (protocol, estimator)]
         kind = estimator.removesuffix("_published")
-        value = table[kind]["rmse"].value if kind in table.rows else None
+        own = protocol == "published"
+        value = table[kind]["rmse"].value if own and kind in table.rows else None
         how = "the defaults of the thesis's tool" if kind != estimator else "settings chosen within"
+        head, what = ("emg", "0, 5, 10 N·m") if own else ("emg.both_ways", "0 to 10 N·m either way")
         rows += [
-            _row(f"emg.rmse.{estimator}", f"Torque error of {kind}, mean of the subjects", "N*m",
+            _row(f"{head}.rmse.{estimator}", f"Torque error of {kind}, {what}, mean of the subjects", "N*m",
                  float(np.mean([m.score.rmse for m in mine])), value, f"each repetition left out; {how}"),
-            _row(f"emg.true_rmse.{estimator}", "The same against the knee's true torque", "N*m",
-                 float(np.mean([steps[m.subject].true_error(m.predicted) for m in mine]))),
-            *(_row(f"emg.rmse.{estimator}.{m.subject}", f"Torque error of {kind}, {m.subject}", "N*m", m.score.rmse,
-                   note=f"R² {m.score.r2:.3f}; {m.words}") for m in mine),
+            _row(f"{head}.true_rmse.{estimator}", "The same against the knee's true torque", "N*m",
+                 float(np.mean([steps[m.subject, protocol].true_error(m.predicted) for m in mine]))),
+            *(_row(f"{head}.rmse.{estimator}.{m.subject}", f"Torque error of {kind}, {what}, {m.subject}", "N*m",
+                   m.score.rmse, note=f"R² {m.score.r2:.3f}; {m.words}") for m in mine),
         ]  # fmt: skip
     for name, of, words in (
         ("target", lambda s: s.targets, "Error of the torque that maps are fitted to"),
         ("target.as_one", lambda s: s.as_one, "The same if the strap did not yield"),
     ):
+        errors = [s.true_error(of(s)) for (_, protocol), s in steps.items() if protocol == "published"]
         rows.append(
-            _row(f"emg.{name}.rmse", words, "N*m", float(np.mean([s.true_error(of(s)) for s in steps.values()])),
-                 note="against the knee's true torque")
-        )  # fmt: skip
+            _row(f"emg.{name}.rmse", words, "N*m", float(np.mean(errors)), note="against the knee's true torque")
+        )
     return rows
 
 

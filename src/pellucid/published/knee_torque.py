@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -25,6 +25,9 @@ ESTIMATORS = ("boost", "bagging", "tree", "ridge")
 AS_PUBLISHED = ("boost_published", "bagging_published", "tree_published")
 """The same three with the defaults of the tool that the thesis used."""
 
+PROTOCOLS = ("published", "both_ways")
+"""The thesis's steps, 0, 5 and 10 N m one way, and these followed by the same the other way."""
+
 KEPT = 5
 """Every so many samples are kept: 100 a second."""
 
@@ -35,7 +38,8 @@ class TorqueMap:
 
     Parameters
     ----------
-    subject, estimator : str
+    subject, estimator, protocol : str
+        The last one of `PROTOCOLS`.
     score : Score
         Of all trials, each predicted without its repetition.
     words : str
@@ -46,6 +50,7 @@ class TorqueMap:
 
     subject: str
     estimator: str
+    protocol: str
     score: Score
     words: str
     predicted: Mapping[str, np.ndarray] = field(repr=False)
@@ -57,7 +62,8 @@ class TorqueSteps:
 
     Parameters
     ----------
-    subject : str
+    subject, protocol : str
+        The second one of `PROTOCOLS`.
     trials : tuple of TorqueTrial
         Their torque is what orthosis, strap and limb tell of the knee's.
     actuator : mapping of str to ndarray, shape (n,)
@@ -69,6 +75,7 @@ class TorqueSteps:
     """
 
     subject: str
+    protocol: str
     trials: tuple[TorqueTrial, ...]
     actuator: Mapping[str, np.ndarray] = field(repr=False)
     as_one: Mapping[str, np.ndarray] = field(repr=False)
@@ -124,7 +131,34 @@ def torque_steps(rig: KneeRig, taken: Taken, orthosis: Orthosis, found: WearerFo
         actuator[r.name] = r["torque"][kept]
         as_one[r.name] = human_torque(r["position"], r["torque"], body, lowpass=MOTION_LOWPASS, fs=r.fs)[kept]
         true[r.name] = (truth.muscle_torque + _ligaments(rig, truth.limb_position))[kept]
-    return TorqueSteps(found.name, tuple(trials), actuator, as_one, true)
+    return TorqueSteps(found.name, "both_ways", tuple(trials), actuator, as_one, true)
+
+
+def published_steps(steps: TorqueSteps, duration: float) -> TorqueSteps:
+    """The thesis's own steps, which come first in every trial.
+
+    Parameters
+    ----------
+    steps : TorqueSteps
+        Both ways.
+    duration : float
+        Of the thesis's steps [s].
+
+    Returns
+    -------
+    TorqueSteps
+    """
+    inside = {t.name: t.time < duration for t in steps.trials}
+    trials = tuple(
+        replace(
+            t, time=t.time[i], torque=t.torque[i], envelopes={m: e[i] for m, e in t.envelopes.items()},
+            angles={j: a[i] for j, a in t.angles.items()},
+        )
+        for t, i in ((t, inside[t.name]) for t in steps.trials)
+    )  # fmt: skip
+    parts = ({name: values[inside[name]] for name, values in of.items()} for of in
+             (steps.actuator, steps.as_one, steps.true))  # fmt: skip
+    return TorqueSteps(steps.subject, "published", trials, *parts)
 
 
 def judge_map(steps: TorqueSteps, estimator: str) -> TorqueMap:
@@ -141,7 +175,7 @@ def judge_map(steps: TorqueSteps, estimator: str) -> TorqueMap:
     TorqueMap
     """
     found = torque_map_cv(steps.trials, (estimator,))[estimator]
-    return TorqueMap(steps.subject, estimator, found.score, found.choices[0].words, found.predicted)
+    return TorqueMap(steps.subject, estimator, steps.protocol, found.score, found.choices[0].words, found.predicted)
 
 
 def _ligaments(rig: KneeRig, position: np.ndarray) -> np.ndarray:

@@ -7,7 +7,8 @@ from concurrent.futures import FIRST_COMPLETED, ProcessPoolExecutor, wait
 from multiprocessing import get_context
 
 from ..lab.knee_rig import KneeRig
-from .knee_torque import TorqueMap, TorqueSteps, judge_map, torque_steps
+from .knee_residual import ControllerRow, judge_wearer
+from .knee_torque import AS_PUBLISHED, PROTOCOLS, TorqueMap, TorqueSteps, judge_map, published_steps, torque_steps
 from .knee_wearers import Bench, Drawn, WearerFound, drawn_from, identify_straps, identify_subject
 
 Job = tuple
@@ -25,15 +26,32 @@ class KneeWork:
         The first one is done whole, the others for limbs and straps alone.
     estimators : sequence of str
         Of the torque maps.
+    published_time : float
+        How long the thesis's own torque steps last [s].
+    compared : sequence of str
+        Wearers on whom controllers are compared.
     """
 
-    def __init__(self, rig: KneeRig, bench: Bench, seeds: Sequence[int], estimators: Sequence[str]):
+    def __init__(
+        self,
+        rig: KneeRig,
+        bench: Bench,
+        seeds: Sequence[int],
+        estimators: Sequence[str],
+        *,
+        published_time: float,
+        compared: Sequence[str],
+    ):
         self.rig, self.bench, self.seeds, self.estimators = rig, bench, tuple(seeds), tuple(estimators)
-        self.names = tuple(rig.subjects)
+        self.published_time = published_time
+        # The other tool's defaults are of interest on its own protocol alone.
+        self._maps = [(p, e) for p in PROTOCOLS for e in self.estimators if p == "published" or e not in AS_PUBLISHED]
+        self.names, self.judged = tuple(rig.subjects), tuple(compared)
         self.wearers: dict[str, WearerFound] = {}
-        self.steps: dict[str, TorqueSteps] = {}
+        self.steps: dict[tuple[str, str], TorqueSteps] = {}  # by subject and protocol
         self.maps: list[TorqueMap] = []
         self.drawn: list[Drawn] = []
+        self.compared: list[ControllerRow] = []
 
     def run(self, workers: int, tell: Callable[[str, float], None]) -> None:
         """Do everything.
@@ -45,7 +63,7 @@ class KneeWork:
         tell : callable
             Called with a text and the share done.
         """
-        total = len(self.names) * (1 + len(self.estimators)) + len(self.seeds) - 1
+        total = len(self.names) * (1 + len(self._maps)) + len(self.judged) + len(self.seeds) - 1
         count = 0
 
         def done(result) -> list[Job]:
@@ -55,6 +73,7 @@ class KneeWork:
             return self._keep(result)
 
         jobs: list[Job] = [(_whole, self.rig, name, self.seeds[0], self.bench) for name in self.names]
+        jobs += [(judge_wearer, self.rig, name) for name in self.judged]
         jobs += [(_drawn, self.rig, seed) for seed in self.seeds[1:]]
         if workers <= 1:
             while jobs:
@@ -73,19 +92,24 @@ class KneeWork:
         match result:
             case TorqueMap():
                 self.maps.append(result)
+            case (ControllerRow(), *_):
+                self.compared += result
             case list():
                 self.drawn += result
             case (found, steps):
-                self.wearers[found.name], self.steps[found.name] = found, steps
+                self.wearers[found.name] = found
                 self.drawn.append(drawn_from(found))
-                return [(judge_map, steps, estimator) for estimator in self.estimators]
+                for made in (published_steps(steps, self.published_time), steps):
+                    self.steps[found.name, made.protocol] = made
+                return [(judge_map, self.steps[found.name, p], e) for p, e in self._maps]
         return []
 
     def _sort(self) -> None:
         """In the order of subjects, seeds and estimators, whichever came first."""
         place = {name: i for i, name in enumerate(self.names)}
-        self.wearers, self.steps = ({n: of[n] for n in self.names} for of in (self.wearers, self.steps))
-        self.maps.sort(key=lambda m: (place[m.subject], self.estimators.index(m.estimator)))
+        self.wearers = {n: self.wearers[n] for n in self.names}
+        self.maps.sort(key=lambda m: (place[m.subject], self._maps.index((m.protocol, m.estimator))))
+        self.compared.sort(key=lambda c: self.judged.index(c.subject))
         self.drawn.sort(key=lambda d: (self.seeds.index(d.seed), place[d.subject]))
 
 
