@@ -20,6 +20,10 @@ from .knee_protocol import tasks
 from .knee_rig import KIND as KNEE
 from .knee_rig import parse_knee_rig
 from .knee_study import write_knee_study
+from .seated_protocol import seated_trials
+from .seated_rig import KIND as SEATED
+from .seated_rig import parse_seated_rig
+from .seated_study import write_seated_study
 from .virtual_joint import VirtualJoint, parse_rig, write_study
 
 TRUTH_FILE = "lab/truth.json"
@@ -94,6 +98,12 @@ def simulate(
         made = tasks(knee)
         study = write_knee_study(folder, knee, name=name, seed=seed, made=made, on_progress=on_progress)
         joint_time = knee.period * sum(len(trial.reference) for trial, _ in made)
+    elif kind == SEATED:
+        seated = parse_seated_rig(text, name)
+        tell("optimising the excitation", 0.0)
+        made = seated_trials(seated)
+        study = write_seated_study(folder, seated, name=name, seed=seed, made=made, on_progress=on_progress)
+        joint_time = seated.period * sum(len(trial.reference) for trial in made)
     elif kind is None:
         joint = _bench(text, path)
         tell("moving the virtual joint", 0.1)
@@ -101,7 +111,7 @@ def simulate(
         joint_time = joint.duration * len(study.config.recordings)
     else:
         raise StudyError(
-            f'{path}: found kind = {kind!r}, expected "{KIND}", "{KNEE}", or no kind for a joint on a bench'
+            f'{path}: found kind = {kind!r}, expected "{KIND}", "{KNEE}", "{SEATED}", or no kind for a joint on a bench'
         )
     return Simulated(study, len(study.config.recordings), joint_time, time.perf_counter() - begun)
 
