@@ -68,3 +68,12 @@ def test_every_key_is_explained(table):
     keys = [key for key, field in table.model_fields.items() if not field.validation_alias]
     absent = [key for key in keys if not re.search(rf"[`\[.\s]{key}[`\].\s]", page)]
     assert absent == []
+
+
+def test_the_assessment_s_tutorial_is_a_valid_study(tmp_path):
+    page = (PAGE.parent / "tutorial-assess.md").read_text(encoding="utf-8")
+    (tmp_path / "study.toml").write_text(re.findall(r"```toml\n(.*?)```", page, re.DOTALL)[0], encoding="utf-8")
+    study = parse_study_file(tmp_path / "study.toml")
+    assert study.assessment.control == study.recordings[0].condition
+    assert study.recordings[1].channels["interaction"].si_unit == "N*m"
+    assert all(f"emg.{muscle}" in study.streams["emg"].channels for muscle in study.assessment.agonists)
