@@ -106,9 +106,8 @@ def run_seated_trial(rig: SeatedRig, trial: SeatedTrial, *, rng: np.random.Gener
         emg = synthesis.whole(truth.excitation[:, columns], acceleration)[:, : len(table["muscles"])]
         # A goniometer is read once for every subject, not once for every trial.
         once = np.random.default_rng([rig["difference"]["seed"], 7, *subject.name.encode()])
-        knee, hip = (
-            float(a + rig["posture"]["goniometer"] * once.standard_normal()) for a in (subject.rest, subject.hip)
-        )
+        off = rig["posture"]["goniometer"] * once.standard_normal(2)
+        knee, hip = float(subject.rest + off[0]), float(subject.hip + off[1])
     current = truth.motor_torque * (1.0 + rig["actuator"]["constant_error"])
     return SeatedTaken(
         trial,
@@ -125,7 +124,7 @@ def run_seated_trial(rig: SeatedRig, trial: SeatedTrial, *, rng: np.random.Gener
 
 
 def _clamped(rig: SeatedRig, trial: SeatedTrial, rng: np.random.Generator):
-    """Nothing moves; the muscles pull at the clamp."""
+    """Only the clamp yields, as much as an encoder sees; the muscles pull at it."""
     subject, n = trial.subject, len(trial.reference)
     excitation = maximal_excitation(rig, subject, n, rng)
     late = max(1, round(subject.delay / rig.period))
@@ -136,8 +135,9 @@ def _clamped(rig: SeatedRig, trial: SeatedTrial, rng: np.random.Generator):
     pulled = [muscles.step(a, knee) for a in activation.tolist()]
     torque, force = np.array([p[0] for p in pulled]), np.array([p[1] for p in pulled])
     still = np.zeros(n)
-    truth = SeatedTruth(trial.reference, still, torque, still, still, excitation, activation, force)
-    return truth, still, still, trial.reference
+    position = trial.reference + rig["mvc"]["yield"] * torque
+    truth = SeatedTruth(position, still, torque, still, still, excitation, activation, force)
+    return truth, still, still, position
 
 
 def _moved(rig: SeatedRig, trial: SeatedTrial, rng: np.random.Generator):
