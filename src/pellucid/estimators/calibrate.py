@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -10,78 +10,33 @@ import numpy as np
 from .._errors import IdentificationError
 from ..identification.findings import FigureTable, Findings
 from ..identification.fit import Verdict
-from ..models.parameter_card import ParameterCard
-from ..recordings.results import ResultRow
 from ..recordings.study import Study
 from ..signals.emg_chain import emg_chain
-from .cross_validation import Score, score
+from .calibration_rows import calibration_rows
+from .cross_validation import score
 from .families import ESTIMATORS
+from .hill import HillMap
+from .judged import CAUSAL, JUDGED, Calibrated, Judged, TorqueTrace, estimators_for
+from .leave_one_out import moments_left_out, repetitions_left_out
+from .leg_extension_trials import EXTENSION
+from .muscle_findings import (
+    MuscleSummary,
+    muscle_cards,
+    muscle_summaries,
+    muscle_tables,
+    muscle_verdicts_of,
+    partial_errors,
+)
 from .smoothing import smoothing_delay
 from .torque_card import torque_card
 from .torque_map import fit_torque_map, torque_map_cv
 from .torque_trial import TorqueTrial
 from .trial_sources import STEPS, moment_trials, moved_body, step_trials
 
-JUDGED = tuple(ESTIMATORS)
-"""Estimators that `calibrate` reports, in the order of its tables."""
-
-CAUSAL = ("boost", "ridge")
-"""Those it also reports with features from the past alone."""
-
 CARD = "ridge"
 """The estimator whose causal map becomes a card: a robot can run a sum of products."""
 
 Progress = Callable[[str, float], None]
-_Parts = tuple[list["Judged"], list["TorqueTrace"], list[TorqueTrial], dict[str, ParameterCard]]
-
-
-@dataclass(frozen=True)
-class Judged:
-    """One estimator on one recording (or on all of a person's), with what it was chosen to see.
-
-    Attributes
-    ----------
-    what : str
-        Joint, or participant.
-    estimator : str
-        In `ESTIMATORS`; the past alone where `causal`.
-    causal : bool
-    recording : str
-        Judged on; ``""`` for all trials, each left out in turn.
-    score : Score
-    within : Score or None
-        Of cross-validation within what was fitted.
-    choice : str
-        Features and settings, in words.
-    """
-
-    what: str
-    estimator: str
-    causal: bool
-    recording: str
-    score: Score
-    within: Score | None
-    choice: str
-
-
-@dataclass(frozen=True, eq=False)
-class TorqueTrace:
-    """A stretch of held-out torque, the reference and what maps made of it.
-
-    Attributes
-    ----------
-    what, recording : str
-    time, reference : ndarray, shape (n,)
-        [s] and [N m].
-    predicted : Mapping[str, ndarray of shape (n,)]
-        By estimator [N m].
-    """
-
-    what: str
-    recording: str
-    time: np.ndarray
-    reference: np.ndarray
-    predicted: Mapping[str, np.ndarray]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -92,10 +47,13 @@ class CalibrationFindings(Findings):
     ----------
     judged : tuple of Judged
     traces : tuple of TorqueTrace
+    muscles : tuple of MuscleSummary
+        Calibrated ones, by joint or participant.
     """
 
     judged: tuple[Judged, ...] = field(default=(), repr=False)
     traces: tuple[TorqueTrace, ...] = field(default=(), repr=False)
+    muscles: tuple[MuscleSummary, ...] = field(default=(), repr=False)
 
 
 def calibrate(study: Study, on_progress: Progress | None = None) -> CalibrationFindings:
@@ -125,31 +83,43 @@ def calibrate(study: Study, on_progress: Progress | None = None) -> CalibrationF
     if study.config.emg_torque is None:
         raise IdentificationError(f"{study.folder}: found no table [emg_torque] in study.toml, expected one")
     tell = on_progress or (lambda text, share: None)
-    if any(recording.protocol == STEPS for recording in study.recordings()):
-        judged, traces, trials, cards = _by_repetition(study, tell)
-    else:
-        judged, traces, trials, cards = _by_recording(study, tell)
+    found = _judge_by(study)(study, tell)
+    judged, trials = found.judged, found.trials
     return CalibrationFindings(
         study=study.name,
         headline=_headline(judged),
-        tables=_tables(judged),
-        verdicts=_verdicts(study, judged, trials),
-        rows=_rows(study, judged, trials),
-        cards=cards,
+        tables=(*_tables(judged), *muscle_tables(found.muscles)),
+        verdicts=(*_verdicts(study, judged, trials), *muscle_verdicts_of(found)),
+        rows=calibration_rows(study.name, judged, trials),
+        cards={**found.cards, **muscle_cards(study, found.muscles, trials)},
         checksums={trial.name: trial.checksum for trial in trials},
         judged=tuple(judged),
-        traces=tuple(traces),
+        traces=tuple(found.traces),
+        muscles=muscle_summaries(found),
     )
 
 
-def _by_recording(study: Study, tell: Progress) -> _Parts:
-    joints = study.config.emg_torque.joints
-    runs = [(joint, name, False) for joint in joints for name in JUDGED]
-    runs += [(joint, name, True) for joint in joints for name in CAUSAL]
+def _judge_by(study: Study) -> Callable[[Study, Progress], Calibrated]:
+    protocols = {recording.protocol for recording in study.recordings()}
+    if STEPS in protocols:
+        return _by_repetition
+    if EXTENSION in protocols:
+        return repetitions_left_out
+    if len(study.recordings()) > 2 and all(recording.use == "fit" for recording in study.recordings()):
+        return moments_left_out
+    return _by_recording
+
+
+def _by_recording(study: Study, tell: Progress) -> Calibrated:
+    found, joints = Calibrated(), study.config.emg_torque.joints
     trials = {joint: moment_trials(study, joint) for joint in joints}
-    judged: list[Judged] = []
-    predicted: dict[tuple[str, str], dict[str, np.ndarray]] = {}
-    cards: dict[str, ParameterCard] = {}
+    runs = [
+        (joint, name, causal)
+        for causal, names in ((False, JUDGED), (True, CAUSAL))
+        for joint in joints
+        for name in estimators_for(trials[joint], joint, found, names)
+    ]
+    traces: dict[tuple[str, str], TorqueTrace] = {}
     for i, (joint, name, causal) in enumerate(runs):
         tell(f"{joint}, {ESTIMATORS[name].words}", i / len(runs))
         fitted = [trial for trial in trials[joint] if not trial.heldout]
@@ -159,82 +129,70 @@ def _by_recording(study: Study, tell: Progress) -> _Parts:
                 f"{study.folder}, joint {joint}: found {len(fitted)} recordings to fit and {len(held)} to judge, "
                 "expected at least one of each"
             )
-        found = fit_torque_map(fitted, name, causal=causal)
+        fit = fit_torque_map(fitted, name, causal=causal)
         if causal and name == CARD:
-            cards[f"torque_map_{joint}"] = torque_card(study, found, fitted, f"torque_map_{joint}")
+            found.cards[f"torque_map_{joint}"] = torque_card(study, fit, fitted, f"torque_map_{joint}")
+        if isinstance(fit, HillMap) and name == "hill" and not causal:
+            found.muscles[joint] = fit
         for trial in held:
-            made = found.predict(trial)
-            reached, within = score(trial.torque, made), found.choice.score
-            judged.append(Judged(joint, name, causal, trial.name, reached, within, found.choice.words))
+            made = fit.predict(trial)
+            half = fit.half_width(trial) if isinstance(fit, HillMap) else None
+            found.judged.append(
+                Judged(
+                    joint, name, causal, trial.name, score(trial.torque, made), fit.choice.score, fit.choice.words,
+                    seconds=fit.fit.seconds if isinstance(fit, HillMap) else None,
+                    coverage=None if half is None else float(np.mean(np.abs(trial.torque - made) <= half)),
+                    partial=partial_errors(trial.torque, made) if isinstance(fit, HillMap) else (),
+                )
+            )  # fmt: skip
             if not causal:
-                predicted.setdefault((joint, trial.name), {})[name] = made
-    traces = [
-        TorqueTrace(joint, trial.name, trial.time, trial.torque, predicted[joint, trial.name])
-        for joint in joints
-        for trial in trials[joint]
-        if trial.heldout
-    ]
+                empty = TorqueTrace(joint, trial.name, trial.time, trial.torque, {}, {})
+                trace = traces.setdefault((joint, trial.name), empty)
+                trace.predicted[name] = made
+                if half is not None:
+                    trace.half_width[name] = half
+    found.traces.extend(
+        traces[joint, trial.name] for joint in joints for trial in trials[joint] if (joint, trial.name) in traces
+    )
     # Joints share their files.
-    return judged, traces, trials[joints[0]], cards
+    found.trials.extend(trials[joints[0]])
+    return found
 
 
-def _by_repetition(study: Study, tell: Progress) -> _Parts:
+def _by_repetition(study: Study, tell: Progress) -> Calibrated:
     steps = [recording for recording in study.recordings() if recording.protocol == STEPS]
     people = list(dict.fromkeys(recording.participant for recording in steps))
-    judged, traces, every, cards = [], [], [], {}
+    found = Calibrated()
     for i, person in enumerate(people):
         body, joint = moved_body(study, person), study.config.emg_torque.joints[0]
+        what = person or joint
         for causal, names in ((False, JUDGED), (True, CAUSAL)):
             trials = step_trials(study, person, body, causal=causal, joint=joint)
             base, span = (i + 0.8 * causal) / len(people), (0.2 if causal else 0.8) / len(people)
-            found = torque_map_cv(
+            names = estimators_for(trials, what, found, names)
+            results = torque_map_cv(
                 trials,
                 names,
                 causal=causal,
                 on_progress=lambda text, share, b=base, s=span, p=person: tell(f"{p}, {text}", b + s * share),
             )
-            what = person or joint
-            for name, result in found.items():
+            for name, result in results.items():
                 words = " / ".join(dict.fromkeys(choice.words for choice in result.choices))
-                judged.append(Judged(what, name, causal, "", result.score, None, words))
+                found.judged.append(Judged(what, name, causal, "", result.score, None, words, "steps"))
             if causal:
                 card = f"torque_map_{what}"
-                cards[card] = torque_card(study, fit_torque_map(trials, CARD, causal=True), trials, card)
+                found.cards[card] = torque_card(study, fit_torque_map(trials, CARD, causal=True), trials, card)
             else:
-                every += trials
+                found.trials.extend(trials)
                 # One trial in six, the hardest first: a page need not show all.
-                worst = sorted(trials, key=lambda t: -found[names[0]].by_trial[t.name].rmse)[
+                worst = sorted(trials, key=lambda t: -results[names[0]].by_trial[t.name].rmse)[
                     :: max(1, len(trials) // 3)
                 ]
-                traces += [
-                    TorqueTrace(what, t.name, t.time, t.torque, {n: r.predicted[t.name] for n, r in found.items()})
+                found.traces.extend(
+                    TorqueTrace(what, t.name, t.time, t.torque, {n: r.predicted[t.name] for n, r in results.items()})
                     for t in worst[:3]
-                ]
-    return judged, traces, every, cards
-
-
-def _rows(study: Study, judged: Sequence[Judged], trials: Sequence[TorqueTrial]) -> tuple[ResultRow, ...]:
-    """Figures by id; the first held-out recording's have no name in their id, the others' have."""
-    sums = {trial.name: trial.checksum for trial in trials}
-    first = next((trial.name for trial in trials if trial.heldout), "")
-    rows = []
-
-    def add(name: str, value: float, unit: str, split: str, recording: str, note: str) -> None:
-        rows.append(ResultRow(f"{study.name}.{name}", value, unit, "calibrate", split, sums.get(recording), note))
-
-    for each in judged:
-        how = each.estimator + (".causal" if each.causal else "")
-        if not each.recording:
-            add(f"emg.{each.what}.rmse.{how}", each.score.rmse, "N*m", "heldout", "", each.choice)
-            add(f"emg.{each.what}.r2.{how}", each.score.r2, "1", "heldout", "", each.choice)
-            continue
-        tail = "" if each.recording == first else f".{each.recording}"
-        add(f"{each.what}.{how}.r2{tail}", each.score.r2, "1", "heldout", each.recording, each.choice)
-        add(f"{each.what}.{how}.rmse{tail}", each.score.rmse, "N*m", "heldout", each.recording, each.choice)
-        if not tail:
-            note = "cross-validation within what was fitted"
-            add(f"{each.what}.{how}.r2.cross_validated", each.within.r2, "1", "fitted", "", note)
-    return tuple(rows)
+                )
+    return found
 
 
 def _tables(judged: Sequence[Judged]) -> tuple[FigureTable, ...]:

@@ -14,12 +14,13 @@ from pathlib import Path
 import numpy as np
 
 from .._atomic import write_text_atomically
-from ..identification.findings import FigureTable
-from ..identification.fit import Verdict
+from ..identification.findings import FigureTable, ParameterTable
+from ..identification.fit import Parameter, Verdict
 from ..recordings.results import ResultRow
 from ..recordings.study import STUDY_FILE, Study, checksum
 from .calibrate import CalibrationFindings, Judged, TorqueTrace
 from .cross_validation import Score
+from .muscle_findings import MuscleSummary
 
 NAME = "calibration.json"
 """In the study's folder."""
@@ -28,8 +29,8 @@ DECIMALS = 5
 """Of torques and times that are kept."""
 
 
-def keep_calibration(study: Study, found: CalibrationFindings) -> Path | None:
-    """Write ``calibration.json``, whole or not at all; not where models of muscles were fitted, which are not numbers.
+def keep_calibration(study: Study, found: CalibrationFindings) -> Path:
+    """Write ``calibration.json``, whole or not at all.
 
     Parameters
     ----------
@@ -39,19 +40,16 @@ def keep_calibration(study: Study, found: CalibrationFindings) -> Path | None:
 
     Returns
     -------
-    Path or None
+    Path
 
     Raises
     ------
     OSError
         If the study's folder cannot be written.
     """
-    if getattr(found, "muscles", None):
-        (study.folder / NAME).unlink(missing_ok=True)
-        return None
     plain = {name: getattr(found, name) for name in ("study", "headline", "confidence")}
     plain["checksums"] = dict(found.checksums)
-    for name in ("tables", "verdicts", "rows", "judged"):
+    for name in ("tables", "verdicts", "rows", "judged", "muscles"):
         plain[name] = [asdict(each) for each in getattr(found, name)]
     traces = [
         {
@@ -60,6 +58,7 @@ def keep_calibration(study: Study, found: CalibrationFindings) -> Path | None:
             "time": np.round(trace.time, DECIMALS).tolist(),
             "reference": np.round(trace.reference, DECIMALS).tolist(),
             "predicted": {name: np.round(x, DECIMALS).tolist() for name, x in trace.predicted.items()},
+            "half_width": {name: np.round(x, DECIMALS).tolist() for name, x in trace.half_width.items()},
         }
         for trace in found.traces
     ]
@@ -93,13 +92,12 @@ def kept_calibration(study: Study) -> CalibrationFindings | None:
         return CalibrationFindings(
             **{key: kept[key] for key in ("study", "headline", "checksums", "confidence")},
             cards={},
-            tables=tuple(
-                FigureTable(t["title"], tuple(t["heads"]), tuple(map(tuple, t["rows"]))) for t in kept["tables"]
-            ),
+            tables=tuple(map(_table, kept["tables"])),
             verdicts=tuple(Verdict(**verdict) for verdict in kept["verdicts"]),
             rows=tuple(ResultRow(**row) for row in kept["rows"]),
             judged=tuple(_judged(each) for each in kept["judged"]),
             traces=tuple(_trace(trace) for trace in kept["traces"]),
+            muscles=tuple(MuscleSummary(**_tuples(each)) for each in kept["muscles"]),
         )
     except (ValueError, KeyError, TypeError):  # another version's, or somebody's own
         return None
@@ -108,12 +106,31 @@ def kept_calibration(study: Study) -> CalibrationFindings | None:
 def _judged(kept: dict) -> Judged:
     within = kept["within"]
     kept = {key: tuple(value) if isinstance(value, list) else value for key, value in kept.items()}
-    return Judged(**{**kept, "score": Score(**kept["score"]), "within": None if within is None else Score(**within)})
+    return Judged(
+        **{**_tuples(kept), "score": Score(**kept["score"]), "within": None if within is None else Score(**within)}
+    )
 
 
 def _trace(kept: dict) -> TorqueTrace:
-    predicted = {name: np.array(x) for name, x in kept["predicted"].items()}
-    return TorqueTrace(kept["what"], kept["recording"], np.array(kept["time"]), np.array(kept["reference"]), predicted)
+    predicted, half = ({name: np.array(x) for name, x in kept[key].items()} for key in ("predicted", "half_width"))
+    return TorqueTrace(
+        kept["what"], kept["recording"], np.array(kept["time"]), np.array(kept["reference"]), predicted, half
+    )
+
+
+def _table(kept: dict) -> FigureTable | ParameterTable:
+    if "parameters" in kept:
+        return ParameterTable(kept["title"], tuple(Parameter(**_tuples(p)) for p in kept["parameters"]))
+    return FigureTable(kept["title"], tuple(kept["heads"]), tuple(map(tuple, kept["rows"])))
+
+
+def _tuples(kept: dict) -> dict:
+    """JSON has no tuples."""
+    return {key: _tuple(value) for key, value in kept.items()}
+
+
+def _tuple(value):
+    return tuple(map(_tuple, value)) if isinstance(value, list) else value
 
 
 def _made_from(study: Study) -> str:

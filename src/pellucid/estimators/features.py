@@ -115,7 +115,7 @@ def features(trial: TorqueTrial, chosen: FeatureSet, *, causal: bool = False) ->
     first = len(columns)
     joints = [trial.joint, *(j for j in trial.angles if j != trial.joint)] if chosen.neighbours else [trial.joint]
     for joint in joints:
-        q, v, a = _derivatives(np.asarray(trial.angles[joint], float), fs, causal=causal)
+        q, v, a = derivatives(np.asarray(trial.angles[joint], float), fs, causal=causal)
         columns.append(q)
         names.append(f"angle.{joint}")
         if chosen.velocities:
@@ -127,7 +127,23 @@ def features(trial: TorqueTrial, chosen: FeatureSet, *, causal: bool = False) ->
     return Features(np.column_stack(columns), tuple(names), tuple(range(first, len(columns))))
 
 
-def _derivatives(q: np.ndarray, fs: float, *, causal: bool) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def derivatives(q: np.ndarray, fs: float, *, causal: bool) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """An angle low-passed, and its first two derivatives.
+
+    Parameters
+    ----------
+    q : ndarray, shape (n,)
+        [rad]
+    fs : float
+        Rate [Hz].
+    causal : bool
+        From the past alone.
+
+    Returns
+    -------
+    angle, speed, acceleration : ndarray, each of shape (n,)
+        [rad], [rad/s] and [rad/s^2].
+    """
     if not causal:
         q = zero_phase_lowpass(q, MOTION_LOWPASS, 4, fs)
         v = central_difference(q, fs)

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from .._errors import RecordingError
+from .muscle_source import MuscleSource
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,6 +36,10 @@ class TorqueTrial:
     participant : str or None
     checksum : str
         SHA-256 of the file.
+    muscles : MuscleSource or None
+        Where lengths, moment arms and constants of muscles come from; None where they are not known.
+    lead : Mapping of str to ndarray, shape (k,)
+        Envelopes of the same muscles before the first sample, at the same rate; empty where there are none.
 
     Raises
     ------
@@ -52,6 +57,8 @@ class TorqueTrial:
     heldout: bool = False
     participant: str | None = None
     checksum: str = ""
+    muscles: MuscleSource | None = field(default=None, repr=False)
+    lead: Mapping[str, np.ndarray] = field(default_factory=dict, repr=False)
 
     def __post_init__(self):
         if self.joint not in self.angles:

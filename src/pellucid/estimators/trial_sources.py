@@ -14,6 +14,7 @@ from ..signals.emg_chain import EmgChain, emg_chain
 from ..signals.emg_check import trial_faults
 from ..signals.filters import zero_phase_lowpass
 from .features import MOTION_LOWPASS
+from .muscle_source import muscle_source
 from .torque_reference import MovedBody, human_torque
 from .torque_trial import TorqueTrial
 
@@ -48,7 +49,7 @@ def moment_trials(study: Study, joint: str) -> list[TorqueTrial]:
     """
     spec = study.config.emg_torque
     found = [r for r in study.recordings() if f"moment.{joint}" in _stream(r, spec.moments)]
-    top = _maxima(study, [r for r in found if r.use == "fit"])
+    top = maxima_of(study, [r for r in found if r.use == "fit"])
     trials = []
     for recording in found:
         channel = f"moment.{joint}"
@@ -63,13 +64,15 @@ def moment_trials(study: Study, joint: str) -> list[TorqueTrial]:
                 name=recording.name,
                 joint=joint,
                 time=recording.time,
-                envelopes=_envelopes(study, recording, top, causal=False),
+                envelopes=relative_envelopes(study, recording, top, causal=False),
                 angles=angles,
                 torque=np.interp(recording.time, time, torque),
                 group=recording.name,
                 heldout=recording.use != "fit",
                 participant=recording.participant,
                 checksum=recording.checksum,
+                muscles=muscle_source(study, recording, joint),
+                lead=_lead(study, recording),
             )
         )
     return trials
@@ -107,12 +110,12 @@ def step_trials(
     spec = study.config.emg_torque
     own = [r for r in study.recordings() if r.participant == participant]
     found = [r for r in own if r.protocol == STEPS]
-    top = _maxima(study, [r for r in own if r.protocol == "mvc"] or found)
+    top = maxima_of(study, [r for r in own if r.protocol == "mvc"] or found)
     lowpass = spec.reference_lowpass or MOTION_LOWPASS
     trials = []
     for recording in found:
         torque = human_torque(recording["position"], recording["torque"], body, lowpass=lowpass, fs=recording.fs)
-        envelopes = _envelopes(study, recording, top, causal=causal)
+        envelopes = relative_envelopes(study, recording, top, causal=causal)
         every = slice(None, None, max(1, round(recording.fs / KEPT_RATE)))
         trials.append(
             TorqueTrial(
@@ -205,8 +208,29 @@ def _chain(study: Study) -> EmgChain | None:
     return None if name == "none" else emg_chain(name)
 
 
-def _envelopes(study: Study, recording: Recording, top: Mapping[str, float], *, causal: bool) -> dict[str, np.ndarray]:
-    """Envelopes on the recording's clock, refused where EMG is not fit to be used."""
+def relative_envelopes(
+    study: Study, recording: Recording, top: Mapping[str, float], *, causal: bool
+) -> dict[str, np.ndarray]:
+    """Envelopes on the recording's clock, refused where EMG is not fit to be used.
+
+    Parameters
+    ----------
+    study : Study
+        With a table ``[emg_torque]``, whose chain they pass.
+    recording : Recording
+    top : Mapping of str to float
+        Largest envelope of each muscle, where the chain makes envelopes relative.
+    causal : bool
+
+    Returns
+    -------
+    dict of str to ndarray, shape (n,)
+
+    Raises
+    ------
+    RecordingError
+        If a channel is missing or not fit to be used.
+    """
     stream, chain = _stream(recording, study.config.emg_torque.emg), _chain(study)
     # A stream that ends early is refused below, muscle by muscle.
     faults = [fault.message for fault in trial_faults(recording, stream, whole=False) if fault.severity == "refuse"]
@@ -230,13 +254,35 @@ def _envelopes(study: Study, recording: Recording, top: Mapping[str, float], *, 
     return made
 
 
-def _maxima(study: Study, recordings: Sequence[Recording]) -> dict[str, float]:
-    """Largest envelope of each muscle, where the chain makes envelopes relative."""
+def _lead(study: Study, recording: Recording) -> dict[str, np.ndarray]:
+    """Envelopes before the recording's first sample, where envelopes were recorded and the recording is no window."""
+    stream = _stream(recording, study.config.emg_torque.emg)
+    spec = next(each for each in study.config.recordings if each.name == recording.name)
+    count = int((recording.time[0] - stream.time[0]) * recording.fs)
+    if study.config.emg_torque.chain != "none" or spec.window is not None or count < 1:
+        return {}
+    time = recording.time[0] - np.arange(count, 0, -1) / recording.fs
+    return {muscle: np.interp(time, stream.time, stream[f"emg.{muscle}"]) for muscle in _muscles(study, stream)}
+
+
+def maxima_of(study: Study, recordings: Sequence[Recording]) -> dict[str, float]:
+    """Largest envelope of each muscle, where the chain makes envelopes relative.
+
+    Parameters
+    ----------
+    study : Study
+    recordings : sequence of Recording
+        Of one person.
+
+    Returns
+    -------
+    dict of str to float
+    """
     chain = _chain(study)
     if chain is None or not any(stage.kind == "normalise" for stage in chain.stages):
         return {}
     top: dict[str, float] = {}
     for recording in recordings:
-        for muscle, envelope in _envelopes(study, recording, {}, causal=False).items():
+        for muscle, envelope in relative_envelopes(study, recording, {}, causal=False).items():
             top[muscle] = max(top.get(muscle, 0.0), float(envelope.max()))
     return top

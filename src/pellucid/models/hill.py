@@ -17,6 +17,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import product
 
 import numpy as np
 
@@ -27,6 +28,9 @@ QUANTITIES: tuple[str, ...] = tuple(_core.MUSCLE_PARAMETER_NAMES)
 
 FREE: tuple[str, ...] = QUANTITIES[:11]
 """What identification may free."""
+
+TWINS: Mapping[str, tuple[str, ...]] = {"time_constant": ("time_constant_1", "time_constant_2")}
+"""One number for both lags: which of two is which, no recording says."""
 
 
 @dataclass(frozen=True)
@@ -99,7 +103,7 @@ class FreeParameter:
     ----------
     name : str
     quantity : str
-        One of `FREE`.
+        One of `FREE`, or of `TWINS`.
     muscles : tuple of str
         Whose quantity it is; several share it.
     lower, upper : float
@@ -173,16 +177,17 @@ class HillModel:
         self._base = np.array([m.vector() for m in self.muscles]).reshape(len(names), len(QUANTITIES))
         self._column = np.full((len(names), len(FREE)), -1)
         for j, parameter in enumerate(self.free):
-            if parameter.quantity not in FREE or not set(parameter.muscles) <= set(names) or not parameter.muscles:
+            driven = TWINS.get(parameter.quantity, (parameter.quantity,))
+            if not set(driven) <= set(FREE) or not set(parameter.muscles) <= set(names) or not parameter.muscles:
                 raise ValueError(
                     f"{parameter.name}: found {parameter.quantity} of {', '.join(parameter.muscles) or 'nothing'}, "
                     f"expected one of {', '.join(FREE)} of some of {', '.join(names)}"
                 )
-            for muscle in parameter.muscles:
-                at = names.index(muscle), FREE.index(parameter.quantity)
+            for muscle, quantity in product(parameter.muscles, driven):
+                at = names.index(muscle), FREE.index(quantity)
                 if self._column[at] >= 0:
                     other = self.free[self._column[at]].name
-                    raise ValueError(f"{parameter.name}: {other} drives {parameter.quantity} of {muscle} already")
+                    raise ValueError(f"{parameter.name}: {other} drives {quantity} of {muscle} already")
                 self._column[at] = j
         relative = np.array([p.relative for p in self.free], bool)
         driven = self._column >= 0

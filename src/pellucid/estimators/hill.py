@@ -1,0 +1,239 @@
+"""Muscles of Hill's type as an estimator of torque: calibrated on trials, with an interval on what it predicts."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from scipy.stats import norm
+
+from .. import _core
+from .._errors import IdentificationError
+from ..identification.muscle_calibration import MuscleFit, MuscleProblem, MuscleSamples, calibrate_muscles
+from ..identification.muscle_freedom import USUAL
+from ..models.hill import HillModel, HillMuscle
+from .cross_validation import Fold, Score, block_folds, grouped_folds, score
+from .muscle_trials import driven_muscles, muscle_samples
+from .torque_trial import TorqueTrial
+
+WEIGHTS = (0.05, 0.02, 0.01, 0.005)
+"""Of anatomy: what cross-validation within what is fitted chooses from."""
+
+BLOCKS = 5
+"""Blocks of a single trial."""
+
+EFFORTS = np.geomspace(0.02, 1.0, 18)
+"""Shares of a maximal contraction that the largest effort may have been, where no maximal one was recorded."""
+
+GAP = 0.15
+"""Between what is fitted and what is judged while choosing [s]."""
+
+
+@dataclass(frozen=True)
+class HillChoice:
+    """What cross-validation chose.
+
+    Attributes
+    ----------
+    weight : float
+        Of anatomy.
+    words : str
+    score : Score
+        Out of fold.
+    tried : Mapping[float, float]
+        RMSE [N m] by weight.
+    """
+
+    weight: float
+    words: str
+    score: Score
+    tried: Mapping[float, float] = field(repr=False)
+
+
+@dataclass(frozen=True, eq=False)
+class HillMap:
+    """Calibrated muscles that predict a joint's torque.
+
+    Attributes
+    ----------
+    name : str
+        Of the estimator.
+    muscles : tuple of str
+    choice : HillChoice
+    fit : MuscleFit
+    residual_sd : float
+        Of predictions on samples that were not fitted, while choosing [N m].
+    effort : float
+        Share of a maximal contraction that an envelope of 1 stands for.
+    causal : bool
+    """
+
+    name: str
+    muscles: tuple[str, ...]
+    choice: HillChoice
+    fit: MuscleFit
+    residual_sd: float
+    effort: float = 1.0
+    causal: bool = False
+
+    def predict(self, trial: TorqueTrial) -> np.ndarray:
+        """Torque of a trial.
+
+        Parameters
+        ----------
+        trial : TorqueTrial
+            Its own torque is not looked at.
+
+        Returns
+        -------
+        ndarray, shape (n,)
+            [N m]
+        """
+        samples, own = self.samples(trial)
+        return self.fit.predict(samples)[own]
+
+    def samples(self, trial: TorqueTrial) -> tuple[MuscleSamples, slice]:
+        """A trial as these muscles see it, and where its own samples lie.
+
+        Parameters
+        ----------
+        trial : TorqueTrial
+
+        Returns
+        -------
+        samples : MuscleSamples
+        own : slice
+        """
+        samples, own = muscle_samples([trial], muscles=self.muscles, effort=self.effort, causal=self.causal)
+        return samples, own[0]
+
+    def half_width(self, trial: TorqueTrial, level: float = 0.95) -> np.ndarray:
+        """Half the interval about the torque that is predicted: what the model misses, and what it does not know.
+
+        Parameters
+        ----------
+        trial : TorqueTrial
+        level : float
+            Share of samples that it should hold.
+
+        Returns
+        -------
+        ndarray, shape (n,)
+            [N m]
+        """
+        from ..identification.muscle_information import covariance
+
+        samples, own = self.samples(trial)
+        _, slopes = self.fit.problem.jacobian(self.fit.z, samples)
+        unsure = np.einsum("pn,pq,qn->n", slopes, covariance(self.fit), slopes)[own]
+        return float(norm.ppf(0.5 + level / 2.0)) * np.sqrt(self.residual_sd**2 + unsure)
+
+    def stream(self, period: float) -> tuple[_core.HillTorque, tuple[float, float, float]]:
+        """The same muscles sample by sample, and the joint's own tissue: offset, stiffness, damping.
+
+        Parameters
+        ----------
+        period : float
+            From one sample to the next [s].
+
+        Returns
+        -------
+        estimator : HillTorque
+            In the core; its ``delays`` are the delay budget of envelope to activation.
+        passive : tuple of float
+            To be added: offset - stiffness * angle - damping * speed.
+        """
+        return _core.HillTorque(np.array([m.vector() for m in self.fit.muscles]), period=period), self.fit.passive
+
+
+def fit_hill(
+    trials: Sequence[TorqueTrial],
+    *,
+    name: str = "hill",
+    causal: bool = False,
+    weights: Sequence[float] = WEIGHTS,
+    quantities: Sequence[str] = USUAL,
+    method: str = "least_squares",
+) -> HillMap:
+    """Calibrate muscles on trials; the weight of anatomy is chosen by cross-validation within them.
+
+    Parameters
+    ----------
+    trials : sequence of TorqueTrial
+        Of one joint, none held out.
+    name : str
+        Of the estimator.
+    causal : bool
+        Angles filtered and differentiated from the past alone.
+    weights : sequence of float
+        To choose from; with one there is nothing to choose, but predictions out of fold are judged all the same.
+    quantities : sequence of str
+        What is free.
+    method : str
+        See `pellucid.identification.muscle_calibration.METHODS`.
+
+    Returns
+    -------
+    HillMap
+
+    Raises
+    ------
+    IdentificationError
+        If there is no trial to fit, one is held out, or their muscles are not known.
+    """
+    if not trials or any(trial.heldout for trial in trials):
+        found = "no trial" if not trials else f"the held-out trial {next(t.name for t in trials if t.heldout)}"
+        raise IdentificationError(f"muscles: found {found}, expected trials to fit")
+    muscles = driven_muscles(trials)
+    names = tuple(m.name for m in muscles)
+    samples, own = muscle_samples(trials, muscles=names, causal=causal)
+    effort = 1.0 if trials[0].muscles.maximal else _effort(muscles, samples)
+    if effort < 1.0:
+        samples, own = muscle_samples(trials, muscles=names, effort=effort, causal=causal)
+    counted = np.flatnonzero(samples.weight > 0.0)
+    folds = _folds(trials, own, samples, counted)
+    best: tuple[Score, float, np.ndarray] | None = None
+    tried = {}
+    for weight in weights:
+        predicted = np.full(len(samples.torque), np.nan)
+        for fitted, judged in folds:
+            problem = MuscleProblem(muscles, samples.only(fitted), quantities=quantities, weight=weight)
+            # Choosing asks only which weight is better: one start.
+            predicted[judged] = calibrate_muscles(problem, starts=1).predict(samples)[judged]
+        reached = score(samples.torque[counted], predicted[counted])
+        tried[weight] = reached.rmse
+        if best is None or reached.rmse < best[0].rmse:
+            best = reached, weight, predicted
+    reached, weight, predicted = best
+    problem = MuscleProblem(muscles, samples, quantities=quantities, weight=weight)
+    fit = calibrate_muscles(problem, method=method)
+    words = f"{len(muscles)} muscles, {len(problem.names)} parameters; weight of anatomy {weight:g}"
+    return HillMap(name, names, HillChoice(weight, words, reached, tried), fit, reached.rmse, effort, causal)
+
+
+def _effort(muscles: Sequence[HillMuscle], samples: MuscleSamples) -> float:
+    """Share of a maximal contraction that makes the torque of activity alone most like the reference."""
+    model, counted = HillModel([replace(m, passive_scale=0.0) for m in muscles]), samples.weight > 0.0
+    errors = [
+        float(np.sum((model.torque(scaled)[counted] - samples.torque[counted]) ** 2))
+        for scaled in (replace(samples.data, excitation=e * samples.data.excitation) for e in EFFORTS)
+    ]
+    return float(EFFORTS[int(np.argmin(errors))])
+
+
+def _folds(
+    trials: Sequence[TorqueTrial], own: Sequence[slice], samples: MuscleSamples, counted: np.ndarray
+) -> list[Fold]:
+    """Group by group, trial by trial, or in blocks of a single one; of samples that count."""
+    member = np.full(len(samples.torque), -1)
+    for i, part in enumerate(own):
+        member[part] = i
+    groups = np.array([trial.group for trial in trials])[member[counted]]
+    if len(set(groups.tolist())) > 1:
+        folds = grouped_folds(groups)
+    elif len(trials) > 1:
+        folds = grouped_folds(member[counted])
+    else:
+        folds = block_folds(trials[0].time[counted - own[0].start], BLOCKS, GAP)
+    return [(counted[fitted], counted[judged]) for fitted, judged in folds]

@@ -1,0 +1,180 @@
+"""Where lengths, moment arms and constants of a trial's muscles come from, and which EMG drives each muscle."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from ..models.hill import HillMuscle
+from ..models.muscle_geometry import muscle_table
+from ..recordings.muscle_constants import study_muscles
+from ..recordings.recording import Recording
+from ..recordings.study import Study
+
+FIBRE_DAMPING = 0.05
+"""Of every fibre, in F_0 over v_max l_o; published models have 0.01 to 0.1. Chosen within what is fitted of walking."""
+
+ALIASES: Mapping[str, str] = {
+    "biceps_femoris": "biceps_femoris_long",
+    "lateral_hamstring": "biceps_femoris_long",
+    "medial_hamstring": "semitendinosus",
+    "gastrocnemius": "gastrocnemius_medialis",
+}
+"""What EMG channels may call a muscle, and the muscle under such an electrode."""
+
+COMPANIONS: Mapping[str, tuple[str, ...]] = {
+    "vastus_intermedius": ("vastus_lateralis", "vastus_medialis"),
+    "vastus_medialis": ("vastus_lateralis",),
+    "vastus_lateralis": ("vastus_medialis",),
+    "semitendinosus": ("semimembranosus",),
+    "semimembranosus": ("semitendinosus",),
+    "biceps_femoris_short": ("biceps_femoris_long",),
+    "gastrocnemius_lateralis": ("gastrocnemius_medialis",),
+    "gastrocnemius_medialis": ("gastrocnemius_lateralis",),
+}
+"""Whose EMG, their mean, stands in for a muscle that no electrode is on: neighbours of the same group."""
+
+SEATED = {"hip": np.radians(85.0), "ankle": 0.0}
+"""Angles of joints that were not recorded, of someone sitting [rad], in the geometry's signs."""
+
+STANDING = {"hip": 0.0, "ankle": 0.0}
+"""The same, of someone standing."""
+
+
+@dataclass(frozen=True, eq=False)
+class MuscleSource:
+    """What is known of the muscles across a joint.
+
+    Attributes
+    ----------
+    constants : Mapping of str to HillMuscle
+        Anatomical values, by muscle.
+    recorded : Mapping of str to tuple of ndarray, each of shape (n,)
+        Length [m], rate [m/s] and moment arm [m] by muscle, where the study has them; empty: from the angles.
+    sign : float
+        -1 where the study's knee angle grows with flexion: the geometry's grows with extension.
+    posture : Mapping of str to float
+        Angles of joints that the trial lacks [rad].
+    maximal : bool
+        Whether envelopes are relative to a maximal contraction; False: to the largest seen, which may be little effort.
+    """
+
+    constants: Mapping[str, HillMuscle]
+    recorded: Mapping[str, tuple[np.ndarray, np.ndarray, np.ndarray]] = field(default_factory=dict, repr=False)
+    sign: float = 1.0
+    posture: Mapping[str, float] = field(default_factory=lambda: dict(STANDING))
+    maximal: bool = True
+
+    def driven(self, joint: str, envelopes: Mapping[str, np.ndarray]) -> dict[str, tuple[str, ...]]:
+        """Muscles across a joint that some EMG drives, with the channels whose mean it is.
+
+        Parameters
+        ----------
+        joint : str
+        envelopes : Mapping of str
+            By channel.
+
+        Returns
+        -------
+        dict of str to tuple of str
+        """
+        channels = {ALIASES.get(name, name): name for name in envelopes}
+        crossing = self.recorded or {
+            name: None for name, path in muscle_table().geometry.items() if joint in path.angles
+        }
+        found = {}
+        for muscle in crossing:
+            if muscle not in self.constants:
+                continue
+            own = (muscle,) if muscle in channels else COMPANIONS.get(muscle, ())
+            present = tuple(channels[m] for m in own if m in channels)
+            if present:
+                found[muscle] = present
+        return found
+
+    def path(
+        self, muscle: str, joint: str, angles: Mapping[str, np.ndarray], rates: Mapping[str, np.ndarray]
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Length, rate and moment arm of a muscle.
+
+        Parameters
+        ----------
+        muscle, joint : str
+        angles, rates : Mapping of str to ndarray, each of shape (n,)
+            In the study's signs [rad] and [rad/s].
+
+        Returns
+        -------
+        length, rate, moment_arm : ndarray, each of shape (n,)
+            [m], [m/s] and [m], the last positive where the muscle pulls along the study's positive angle.
+        """
+        if muscle in self.recorded:
+            return self.recorded[muscle]
+        geometry, count = muscle_table().geometry[muscle], len(next(iter(angles.values())))
+        signs = {name: self.sign if name == "knee" else 1.0 for name in geometry.angles}
+        q = {
+            name: signs[name] * angles[name] if name in angles else np.full(count, self.posture.get(name, 0.0))
+            for name in geometry.angles
+        }
+        v = {name: signs[name] * rates[name] if name in rates else np.zeros(count) for name in geometry.angles}
+        return geometry.length(q), geometry.rate(q, v), signs[joint] * geometry.moment_arm(joint, q)
+
+
+def muscle_source(study: Study, recording: Recording, joint: str) -> MuscleSource | None:
+    """What a study knows of the muscles across a joint, in one of its recordings.
+
+    Lengths and moment arms that were recorded are taken; without them, those of a model of a leg.
+
+    Parameters
+    ----------
+    study : Study
+        With a table ``[emg_torque]``.
+    recording : Recording
+    joint : str
+
+    Returns
+    -------
+    MuscleSource or None
+        None for a joint that the geometry does not have and no stream describes.
+
+    Raises
+    ------
+    RecordingError
+        If the file with the muscles' constants is not fit to be read.
+    """
+    table = muscle_table()
+    constants = {name: replace(m, damping=FIBRE_DAMPING) for name, m in table.constants.items()}
+    for name, found in study_muscles(study).items():
+        constants[name] = HillMuscle(
+            name, found.optimal_fibre_length, found.tendon_slack_length, found.largest_force, found.pennation,
+            damping=FIBRE_DAMPING,
+        )  # fmt: skip
+    recorded = _recorded(recording, joint)
+    if not recorded and not any(joint in path.angles for path in table.geometry.values()):
+        return None
+    own = [r for r in study.recordings() if r.participant == recording.participant]
+    return MuscleSource(
+        constants,
+        recorded,
+        maximal=study.config.emg_torque.chain == "none" or any(r.protocol == "mvc" for r in own),
+        sign=-1.0 if joint == "knee" and study.config.rig.lifts == "flexion" else 1.0,
+        posture=SEATED if recording.protocol in ("leg_extension", "seated_swing") else STANDING,
+    )
+
+
+def _recorded(recording: Recording, joint: str) -> dict[str, tuple[np.ndarray, np.ndarray, np.ndarray]]:
+    """Muscles with a length, a rate and a moment arm about the joint among the streams, on the recording's clock."""
+    every = {
+        name: (stream.time, channel.samples)
+        for stream in recording.streams.values()
+        for name, channel in stream.channels.items()
+    }
+    heads = ("length.", "lengthening.", f"moment_arm.{joint}.")
+    muscles = [name.removeprefix("length.") for name in every if name.startswith("length.")]
+    return {
+        muscle: tuple(np.interp(recording.time, *every[head + muscle]) for head in heads)
+        for muscle in muscles
+        if all(head + muscle in every for head in heads)
+    }

@@ -1,0 +1,132 @@
+"""Trials as the muscles of a joint see them: envelopes, lengths, rates and moment arms, one trial after another."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from .._errors import IdentificationError
+from ..identification.muscle_calibration import MuscleSamples
+from ..models.hill import HillData, HillMuscle
+from .features import derivatives
+from .torque_trial import TorqueTrial
+
+WARM = 0.3
+"""Beginning of a trial that is not fitted [s]: what EMG was before it is not known, and muscles remember."""
+
+
+def driven_muscles(trials: Sequence[TorqueTrial]) -> tuple[HillMuscle, ...]:
+    """Muscles of the trials' joint that EMG drives, with their anatomical values.
+
+    Parameters
+    ----------
+    trials : sequence of TorqueTrial
+        Of one joint.
+
+    Returns
+    -------
+    tuple of HillMuscle
+
+    Raises
+    ------
+    IdentificationError
+        If the trials' muscles are not known, differ between trials, none crosses the joint, or envelopes are not
+        relative to a maximal contraction.
+    """
+    first = trials[0]
+    if first.muscles is None:
+        raise IdentificationError(
+            f"trial {first.name}: found no geometry of muscles across the {first.joint}, expected a knee or an ankle, "
+            "or streams length, lengthening and moment_arm"
+        )
+    found = [t.muscles.driven(t.joint, t.envelopes) for t in trials]
+    if not found[0] or any(each != found[0] for each in found):
+        raise IdentificationError(
+            f"trials {', '.join(t.name for t in trials)}: found EMG of {', '.join(first.envelopes)}, expected in each "
+            f"trial the same muscles across the {first.joint}"
+        )
+    for trial in trials:
+        for name, envelope in trial.envelopes.items():
+            if envelope.max() > 1.5:
+                raise IdentificationError(
+                    f"trial {trial.name}, channel emg.{name}: found {envelope.max():.3g} times the maximum, expected "
+                    "an envelope relative to a maximal contraction"
+                )
+    return tuple(first.muscles.constants[name] for name in found[0])
+
+
+def muscle_samples(
+    trials: Sequence[TorqueTrial], *, muscles: Sequence[str], effort: float = 1.0, causal: bool = False
+) -> tuple[MuscleSamples, list[slice]]:
+    """Samples of several trials, and where each trial's own lie in them.
+
+    Parameters
+    ----------
+    trials : sequence of TorqueTrial
+        Of one joint.
+    muscles : sequence of str
+        In the order of the rows.
+    effort : float
+        Share of a maximal contraction that an envelope of 1 stands for.
+    causal : bool
+        Angles filtered and differentiated from the past alone.
+
+    Returns
+    -------
+    samples : MuscleSamples
+        What came before a trial is among them with a weight of 0, as is a beginning without it.
+    own : list of slice
+
+    Raises
+    ------
+    IdentificationError
+        If the trials' rates differ.
+    """
+    fs = float(np.mean([t.fs for t in trials]))
+    worst = max(trials, key=lambda t: abs(t.fs - fs))
+    # A lag is in seconds: a few percent of another rate are a few percent of it, less than what is known.
+    if abs(worst.fs - fs) > 0.15 * fs:
+        raise IdentificationError(f"trial {worst.name}: found {worst.fs:.4g} Hz, expected about {fs:.4g} Hz as others")
+    parts, own, starts, at = [], [], [], 0
+    for trial in trials:
+        part, lead = _one(trial, muscles, causal)
+        starts.append(at)
+        own.append(slice(at + lead, at + len(part["torque"])))
+        at += len(part["torque"])
+        parts.append(part)
+    joined = {key: np.concatenate([part[key] for part in parts], axis=-1) for key in parts[0]}
+    data = HillData(
+        effort * joined["excitation"], joined["length"], joined["rate"], joined["moment_arm"], 1.0 / fs, tuple(starts)
+    )
+    return MuscleSamples(data, joined["torque"], joined["angle"], joined["speed"], joined["weight"]), own
+
+
+def _one(trial: TorqueTrial, muscles: Sequence[str], causal: bool) -> tuple[Mapping[str, np.ndarray], int]:
+    lead = len(next(iter(trial.lead.values()))) if trial.lead else 0
+    moved = {name: derivatives(np.asarray(q, float), trial.fs, causal=causal)[:2] for name, q in trial.angles.items()}
+    # A filter is late; the angle itself is not.
+    angles = {name: np.asarray(trial.angles[name], float) if causal else q for name, (q, _) in moved.items()}
+    rates = {name: v for name, (_, v) in moved.items()}
+    driven = trial.muscles.driven(trial.joint, trial.envelopes)
+    paths = [trial.muscles.path(m, trial.joint, angles, rates) for m in muscles]
+    excitation = [
+        np.mean([np.concatenate((trial.lead.get(c, ()), trial.envelopes[c])) for c in driven[m]], axis=0)
+        for m in muscles
+    ]
+    weight = np.ones(len(trial))
+    weight[: max(0, round(WARM * trial.fs) - lead)] = 0.0
+
+    def held(x: np.ndarray) -> np.ndarray:
+        return np.concatenate((np.full(lead, x[0]), x))
+
+    return {
+        "excitation": np.array(excitation),
+        "length": np.array([held(p[0]) for p in paths]),
+        "rate": np.array([held(p[1]) for p in paths]),
+        "moment_arm": np.array([held(p[2]) for p in paths]),
+        "torque": held(trial.torque),
+        "angle": held(angles[trial.joint]),
+        "speed": held(rates[trial.joint]),
+        "weight": np.concatenate((np.zeros(lead), weight)),
+    }, lead
