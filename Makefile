@@ -3,6 +3,8 @@ PYTHON ?= python3
 VENV   ?= .venv
 DEMO   ?= demo
 BIN    := $(VENV)/bin
+# A file's tests stay in one process, for they share what they make; a process per core leaves none for BLAS's threads.
+PYTEST := OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 $(BIN)/python -m pytest -n auto --dist loadfile
 CORE   := $(wildcard include/pellucid/*.hpp bindings/*.cpp bindings/*.hpp) CMakeLists.txt pyproject.toml
 
 .PHONY: demo test core-test python-test bench clean
@@ -12,10 +14,10 @@ demo: $(VENV)/.installed
 
 test: $(VENV)/.installed core-test
 	$(BIN)/ruff check .
-	$(BIN)/python -m pytest
+	$(PYTEST)
 
 python-test: $(VENV)/.installed
-	$(BIN)/python -m pytest -q
+	$(PYTEST) -q
 
 core-test: $(VENV)/.installed
 	$(BIN)/cmake -G Ninja -S tests/core -B build/core -DCMAKE_MAKE_PROGRAM=$(abspath $(BIN))/ninja >/dev/null
