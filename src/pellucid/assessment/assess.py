@@ -9,11 +9,12 @@ from dataclasses import replace
 import numpy as np
 
 from .._errors import RecordingError, StudyError
+from ..recordings.quality import Fault
 from ..recordings.recording import Recording
 from ..recordings.study import Study
 from ..recordings.study_procedures import Assessment
 from ..signals.movements import MovementRule
-from ..signals.pointing import assessed, labels, pointing_record, with_rule
+from ..signals.pointing import PointingRecord, assessed, labels, pointing_record, with_rule
 from ..signals.pointing_check import pointing_faults
 from .assessment_findings import Assessed, AssessmentFindings, Needed, Profile, Sensitivity
 from .assessment_rows import result_rows
@@ -21,7 +22,7 @@ from .assessment_tables import tables
 from .comparison import compare_conditions
 from .indices import INDICES, index_table, isochrony
 from .power import participants_needed
-from .session import UP, Measured, Session, activities, measure
+from .session import UP, Measured, Session, activities, joined, measure
 from .statements import headline, paragraph, verdicts
 
 SEED = 1
@@ -103,22 +104,27 @@ def assess_recordings(
     conditions = _conditions(used, spec.control)
     participants, without = _participants(used, conditions)
     used = [r for r in used if r.participant in participants]
-    tell("finding movements", 0.2)
+    tell("finding movements", 0.1)
     records = [pointing_record(recording, spec) for recording in used]
-    rule = with_rule(spec)
     named = labels(records)
     faults = [fault for record in records for fault in pointing_faults(record, spec, named)]
-    tell("EMG", 0.3)
-    emg, largest, clocks = activities(records, spec, rule)
-    refused = [fault.message for fault in (*faults, *clocks) if fault.severity == "refuse"]
-    if refused:
-        raise RecordingError("\n".join(refused))
-    tell("indices", 0.5)
-    session = measure(records, spec, rule, emg, largest)
+    _require_none_refused(faults)
+    rules = _rules(records, spec)
+    parts: dict[str, list[Session]] = {words: [] for words in rules}
+    for i, person in enumerate(participants):
+        tell(f"indices, {person}", 0.2 + 0.6 * i / len(participants))
+        own = [record for record in records if record.recording.participant == person]
+        # One person's EMG at a time: that of a whole study need not fit into memory.
+        emg, largest, clocks = activities(own, spec, with_rule(spec))
+        _require_none_refused(clocks)
+        for words, rule in rules.items():
+            first = words == next(iter(rules))
+            parts[words].append(measure(own, spec, rule, emg, largest, named=named, smoothness=first))
+    sessions = {words: joined(each) for words, each in parts.items() if any(part.movements for part in each)}
+    session = next(iter(sessions.values()))
     found = _assessed(session.movements, participants, conditions, spec)
-    tell("other filters", 0.6)
-    sensitivity = _sensitivity(records, spec, emg, largest, participants, conditions)
-    tell("participants needed", 0.8)
+    sensitivity = _sensitivity(sessions, spec, participants, conditions)
+    tell("participants needed", 0.85)
     needed = _needed(found, spec, len(conditions) - 1)
     lines = isochrony(session.movements, participants, conditions)
     profiles, profile_of = _profiles(session, participants, conditions)
@@ -148,6 +154,12 @@ def assess_recordings(
         profile_of=profile_of,
     )
     return _told(made, [fault.message for fault in faults])
+
+
+def _require_none_refused(faults: Sequence[Fault]) -> None:
+    refused = [fault.message for fault in faults if fault.severity == "refuse"]
+    if refused:
+        raise RecordingError("\n".join(refused))
 
 
 def _told(made: AssessmentFindings, notes: Sequence[str]) -> AssessmentFindings:
@@ -213,24 +225,27 @@ def _assessed(
     return found
 
 
-def _sensitivity(records, spec, emg, largest, participants, conditions) -> tuple[Sensitivity, ...]:
-    rules: dict[str, MovementRule] = {}
+def _rules(records: Sequence[PointingRecord], spec: Assessment) -> dict[str, MovementRule]:
+    """The study's rule, first, and those it is compared with."""
+    rules = {}
     rates = [1.0 / float(np.median(np.diff(record.time))) for record in records]
     for cutoff in dict.fromkeys((spec.lowpass, *spec.cutoffs)):
-        if 2.0 * cutoff < 0.95 * min(rates):
+        if cutoff == spec.lowpass or 2.0 * cutoff < 0.95 * min(rates):
             rules[f"{cutoff:g} Hz"] = with_rule(spec, lowpass=cutoff)
     rules[f"{spec.lowpass:g} Hz, first rest"] = with_rule(spec, ends="peak")
-    found = []
-    for words, rule in rules.items():
-        try:
-            session = measure(records, spec, rule, emg, largest)
-        except RecordingError:  # so noisy at this cut-off that no movement is left
-            continue
-        for each in _assessed(session.movements, participants, conditions, spec, WATCHED).values():
-            for condition in each.table.conditions:
-                if condition != spec.control:
-                    found.append(_sensitive(words, each, condition, spec.control))
-    return tuple(found)
+    return rules
+
+
+def _sensitivity(
+    sessions: Mapping[str, Session], spec: Assessment, participants: Sequence[str], conditions: Sequence[str]
+) -> tuple[Sensitivity, ...]:
+    return tuple(
+        _sensitive(words, each, condition, spec.control)
+        for words, session in sessions.items()
+        for each in _assessed(session.movements, participants, conditions, spec, WATCHED).values()
+        for condition in each.table.conditions
+        if condition != spec.control
+    )
 
 
 def _sensitive(words: str, each: Assessed, condition: str, control: str) -> Sensitivity:

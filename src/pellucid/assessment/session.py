@@ -145,6 +145,9 @@ def measure(
     rule: MovementRule,
     emg: Mapping[str, Activity],
     largest: Mapping[str, Mapping[str, float]],
+    *,
+    named: Sequence[float] | None = None,
+    smoothness: bool = True,
 ) -> Session:
     """Find every movement and compute its indices.
 
@@ -155,6 +158,10 @@ def measure(
     rule : MovementRule
     emg, largest
         As `activities` gives them.
+    named : sequence of float, optional
+        All amplitudes that the study labels [rad]; left out, those of these records.
+    smoothness : bool
+        Whether to compute SPARC and LDLJ too, which take longest.
 
     Returns
     -------
@@ -165,7 +172,7 @@ def measure(
     RecordingError
         If an angle does not allow the rule's filter.
     """
-    named = labels(records)
+    named = labels(records) if named is None else named
     pooled = len(named) > RANDOM
     made: list[Measured] = []
     left_out: dict[str, dict[str, int]] = {}
@@ -183,10 +190,37 @@ def measure(
         for movement in found:
             cell = (None if pooled else _degrees(movement.amplitude, named), UP if movement.direction > 0 else DOWN)
             values = _indices(record, motion, movement, spec, emg.get(recording.name), largest)
+            if smoothness:
+                velocity = motion.velocity[movement.first : movement.last + 1]
+                values["sparc"] = spectral_arc_length(velocity, motion.fs)
+                values["ldlj"] = log_dimensionless_jerk(velocity, motion.fs)
             made.append(Measured(recording.participant, recording.condition, recording.name, movement, cell, values))
-    if not made:
-        raise RecordingError("assess: found no movement in any recording, expected some")
     return Session(rule, tuple(made), left_out, motions)
+
+
+def joined(parts: Sequence[Session]) -> Session:
+    """Sessions of several participants as one.
+
+    Parameters
+    ----------
+    parts : sequence of Session
+        By the same rule.
+
+    Returns
+    -------
+    Session
+
+    Raises
+    ------
+    RecordingError
+        If there is no movement in any of them.
+    """
+    movements = tuple(m for part in parts for m in part.movements)
+    if not movements:
+        raise RecordingError("assess: found no movement in any recording, expected some")
+    left_out = {name: reasons for part in parts for name, reasons in part.left_out.items()}
+    motions = {name: motion for part in parts for name, motion in part.motions.items()}
+    return Session(parts[0].rule, movements, left_out, motions)
 
 
 def _degrees(amplitude: float | None, named: Sequence[float]) -> float | None:
@@ -204,8 +238,6 @@ def _indices(record, motion, movement, spec, made, largest) -> dict[str, float]:
         "vmean": movement.mean_velocity,
         "acceleration": movement.peak_acceleration,
         "peak_time": movement.peak_time,
-        "sparc": spectral_arc_length(velocity, motion.fs),
-        "ldlj": log_dimensionless_jerk(velocity, motion.fs),
     }
     if spec.interaction in record.recording:
         torque = np.interp(motion.time[part], record.recording.time, record.recording[spec.interaction])

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from scipy import signal
 
 from .filters import zero_phase_lowpass
 from .movements import Kinematics
@@ -61,7 +62,7 @@ def emg_lead(time: np.ndarray, activity: np.ndarray, motion: Kinematics) -> EmgL
     Returns
     -------
     EmgLead or None
-        None where both have less than ten seconds in common at any lead.
+        None where both have less than ten seconds in common, or one of them does not change.
     """
     low = max(time[0], motion.time[0])
     high = min(time[-1], motion.time[-1])
@@ -79,7 +80,12 @@ def emg_lead(time: np.ndarray, activity: np.ndarray, motion: Kinematics) -> EmgL
     x, y = _without_slow(envelope), _without_slow(effort)
     longest = int(min(SEARCHED, 0.25 * (high - low)) * RATE)
     lags = np.arange(-longest, longest + 1)
-    scores = np.array([_shifted(x, y, lag) for lag in lags])
+    # Both have hardly a mean once what is slow is gone: one product of spectra gives the covariance at every lag.
+    products = signal.correlate(y, x, method="fft")[len(x) - 1 - longest : len(x) + longest]
+    spread = float(np.std(x) * np.std(y))
+    if spread == 0.0:
+        return None
+    scores = products / (len(x) - np.abs(lags)) / spread
     leads = lags / RATE
     best = int(np.argmax(scores))
     inside = (leads >= LEAD[0]) & (leads <= LEAD[1])
@@ -92,14 +98,3 @@ def _without_slow(x: np.ndarray) -> np.ndarray:
     padded = np.pad(x, (n // 2, n - n // 2), mode="edge")
     sums = np.concatenate(([0.0], np.cumsum(padded)))
     return x - (sums[n:] - sums[:-n])[: len(x)] / n
-
-
-def _shifted(x: np.ndarray, y: np.ndarray, lag: int) -> float:
-    """Correlation of x with what y is `lag` samples later."""
-    n = len(x) - abs(lag)
-    return _correlation(x[max(0, -lag) :][:n], y[max(0, lag) :][:n])
-
-
-def _correlation(x: np.ndarray, y: np.ndarray) -> float:
-    spread = np.std(x) * np.std(y)
-    return float(np.mean((x - x.mean()) * (y - y.mean())) / spread) if spread > 0.0 else 0.0
