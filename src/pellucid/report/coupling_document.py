@@ -15,6 +15,9 @@ from .page import Page, Section, Tile
 from .quantities import cell_text, number, parameter_interval, parameter_note, prose, unit_text
 from .tables import Row, Table
 
+NAMES = {"vqf": "VQF", "madgwick": "Madgwick's filter"}
+"""Of the ways from an IMU to an orientation."""
+
 
 def page(study: Study, findings: CouplingFindings) -> Page:
     """Everything that was found, as a page.
@@ -31,7 +34,7 @@ def page(study: Study, findings: CouplingFindings) -> Page:
     return Page(
         title=f"{findings.study}: wearers and their orthosis",
         kicker="Pellucid report",
-        headline=findings.headline.replace("*", "·"),
+        headline=prose(findings.headline),
         tiles=_tiles(findings),
         sections=(
             _found(findings),
@@ -139,7 +142,7 @@ def _parameters(table: ParameterTable, level: float) -> Table:
 
 
 def _figures(table: FigureTable) -> Table:
-    rows = tuple(Row(tuple(cell_text(cell) for cell in row)) for row in table.rows)
+    rows = tuple(Row(tuple(cell_text(cell).replace("_", " ") for cell in row)) for row in table.rows)
     words = max((i for i, cell in enumerate(table.rows[0]) if isinstance(cell, str)), default=0) if table.rows else 0
     return Table(table.heads, rows, frozenset(range(words + 1, len(table.heads))), f"{table.title}.", True)
 
@@ -151,7 +154,7 @@ def _provenance(study: Study, findings: CouplingFindings) -> Section:
         "coupling_provenance",
         "How",
         (
-            f"Limb angle by {asked.orientation} with {axes} axes; torque and angle low-passed alike at 15 Hz, "
+            f"Limb angle by {NAMES[asked.orientation]} with {axes} axes; torque and angle low-passed alike at 15 Hz, "
             "zero-phase; the IMU's clock, mounting and gain estimated with the strap. "
             f"{len(findings.checksums)} recordings; their checksums are on the cards.",
         ),

@@ -74,10 +74,13 @@ def write_procedure_report(
 
 
 def _one_page(pages: list[Page]) -> Page:
-    first = pages[0]
-    return replace(
-        first,
-        headline=" ".join(page.headline for page in pages),
-        tiles=tuple(tile for page in pages for tile in page.tiles),
-        sections=tuple(section for page in pages for section in page.sections),
-    )
+    """All on the first, whose name stays; the others' headlines and sections say what they are of."""
+    first, *others = pages
+    headlines, sections = [first.headline], list(first.sections)
+    for page in others:
+        what = page.title.rpartition(": ")[2]
+        headlines.append(f"{what[:1].upper()}{what[1:]}: {page.headline}")
+        known = {section.heading for section in sections}
+        sections += [replace(s, heading=f"{s.heading}: {what}") if s.heading in known else s for s in page.sections]
+    tiles = tuple(tile for page in pages for tile in page.tiles)
+    return replace(first, headline=" ".join(headlines), tiles=tiles, sections=tuple(sections))

@@ -127,12 +127,13 @@ def number(value: float, uncertainty: float = math.nan, digits: int = 4) -> str:
         decimals = digits - 1 - (int(f"{value:.{digits - 1}e}".split("e")[1]) if value else 0)
     decimals = min(decimals, 15)
     rounded = round(value, decimals)
-    if rounded != 0.0 and (decimals > 6 or abs(rounded) >= 1e6):
+    fits = decimals <= 6 or (decimals <= 9 and abs(rounded) >= 0.1)
+    if rounded != 0.0 and (not fits or abs(rounded) >= 1e6):
         exponent = int(f"{rounded:e}".split("e")[1])
         mantissa = f"{rounded / 10.0**exponent:.{max(decimals + exponent, 0)}f}"
         text = f"{mantissa}×10{str(exponent).translate(_SUPERSCRIPT)}"
     else:
-        text = f"{0.0 if rounded == 0.0 else rounded:.{max(min(decimals, 6), 0)}f}"
+        text = f"{0.0 if rounded == 0.0 else rounded:.{max(min(decimals, 6 if rounded == 0.0 else 9), 0)}f}"
     return text.replace("-", MINUS)
 
 
@@ -211,7 +212,7 @@ def label(name: str) -> str:
 def cell_text(value: str | float | int | None) -> str:
     """A table's cell as text: three digits of a figure, all of a count, a dash for what is not there."""
     if isinstance(value, str):
-        return value
+        return "held out" if value == "heldout" else value
     if value is None:
         return "–"
     return str(value) if isinstance(value, int) else number(value, digits=3)

@@ -101,7 +101,9 @@ def trial_faults(
 
 
 def _hum(stream: Recording, mains: float) -> float:
-    raw = [c.samples for n, c in stream.channels.items() if n.startswith("emg.") and c.unit == "V"]
+    """The largest share of hum over a few of the stream's seconds, which tell 50 from 60 Hz."""
+    seconds = slice(0, round(4.0 * stream.fs))
+    raw = [c.samples[seconds] for n, c in stream.channels.items() if n.startswith("emg.") and c.unit == "V"]
     return max((hum_share(x, stream.fs, mains) for x in raw if np.isfinite(x).all()), default=0.0)
 
 
