@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from math import inf
 
 import numpy as np
 
@@ -136,7 +137,7 @@ def _by_recording(study: Study, tell: Progress) -> Calibrated:
             found.muscles[joint] = fit
         for trial in held:
             made = fit.predict(trial)
-            half = fit.half_width(trial) if isinstance(fit, HillMap) else None
+            half = fit.half_width(trial) if name == "hill" else None
             found.judged.append(
                 Judged(
                     joint, name, causal, trial.name, score(trial.torque, made), fit.choice.score, fit.choice.words,
@@ -210,7 +211,9 @@ def _tables(judged: Sequence[Judged]) -> tuple[FigureTable, ...]:
             for each in own
         ]
         title = f"Torque from EMG: {what}, " + (recording.replace("_", " ") or "each repetition left out in turn")
-        tables.append(FigureTable(title, ("Estimator", "RMSE (N*m)", "R²", "R² within the fit"), tuple(rows)))
+        tables.append(
+            FigureTable(title, ("Estimator", f"RMSE ({own[0].unit})", "R²", "R² within the fit"), tuple(rows))
+        )
     return tuple(tables)
 
 
@@ -230,7 +233,7 @@ def preferred(judged: Sequence[Judged], what: str) -> Judged:
     """
     own = [e for e in judged if e.what == what and not e.causal and ESTIMATORS[e.estimator].muscles]
     own = [e for e in own if e.recording == own[0].recording]
-    return min(own, key=lambda e: e.within.rmse if e.within is not None else 0.0)
+    return min(own, key=lambda e: e.within.rmse if e.within is not None else inf)
 
 
 def _headline(judged: Sequence[Judged]) -> str:
@@ -238,7 +241,8 @@ def _headline(judged: Sequence[Judged]) -> str:
     for what in dict.fromkeys(each.what for each in judged):
         best = preferred(judged, what)
         said.append(
-            f"{what}: {ESTIMATORS[best.estimator].words} errs by {best.score.rmse:.3g} N*m (R² {best.score.r2:.3f})"
+            f"{what}: {ESTIMATORS[best.estimator].words} errs by {best.score.rmse:.3g} {best.unit} "
+            f"(R² {best.score.r2:.3f})"
         )
     return "; ".join(said) + ", on what was not fitted."
 
@@ -252,9 +256,9 @@ def _verdicts(study: Study, judged: Sequence[Judged], trials: Sequence[TorqueTri
             said.append(
                 Verdict(
                     "note",
-                    f"{what}: joint angles alone err by {bare.score.rmse:.3g} N*m, no more than the map with EMG "
-                    f"({best.score.rmse:.3g} N*m): in these movements the torque follows the motion, and the map would "
-                    "not see an effort that does not move the joint.",
+                    f"{what}: joint angles alone err by {bare.score.rmse:.3g} {bare.unit}, no more than the map with "
+                    f"EMG ({best.score.rmse:.3g} {best.unit}): in these movements the torque follows the motion, and "
+                    "the map would not see an effort that does not move the joint.",
                 )
             )
         if best.within is not None and best.score.r2 < best.within.r2 - 0.1:

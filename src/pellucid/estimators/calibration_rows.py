@@ -57,8 +57,9 @@ def calibration_rows(study: str, judged: Sequence[Judged], trials: Sequence[Torq
             ):
                 add(f"{each.what}.{how}.rmse.{name}{tail}", value, "N*m", words, recording=each.recording)
             if not tail:
-                words = "cross-validation within what was fitted"
-                add(f"{each.what}.{how}.r2.cross_validated", each.within.r2, "1", words, split="fitted")
+                if each.within is not None:
+                    words = "cross-validation within what was fitted"
+                    add(f"{each.what}.{how}.r2.cross_validated", each.within.r2, "1", words, split="fitted")
                 if each.seconds is not None:
                     words = "one calibration, all starts included"
                     add(f"{each.what}.{how}.seconds", each.seconds, "s", words, split="fitted")

@@ -87,6 +87,21 @@ def _hill(trials: Any, name: str, causal: bool) -> Any:
     return fit_hill(trials, name=name, causal=causal)
 
 
+def _reconstruction(fit: str) -> Callable[[Any, str, bool], Any]:
+    def whole(trials: Any, name: str, causal: bool) -> Any:
+        from . import reconstructions
+
+        return getattr(reconstructions, fit)(trials, name, causal)
+
+    return whole
+
+
+def _network(settings: Mapping[str, Any], seen: Features) -> Regressor:
+    from .neural_network import NeuralNetwork
+
+    return NeuralNetwork(settings["penalty"])
+
+
 _PENALISED = tuple({"products": products, "penalty": a} for products in ("none", "motion", "all") for a in PENALTIES)
 
 ESTIMATORS: dict[str, Family] = {
@@ -98,6 +113,23 @@ ESTIMATORS: dict[str, Family] = {
     "linear": Family("linear regression", _ridge, ({"penalty": 0.0},), lags=False, smoothing=0.0),
     "motion": Family("ridge regression without EMG", _ridge, _PENALISED, muscles=False, every=True, smoothing=0.0),
     "hill": Family("muscles of Hill's type", lambda settings, seen: None, smoothing=0.0, whole=_hill),
+    **{
+        name: Family(
+            f"{words} (reconstruction)", lambda settings, seen: None, smoothing=0.0, whole=_reconstruction(fit)
+        )
+        for name, words, fit in (
+            ("nmco", "NM-CO, muscles by swarm and conjugate gradients", "fit_nmco"),
+            ("nmcoa", "NM-COA, the same told the torque so far", "fit_nmcoa"),
+            ("nmnc", "NM-NC, muscles without neighbouring joints", "fit_nmnc"),
+        )
+    },
+    "mbp": Family(
+        "M-BP, a network (reconstruction)",
+        _network,
+        tuple({"penalty": a} for a in (0.01, 0.1, 1.0)),
+        fixed=FeatureSet(velocities=True),
+        smoothing=0.0,
+    ),
     **{
         f"{kind}_published": Family(words, _trees(kind), (PUBLISHED[kind],), fixed=FeatureSet())
         for kind, words in (

@@ -39,15 +39,15 @@ class HillChoice:
     weight : float
         Of anatomy.
     words : str
-    score : Score
-        Out of fold.
+    score : Score or None
+        Out of fold; None where nothing was to be chosen.
     tried : Mapping[float, float]
         RMSE [N m] by weight.
     """
 
     weight: float
     words: str
-    score: Score
+    score: Score | None
     tried: Mapping[float, float] = field(repr=False)
 
 
@@ -63,7 +63,7 @@ class HillMap:
     choice : HillChoice
     fit : MuscleFit
     residual_sd : float
-        Of predictions on samples that were not fitted, while choosing [N m].
+        Of predictions on samples that were not fitted, while choosing; of the fit where nothing was chosen [N m].
     effort : float
         Share of a maximal contraction that an envelope of 1 stands for.
     causal : bool
@@ -167,7 +167,7 @@ def fit_hill(
     causal : bool
         Angles filtered and differentiated from the past alone.
     weights : sequence of float
-        To choose from; with one there is nothing to choose, but predictions out of fold are judged all the same.
+        To choose from; with one there is nothing to choose, and nothing is left out.
     quantities : sequence of str
         What is free.
     method : str
@@ -193,9 +193,9 @@ def fit_hill(
         samples, own = muscle_samples(trials, muscles=names, effort=effort, causal=causal)
     counted = np.flatnonzero(samples.weight > 0.0)
     folds = _folds(trials, own, samples, counted)
-    best: tuple[Score, float, np.ndarray] | None = None
+    best: tuple[Score | None, float] = (None, weights[0])
     tried = {}
-    for weight in weights:
+    for weight in weights if len(weights) > 1 else ():
         predicted = np.full(len(samples.torque), np.nan)
         for fitted, judged in folds:
             problem = MuscleProblem(muscles, samples.only(fitted), quantities=quantities, weight=weight)
@@ -203,13 +203,14 @@ def fit_hill(
             predicted[judged] = calibrate_muscles(problem, starts=1).predict(samples)[judged]
         reached = score(samples.torque[counted], predicted[counted])
         tried[weight] = reached.rmse
-        if best is None or reached.rmse < best[0].rmse:
-            best = reached, weight, predicted
-    reached, weight, predicted = best
+        if best[0] is None or reached.rmse < best[0].rmse:
+            best = reached, weight
+    reached, weight = best
     problem = MuscleProblem(muscles, samples, quantities=quantities, weight=weight)
     fit = calibrate_muscles(problem, method=method)
     words = f"{len(muscles)} muscles, {len(problem.names)} parameters; weight of anatomy {weight:g}"
-    return HillMap(name, names, HillChoice(weight, words, reached, tried), fit, reached.rmse, effort, causal)
+    missed = reached or score(samples.torque[counted], fit.predict(samples)[counted])
+    return HillMap(name, names, HillChoice(weight, words, reached, tried), fit, missed.rmse, effort, causal)
 
 
 def _effort(muscles: Sequence[HillMuscle], samples: MuscleSamples) -> float:

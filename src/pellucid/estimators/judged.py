@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from .._errors import IdentificationError
+from ..identification.fit import Verdict
 from .cross_validation import Score
 from .families import ESTIMATORS
 from .hill import HillMap
@@ -61,6 +62,11 @@ class Judged:
     coverage: float | None = None
     partial: tuple[float, ...] = ()
 
+    @property
+    def unit(self) -> str:
+        """Of the RMSE."""
+        return "of the leg's weight" if self.kind == "normalised" else "N*m"
+
 
 @dataclass(frozen=True, eq=False)
 class TorqueTrace:
@@ -100,6 +106,8 @@ class Calibrated:
         Muscles fitted to all that may be fitted, by joint or participant.
     passed_over : dict of str to str
         Why muscles were not fitted, by joint or participant.
+    verdicts : list of Verdict
+        On this way of judging.
     """
 
     judged: list[Judged] = field(default_factory=list)
@@ -108,6 +116,7 @@ class Calibrated:
     cards: dict = field(default_factory=dict)
     muscles: dict[str, HillMap] = field(default_factory=dict)
     passed_over: dict[str, str] = field(default_factory=dict)
+    verdicts: list[Verdict] = field(default_factory=list)
 
 
 def estimators_for(

@@ -7,6 +7,7 @@ from collections.abc import Callable
 import numpy as np
 
 from .._errors import IdentificationError
+from ..identification.fit import Verdict
 from ..recordings.study import Study
 from .cross_validation import Score
 from .families import ESTIMATORS
@@ -68,6 +69,22 @@ def repetitions_left_out(study: Study, tell: Progress) -> Calibrated:
     for i, person in enumerate(people):
         trials, weight = leg_extension_trials(study, person)
         _judge(found, trials, person or "knee", "normalised", weight, _part(tell, i, len(people)))
+    found.verdicts.append(
+        Verdict(
+            "warning",
+            "No torque was recorded: the reference is a formula in the angle and its acceleration. Estimators that see "
+            "the motion's derivatives find that formula again, and their small errors say nothing of EMG; muscles and "
+            "what sees EMG and an angle alone can be compared with each other.",
+        )
+    )
+    if any(t.muscles is not None and not t.muscles.maximal for t in found.trials):
+        found.verdicts.append(
+            Verdict(
+                "warning",
+                "No maximal contraction was recorded (protocol mvc): envelopes are relative to the largest effort "
+                "seen, whose share of a maximal one is found together with the muscles. Strengths are then none.",
+            )
+        )
     return found
 
 

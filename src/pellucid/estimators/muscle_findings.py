@@ -197,7 +197,7 @@ def muscle_verdicts_of(found: Calibrated) -> tuple[Verdict, ...]:
     -------
     tuple of Verdict
     """
-    said: list[Verdict] = []
+    said: list[Verdict] = list(found.verdicts)
     for what, fitted in found.muscles.items():
         said += muscle_verdicts(fitted.fit, what)
         late = 1e3 * delays(fitted)
@@ -208,6 +208,7 @@ def muscle_verdicts_of(found: Calibrated) -> tuple[Verdict, ...]:
                 "and lags together; run causally, the angles' rates come 19 ms late on top.",
             )
         )
+        said += _against_regression(found, what)
     for each in found.judged:
         if each.coverage is not None and not each.causal:
             kind = "good" if each.coverage >= 0.9 else "warning"
@@ -221,3 +222,27 @@ def muscle_verdicts_of(found: Calibrated) -> tuple[Verdict, ...]:
             )
     said += [Verdict("note", f"{what}: muscles were passed over. {why}.") for what, why in found.passed_over.items()]
     return tuple(said)
+
+
+def _against_regression(found: Calibrated, what: str) -> list[Verdict]:
+    """Muscles beside the regressions that see the same, on what was judged first."""
+    own = [e for e in found.judged if e.what == what and not e.causal]
+    own = [e for e in own if e.recording == own[0].recording] if own else []
+    by = {e.estimator: e for e in own}
+    if "hill" not in by or "ridge" not in by or by["hill"].kind == "normalised":
+        return []
+    muscles = by["hill"]
+    best = min((by[n] for n in ("ridge", "ridge_lags") if n in by), key=lambda e: e.score.rmse)
+    ahead = muscles.score.rmse < best.score.rmse
+    end = (
+        "physics helps here."
+        if ahead
+        else "it sees the same movement again; in movements unlike those fitted it may not hold."
+    )
+    return [
+        Verdict(
+            "good" if ahead else "note",
+            f"{what}: muscles err by {muscles.score.rmse:.3g} {muscles.unit}, regression by {best.score.rmse:.3g}: "
+            + end,
+        )
+    ]

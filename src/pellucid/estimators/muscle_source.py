@@ -12,6 +12,7 @@ from ..models.muscle_geometry import muscle_table
 from ..recordings.muscle_constants import study_muscles
 from ..recordings.recording import Recording
 from ..recordings.study import Study
+from ..signals.emg_chain import emg_chain
 
 FIBRE_DAMPING = 0.05
 """Of every fibre, in F_0 over v_max l_o; published models have 0.01 to 0.1. Chosen within what is fitted of walking."""
@@ -59,6 +60,8 @@ class MuscleSource:
         Angles of joints that the trial lacks [rad].
     maximal : bool
         Whether envelopes are relative to a maximal contraction; False: to the largest seen, which may be little effort.
+    relative : bool
+        Whether they are relative at all.
     """
 
     constants: Mapping[str, HillMuscle]
@@ -66,6 +69,7 @@ class MuscleSource:
     sign: float = 1.0
     posture: Mapping[str, float] = field(default_factory=lambda: dict(STANDING))
     maximal: bool = True
+    relative: bool = True
 
     def driven(self, joint: str, envelopes: Mapping[str, np.ndarray]) -> dict[str, tuple[str, ...]]:
         """Muscles across a joint that some EMG drives, with the channels whose mean it is.
@@ -160,8 +164,13 @@ def muscle_source(study: Study, recording: Recording, joint: str) -> MuscleSourc
         recorded,
         maximal=study.config.emg_torque.chain == "none" or any(r.protocol == "mvc" for r in own),
         sign=-1.0 if joint == "knee" and study.config.rig.lifts == "flexion" else 1.0,
+        relative=study.config.emg_torque.chain == "none" or _normalises(study.config.emg_torque.chain),
         posture=SEATED if recording.protocol in ("leg_extension", "seated_swing") else STANDING,
     )
+
+
+def _normalises(chain: str) -> bool:
+    return any(stage.kind == "normalise" for stage in emg_chain(chain).stages)
 
 
 def _recorded(recording: Recording, joint: str) -> dict[str, tuple[np.ndarray, np.ndarray, np.ndarray]]:

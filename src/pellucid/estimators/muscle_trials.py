@@ -10,6 +10,7 @@ from .._errors import IdentificationError
 from ..identification.muscle_calibration import MuscleSamples
 from ..models.hill import HillData, HillMuscle
 from .features import derivatives
+from .muscle_faults import refuse_unfit
 from .torque_trial import TorqueTrial
 
 WARM = 0.3
@@ -32,7 +33,9 @@ def driven_muscles(trials: Sequence[TorqueTrial]) -> tuple[HillMuscle, ...]:
     ------
     IdentificationError
         If the trials' muscles are not known, differ between trials, none crosses the joint, or envelopes are not
-        relative to a maximal contraction.
+        relative.
+    RecordingError
+        If no muscle could have made these trials.
     """
     first = trials[0]
     if first.muscles is None:
@@ -46,13 +49,12 @@ def driven_muscles(trials: Sequence[TorqueTrial]) -> tuple[HillMuscle, ...]:
             f"trials {', '.join(t.name for t in trials)}: found EMG of {', '.join(first.envelopes)}, expected in each "
             f"trial the same muscles across the {first.joint}"
         )
-    for trial in trials:
-        for name, envelope in trial.envelopes.items():
-            if envelope.max() > 1.5:
-                raise IdentificationError(
-                    f"trial {trial.name}, channel emg.{name}: found {envelope.max():.3g} times the maximum, expected "
-                    "an envelope relative to a maximal contraction"
-                )
+    if not first.muscles.relative:
+        raise IdentificationError(
+            f"trial {first.name}: found envelopes in V, expected them relative to a maximal contraction: a chain that "
+            'normalises, and a recording with the protocol "mvc"'
+        )
+    refuse_unfit(trials)
     return tuple(first.muscles.constants[name] for name in found[0])
 
 

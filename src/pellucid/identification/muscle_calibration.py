@@ -26,15 +26,18 @@ import numpy as np
 from .._errors import IdentificationError
 from ..models.hill import HillData, HillModel, HillMuscle
 from .adam import adam
-from .bounded_least_squares import bounded_least_squares
+from .bounded_least_squares import Descent, bounded_least_squares
 from .muscle_freedom import USUAL, Prior, muscle_priors
-from .swarm import swarm_with_gradients
+from .swarm import conjugate_gradient, swarm_with_gradients
 
-METHODS = ("least_squares", "adam", "adam_fixed", "swarm")
-"""Bounded least squares; Adam with a rate that falls, and with a fixed one; particle swarm with conjugate gradients."""
+METHODS = ("least_squares", "adam", "adam_fixed", "swarm", "descent")
+"""Bounded least squares; Adam with a rate that falls, and a fixed one; swarm with conjugate gradients; those alone."""
 
 STARTS = 3
 """Where least squares begins: at the anatomical values, and at as many draws less one."""
+
+SCREENED = 15
+"""Evaluations after which the best of several starts goes on alone."""
 
 TOLERANCE = 1e-3
 """Of the cost's relative fall, below which least squares ends: far less than what a recording can tell."""
@@ -204,7 +207,7 @@ class MuscleFit:
     cost : float
     method : str
     costs : tuple of float
-        Where each start ended.
+        Of each start, when the best was chosen.
     evaluations : int
         Of the cost, in all.
     seconds : float
@@ -286,24 +289,27 @@ def calibrate_muscles(
     began, rng = time.perf_counter(), np.random.default_rng(seed)
     low, high = problem.lower, problem.upper
     if method == "least_squares":
-        found, evaluations = [], 0
-        for i in range(starts):
-            z = np.zeros(len(low)) if i == 0 else np.clip(rng.normal(0.0, 0.7, len(low)), low, high)
-            for frozen in _frozen(problem, stages):
-                held = np.clip(z, low, high)
-                end = bounded_least_squares(
-                    problem.equations, held, np.where(frozen, held, low), np.where(frozen, held, high),
-                    iterations=iterations or 60, tolerance=TOLERANCE,
-                )  # fmt: skip
-                z, evaluations = end.x, evaluations + end.evaluations
-            found.append((end.cost, end.x, end.normal))
-        costs = tuple(cost for cost, _, _ in found)
-        cost, z, normal = found[int(np.argmin(costs))]
+        begin = [np.zeros(len(low)), *(rng.normal(0.0, 0.7, len(low)) for _ in range(starts - 1))]
+        begin = [np.clip(z, low, high) for z in begin]
+        most = iterations or 60
+        found = [_descend(problem, z, stages, SCREENED if starts > 1 else most) for z in begin]
+        evaluations, costs = sum(end.evaluations for end in found), tuple(end.cost for end in found)
+        end = found[int(np.argmin(costs))]
+        if starts > 1 and not end.converged:
+            end = _descend(problem, end.x, None, most)
+            evaluations += end.evaluations
+        cost, z, normal = end.cost, end.x, end.normal
     else:
         if method == "swarm":
             ends = swarm_with_gradients(
                 problem.cost, problem.cost_and_gradient, low, high, rng=rng, iterations=iterations or 30
             )
+            z, evaluations = ends.best, ends.evaluations
+        elif method == "descent":
+            ends = conjugate_gradient(
+                problem.cost_and_gradient, np.clip(np.zeros(len(low)), low, high), lower=low, upper=high,
+                iterations=iterations or 200,
+            )  # fmt: skip
             z, evaluations = ends.best, ends.evaluations
         else:
             path = adam(
@@ -314,6 +320,18 @@ def calibrate_muscles(
         cost, _, normal = problem.equations(z)
         costs = (cost,)
     return MuscleFit(problem, z, normal, cost, method, costs, evaluations, time.perf_counter() - began)
+
+
+def _descend(
+    problem: MuscleProblem, start: np.ndarray, stages: Sequence[Sequence[str]] | None, iterations: int
+) -> Descent:
+    """From one start through all stages."""
+    z, spent = start, 0
+    for frozen in _frozen(problem, stages):
+        low, high = np.where(frozen, z, problem.lower), np.where(frozen, z, problem.upper)
+        end = bounded_least_squares(problem.equations, z, low, high, iterations=iterations, tolerance=TOLERANCE)
+        z, spent = end.x, spent + end.evaluations
+    return replace(end, evaluations=spent)
 
 
 def _frozen(problem: MuscleProblem, stages: Sequence[Sequence[str]] | None) -> list[np.ndarray]:

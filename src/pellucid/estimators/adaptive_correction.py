@@ -1,0 +1,136 @@
+r"""A Gaussian process that learns an estimator's errors while a reference torque is measured, and takes them off ahead.
+
+Of the last samples within a sliding window it knows features x and errors e; with
+
+.. math::  k(x, x') = \sigma^2 e^{-|x - x'|^2 / 2 \ell^2}, \qquad
+   \hat\tau(x) = \tau^{model}(x) + k_x^T (K + \nu\sigma^2 I)^{-1} e
+
+a torque is corrected before it is measured: of the present sample nothing but its features is seen. It needs a torque
+that is measured all the time; where that ends, so does the correction's use. It works on top of any estimator.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.linalg import cho_factor, cho_solve, solve_triangular
+
+from .._errors import IdentificationError
+
+WINDOW = 6.0
+"""Of errors that are remembered [s]: some repetitions of a movement."""
+
+SPACING = 0.04
+"""Between errors that are remembered [s]."""
+
+LENGTHS = (1.0, 2.0, 4.0)
+"""Of the kernel, in standard deviations of each feature, times the root of their number."""
+
+NOISES = (0.03, 0.1, 0.3, 1.0)
+"""Share of the errors' variance that features do not explain."""
+
+
+@dataclass(frozen=True, eq=False)
+class AdaptiveCorrection:
+    """What the correction knows before it begins.
+
+    Attributes
+    ----------
+    centre, scale : ndarray, shape (k,)
+        Of the features.
+    length : float
+        Of the kernel, in standardised features.
+    noise : float
+        nu.
+    window, spacing : float
+        [s]
+    """
+
+    centre: np.ndarray
+    scale: np.ndarray
+    length: float
+    noise: float
+    window: float = WINDOW
+    spacing: float = SPACING
+
+    def correct(self, x: np.ndarray, predicted: np.ndarray, reference: np.ndarray, fs: float) -> np.ndarray:
+        """Run along a trial as a robot would.
+
+        Parameters
+        ----------
+        x : ndarray, shape (n, k)
+            Features.
+        predicted : ndarray, shape (n,)
+            By the estimator underneath [N m].
+        reference : ndarray, shape (n,)
+            Measured torque [N m]; of each sample only what comes before it is used.
+        fs : float
+            Rate [Hz].
+
+        Returns
+        -------
+        ndarray, shape (n,)
+            [N m]
+        """
+        z = (np.asarray(x, float) - self.centre) / self.scale
+        error = np.asarray(reference, float) - np.asarray(predicted, float)
+        every, kept = max(1, round(self.spacing * fs)), max(2, round(self.window / self.spacing))
+        corrected = np.array(predicted, float)
+        for block in range(every, len(z), every):
+            # What is remembered ends one sample before the block that it corrects.
+            known = np.arange(block - 1, -1, -every)[:kept]
+            weights = self._weights(z[known], error[known])
+            here = slice(block, block + every)
+            corrected[here] += _kernel(z[here], z[known], self.length) @ weights
+        return corrected
+
+    def _weights(self, z: np.ndarray, error: np.ndarray) -> np.ndarray:
+        gram = _kernel(z, z, self.length) + self.noise * np.eye(len(z))
+        return cho_solve(cho_factor(gram, lower=True, check_finite=False), error, check_finite=False)
+
+
+def adaptive_correction(parts: Sequence[tuple[np.ndarray, np.ndarray]], *, most: int = 400) -> AdaptiveCorrection:
+    """Choose length and noise by the likelihood of errors made on what was fitted.
+
+    Parameters
+    ----------
+    parts : sequence of (ndarray of shape (n, k), ndarray of shape (n,))
+        Features and errors [N m], trial by trial.
+    most : int
+        Samples looked at, evenly thinned.
+
+    Returns
+    -------
+    AdaptiveCorrection
+
+    Raises
+    ------
+    IdentificationError
+        If there are fewer than ten samples.
+    """
+    x, error = np.concatenate([p[0] for p in parts]), np.concatenate([p[1] for p in parts])
+    if len(x) < 10:
+        raise IdentificationError(f"adaptive correction: found {len(x)} samples, expected at least 10")
+    centre, scale = x.mean(axis=0), x.std(axis=0)
+    scale = np.where(scale > 0.0, scale, 1.0)
+    thinned = np.linspace(0, len(x) - 1, min(most, len(x))).astype(int)
+    z, e = (x[thinned] - centre) / scale, error[thinned]
+    reach = np.sqrt(x.shape[1])
+    choices = [(_likelihood(z, e, length * reach, noise), length * reach, noise)
+               for length in LENGTHS for noise in NOISES]  # fmt: skip
+    _, length, noise = max(choices)
+    return AdaptiveCorrection(centre, scale, float(length), noise)
+
+
+def _kernel(a: np.ndarray, b: np.ndarray, length: float) -> np.ndarray:
+    squared = np.sum(a**2, axis=1)[:, None] + np.sum(b**2, axis=1) - 2.0 * a @ b.T
+    return np.exp(-np.maximum(squared, 0.0) / (2.0 * length**2))
+
+
+def _likelihood(z: np.ndarray, error: np.ndarray, length: float, noise: float) -> float:
+    """Logarithm, the errors' variance at its best; constants left out."""
+    lower = np.linalg.cholesky(_kernel(z, z, length) + noise * np.eye(len(z)))
+    whitened = solve_triangular(lower, error, lower=True)
+    return -0.5 * len(error) * float(np.log(np.mean(whitened**2))) - float(np.sum(np.log(np.diag(lower))))
