@@ -101,8 +101,9 @@ def check(folder: Folder) -> None:
     if refused:
         _say(out, f"Not fit to identify from: {_count(len(refused), 'fault')}.")
         raise typer.Exit(1)
-    only_torque = study.config.emg_torque is not None and study.config.procedure is None and study.rig.drive is None
-    command = "calibrate" if only_torque else "identify"
+    command = "identify"
+    if study.config.procedure is None and study.rig.drive is None:
+        command = "calibrate" if study.config.emg_torque is not None else "assess"
     _say(out, f"Fit to {command} from. Next: pellucid {command} {folder}")
 
 

@@ -137,6 +137,7 @@ def test_the_report_shows_every_participant(whole):
 
 def test_a_study_that_only_assesses_is_checked_and_says_what_to_do(whole):
     assert [f for f in check(whole.study) if f.severity == "refuse"] == []
+    assert "Next: pellucid assess" in CliRunner().invoke(cli.app, ["check", str(whole.study.folder)]).output
     result = CliRunner().invoke(cli.app, ["identify", str(whole.study.folder)])
     assert "pellucid assess" in str(result.exception)
 
