@@ -58,6 +58,16 @@ def _with_interval(parameter: Parameter) -> str:
 
 
 def subjects(made: KneeReproduction) -> Section:
+    """Table 3.1.
+
+    Parameters
+    ----------
+    made : KneeReproduction
+
+    Returns
+    -------
+    Section
+    """
     table = made.paper.tables["subjects"]
     rows = tuple(
         Row((table.labels[s], *(cell(table[s][n].value) for n in ("age", "mass", "height", "shank_length"))))
@@ -75,6 +85,16 @@ def subjects(made: KneeReproduction) -> Section:
 
 
 def orthosis(made: KneeReproduction) -> Section:
+    """Figs. 3.1 and 3.2, Table 3.2.
+
+    Parameters
+    ----------
+    made : KneeReproduction
+
+    Returns
+    -------
+    Section
+    """
     bench, table = made.bench, made.paper.tables["orthosis"]
     found = {p.name: p for p in bench.fit.parameters} | {"stiffness": bench.fit.linear["stiffness"]}
     truth = {"gravity": bench.gravity, "inertia": bench.inertia, "damping": made.rig["orthosis"]["bearing_viscous"]}
@@ -164,6 +184,16 @@ def _response(made: KneeReproduction) -> Drawing:
 
 
 def shanks(made: KneeReproduction) -> Section:
+    """Fig. 3.3, Table 3.3.
+
+    Parameters
+    ----------
+    made : KneeReproduction
+
+    Returns
+    -------
+    Section
+    """
     shank = made.paper.tables["shank"]
     panels, cells = [], []
     for (name, found), subject in zip(made.wearers.items(), SUBJECTS, strict=True):
@@ -212,7 +242,18 @@ def shanks(made: KneeReproduction) -> Section:
 
 
 def torque(made: KneeReproduction, rows: dict[str, Reproduced]) -> Section:
-    """Fig. 3.4 and Table 3.4."""
+    """Fig. 3.4, Table 3.4.
+
+    Parameters
+    ----------
+    made : KneeReproduction
+    rows : dict of str to Reproduced
+        By id.
+
+    Returns
+    -------
+    Section
+    """
     table, cells = made.paper.tables["regression"], []
     for estimator in dict.fromkeys(m.estimator for m in made.maps):
         mine = [m for m in made.maps if (m.estimator, m.protocol) == (estimator, "published")]
@@ -285,6 +326,18 @@ def _torque_trace(made: KneeReproduction) -> Drawing:
 
 
 def strap(made: KneeReproduction, rows: dict[str, Reproduced]) -> Section:
+    """Figs. 3.5 to 3.7, Table 3.5.
+
+    Parameters
+    ----------
+    made : KneeReproduction
+    rows : dict of str to Reproduced
+        By id.
+
+    Returns
+    -------
+    Section
+    """
     table, drawings, cells = made.paper.tables["coupling"], [], []
     for number_, ((name, found), subject) in enumerate(zip(made.wearers.items(), SUBJECTS, strict=True), 5):
         printed, coupling = table[subject], found.stages.coupling
@@ -364,6 +417,18 @@ def _imu_note(rows: dict[str, Reproduced]) -> str:
 
 
 def straps_over_seeds(made: KneeReproduction, rows: dict[str, Reproduced]) -> Section:
+    """Whether intervals hold the truth.
+
+    Parameters
+    ----------
+    made : KneeReproduction
+    rows : dict of str to Reproduced
+        By id.
+
+    Returns
+    -------
+    Section
+    """
     panels = []
     for what, unit, letter in (("stiffness", "N·m/rad", "k"), ("damping", "N·m·s/rad", "b")):
         row = []

@@ -140,7 +140,19 @@ class WearerFound:
 
 
 def mean_fit(swings: Sequence[Mismatch], model: str = "predicted", split: str = "heldout") -> float:
-    """Mean over the swings of a `split`, as `Mismatch.fit` has it [%]."""
+    """Mean fit of swings.
+
+    Parameters
+    ----------
+    swings : sequence of Mismatch
+    model, split : str
+        As `Mismatch.fit` takes it; which of the swings count.
+
+    Returns
+    -------
+    float
+        [%]
+    """
     return float(np.mean([s.fit(model) for s in swings if s.split == split]))
 
 
