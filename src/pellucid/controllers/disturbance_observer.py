@@ -100,6 +100,8 @@ class DisturbanceObserver:
         Shares carried [1].
     gain : float
         On the observed strap torque [1].
+    bandwidth : float
+        Of the observer [rad/s].
     assist_width : float
         w [rad/s].
     limits : Limits
@@ -111,11 +113,12 @@ class DisturbanceObserver:
     gravity: float = 0.8
     friction: float = 0.5
     gain: float = 1.0
+    bandwidth: float = 40.0
     assist_width: float = 0.6
     limits: Limits = field(default_factory=Limits)
 
     def __post_init__(self):
-        self.observer = StrapTorqueObserver(self.coupling, self.period)
+        self.observer = StrapTorqueObserver(self.coupling, self.period, self.bandwidth)
         self._gate = self.limits.gate(self.period)
         self._count = 0
 

@@ -52,8 +52,8 @@ def tune_pid(
     gain_db: float,
     delay: float,
     band: tuple[float, float] = (2.0, 6.5),
-    proportional: Sequence[float] = (0.0, 0.5, 1.0, 1.5, 2.0, 2.5, 3.0),
-    integral: Sequence[float] = (0.0, 2.0),
+    proportional: Sequence[float] = (0.0, 0.5, 1.0, 1.5, 2.0, 3.0, 4.0, 6.0),
+    integral: Sequence[float] = (0.0, 1.5, 3.0, 6.0),
     derivative: Sequence[float] = (0.0, 0.03),
 ) -> ResidualDesign:
     """The gains that leave the least strap torque over a band, among those with these margins on every plant.

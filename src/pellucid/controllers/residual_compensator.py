@@ -398,12 +398,52 @@ def bears_all(
     -------
     bool
     """
-    loops = {(s, t): made.linear(s, t) for s in sorted(speeds, reverse=True) for t in (0.0, 1.0)}
-    return all(
-        bears(plant, loop, made.period, gain_db=gain_db, delay=delay, speed=speed)
-        for (speed, _), loop in loops.items()
-        for plant in plants
-    )
+    cases = [(plant, speed, trust) for speed in speeds for trust in (0.0, 1.0) for plant in plants]
+    return first_failing(made, cases, gain_db=gain_db, delay=delay) is None
+
+
+def first_failing(
+    made: ResidualDesign, cases: Sequence[tuple[Coupling, float, float]], *, gain_db: float, delay: float
+) -> int | None:
+    """Which case does not bear the margins wanted.
+
+    Parameters
+    ----------
+    made : ResidualDesign
+    cases : sequence of (Coupling, float, float)
+        Plant, speed [rad/s] and trust in EMG.
+    gain_db, delay : float
+        [dB], [s].
+
+    Returns
+    -------
+    int or None
+        Its place; None where all bear them.
+    """
+    loops: dict[tuple[float, float], LinearSystem] = {}
+    for i, (plant, *at) in enumerate(cases):
+        if tuple(at) not in loops:
+            loops[tuple(at)] = made.linear(*at)
+        if not bears(plant, loops[tuple(at)], made.period, gain_db=gain_db, delay=delay, speed=at[0]):
+            return i
+    return None
+
+
+def weakenings(count: int = 5) -> list[tuple[float, float]]:
+    """Factors on the friction carried and on the gains of the strap, from none to all taken away [1].
+
+    Parameters
+    ----------
+    count : int
+        Steps of each.
+
+    Returns
+    -------
+    list of tuple of float
+        Friction and strap; the least taken away in all first, and of the same in all, of the friction.
+    """
+    left = [1.0 - i / count for i in range(count + 1)]
+    return sorted(((f, s) for f in left for s in left), key=lambda pair: (round(-sum(pair), 6), pair[0]))
 
 
 def within(
@@ -413,10 +453,8 @@ def within(
     gain_db: float,
     delay: float,
     speeds: Sequence[float] = (0.1, 0.5, 1.5, 4.0),
-    strap: Sequence[float] = (1.0, 0.75, 0.5, 0.25, 0.0),
-    friction: Sequence[float] = (1.0, 0.9, 0.8, 0.7, 0.6, 0.4, 0.2, 0.0),
 ) -> ResidualDesign:
-    """A law weakened as little as these margins ask: first its gains on the strap, then the friction that it carries.
+    """A law weakened as little as these margins ask, in its gains on the strap and in the friction that it carries.
 
     Parameters
     ----------
@@ -428,13 +466,11 @@ def within(
         Margins wanted [dB], [s].
     speeds : sequence of float
         As in `worst_margins` [rad/s].
-    strap, friction : sequence of float
-        Factors to try, falling [1].
 
     Returns
     -------
     ResidualDesign
-        The first that has them: the most friction, with it the largest gains.
+        The first along `weakenings` that has them.
 
     Raises
     ------
@@ -442,18 +478,18 @@ def within(
         If none has.
     """
     law = made.law
-    driven = any((law.proportional, law.integral, law.derivative))
-    carries = law.friction > 0
-    for rubbed in friction if carries else (1.0,):
-        for pulled in strap if driven else (1.0,):
-            weaker = replace(
-                law,
-                friction=rubbed * law.friction,
-                proportional=pulled * law.proportional,
-                integral=pulled * law.integral,
-                derivative=pulled * law.derivative,
-            )
-            tried = replace(made, law=weaker)
-            if bears_all(tried, plants, gain_db=gain_db, delay=delay, speeds=speeds):
-                return tried
+    cases = [(plant, speed, trust) for speed in speeds for trust in (0.0, 1.0) for plant in plants]
+    for rubbed, pulled in weakenings():
+        weaker = replace(
+            law,
+            friction=rubbed * law.friction,
+            proportional=pulled * law.proportional,
+            integral=pulled * law.integral,
+            derivative=pulled * law.derivative,
+        )
+        tried = replace(made, law=weaker)
+        failing = first_failing(tried, cases, gain_db=gain_db, delay=delay)
+        if failing is None:
+            return tried
+        cases.insert(0, cases.pop(failing))  # what one law did not bear, the next will hardly
     raise PellucidError(f"within: no weaker law leaves {gain_db:g} dB and {1e3 * delay:g} ms on every plant.")

@@ -292,9 +292,9 @@ def margins(
 def bears(
     coupling: Coupling, controller: LinearSystem, period: float, *, gain_db: float, delay: float, speed: float = 1.0
 ) -> bool:
-    """Whether a loop is stable with every factor up to `gain_db` and every added dead time up to `delay`.
+    """Whether a loop is stable as it is, and with the factor and with the added dead time asked for, and half of each.
 
-    The same as asking `margins` for both, in a tenth of the time.
+    What `margins` says of both, unless a loop is unstable for a narrow range in between alone; in a tenth of its time.
 
     Parameters
     ----------
@@ -308,14 +308,10 @@ def bears(
     bool
     """
     held = _held(coupling, speed, period, 0.0)
-    if any(
-        radius(closed_loop(held, controller, 10 ** (decibel / 20))) >= 1
-        for decibel in (0.0, gain_db, *np.arange(1.0, gain_db, 1.0))
-    ):
+    if any(radius(closed_loop(held, controller, 10 ** (decibel / 20))) >= 1 for decibel in (gain_db, 0.0, gain_db / 2)):
         return False
     return not any(
-        radius(closed_loop(_held(coupling, speed, period, float(late)), controller)) >= 1
-        for late in (delay, *np.arange(0.004, delay, 0.004))
+        radius(closed_loop(_held(coupling, speed, period, float(late)), controller)) >= 1 for late in (delay, delay / 2)
     )
 
 

@@ -20,6 +20,7 @@ from ..identification.actuator_residual import actuator_residual
 from ..identification.identify_coupling import identify_worn
 from ..lab.knee_rig import KneeRig
 from ..recordings.recording import Recording
+from ..signals.filters import zero_phase_lowpass
 from .knee_trials import STRAP_ONLY, Taken, take
 
 BAND = (30.0, 450.0)
@@ -33,6 +34,9 @@ MOTION = 6.0
 
 SETTLED = 2.0
 """Left out at the start of a recording [s]."""
+
+LOST = 3.0
+"""A repetition in which the orthosis ever turns faster was not held, and is left out [rad/s]."""
 
 RATE = 20.0
 """Samples a second that enter the regression: the envelopes have no more."""
@@ -237,8 +241,10 @@ def emg_map(steps: Sequence[Step], settings: EmgSettings) -> tuple[EmgMap, float
     """
     from scipy.signal import butter, sosfilt
 
+    steps = [s for s in steps if np.max(np.abs(np.diff(zero_phase_lowpass(s.position, MOTION, 4, _rate(s.time)))))
+             * _rate(s.time) < LOST]  # fmt: skip
     if len({s.repetition for s in steps}) < 2:
-        raise IdentificationError("emg_map: found fewer than two repetitions of torque steps, expected at least two")
+        raise IdentificationError("emg_map: found torque steps of fewer than two repetitions held, expected two")
     fs, muscles = _rate(steps[0].emg_time), range(steps[0].emg.shape[1])
     band = butter(2, BAND, "bandpass", fs=fs, output="sos")
     envelope = butter(2, settings.corner, fs=fs, output="sos")

@@ -16,7 +16,16 @@ from ..controllers.disturbance_observer import DisturbanceObserver
 from ..controllers.fuzzy import FuzzyCompensation
 from ..controllers.pid_tuning import tune_pid
 from ..controllers.rbf import RbfCompensation
-from ..controllers.residual_compensator import Law, Noise, ResidualDesign, design, within, worst, worst_margins
+from ..controllers.residual_compensator import (
+    Law,
+    Noise,
+    ResidualDesign,
+    design,
+    weakenings,
+    within,
+    worst,
+    worst_margins,
+)
 from ..controllers.stability import Margins, bears, margins
 from ..controllers.worn import StrapLearning, WornCompensator
 from ..lab.knee_trial import Controller
@@ -194,7 +203,7 @@ def by_phase(made: ResidualDesign, gains: Sequence[float], swing: tuple[float, f
 
 
 def disturbance_observer(coupling: Coupling, period: float, constants: Chosen) -> DisturbanceObserver:
-    """The disturbance observer, its gain and then its friction lowered until the margins are there.
+    """The disturbance observer, its gain and its friction lowered until the margins are there.
 
     Parameters
     ----------
@@ -208,15 +217,18 @@ def disturbance_observer(coupling: Coupling, period: float, constants: Chosen) -
     DisturbanceObserver
     """
     wanted = DisturbanceObserver(coupling, period, **constants.observer)
-    for rubbed in (1.0, 0.9, 0.8, 0.7, 0.6, 0.4, 0.2, 0.0):
-        for pulled in (1.0, 0.75, 0.5, 0.25, 0.0):
-            weaker = replace(wanted, gain=pulled * wanted.gain, friction=rubbed * wanted.friction)
-            if all(
-                bears(plant, weaker.linear(speed), period, gain_db=GAIN_DB, delay=DELAY, speed=speed)
-                for plant in uncertain_straps(coupling)
-                for speed in SPEEDS[::-1]
-            ):
-                return weaker
+    cases = [(plant, speed) for speed in SPEEDS[::-1] for plant in uncertain_straps(coupling)]
+    for rubbed, pulled in weakenings():
+        weaker = replace(wanted, gain=pulled * wanted.gain, friction=rubbed * wanted.friction)
+        borne = (
+            bears(plant, weaker.linear(speed), period, gain_db=GAIN_DB, delay=DELAY, speed=speed)
+            for plant, speed in cases
+        )
+        failing = next((i for i, holds in enumerate(borne) if not holds), None)
+        if failing is None:
+            break
+        cases.insert(0, cases.pop(failing))
+    return weaker
     return weaker
 
 
