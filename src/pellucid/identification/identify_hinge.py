@@ -281,7 +281,8 @@ def _error_tables(trials: list[HingeTrial]) -> list[FigureTable]:
     judged = [t for t in trials if t.scores]
     if not judged:
         return []
-    heads = ("recording", *(f"{w.replace('_', ' ')} [deg]" for w in WAYS), "delay found [ms]", "excluded samples")
+    ways = ("offline", "causal", "own delay", "no delay", "rates alone")
+    heads = ("recording", *(f"{way} [deg]" for way in ways), "delay found [ms]", "excluded samples")
     rows = tuple(
         (
             t.name,
