@@ -25,14 +25,14 @@ from .knee_controllers import DELAY, GAIN_DB, NAMES, Built, Chosen, chosen, cont
 SETTLING = 4.0
 """Not scored at the start of a swing [s]: adaptation and the wearer's own learning."""
 
-TUNING, FRESH = tuple(range(101, 107)), tuple(range(201, 209))
+TUNING, FRESH = tuple(range(101, 107)), tuple(range(201, 207))
 """Seeds of drawn wearers: on whom constants were chosen, and on whom they were judged."""
 
 SWINGS, DURATION = (31, 32, 33), 20.0
 """Seeds of the judged swings, and how long one lasts [s]."""
 
-REPRODUCED = 3
-"""So many of the drawn wearers are judged in a reproduction, whose time is short; two swings each."""
+REPRODUCED = ("S1", "S2", "S3", *(f"D{seed}" for seed in FRESH[:3]))
+"""Who is judged in a reproduction, whose time is short; the others are judged by `main` of `knee_residual_rows`."""
 
 RECORDED = 5
 """Seed of the recordings that the rig's own subjects are identified from; a drawn wearer's is their own."""
@@ -328,21 +328,6 @@ def wearer(rig: KneeRig, name: str) -> Identified:
     return identify_wearer_of(drawn_rig(rig, seed), name, seed)
 
 
-def residual_jobs(rig: KneeRig) -> list[tuple]:
-    """What a reproduction judges, in parts: `judge_wearer` and its arguments, a list a wearer.
-
-    Parameters
-    ----------
-    rig : KneeRig
-
-    Returns
-    -------
-    list of tuple
-    """
-    names = [*rig.subjects, *(f"D{seed}" for seed in FRESH[:REPRODUCED])]
-    return [(judge_wearer, rig, name, SWINGS[:2]) for name in names]
-
-
 def judge_wearer(rig: KneeRig, name: str, seeds: Sequence[int] = SWINGS) -> tuple[ControllerRow, ...]:
     """Everything about one wearer, from recordings to rows.
 
@@ -424,3 +409,19 @@ def robustness(
         )
         for what, arguments in changes(identified, card, duration).items()
     }  # fmt: skip
+
+
+def judge_changes(rig: KneeRig, name: str) -> dict[str, list[ControllerRow]]:
+    """`robustness` of one wearer, from recordings to rows.
+
+    Parameters
+    ----------
+    rig : KneeRig
+    name : str
+        As in `wearer`.
+
+    Returns
+    -------
+    dict of str to list of ControllerRow
+    """
+    return robustness(wearer(rig, name))

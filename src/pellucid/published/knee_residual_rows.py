@@ -6,12 +6,13 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 
 import numpy as np
 
+from ..lab.knee_rig import knee_orthosis
 from ..report.drawing import draw
 from ..report.page import Section
 from ..report.residual_figures import ControllerRatios, torque_ratios
 from ..report.tables import Row, Table
 from .knee_controllers import DELAY, GAIN_DB, NAMES
-from .knee_residual import ControllerRow
+from .knee_residual import FRESH, ControllerRow, judge_changes, judge_wearer
 from .reproduction import Reproduced, spread
 
 WANTED = 0.5
@@ -101,6 +102,27 @@ def _margins(kind: str, words: str, rows: Sequence[ControllerRow]) -> list[Repro
     return made
 
 
+def change_rows(judged: Sequence[Mapping[str, Sequence[ControllerRow]]]) -> list[tuple[str, str, str]]:
+    """The compensator where something has changed, in a table's rows.
+
+    Parameters
+    ----------
+    judged : sequence of mapping
+        As `knee_residual.robustness` gives it, one a wearer.
+
+    Returns
+    -------
+    list of tuple of str
+        What has changed, the controller, median and range of its share of zero-impedance mode's torque.
+    """
+    made = []
+    for what in judged[0]:
+        for kind in dict.fromkeys(r.controller for r in judged[0][what]):
+            median, low, high = spread(r.ratio for one in judged for r in one[what] if r.controller == kind)
+            made.append((what, NAMES[kind], f"{median:.3f} ({low:.3f} to {high:.3f})"))
+    return made
+
+
 def residual_section(compared: Sequence[ControllerRow]) -> Section:
     """What the page shows of the comparison.
 
@@ -180,3 +202,24 @@ def residual_section(compared: Sequence[ControllerRow]) -> Section:
             ),
         ),
     )  # fmt: skip
+
+
+def main() -> None:
+    """Judge every wearer, and the compensator where something is not as it was identified; print what came out."""
+    from concurrent.futures import ProcessPoolExecutor
+    from multiprocessing import get_context
+
+    rig = knee_orthosis()
+    names = [*rig.subjects, *(f"D{seed}" for seed in FRESH)]
+    with ProcessPoolExecutor(mp_context=get_context("spawn")) as pool:
+        judged = [pool.submit(judge_wearer, rig, name) for name in names]
+        for row in residual_rows([row for one in judged for row in one.result()]):
+            between = "" if row.lower is None else f" ({row.lower:.4g} to {row.upper:.4g})"
+            print(f"{row.id}: {row.ours:.4g}{between} {row.unit}")
+        wrong = [pool.submit(judge_changes, rig, f"D{seed}") for seed in FRESH]
+        for row in change_rows([one.result() for one in wrong]):
+            print(*row, sep="; ")
+
+
+if __name__ == "__main__":
+    main()
