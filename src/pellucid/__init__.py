@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from . import report as report
     from .assessment.assess import assess as assess
     from .demonstration.demo import demo as demo
+    from .deployment.export import export as export
     from .estimators.calibrate import calibrate as calibrate
     from .identification.check import check as check
     from .identification.compare import compare as compare
@@ -39,6 +40,7 @@ _WHERE = {
     "reproduce": ("published.reproduce", "reproduce"),
     "datasets": ("datasets", None),
     "demo": ("demonstration.demo", "demo"),
+    "export": ("deployment.export", "export"),
 }
 
 __all__ = [
@@ -49,6 +51,7 @@ __all__ = [
     "compare",
     "datasets",
     "demo",
+    "export",
     "identify",
     "init",
     "open",

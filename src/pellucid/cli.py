@@ -270,6 +270,37 @@ def reproduce(
 
 
 @app.command()
+def export(
+    folder: Folder,
+    to: Annotated[str, typer.Option("--to", metavar="LANGUAGE", help="c: C interface, C++17 inside.")] = "c",
+    out: Annotated[Path | None, typer.Option("--out", metavar="FOLDER", help="Folder to make.")] = None,
+    participant: Annotated[str | None, typer.Option(metavar="NAME", help="Whose cards, for an orthosis.")] = None,
+    card: Annotated[str | None, typer.Option(metavar="FILE", help="Card in models/, for a joint.")] = None,
+    slider: Annotated[float | None, typer.Option(metavar="M", help="Where the carriage is [m].")] = None,
+    period: Annotated[float | None, typer.Option(metavar="S", help="Of the controller [s].")] = None,
+) -> None:
+    """Write the controller as source for a microcontroller."""
+    from .deployment.export import export as run
+    from .deployment.microcontroller import measure, missing_tools, save_measured
+    from .recordings.study import open_study
+
+    study = open_study(folder)
+    with _progress() as tell:
+        tell("building the controller", 0.1)
+        made = run(study, to, out, participant=participant, card=card, slider=slider, period=period)
+        tell("running it on a Cortex-M4F in QEMU", 0.7)
+        absent = missing_tools()
+        found = None if absent else measure(made)
+    console = _console()
+    if found is None:
+        _say(console, f"Not run on a Cortex-M4F: {', '.join(absent)} not installed.")
+    else:
+        save_measured(study, made, found)
+        _say(console, f"On a Cortex-M4F in QEMU: {found.text}.")
+    _say(console, f"{made}: read README.md there. Next: make -C {made} check")
+
+
+@app.command()
 def version() -> None:
     """Print the version."""
     from . import __version__

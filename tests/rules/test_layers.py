@@ -28,15 +28,16 @@ ALLOWED = {
     "controllers": PHYSICS,
     "estimators": UP_TO_SIGNALS | PHYSICS | {"identification"},
     "assessment": UP_TO_SIGNALS | PHYSICS - {"_core"} | {"identification", "estimators", "controllers"},
+    "deployment": UP_TO_SIGNALS | PHYSICS | {"identification", "controllers"},
     "report": UP_TO_SIGNALS | PHYSICS - {"_core"} | {"identification", "estimators", "controllers", "assessment"},
     "published": UP_TO_SIGNALS | PHYSICS - {"_core"} | {"identification", "lab", "estimators", "controllers"}
     | {"assessment", "report"},
     "demonstration": UP_TO_SIGNALS | PHYSICS - {"_core"} | {"identification", "lab", "report"},
     "cli": UP_TO_SIGNALS | PHYSICS - {"_core"} | {"identification", "lab", "estimators", "controllers", "assessment"}
-    | {"report", "published", "demonstration"},
+    | {"report", "published", "demonstration", "deployment"},
 }  # fmt: skip
 PLOTTING = {"report"}
-CORE_USERS = {"models", "signals", "identification", "estimators", "controllers", "lab"}
+CORE_USERS = {"models", "signals", "identification", "estimators", "controllers", "lab", "deployment"}
 DRAWER = re.compile(r"utils?|helpers?|misc|common|tools|stuff")
 
 
@@ -163,6 +164,7 @@ OWN_FILES = {
     "estimators/calibration_file.py": "what calibration found, kept",
     "lab": "the virtual lab writes recordings and reads its own rigs",
     "published": "printed numbers",
+    "deployment": "the core's headers, and checksums of cards",
 }
 OPENERS = re.compile(
     r"\b(?:open|np\.load|np\.loadtxt|np\.genfromtxt|numpy\.load|loadmat|json\.load|csv\.reader|read_csv)\s*\("

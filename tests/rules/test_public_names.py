@@ -15,6 +15,7 @@ NAMES = [
     "compare",
     "datasets",
     "demo",
+    "export",
     "identify",
     "init",
     "open",
@@ -33,6 +34,7 @@ COMMANDS = [
     "compare",
     "demo",
     "reproduce",
+    "export",
     "version",
     "datasets",
 ]

@@ -1,0 +1,101 @@
+"""An identified study's controller as source for a microcontroller."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from .._errors import PellucidError
+from ..recordings.study import Study
+from .c_folder import write_c_folder
+from .controller_values import ControllerValues
+from .joint_values import joint_values
+from .worn_values import worn_values
+
+LANGUAGES = ("c",)
+
+
+def export(
+    study: Study,
+    to: str = "c",
+    out: Path | None = None,
+    *,
+    card: str | None = None,
+    slider: float | None = None,
+    participant: str | None = None,
+    period: float | None = None,
+) -> Path:
+    """Write the controller that the study's model cards make possible, ready to be compiled for a robot.
+
+    A joint's card gives compensation of gravity and friction, the cards of an orthosis and its wearer the residual
+    compensator of its zero-impedance mode; either ends in the safety gate.
+
+    Parameters
+    ----------
+    study : Study
+        Identified.
+    to : str
+        ``"c"``.
+    out : Path or None
+        Folder to make; None: ``controller`` in the study's folder.
+    card : str or None
+        File name in the study's models folder, of a joint; None: the best.
+    slider : float or None
+        Where the carriage is, for a joint that has one [m]; None: the middle of its rail.
+    participant : str or None
+        Whose cards, for an orthosis; None where there is one only.
+    period : float or None
+        Of the controller [s]; None: 1 ms, or that of the recordings of an orthosis.
+
+    Returns
+    -------
+    Path
+        The folder.
+
+    Raises
+    ------
+    PellucidError
+        If `to` is no language known, a card is missing, or the study has no controller that can be exported.
+    """
+    values = values_for(study, to, card=card, slider=slider, participant=participant, period=period)
+    return write_c_folder(study, values, study.folder / "controller" if out is None else Path(out))
+
+
+def values_for(
+    study: Study,
+    to: str = "c",
+    *,
+    card: str | None = None,
+    slider: float | None = None,
+    participant: str | None = None,
+    period: float | None = None,
+) -> ControllerValues:
+    """The numbers that `export` writes.
+
+    Parameters
+    ----------
+    study, to, card, slider, participant, period
+        As `export` takes them.
+
+    Returns
+    -------
+    ControllerValues
+
+    Raises
+    ------
+    PellucidError
+        As `export` does.
+    """
+    if to not in LANGUAGES:
+        raise PellucidError(f'export: found to = "{to}", expected "{LANGUAGES[0]}"')
+    if period is not None and not 0.0 < period <= 0.1:
+        raise PellucidError(f"export: found a period of {period:g} s, expected one above 0 and up to 0.1 s")
+    if study.config.coupling is not None:
+        if card is not None or slider is not None:
+            raise PellucidError(
+                f"export of {study.name}: found a joint's card or carriage, expected a participant only"
+            )
+        return worn_values(study, participant=participant, period=period)
+    if participant is not None:
+        raise PellucidError(f"export of {study.name}: found a participant, expected none: nobody wears this joint")
+    given = {} if period is None else {"period": period}
+    return joint_values(study, card=card, slider=slider, **given)

@@ -1,0 +1,164 @@
+"""What an exported controller costs on a Cortex-M4F, and whether it answers there as it did here: QEMU's board."""
+
+from __future__ import annotations
+
+import shutil
+import subprocess
+from collections.abc import Iterator
+from dataclasses import dataclass
+from hashlib import sha256
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+from .._errors import PellucidError
+from ..recordings.results import ResultRow, write_rows
+from ..recordings.study import Study
+
+COMMAND = "export"
+
+TOOLS = ("make", "cc", "arm-none-eabi-g++", "arm-none-eabi-size", "qemu-system-arm")
+"""What `measure` needs."""
+
+
+@dataclass(frozen=True)
+class OnCortexM4:
+    """Figures of one controller on a Cortex-M4F.
+
+    Attributes
+    ----------
+    steps, wrong : int
+        Of the test vector, and how many of them differ in a bit from the host's.
+    instructions : float
+        A step, mean over the vector's motion.
+    most : int
+        The costliest step, within 40.
+    code, constants : int
+        Text and initialised data of the interface with the law, and the configuration [bytes].
+    memory : int
+        A context [bytes].
+    """
+
+    steps: int
+    wrong: int
+    instructions: float
+    most: int
+    code: int
+    constants: int
+    memory: int
+
+    @property
+    def bytes(self) -> int:
+        """Code and constants."""
+        return self.code + self.constants
+
+    @property
+    def text(self) -> str:
+        """In one line."""
+        same = "equal to this machine's bit by bit" if not self.wrong else f"{self.wrong} not equal to this machine's"
+        return (
+            f"{self.steps} steps, {same}; {self.instructions:.0f} instructions a step, {self.bytes} bytes of code and "
+            f"constants, {self.memory} of memory"
+        )
+
+
+def missing_tools() -> list[str]:
+    """Which of `TOOLS` are not installed.
+
+    Returns
+    -------
+    list of str
+    """
+    return [tool for tool in TOOLS if shutil.which(tool) is None]
+
+
+def measure(folder: Path) -> OnCortexM4:
+    """Compile an exported controller for a Cortex-M4F, play its test vector in QEMU, and count.
+
+    Parameters
+    ----------
+    folder : Path
+        The exported one, with `test/vector_outputs.h`. Its `build` is there afterwards as it was before.
+
+    Returns
+    -------
+    OnCortexM4
+
+    Raises
+    ------
+    PellucidError
+        If a tool is missing or fails.
+    """
+    absent = missing_tools()
+    if absent:
+        raise PellucidError(f"{folder}: found no {', '.join(absent)}, expected the tools for a Cortex-M4 and QEMU")
+    with TemporaryDirectory() as scratch:
+        copy = Path(shutil.copytree(folder, Path(scratch) / "controller", ignore=shutil.ignore_patterns("build")))
+        checked, counted = _said(copy, "m4"), _said(copy, "count")
+        text, data = _size(copy)
+    return OnCortexM4(
+        steps=checked["steps"],
+        wrong=checked["wrong"],
+        instructions=counted["instructions"] / counted["steps"],
+        most=counted["most"],
+        code=text + data,
+        constants=counted["constants"],
+        memory=counted["memory"],
+    )
+
+
+def save_measured(study: Study, folder: Path, found: OnCortexM4 | None) -> list[ResultRow]:
+    """Write the figures to results.json, in place of those of an earlier export.
+
+    Parameters
+    ----------
+    study : Study
+    folder : Path
+        The exported controller.
+    found : OnCortexM4 or None
+        None where it could not be measured: no figures then.
+
+    Returns
+    -------
+    list of ResultRow
+    """
+    checksum = sha256((folder / "pellucid_constants.h").read_bytes()).hexdigest()
+    rows = [] if found is None else list(_rows(study.name, found, checksum))
+    if rows or study.results_path.exists():
+        write_rows(study.results_path, COMMAND, rows)
+    return rows
+
+
+def _rows(study: str, found: OnCortexM4, checksum: str) -> Iterator[ResultRow]:
+    def row(name: str, value: float, unit: str, note: str) -> ResultRow:
+        return ResultRow(f"{study}.export.m4.{name}", value, unit, COMMAND, "simulated", checksum, note)
+
+    how = "QEMU, Cortex-M4F, -icount shift=0, SysTick; mean over the test vector's motion"
+    yield row("instructions_per_step", found.instructions, "1", f"{how}; the costliest step {found.most}")
+    yield row("bytes", found.bytes, "B", f"code {found.code}, configuration {found.constants}; -O2")
+    yield row("memory", found.memory, "B", "one context")
+    yield row("wrong", found.wrong, "1", f"of {found.steps} steps, those that differ from the host's in any bit")
+
+
+def _said(folder: Path, target: str) -> dict[str, int]:
+    run = _make(folder, target)
+    said = dict(line.split() for line in run.stdout.splitlines() if len(line.split()) == 2)
+    # A check that found something wrong says so and fails; what cannot run says nothing.
+    if "steps" not in said or (run.returncode and not int(said.get("wrong", 0))):
+        raise PellucidError(f"{folder}: make {target} failed:\n{(run.stderr or run.stdout).strip()}")
+    return {word: int(number) for word, number in said.items()}
+
+
+def _size(folder: Path) -> tuple[int, int]:
+    run = _make(folder, "size")
+    try:
+        text, data = run.stdout.splitlines()[-1].split()[:2]
+        return int(text), int(data)
+    except (IndexError, ValueError):
+        raise PellucidError(f"{folder}: make size failed:\n{run.stderr.strip()}") from None
+
+
+def _make(folder: Path, target: str) -> subprocess.CompletedProcess[str]:
+    try:
+        return subprocess.run(["make", "-s", target], cwd=folder, capture_output=True, text=True, timeout=300)
+    except subprocess.TimeoutExpired:
+        raise PellucidError(f"{folder}: make {target} took more than five minutes") from None

@@ -1,0 +1,140 @@
+"""From the cards of an orthosis and its wearer to the numbers of the residual compensator."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from hashlib import sha256
+
+from .. import _core
+from .._errors import PellucidError
+from ..controllers.coupling import Coupling
+from ..controllers.limits import Limits
+from ..controllers.residual_compensator import design, within
+from ..identification.actuator_residual import actuator_residual
+from ..models.parameter_card import read_parameter_card
+from ..recordings.study import Study
+from .controller_values import ControllerValues
+
+GAIN_DB, DELAY = 6.0, 0.020
+"""Margins that the loop keeps on every strap of `UNCERTAIN` [dB], [s]."""
+
+UNCERTAIN = (0.7, 1.3)
+"""Factors on the strap's stiffness and damping, in every combination [1]."""
+
+DEAD_SAMPLES = 1
+"""Of the actuator's torque loop, from reading to current."""
+
+CHANNELS = ("command", "torque", "position", "motor_position")
+"""What a recording of the actuator has."""
+
+IDENTIFIED: Mapping[str, tuple[str, str]] = {
+    "orthosis_inertia": ("orthosis", "inertia"),
+    "orthosis_viscous": ("orthosis", "damping"),
+    "orthosis_gravity": ("orthosis", "gravity"),
+    "coulomb": ("orthosis", "coulomb"),
+    "limb_inertia": ("limb", "inertia"),
+    "limb_viscous": ("limb", "damping"),
+    "limb_gravity": ("limb", "gravity"),
+    "strap_stiffness": ("coupling", "stiffness"),
+    "strap_damping": ("coupling", "damping"),
+}
+"""The law's parameter, by card and by its name there."""
+
+
+def worn_values(study: Study, *, participant: str | None = None, period: float | None = None) -> ControllerValues:
+    """The residual compensator for one wearer, weakened until its margins hold on every strap that may be the true one.
+
+    Parameters
+    ----------
+    study : Study
+        Identified, with recordings of the orthosis alone from which its actuator's lag is taken.
+    participant : str or None
+        Whose cards; None where there is one only.
+    period : float or None
+        Of the controller [s]; None: that of the recordings.
+
+    Returns
+    -------
+    ControllerValues
+
+    Raises
+    ------
+    PellucidError
+        If a card is missing, or there are several participants and none is named.
+    IdentificationError
+        If the recordings do not show the actuator.
+    """
+    wearer = _wearer(study, participant)
+    names = {"orthosis": "orthosis.json", "limb": f"{wearer}.limb.json", "coupling": f"{wearer}.coupling.json"}
+    paths = {kind: study.models_dir / name for kind, name in names.items()}
+    cards = {kind: read_parameter_card(path) for kind, path in paths.items()}
+    actuator, sampled = _actuator(study)
+    coupling = Coupling.of_cards(cards["orthosis"], cards["limb"], cards["coupling"], actuator)
+    straps = [coupling.scaled(strap_stiffness=k, strap_damping=b) for k in UNCERTAIN for b in UNCERTAIN]
+    limits = _limits(study)
+    made = design(coupling, sampled if period is None else period, limits=limits)
+    made = within(made, [coupling, *straps], gain_db=GAIN_DB, delay=DELAY)
+    remarks = {name: "chosen" for name in _core.RESIDUAL_PARAMETER_NAMES}
+    for name, (kind, parameter) in IDENTIFIED.items():
+        if parameter in cards[kind].values:
+            low, high = cards[kind][parameter].interval
+            remarks[name] = f"identified, {low:.6g} to {high:.6g}"
+    remarks |= {name: "from recordings of the orthosis alone" for name in actuator if name in remarks}
+    remarks |= {name: "of the steady-state Kalman filter" for name in remarks if name.startswith("correct_")}
+    gain, delay = f"{GAIN_DB:g} dB", f"{1e3 * DELAY:g} ms"
+    notes = (
+        f"For the wearer {wearer} alone: limb and strap are theirs.",
+        f"The loop keeps {gain} and {delay} on straps {1 - UNCERTAIN[0]:.0%} softer and stiffer than identified.",
+        "emg_torque is the output of your EMG chain; without it (valid = 0) what needs no EMG goes on.",
+        "The effort is the torque wanted from the spring: your torque loop follows it.",
+    )
+    if study.rig.limits.position_min is None or study.rig.limits.position_max is None:
+        low, high = limits.position
+        notes += (f"The study names no stops: {low:g} to {high:g} rad is a guess; set yours before switching on.",)
+    return ControllerValues(
+        law="worn",
+        numbers=dict(zip(_core.RESIDUAL_PARAMETER_NAMES, map(float, made.parameters()), strict=True)),
+        remarks=remarks,
+        cards=tuple(names.values()),
+        checksums={name: sha256(paths[kind].read_bytes()).hexdigest() for kind, name in names.items()},
+        notes=notes,
+    )
+
+
+def _wearer(study: Study, participant: str | None) -> str:
+    known = sorted(path.name.removesuffix(".coupling.json") for path in study.models_dir.glob("*.coupling.json"))
+    if participant is None and len(known) == 1:
+        return known[0]
+    if participant is None or participant not in known:
+        found = "none" if participant is None else repr(participant)
+        raise PellucidError(
+            f"export of {study.name}: found the participant {found}, expected one of {', '.join(known) or 'nobody'}"
+        )
+    return participant
+
+
+def _actuator(study: Study) -> tuple[dict[str, float], float]:
+    """By the names of `Coupling`, and the sampling period [s]."""
+    alone = [r for r in study.recordings("fit") if r.protocol == "sine_tracking" and set(CHANNELS) <= set(r.channels)]
+    if not alone:
+        raise PellucidError(
+            f'export of {study.name}: found no recording of protocol "sine_tracking" with {", ".join(CHANNELS)}, '
+            "expected one: the actuator's lag comes from it"
+        )
+    found = actuator_residual([tuple(r[c] for c in CHANNELS) for r in alone], alone[0].fs)
+    known = Coupling.__dataclass_fields__
+    period = 1.0 / alone[0].fs
+    return {name: value for name, value in found.items() if name in known} | {"delay": DEAD_SAMPLES * period}, period
+
+
+def _limits(study: Study) -> Limits:
+    given, plain = study.rig.limits, Limits()
+    stops = (given.position_min, given.position_max)
+    return Limits(
+        effort=plain.effort if given.effort is None else min(given.effort, plain.effort),
+        rate=plain.rate,
+        velocity=plain.velocity if given.velocity is None else given.velocity,
+        position=tuple(float(p if g is None else g) for g, p in zip(stops, plain.position, strict=True)),
+        stop_margin=plain.stop_margin,
+        emg_torque=plain.emg_torque,
+    )
