@@ -106,12 +106,13 @@ def write_c_folder(study: Study, values: ControllerValues, out: Path) -> Path:
         text = text.replace("N*m", values.effort_unit)
         return text if coordinate == "rad" else text.replace("rad", coordinate)
 
+    vector = replay_vector(values)
     content = {
         "law": law,
         "values": values,
         "study": study.name,
         "version": version("pellucid"),
-        "vector": replay_vector(values),
+        "vector": vector,
         "headers": headers,
         "unit": unit,
         "coordinate": coordinate,
@@ -121,17 +122,19 @@ def write_c_folder(study: Study, values: ControllerValues, out: Path) -> Path:
     for name, folder in TEMPLATES.items():
         write_text_atomically(out / folder / name, _render(f"{name}.j2", **content))
     (out / "test" / "vector_outputs.h").unlink(missing_ok=True)
-    record(out)
+    record(out, vector.motion)
     return out
 
 
-def record(folder: Path) -> bool:
+def record(folder: Path, motion: int = 0) -> bool:
     """Let this machine answer the test vector, and write the answers down.
 
     Parameters
     ----------
     folder : Path
         From `write_c_folder`.
+    motion : int
+        How many of the first steps must be without a fault.
 
     Returns
     -------
@@ -141,7 +144,7 @@ def record(folder: Path) -> bool:
     Raises
     ------
     PellucidError
-        If they are there and the folder does not compile.
+        If they are there and the folder does not compile, or the motion meets a fault.
     """
     if not all(map(shutil.which, ("make", "cc", "c++"))):
         return False
@@ -151,6 +154,9 @@ def record(folder: Path) -> bool:
     outputs = [(int(bits, 16), int(fault)) for bits, fault in (line.split() for line in run.stdout.splitlines())]
     write_text_atomically(folder / "test" / "vector_outputs.h", _render("vector_outputs.h.j2", outputs=outputs))
     shutil.rmtree(folder / "build")
+    wrong = next((fault for _, fault in outputs[:motion] if fault), 0)
+    if wrong:
+        raise PellucidError(f"{folder}: found fault {wrong} in the test vector's motion, expected none: see its README")
     return True
 
 

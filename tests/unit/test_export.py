@@ -1,0 +1,425 @@
+"""An exported controller: its folder, and how it behaves through its C interface, here and on a Cortex-M4F."""
+
+import ctypes
+import json
+import shutil
+import subprocess
+from dataclasses import asdict, replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+import pellucid
+from pellucid import _core
+from pellucid._errors import PellucidError
+from pellucid.cli import app
+from pellucid.controllers.coupling import Coupling
+from pellucid.controllers.residual_compensator import design
+from pellucid.deployment.c_folder import core_headers, needed_headers, write_c_folder
+from pellucid.deployment.controller_values import ControllerValues
+from pellucid.deployment.deployed_law import LAWS
+from pellucid.deployment.joint_values import joint_values
+from pellucid.deployment.microcontroller import measure, missing_tools
+from pellucid.models.card import CardParameter, ModelCard, write_card
+from pellucid.models.slider_card import SliderCard
+
+compiled = pytest.mark.skipif(
+    not all(map(shutil.which, ("make", "cc", "c++", "nm"))), reason="make, cc, c++ or nm is not installed"
+)
+on_m4 = pytest.mark.skipif(bool(missing_tools()), reason=f"not installed: {', '.join(missing_tools())}")
+
+STUDY = """
+name = "bench"
+[rig]
+joint = "elbow"
+motion = "rotary"
+lifts = "flexion"
+limits = { position_min = "-30 deg", position_max = "120 deg", velocity = "6 rad/s", effort = "5 N*m" }
+[rig.drive]
+kind = "torque"
+[channels]
+time = { column = "t", unit = "s" }
+position = { column = "q", unit = "rad" }
+torque = { column = "u", unit = "N*m" }
+[processing]
+lowpass = "20 Hz"
+[[recordings]]
+name = "a"
+file = "recordings/a.csv"
+use = "fit"
+"""
+
+BODY = {"inertia": 0.05, "gravity": 1.5, "offset": 0.1, "coulomb": 0.3, "viscous": 0.1, "load_friction": 0.2}
+UNITS = {"inertia": "kg*m^2", "viscous": "N*m*s/rad", "load_friction": "1"}
+
+
+def parameter(name, value, spread=0.0):
+    unit = UNITS.get(name, "N*m")
+    return CardParameter(name, unit, value, spread / 2, (value - spread, value + spread))
+
+
+@pytest.fixture
+def study(tmp_path):
+    """A joint that was identified, on disk."""
+    (tmp_path / "recordings").mkdir()
+    (tmp_path / "recordings" / "a.csv").write_text("t,q,u\n0,0,0\n", encoding="utf-8")
+    (tmp_path / "study.toml").write_text(STUDY, encoding="utf-8")
+    card = ModelCard(
+        study="bench", family="load", method="ls", motion="rotary", effort_unit="N*m", lifts="flexion",
+        parameters=tuple(parameter(n, v, 0.1 * v) for n, v in BODY.items()), covariance=(), known={},
+        velocity_range=4.0, drive={"gain": 2.0, "back_emf": 0.0}, heldout_effort_error=None, processing="none",
+        confidence=0.95, checksums={}, pellucid="0",
+    )  # fmt: skip
+    (tmp_path / "models").mkdir()
+    write_card(tmp_path / "models" / "joint.json", card)
+    return pellucid.open(tmp_path)
+
+
+def worn():
+    """A worn orthosis, without a study's recordings."""
+    coupling = Coupling(0.05, 0.02, 1.6, 0.05, 0.3, 0.1, 8.0, 14.0, 0.5, actuator_frequency=60.0, delay=0.002)
+    numbers = dict(zip(_core.RESIDUAL_PARAMETER_NAMES, map(float, design(coupling, 0.002).parameters()), strict=True))
+    return ControllerValues("worn", numbers, {}, ("orthosis.json",), {})
+
+
+class Sample(ctypes.Structure):
+    _fields_ = (
+        ("value", ctypes.c_float),
+        ("sequence", ctypes.c_uint32),
+        ("time_us", ctypes.c_int64),
+        ("valid", ctypes.c_uint32),
+    )
+
+
+class Output(ctypes.Structure):
+    _fields_ = (("effort", ctypes.c_float), ("fault", ctypes.c_uint32), ("steps", ctypes.c_uint32))
+
+
+class Loaded:
+    """An exported controller in this process."""
+
+    def __init__(self, folder: Path, values: ControllerValues):
+        law = LAWS[values.law]
+        library = folder / "controller.so"
+        options = ["-std=c++17", "-O2", "-ffp-contract=off", "-fno-exceptions", "-fno-rtti", "-shared", "-fPIC"]
+        source = str(folder / "pellucid_controller.cpp")
+        where = [f"-I{folder / 'include'}", f"-I{folder}"]
+        subprocess.run(["c++", *options, *where, source, "-o", str(library)], check=True)
+        self.core = ctypes.CDLL(str(library))
+
+        class Input(ctypes.Structure):
+            _fields_ = (("now_us", ctypes.c_int64), *((s.name, Sample) for s in law.sensors))
+
+        class Config(ctypes.Structure):
+            _fields_ = tuple((name, ctypes.c_float) for name in law.parameters)
+
+        self.law, self.values, self.input_type, self.config_type = law, values, Input, Config
+        self.context = (ctypes.c_uint64 * (1 + law.storage // 8))()
+        self.period = round(1e6 * values.numbers["period"])
+        self.now, self.count = 10**6, 0
+
+    def init(self, **changed: float) -> int:
+        config = self.config_type(*({**self.values.numbers, **changed}[n] for n in self.law.parameters))
+        return self.core.pellucid_init(self.context, ctypes.byref(config))
+
+    def step(self, *readings: float, **changed) -> Output:
+        """One period on; `changed` alters the first sample, or `now_us`."""
+        self.now, self.count = self.now + self.period, self.count + 1
+        read = self.input_type(self.now, *(Sample(x, self.count, self.now - 50, 1) for x in readings))
+        for name, value in changed.items():
+            setattr(read if name == "now_us" else read.position, name, value)
+        output = Output()
+        assert self.core.pellucid_step(self.context, ctypes.byref(read), ctypes.byref(output)) == output.fault
+        return output
+
+
+@pytest.fixture
+def joint(study, tmp_path):
+    values = joint_values(study)
+    return Loaded(write_c_folder(study, values, tmp_path / "c"), values)
+
+
+@compiled
+def test_a_folder_that_compiles_without_a_warning_and_answers_as_recorded(study):
+    folder = pellucid.export(study)
+    assert folder == study.folder / "controller"
+    run = subprocess.run(["make", "-s", "check"], cwd=folder, capture_output=True, text=True)
+    assert run.returncode == 0, run.stderr
+    assert run.stdout.splitlines()[-1] == "wrong 0"
+    flags = (folder / "Makefile").read_text(encoding="utf-8")
+    assert all(f in flags for f in ("-Wall -Wextra", "-Wconversion", "-Werror", "-ffp-contract=off"))
+
+
+@compiled
+def test_a_wrong_answer_is_found(study):
+    folder = pellucid.export(study)
+    outputs = folder / "test" / "vector_outputs.h"
+    text = outputs.read_text(encoding="utf-8")
+    at = text.index("{ 0x", text.index("vector_outputs[")) + len("{ 0x")
+    other = "0" if text[at + 7] != "0" else "1"
+    outputs.write_text(text[: at + 7] + other + text[at + 8 :], encoding="utf-8")
+    run = subprocess.run(["make", "-s", "check"], cwd=folder, capture_output=True, text=True)
+    assert run.returncode != 0
+    assert "wrong 1" in run.stdout
+
+
+@compiled
+@pytest.mark.parametrize("law", LAWS)
+def test_every_law_needs_no_heap_and_no_library_but_memory_and_root(study, tmp_path, law):
+    values = joint_values(study) if law == "joint" else worn()
+    folder = write_c_folder(study, values, tmp_path / "c")
+    subprocess.run(["make", "-s", "build/controller.o"], cwd=folder, check=True)
+    listed = subprocess.run(
+        ["nm", "-u", "build/controller.o"], cwd=folder, capture_output=True, text=True, check=True
+    ).stdout
+    allowed = {"memcpy", "memmove", "memset", "sqrtf", "_GLOBAL_OFFSET_TABLE_", "__stack_chk_fail"}
+    assert {line.split()[-1] for line in listed.splitlines()} <= allowed
+
+
+@compiled
+@on_m4
+@pytest.mark.parametrize("law", LAWS)
+def test_a_cortex_m4_answers_bit_by_bit_as_the_host(study, tmp_path, law):
+    values = joint_values(study) if law == "joint" else worn()
+    found = measure(write_c_folder(study, values, tmp_path / "c"))
+    assert found.wrong == 0
+    assert found.steps > 500
+    assert 100 < found.instructions <= found.most < 5000
+    assert found.bytes < 16384
+    assert found.memory == 8 + LAWS[law].storage
+
+
+@compiled
+def test_what_is_carried_is_gravity_and_friction(joint):
+    """Against the inverse dynamics of the card in double precision, once the filter has settled."""
+    assert joint.init() == 0
+    velocity = 1.5
+    for _ in range(400):
+        position = -0.4 + velocity * joint.count * 1e-3
+        output = joint.step(position)
+    n = joint.values.numbers
+    weight = n["gravity_sine"] * np.sin(position)
+    smooth = np.tanh(velocity / n["velocity_width"])
+    load = n["load_generating"] if weight * velocity < 0 else n["load_motoring"]
+    friction = (n["coulomb_positive"] + load * abs(weight)) * smooth + n["viscous_positive"] * velocity
+    assert output.fault == 0
+    assert output.effort == pytest.approx(weight + n["offset"] + 0.8 * friction, abs=2e-3)
+    # The lower end of every friction's interval, never the value: what is left resists.
+    assert n["coulomb_positive"] == pytest.approx(0.9 * BODY["coulomb"])
+
+
+@compiled
+def test_the_worn_law_is_the_one_that_python_runs(study, tmp_path):
+    values = worn()
+    robot = Loaded(write_c_folder(study, values, tmp_path / "c"), values)
+    here = _core.ResidualCompensator(np.array(list(values.numbers.values())))
+    assert robot.init() == 0
+    largest = 0.0
+    for i in range(600):
+        t = i * 0.002
+        q, spring, muscle = 0.5 * np.sin(3 * t), 0.4 * np.cos(3 * t), 2 * np.sin(3 * t + 0.4)
+        said = robot.step(q, spring, muscle)
+        expected = here.step(t, q, spring, muscle, True)
+        assert said.fault == 0
+        largest = max(largest, abs(expected))
+        assert said.effort == pytest.approx(expected, abs=5e-3)
+    assert largest > 0.5
+
+
+@compiled
+def test_emg_that_says_nothing_is_no_fault(study, tmp_path):
+    values = worn()
+    robot = Loaded(write_c_folder(study, values, tmp_path / "c"), values)
+    robot.init()
+    for _ in range(100):
+        output = robot.step(0.2, 0.1, np.nan)
+    assert output.fault == 0
+    assert np.isfinite(output.effort)
+    assert robot.step(0.2, np.nan, 0.0).fault == 2
+
+
+WRONG = {
+    "nan": ({"value": np.nan}, 2),
+    "infinite": ({"value": -np.inf}, 2),
+    "not valid": ({"valid": 0}, 2),
+    "old": ({"time_us": 10**6 + 5_000}, 3),
+    "from the future": ({"time_us": 2 * 10**6}, 4),
+    "number backwards": ({"sequence": 20}, 4),
+    "clock far back": ({"time_us": -(2**63)}, 4),
+    "clock far ahead": ({"now_us": 2**63 - 1}, 3),
+    "too fast": ({"value": 1.5}, 5),
+}
+
+
+@compiled
+@pytest.mark.parametrize("what", WRONG)
+def test_a_fault_latches_at_once_and_the_effort_goes_to_zero(joint, what):
+    changed, fault = WRONG[what]
+    joint.init()
+    for _ in range(40):
+        before = joint.step(0.5)
+    assert before.fault == 0
+    assert before.effort > 0.5
+    first = joint.step(0.5, **changed)
+    change = joint.values.numbers["rate_limit"] * joint.values.numbers["period"]
+    assert first.fault == fault
+    assert first.effort == pytest.approx(max(before.effort - change, 0.0), abs=1e-6)
+    efforts = [joint.step(0.5) for _ in range(60)]
+    assert all(e.fault == fault for e in efforts)
+    assert np.all(np.diff([e.effort for e in efforts]) <= 0)
+    assert efforts[-1].effort == 0.0
+    assert joint.init() == 0
+    assert joint.step(0.5).fault == 0
+
+
+@compiled
+def test_a_sample_seen_again_is_borne_twice(joint):
+    joint.init()
+    joint.step(0.5)
+    faults = [joint.step(0.5, sequence=1, time_us=joint.now).fault for _ in range(4)]
+    assert faults == [0, 0, 3, 3]
+
+
+@compiled
+def test_a_lost_sample_and_a_number_that_wraps_around_are_no_fault(joint):
+    joint.init()
+    joint.count = 2**32 - 5
+    for i in range(20):
+        if i == 10:
+            joint.now, joint.count = joint.now + joint.period, joint.count + 1
+        assert joint.step(0.3, sequence=joint.count % 2**32).fault == 0
+
+
+@compiled
+def test_stop_and_what_was_never_started(joint):
+    assert joint.step(0.5).fault == 7
+    assert joint.init(inertia=0.0, coulomb_positive=-1.0) == 1
+    out = joint.step(0.5)
+    assert (out.fault, out.effort) == (7, 0.0)
+    assert joint.init() == 0
+    for _ in range(40):
+        joint.step(0.5)
+    joint.core.pellucid_stop(joint.context)
+    assert [joint.step(0.5).fault for _ in range(60)][-1] == 6
+    assert joint.step(0.5).effort == 0.0
+    assert joint.core.pellucid_init(None, None) == 7
+    assert joint.core.pellucid_init(joint.context, None) == 1
+    assert joint.core.pellucid_step(None, None, None) == 1
+    output = Output()
+    joint.init()
+    assert joint.core.pellucid_step(joint.context, None, ctypes.byref(output)) == 2
+    joint.core.pellucid_stop(None)
+
+
+@compiled
+def test_whatever_comes_in_what_goes_out_is_finite_within_its_limit_and_its_rate(joint, rng):
+    n = joint.values.numbers
+    limit, change = np.float32(n["effort_limit"]), n["rate_limit"] * n["period"]
+    odd = np.array([np.nan, np.inf, -np.inf, 3e38, -3e38, 1e-42, 0.0])
+    last = 0.0
+    for i in range(20000):
+        if i % 20 == 0:
+            joint.init()
+            last = 0.0
+        changed = {}
+        draw = rng.random()
+        if draw < 0.05:
+            changed["value"] = float(rng.choice(odd))
+        elif draw < 0.08:
+            changed["time_us"] = int(rng.integers(-(2**63), 2**63 - 1))
+        elif draw < 0.10:
+            changed["sequence"] = int(rng.integers(0, 2**32))
+        elif draw < 0.12:
+            changed["now_us"] = int(rng.integers(-(2**63), 2**63 - 1))
+        out = joint.step(float(rng.normal(0.5, 0.5)), **changed)
+        assert abs(out.effort) <= limit
+        # At a stop the effort into it is cut at once.
+        assert abs(out.effort) <= abs(last) + change + 1e-6
+        last = out.effort
+
+
+def test_limits_come_from_the_study(study):
+    n = joint_values(study).numbers
+    assert (n["effort_limit"], n["velocity_limit"]) == (5.0, 6.0)
+    assert (n["position_min"], n["position_max"]) == pytest.approx((-np.pi / 6, 2 * np.pi / 3))
+
+
+def test_a_joint_with_a_carriage_says_where_it_is(study):
+    names = ("inertia", "carriage_moment", "carriage_mass", "gravity", "gravity_cosine")
+    names += ("coulomb_positive", "coulomb_negative", "viscous_positive", "viscous_negative")
+    values = (0.03, -0.004, 0.5, 1.1, 0.2, 0.3, 0.2, 0.05, 0.04)
+    card = SliderCard(
+        study="bench", family="consistent", method="", motion="rotary", effort_unit="N*m", lifts="flexion",
+        parameters=tuple(parameter(n, v) for n, v in zip(names, values, strict=True)), covariance=(), known={},
+        rail=(0.1, 0.3), drive={"gain": 1.0}, heldout_error=None, residual_sd=0.0, processing="", confidence=0.95,
+        notes=(), checksums={}, pellucid="0",
+    )  # fmt: skip
+    (study.models_dir / "joint.json").unlink()
+    write_card(study.models_dir / "slider.consistent.json", card)
+    middle, end = joint_values(study).numbers, joint_values(study, slider=0.3).numbers
+    assert middle["gravity_sine"] == pytest.approx(1.1 + 9.80665 * 0.5 * 0.2)
+    assert end["inertia"] == pytest.approx(0.03 - 2 * 0.004 * 0.3 + 0.5 * 0.09)
+    with pytest.raises(PellucidError, match=r"found the carriage at 0.4 m, expected 0.1 to 0.3 m"):
+        joint_values(study, slider=0.4)
+    two = replace(card, family="dissociated", parameters=tuple(parameter(f"p{i}", 0.1) for i in range(16)))
+    write_card(study.models_dir / "slider.dissociated.json", two)
+    with pytest.raises(PellucidError, match="which is no body"):
+        joint_values(study, card="slider.dissociated.json")
+
+
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [
+        ({"to": "rust"}, 'found to = "rust", expected "c"'),
+        ({"participant": "S1"}, "nobody wears this joint"),
+        ({"period": 0.0}, "expected one above 0"),
+        ({"card": "other.json"}, "no such model card"),
+        ({"slider": 0.2}, "this joint has no carriage"),
+    ],
+)
+def test_what_cannot_be_exported_is_told(study, given, said):
+    with pytest.raises(PellucidError, match=said):
+        pellucid.export(study, **given)
+    assert not (study.folder / "controller").exists()
+
+
+def test_a_folder_is_whole_without_a_compiler(study, monkeypatch):
+    monkeypatch.setattr("shutil.which", lambda tool: None)
+    folder = pellucid.export(study)
+    assert not (folder / "test" / "vector_outputs.h").exists()
+    assert "make record" in (folder / "README.md").read_text(encoding="utf-8")
+    assert sorted(p.name for p in (folder / "include" / "pellucid").iterdir()) == sorted(
+        {*needed_headers("joint_compensation.hpp"), *needed_headers("sample.hpp")}
+    )
+
+
+def test_constants_are_the_same_floats(study):
+    values = joint_values(study)
+    folder = pellucid.export(study)
+    text = (folder / "pellucid_constants.h").read_text(encoding="utf-8")
+    body = text[text.index("= {") :].splitlines()[1:]
+    read = [np.float32(line.split("f,")[0]) for line in body if "f, /*" in line]
+    assert read == [np.float32(values.numbers[n]) for n in LAWS["joint"].parameters]
+    assert "identified as 0.05, 0.045 to 0.055" in text
+
+
+def test_headers_are_where_an_installed_package_has_them():
+    assert (core_headers() / "pellucid" / "safety.hpp").is_file()
+    cmake = (Path(__file__).parents[2] / "CMakeLists.txt").read_text(encoding="utf-8")
+    assert "install(DIRECTORY include/pellucid DESTINATION pellucid/include)" in cmake
+
+
+@compiled
+@on_m4
+def test_the_command_writes_what_it_measured(study):
+    run = CliRunner().invoke(app, ["export", str(study.folder), "--to", "c", "--period", "0.002"])
+    assert run.exit_code == 0, run.output
+    assert "equal to this machine's bit by bit" in run.output
+    figures = json.loads(study.results_path.read_text(encoding="utf-8"))["figures"]
+    found = {f["id"]: f["value"] for f in figures if f["command"] == "export"}
+    assert set(found) == {f"bench.export.m4.{n}" for n in ("instructions_per_step", "bytes", "memory", "wrong")}
+    assert found["bench.export.m4.wrong"] == 0
+    assert "2.0e-03f, /* period" in (study.folder / "controller" / "pellucid_constants.h").read_text(encoding="utf-8")
+    assert asdict(joint_values(study, period=0.002))["numbers"]["max_age"] == pytest.approx(0.01)
