@@ -7,11 +7,11 @@ from pathlib import Path
 
 from pellucid._atomic import write_text_atomically
 
-from . import elbow, hill, identification, plant, transfer_function
+from . import elbow, export, hill, identification, plant, transfer_function
 
 
 def main() -> None:
-    rows = [row for module in (identification, plant, elbow, transfer_function, hill) for row in module.run()]
+    rows = [row for module in (identification, plant, elbow, transfer_function, hill, export) for row in module.run()]
     width = max(len(row["name"]) for row in rows)
     for row in rows:
         print(f"{row['name']:<{width}}  {row['value']:>12.4g} {row['unit']:<6} {row['note']}")

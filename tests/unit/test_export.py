@@ -138,7 +138,7 @@ class Loaded:
 @pytest.fixture
 def joint(study, tmp_path):
     values = joint_values(study)
-    return Loaded(write_c_folder(study, values, tmp_path / "c"), values)
+    return Loaded(write_c_folder("bench", values, tmp_path / "c"), values)
 
 
 @compiled
@@ -169,7 +169,7 @@ def test_a_wrong_answer_is_found(study):
 @pytest.mark.parametrize("law", LAWS)
 def test_every_law_needs_no_heap_and_no_library_but_memory_and_root(study, tmp_path, law):
     values = joint_values(study) if law == "joint" else worn()
-    folder = write_c_folder(study, values, tmp_path / "c")
+    folder = write_c_folder("bench", values, tmp_path / "c")
     subprocess.run(["make", "-s", "build/controller.o"], cwd=folder, check=True)
     listed = subprocess.run(
         ["nm", "-u", "build/controller.o"], cwd=folder, capture_output=True, text=True, check=True
@@ -183,7 +183,7 @@ def test_every_law_needs_no_heap_and_no_library_but_memory_and_root(study, tmp_p
 @pytest.mark.parametrize("law", LAWS)
 def test_a_cortex_m4_answers_bit_by_bit_as_the_host(study, tmp_path, law):
     values = joint_values(study) if law == "joint" else worn()
-    found = measure(write_c_folder(study, values, tmp_path / "c"))
+    found = measure(write_c_folder("bench", values, tmp_path / "c"))
     assert found.wrong == 0
     assert found.steps > 500
     assert 100 < found.instructions <= found.most < 5000
@@ -211,9 +211,9 @@ def test_what_is_carried_is_gravity_and_friction(joint):
 
 
 @compiled
-def test_the_worn_law_is_the_one_that_python_runs(study, tmp_path):
+def test_the_worn_law_is_the_one_that_python_runs(tmp_path):
     values = worn()
-    robot = Loaded(write_c_folder(study, values, tmp_path / "c"), values)
+    robot = Loaded(write_c_folder("bench", values, tmp_path / "c"), values)
     here = _core.ResidualCompensator(np.array(list(values.numbers.values())))
     assert robot.init() == 0
     largest = 0.0
@@ -229,9 +229,9 @@ def test_the_worn_law_is_the_one_that_python_runs(study, tmp_path):
 
 
 @compiled
-def test_emg_that_says_nothing_is_no_fault(study, tmp_path):
+def test_emg_that_says_nothing_is_no_fault(tmp_path):
     values = worn()
-    robot = Loaded(write_c_folder(study, values, tmp_path / "c"), values)
+    robot = Loaded(write_c_folder("bench", values, tmp_path / "c"), values)
     robot.init()
     for _ in range(100):
         output = robot.step(0.2, 0.1, np.nan)

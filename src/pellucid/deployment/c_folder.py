@@ -12,7 +12,6 @@ import numpy as np
 
 from .._atomic import write_text_atomically
 from .._errors import PellucidError
-from ..recordings.study import Study
 from .controller_values import ControllerValues
 from .deployed_law import LAWS
 from .replay_vector import replay_vector
@@ -77,13 +76,13 @@ def needed_headers(header: str) -> list[str]:
     return sorted(found)
 
 
-def write_c_folder(study: Study, values: ControllerValues, out: Path) -> Path:
+def write_c_folder(study: str, values: ControllerValues, out: Path) -> Path:
     """Write the folder; files that it has from before are replaced, all others stay.
 
     Parameters
     ----------
-    study : Study
-        It was made from.
+    study : str
+        Name of the study that it was made from.
     values : ControllerValues
     out : Path
         The folder.
@@ -110,7 +109,7 @@ def write_c_folder(study: Study, values: ControllerValues, out: Path) -> Path:
     content = {
         "law": law,
         "values": values,
-        "study": study.name,
+        "study": study,
         "version": version("pellucid"),
         "vector": vector,
         "headers": headers,

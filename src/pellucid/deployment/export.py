@@ -57,7 +57,7 @@ def export(
         If `to` is no language known, a card is missing, or the study has no controller that can be exported.
     """
     values = values_for(study, to, card=card, slider=slider, participant=participant, period=period)
-    return write_c_folder(study, values, study.folder / "controller" if out is None else Path(out))
+    return write_c_folder(study.name, values, study.folder / "controller" if out is None else Path(out))
 
 
 def values_for(

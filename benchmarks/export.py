@@ -1,0 +1,59 @@
+"""What an exported controller costs: instructions and bytes on a Cortex-M4F in QEMU.
+
+Instructions are counted, not timed: QEMU runs one a nanosecond of its own clock (-icount shift=0), SysTick counts that
+clock, and the loop around the step is taken off. On hardware a step takes more cycles than instructions.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+from pellucid import _core
+from pellucid.controllers.coupling import Coupling
+from pellucid.controllers.residual_compensator import design
+from pellucid.deployment.c_folder import write_c_folder
+from pellucid.deployment.controller_values import ControllerValues
+from pellucid.deployment.deployed_law import LAWS
+from pellucid.deployment.microcontroller import measure, missing_tools
+
+JOINT = {
+    "inertia": 0.05, "gravity_sine": 1.5, "gravity_cosine": 0.2, "offset": 0.1, "coulomb_positive": 0.3,
+    "coulomb_negative": 0.25, "viscous_positive": 0.1, "viscous_negative": 0.08, "stribeck": 0.0,
+    "stribeck_velocity": 0.0, "load_motoring": 0.15, "load_generating": 0.1, "velocity_width": 0.06,
+    "gravity_share": 1.0, "friction_share": 0.8, "bandwidth": 200.0, "effort_limit": 5.0, "rate_limit": 250.0,
+    "velocity_limit": 8.0, "position_min": -0.5, "position_max": 2.2, "stop_margin": 0.05, "max_age": 0.005,
+    "max_repeats": 2.0, "period": 0.001,
+}  # fmt: skip
+WORN = Coupling(0.05, 0.02, 1.6, 0.05, 0.3, 0.1, 8.0, 14.0, 0.5, actuator_frequency=60.0, delay=0.002)
+
+
+def controllers() -> dict[str, ControllerValues]:
+    """One of each law, by its name."""
+    worn = dict(zip(_core.RESIDUAL_PARAMETER_NAMES, map(float, design(WORN, 0.002).parameters()), strict=True))
+    return {law: ControllerValues(law, numbers, {}, (), {}) for law, numbers in (("joint", JOINT), ("worn", worn))}
+
+
+def run() -> list[dict]:
+    """Rows for benchmarks.json; none, said so, where a tool is not installed."""
+    absent = missing_tools()
+    if absent:
+        print(f"export: not measured, {', '.join(absent)} not installed")
+        return []
+    rows = []
+    for name, values in controllers().items():
+        with TemporaryDirectory() as folder:
+            found = measure(write_c_folder("benchmark", values, Path(folder)))
+        note = f"Cortex-M4F in QEMU, {LAWS[name].title}; the costliest step {found.most}"
+        code = f"code {found.code}, configuration {found.constants}; -O2"
+        rows += [
+            _row(name, "instructions_per_step", found.instructions, "1", note),
+            _row(name, "bytes", found.bytes, "B", code),
+            _row(name, "memory", found.memory, "B", "one context"),
+            _row(name, "wrong", found.wrong, "1", f"steps of {found.steps} with a bit that differs from here"),
+        ]
+    return rows
+
+
+def _row(law: str, name: str, value: float, unit: str, note: str) -> dict:
+    return {"name": f"export.m4.{law}.{name}", "value": value, "unit": unit, "note": note}
