@@ -134,7 +134,7 @@ def _by_recording(study: Study, tell: Progress) -> Calibrated:
         if causal and name == CARD:
             found.cards[f"torque_map_{joint}"] = torque_card(study, fit, fitted, f"torque_map_{joint}")
         if isinstance(fit, HillMap) and name == "hill" and not causal:
-            found.muscles[joint] = fit
+            found.muscles[joint], found.shown[joint] = fit, held[0]
         for trial in held:
             made = fit.predict(trial)
             half = fit.half_width(trial) if name == "hill" else None

@@ -104,6 +104,8 @@ class Calibrated:
     cards : dict of str to ParameterCard
     muscles : dict of str to HillMap
         Muscles fitted to all that may be fitted, by joint or participant.
+    shown : dict of str to TorqueTrial
+        A trial to show them with.
     passed_over : dict of str to str
         Why muscles were not fitted, by joint or participant.
     verdicts : list of Verdict
@@ -115,6 +117,7 @@ class Calibrated:
     trials: list[TorqueTrial] = field(default_factory=list)
     cards: dict = field(default_factory=dict)
     muscles: dict[str, HillMap] = field(default_factory=dict)
+    shown: dict[str, TorqueTrial] = field(default_factory=dict)
     passed_over: dict[str, str] = field(default_factory=dict)
     verdicts: list[Verdict] = field(default_factory=list)
 

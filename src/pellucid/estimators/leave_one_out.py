@@ -107,7 +107,7 @@ def _judge(found: Calibrated, trials: list[TorqueTrial], what: str, kind: str, u
     found.traces.append(TorqueTrace(what, worst.name, worst.time, worst.torque, made))
     found.trials.extend(trials)
     if any(ESTIMATORS[name].whole is not None for name in names):
-        found.muscles[what] = fit_torque_map(trials, "hill")
+        found.muscles[what], found.shown[what] = fit_torque_map(trials, "hill"), worst
 
 
 def _part(tell: Progress, i: int, count: int) -> Progress:

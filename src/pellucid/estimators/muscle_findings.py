@@ -143,14 +143,11 @@ def muscle_summaries(found: Calibrated) -> tuple[MuscleSummary, ...]:
     Returns
     -------
     tuple of MuscleSummary
-        With the first seconds of the first trial that was held out, or else of the first one.
+        With the first seconds of the trial to be shown.
     """
     made = []
     for what, fitted in found.muscles.items():
-        trials = [t for t in found.trials if t.muscles is not None and what in (t.joint, t.participant)]
-        trial = next((t for t in trials if t.heldout), trials[0] if trials else None)
-        if trial is None:
-            continue
+        trial = found.shown[what]
         samples, own = fitted.samples(trial)
         states = fitted.fit.problem.model.states(
             samples.data, fitted.fit.problem.values(fitted.fit.z)[: len(fitted.fit.problem.priors)]

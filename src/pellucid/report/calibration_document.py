@@ -6,10 +6,11 @@ from importlib.metadata import version
 
 from ..estimators.calibrate import CalibrationFindings, preferred
 from ..estimators.families import ESTIMATORS
-from ..identification.findings import FigureTable
+from ..identification.findings import FigureTable, ParameterTable
 from ..recordings.study import Study
 from ..signals.emg_chain import emg_chain
 from . import calibration_figures as figures
+from . import muscle_figures
 from .drawing import draw
 from .page import Page, Section, Tile
 from .quantities import cell_text, number, prose
@@ -33,7 +34,9 @@ def page(study: Study, findings: CalibrationFindings) -> Page:
         kicker="Pellucid report",
         headline=prose(findings.headline),
         tiles=_tiles(findings),
-        sections=(_found(findings), _traces(findings), _choices(findings), _method(study)),
+        sections=tuple(
+            filter(None, (_found(findings), _traces(findings), _muscles(findings), _choices(findings), _method(study)))
+        ),
         footer=f"Written by pellucid {version('pellucid')}. Every figure is beside this page as SVG and PDF, every "
         "number in results.json.",
     )
@@ -68,12 +71,56 @@ def _traces(findings: CalibrationFindings) -> Section:
     drawings = tuple(
         draw(
             figures.torque_trace, trace.time, trace.reference, trace.predicted, f"torque_{i + 1}", words=words,
-            caption=f"Torque of {trace.what}, {trace.recording.replace('_', ' ')}: the reference (grey), what two maps "
-            "made of EMG and motion they were not fitted to, and their errors.",
+            half_width=trace.half_width,
+            caption=f"Torque of {trace.what}, {trace.recording.replace('_', ' ')}: the reference (grey), what maps "
+            "made of EMG and motion they were not fitted to, and their errors; the band holds 95 % of the torque.",
         )
         for i, trace in enumerate(findings.traces)
     )  # fmt: skip
     return Section("emg_torque", "Torque over time", drawings=drawings)
+
+
+def _muscles(findings: CalibrationFindings) -> Section | None:
+    """Parameters with intervals, and what every muscle does; None where muscles were passed over."""
+    if not findings.muscles:
+        return None
+    drawings = []
+    for i, found in enumerate(findings.muscles, start=1):
+        drawings.append(
+            draw(
+                muscle_figures.departures, found, f"muscles_{i}",
+                caption=f"Muscles of {found.what}: how far each number moved from the anatomical model, with its 95 % "
+                "interval. Within the band people usually are; a diamond ended on a physiological bound.",
+            )
+        )  # fmt: skip
+        drawings.append(
+            draw(
+                muscle_figures.muscle_work, found, f"muscle_work_{i}",
+                caption=f"Activation of each muscle of {found.what} and the torque it gives the joint, "
+                f"{found.recording.replace('_', ' ')}.",
+            )
+        )  # fmt: skip
+    tables = tuple(
+        Table(
+            ("Parameter", "Value", "95 % interval", "Unit", "Known"),
+            tuple(
+                Row(
+                    (
+                        prose(p.name.replace("_", " ")), number(p.value, digits=3),
+                        "–" if p.at_bound else " to ".join(number(x, digits=3) for x in p.interval()), p.unit,
+                        "on a bound" if p.at_bound else "yes" if p.identifiable else "no",
+                    )
+                )
+                for p in table.parameters
+            ),
+            frozenset({1}),
+            f"{table.title}. Factors of the anatomical value where the unit is 1.",
+            True,
+        )
+        for table in findings.tables
+        if isinstance(table, ParameterTable)
+    )  # fmt: skip
+    return Section("emg_muscles", "Muscles", tables=tables, drawings=tuple(drawings))
 
 
 def _choices(findings: CalibrationFindings) -> Section:

@@ -11,7 +11,7 @@ from .drawing import Drawing, key, line, tidy
 from .quantities import number
 from .style import FIGURE_WIDTH, colour
 
-SHOWN = {"boost": "fitted", "ridge": "heldout"}
+SHOWN = {"boost": "fitted", "ridge": "heldout", "hill": "good"}
 """Estimators whose torque is drawn over time, and their colours."""
 
 TONES = {
@@ -19,6 +19,7 @@ TONES = {
     "bagging": "directional",
     "tree": "load",
     "ridge": "heldout",
+    "hill": "good",
     "ridge_lags": "stribeck",
     "linear": "combined",
     "motion": "symmetric",
@@ -37,6 +38,7 @@ def torque_trace(
     *,
     words: Mapping[str, str],
     caption: str,
+    half_width: Mapping[str, np.ndarray] | None = None,
 ) -> Drawing:
     """Torque over time, held out: the reference, what maps made of EMG, and their errors beneath.
 
@@ -50,6 +52,8 @@ def torque_trace(
     words : Mapping of str to str
         What the estimators are.
     caption : str
+    half_width : Mapping of str to ndarray, shape (n,), optional
+        Half the interval about what an estimator predicts [N m], drawn as a band.
 
     Returns
     -------
@@ -63,6 +67,9 @@ def torque_trace(
     line(top, time[within], reference[within], color=colour("measured"), linewidth=2.2, alpha=0.6)
     for estimator, torque in shown.items():
         tone = colour(SHOWN[estimator])
+        if half_width and estimator in half_width:
+            low, high = torque - half_width[estimator], torque + half_width[estimator]
+            top.fill_between(time[within], low[within], high[within], color=tone, alpha=0.12, linewidth=0.0, zorder=1)
         line(top, time[within], torque[within], color=tone, linewidth=1.2)
         line(bottom, time[within], (torque - reference)[within], color=tone, linewidth=1.0)
     bottom.axhline(0.0, color=colour("faint"), linewidth=0.8, zorder=1)
