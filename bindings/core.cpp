@@ -3,6 +3,7 @@
 #include "controllers.hpp"
 #include "coupled_plant.hpp"
 #include "docs.hpp"
+#include "elbow.hpp"
 #include "hill.hpp"
 #include "kernels.hpp"
 
@@ -446,6 +447,7 @@ NB_MODULE(_core, m) {
 
   b::add_controllers(m);
   b::add_coupled_plant(m);
+  b::add_elbow(m);
   b::add_hill(m);
 
   nb::module_ math = m.def_submodule("math", "The core's elementary functions, on float64 or float32 arrays.");

@@ -1,7 +1,8 @@
-"""Shank and foot as one segment that swings about the knee: mass, centre and inertia from what a tape and a scale say.
+"""Limbs as one segment that swings about a joint: mass, centre and inertia from what a tape and a scale say.
 
-Two tables of shares are offered. Winter's [1]_ treats shank and foot as one segment between knee and ankle; de Leva's
-[2]_ are two segments, by sex, put together here with the foot at a right angle to the shank.
+Forearm and hand swing about the elbow by Winter's shares [1]_. For shank and foot about the knee two tables of shares
+are offered: Winter's treat both as one segment between knee and ankle; de Leva's [2]_ are two segments, by sex, put
+together here with the foot at a right angle to the shank.
 
 .. [1] D. A. Winter, "Biomechanics and Motor Control of Human Movement", 4th ed., Wiley, 2009, table 4.1 and figure 4.1
    (lengths after Drillis and Contini, 1966).
@@ -29,6 +30,14 @@ KNEE_TO_SOLE = 0.285
 """Share of the standing height: what a tape finds from the knee to the heel."""
 ANKLE_HEIGHT = 0.039
 """Share of the standing height."""
+ELBOW_TO_WRIST = 0.146
+"""Share of the standing height."""
+FOREARM_MASS = 0.022
+"""Forearm with hand, share of the body's mass."""
+FOREARM_CENTRE = 0.682
+"""Its centre from the elbow, share of the length from elbow to wrist."""
+FOREARM_GYRATION = 0.468
+"""Its radius of gyration about that centre, share of the same length."""
 HEEL_TO_ANKLE = 0.25
 """Where the ankle stands over the foot, share of the foot's length from the heel: our assumption, in neither table."""
 
@@ -140,6 +149,35 @@ def winter(mass: float, length: float) -> Segment:
     """
     m, reach = WINTER_MASS * _positive(mass, "mass"), _positive(length, "length")
     return Segment(m, WINTER_CENTRE * reach, m * (WINTER_GYRATION**2 + WINTER_CENTRE**2) * reach**2)
+
+
+def forearm(mass: float, height: float, *, length: float | None = None) -> Segment:
+    r"""Forearm with hand by Winter's shares.
+
+    .. math::
+        m = 0.022\,M, \qquad l = 0.682\,L, \qquad I = m\,(0.468^2 + 0.682^2)\,L^2
+
+    Parameters
+    ----------
+    mass : float
+        Of the whole body, M [kg].
+    height : float
+        Of the standing person [m].
+    length : float, optional
+        From elbow to wrist, L [m]; left out, 0.146 of the height.
+
+    Returns
+    -------
+    Segment
+
+    Raises
+    ------
+    ValueError
+        If a quantity is not positive.
+    """
+    m = FOREARM_MASS * _positive(mass, "mass")
+    reach = ELBOW_TO_WRIST * _positive(height, "height") if length is None else _positive(length, "length")
+    return Segment(m, FOREARM_CENTRE * reach, m * (FOREARM_GYRATION**2 + FOREARM_CENTRE**2) * reach**2)
 
 
 def de_leva(mass: float, height: float, sex: str, *, length: float | None = None) -> Segment:

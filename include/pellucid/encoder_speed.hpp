@@ -1,0 +1,52 @@
+// Velocity from an encoder as most drives make it: the difference over a few samples, divided by their time.
+#pragma once
+
+#include "math.hpp"
+
+namespace pellucid {
+inline namespace PELLUCID_ABI {
+
+constexpr std::uint32_t max_speed_span = 32;
+
+template <class S> struct EncoderSpeedParams {
+  std::uint32_t span = 1;  ///< samples that the difference reaches back, 1 to max_speed_span
+  S period{};              ///< [s], > 0
+};
+
+/// What follows from EncoderSpeedParams once.
+template <class S> struct EncoderSpeedCoefficients {
+  std::uint32_t span = 1;  ///< samples
+  S inverse_time{};        ///< of the span [1/s]
+};
+
+template <class S> EncoderSpeedCoefficients<S> coefficients(const EncoderSpeedParams<S>& p) noexcept {
+  const std::uint32_t span = p.span < 1 ? 1 : p.span > max_speed_span ? max_speed_span : p.span;
+  return {span, S(1) / (p.period * S(static_cast<value_t<S>>(span)))};
+}
+
+template <class S> struct EncoderSpeedState {
+  S past[max_speed_span]{};  ///< the last positions, in a ring [rad]
+  std::uint32_t next = 0;    ///< where the next one goes
+  bool started = false;      ///< false until the first sample
+};
+
+/// One sample; the velocity of the middle of its span [rad/s]. A sample that is not finite starts again: 0.
+template <class S>
+S step(const EncoderSpeedCoefficients<S>& c, EncoderSpeedState<S>& state, const S& measured) noexcept {
+  if (!is_finite(measured)) {
+    state.started = false;
+    return S(0);
+  }
+  if (!state.started) {
+    for (S& position : state.past) position = measured;
+    state.next = 0;
+    state.started = true;
+  }
+  const S oldest = state.past[state.next];
+  state.past[state.next] = measured;
+  state.next = state.next + 1 < c.span ? state.next + 1 : 0;
+  return (measured - oldest) * c.inverse_time;
+}
+
+}  // namespace PELLUCID_ABI
+}  // namespace pellucid

@@ -1,0 +1,241 @@
+// How a person moves a forearm to a target: a plan, corrected now and then, carried out by two muscles with delays.
+//
+// The plan is a smooth primary movement that falls a little short, and corrections as the eye sees them needed. What the
+// muscles are told is what the person expects the arm, and what is strapped to it, to need; in addition the stretch
+// reflex answers, late, to where the arm is off the plan, and so does the muscles' own stiffness, at once. Muscles
+// follow their excitation with a delay and a lag, and are the noisier the harder they pull.
+#pragma once
+
+#include "limb.hpp"
+#include "minimum_jerk.hpp"
+
+namespace pellucid {
+inline namespace PELLUCID_ABI {
+
+constexpr std::uint32_t max_reaching_delay = 256;   // periods
+constexpr std::uint32_t max_submovements = 16;
+
+/// The load that a person expects of what is strapped on, by how the arm moves.
+template <class S> struct ExpectedLoad {
+  S inertia{};         ///< [kg m^2]
+  S viscous{};         ///< [N m s/rad]
+  S coulomb{};         ///< [N m]
+  S gravity_sine{};    ///< [N m]
+  S gravity_cosine{};  ///< [N m]
+};
+
+template <class S> struct ReachingParams {
+  LimbParams<S> limb{};      ///< what the person knows the arm to be
+  S stiffness{};             ///< of the muscles themselves [N m/rad], >= 0
+  S damping{};               ///< [N m s/rad], >= 0
+  S reflex_stiffness{};      ///< [N m/rad], >= 0
+  S reflex_damping{};        ///< [N m s/rad], >= 0
+  S reflex_delay{};          ///< from stretch to excitation [s]
+  S muscle_delay{};          ///< from excitation to the first force [s]
+  S activation_time{};       ///< lag of the force behind that [s], > 0
+  S flexion_max{};           ///< strongest torque of the flexors [N m], > 0
+  S extension_max{};         ///< of the extensors [N m], > 0
+  S cocontraction{};         ///< excitation that both always have [1], >= 0
+  S noise_share{};           ///< standard deviation of a muscle's torque over the torque [1], >= 0
+  S noise_time{};            ///< over which that noise changes [s], > 0
+  S visual_delay{};          ///< from where the arm is to a correction [s]
+  S tolerance{};             ///< error that is left as it is [rad]
+  S check_share{};           ///< when the first correction is decided, share of the primary movement's duration
+  S correction_share{};      ///< a correction's duration, share of the primary movement's
+  S correction_least{};      ///< its least duration [s]
+  S sign_width{};            ///< over which expected friction changes its sign [rad/s], > 0
+  S period{};                ///< [s], > 0
+};
+
+/// How many numbers a person is, in the one order that every array of them has.
+constexpr std::size_t reaching_parameter_count = 26;
+constexpr const char* reaching_parameter_names[reaching_parameter_count] = {
+    "inertia",          "gravity",        "centre",          "viscous",       "passive_torque", "passive_angle",
+    "passive_scale",    "stiffness",      "damping",         "reflex_stiffness", "reflex_damping", "reflex_delay",
+    "muscle_delay",     "activation_time", "flexion_max",    "extension_max", "cocontraction",  "noise_share",
+    "noise_time",       "visual_delay",   "tolerance",       "check_share",   "correction_share", "correction_least",
+    "sign_width",       "period"};
+
+/// ReachingParams from numbers in the order of their names.
+template <class S> ReachingParams<S> reaching_params(const S (&v)[reaching_parameter_count]) noexcept {
+  return {{v[0], v[1], v[2], v[3], v[4], v[5], v[6]},
+          v[7],  v[8],  v[9],  v[10], v[11], v[12], v[13], v[14], v[15], v[16],
+          v[17], v[18], v[19], v[20], v[21], v[22], v[23], v[24], v[25]};
+}
+
+/// What follows from ReachingParams once.
+template <class S> struct ReachingCoefficients {
+  ReachingParams<S> params{};      ///< as they are
+  LimbCoefficients<S> limb{};      ///< what the person knows the arm to be
+  std::uint32_t reflex_delay = 0;  ///< periods
+  std::uint32_t muscle_delay = 0;  ///< periods
+  std::uint32_t visual_delay = 0;  ///< periods
+  S activation{};                  ///< share of a new excitation, a period [1]
+  S noise_pole{};                  ///< of the noise [1]
+  S noise_gain{};                  ///< so that its variance is 1 [1]
+  S inverse_sign_width{};          ///< [s/rad]
+};
+
+template <class S> std::uint32_t delay_periods(const S& delay, const S& period) noexcept {
+  const S periods = round(delay / period);
+  if (!(periods > S(0))) return 0;
+  return periods < S(static_cast<value_t<S>>(max_reaching_delay - 1)) ? static_cast<std::uint32_t>(periods)
+                                                                      : max_reaching_delay - 1;
+}
+
+template <class S> ReachingCoefficients<S> coefficients(const ReachingParams<S>& p) noexcept {
+  ReachingCoefficients<S> c;
+  c.params = p;
+  c.limb = coefficients(p.limb);
+  c.reflex_delay = delay_periods(p.reflex_delay, p.period);
+  c.muscle_delay = delay_periods(p.muscle_delay, p.period);
+  c.visual_delay = delay_periods(p.visual_delay, p.period);
+  c.activation = S(1) - exp(-p.period / p.activation_time);
+  c.noise_pole = exp(-p.period / p.noise_time);
+  c.noise_gain = sqrt(S(1) - c.noise_pole * c.noise_pole);
+  c.inverse_sign_width = S(1) / p.sign_width;
+  return c;
+}
+
+/// What is decided before a movement.
+template <class S> struct ReachingTask {
+  S target{};              ///< [rad]
+  S amplitude{};           ///< of the primary movement [rad]
+  S duration{};            ///< of the primary movement [s], > 0
+  S reaction{};            ///< from now to its start [s]
+  ExpectedLoad<S> load{};  ///< what is strapped on, as far as it is known
+};
+
+template <class S> struct ReachingState {
+  S time{};                                        ///< since the task was given [s]
+  S origin{};                                      ///< where the plan starts [rad]
+  S target{};                                      ///< [rad]
+  S primary_duration{};                            ///< [s]
+  S next_check{};                                  ///< when a correction is next decided [s]
+  ExpectedLoad<S> load{};                          ///< what is expected of what is strapped on
+  MinimumJerk<S> submovements[max_submovements]{};  ///< of the plan
+  std::uint32_t count = 0;                         ///< of them
+  S expected{};                                    ///< torque that the plan needed last [N m]
+  S excitation[max_reaching_delay]{};              ///< on its way to the muscle, in a ring [N m]
+  S position_error[max_reaching_delay]{};          ///< plan less arm, in a ring [rad]
+  S velocity_error[max_reaching_delay]{};          ///< [rad/s]
+  std::uint32_t now = 0;                           ///< where the rings are
+  S torque{};                                      ///< of the muscles, without noise [N m]
+  S noise[2]{};                                    ///< of flexors and extensors [1]
+};
+
+/// What the muscles do in a period.
+template <class S> struct ReachingOutput {
+  S torque{};    ///< of the muscles on the arm [N m]
+  S flexor{};    ///< excitation, 0 to 1
+  S extensor{};  ///< excitation, 0 to 1
+  S planned{};   ///< where the plan is [rad]
+};
+
+/// The plan at a time.
+template <class S> PlannedMotion<S> planned(const ReachingState<S>& state, const S& time) noexcept {
+  PlannedMotion<S> sum{state.origin, S(0), S(0)};
+  for (std::uint32_t i = 0; i < state.count; ++i) {
+    const PlannedMotion<S> one = at(state.submovements[i], time);
+    sum.position = sum.position + one.position;
+    sum.velocity = sum.velocity + one.velocity;
+    sum.acceleration = sum.acceleration + one.acceleration;
+  }
+  return sum;
+}
+
+/// Torque that a motion is expected to need, of the arm and of what is strapped to it [N m].
+template <class S> S expected_torque(const ReachingCoefficients<S>& c, const ExpectedLoad<S>& load,
+                                     const PlannedMotion<S>& m) noexcept {
+  const SinCos<S> angle = sincos(m.position);
+  const S arm = c.params.limb.inertia * m.acceleration + c.limb.viscous * m.velocity + gravity(c.limb, m.position) -
+                passive_torque(c.limb, m.position);
+  return arm + load.inertia * m.acceleration + load.viscous * m.velocity +
+         load.coulomb * tanh(m.velocity * c.inverse_sign_width) + load.gravity_sine * angle.sin +
+         load.gravity_cosine * angle.cos;
+}
+
+/// A person who holds an arm still at an angle, expecting a load.
+template <class S> ReachingState<S> holding(const ReachingCoefficients<S>& c, const S& position,
+                                            const ExpectedLoad<S>& load) noexcept {
+  ReachingState<S> state;
+  state.origin = position;
+  state.target = position;
+  state.load = load;
+  state.next_check = S(1e9);
+  state.expected = expected_torque(c, load, PlannedMotion<S>{position, S(0), S(0)});
+  state.torque = state.expected;
+  for (S& e : state.excitation) e = state.expected;
+  return state;
+}
+
+/// A new target. The plan goes on from where it has come to.
+template <class S> void aim(const ReachingCoefficients<S>& c, ReachingState<S>& state,
+                            const ReachingTask<S>& task) noexcept {
+  // Everything planned before has ended, or ends here: targets are given to people at rest.
+  state.origin = planned(state, S(1e9)).position;
+  state.count = 1;
+  state.submovements[0] = {task.reaction, task.amplitude, task.duration};
+  state.time = S(0);
+  state.target = task.target;
+  state.primary_duration = task.duration;
+  state.next_check = task.reaction + c.params.check_share * task.duration;
+  state.load = task.load;
+}
+
+/// Decides a correction, if one is due and needed.
+template <class S> void correct(const ReachingCoefficients<S>& c, ReachingState<S>& state) noexcept {
+  if (!(state.time >= state.next_check) || state.count >= max_submovements) return;
+  const std::uint32_t seen = (state.now + max_reaching_delay - c.visual_delay) % max_reaching_delay;
+  // Where the plan will end, less by how much the arm was seen to be behind it.
+  const S end = planned(state, S(1e9)).position - state.position_error[seen];
+  const S error = state.target - end;
+  state.next_check = state.time + c.params.visual_delay;
+  if (!(abs(error) > c.params.tolerance)) return;
+  const S duration = max(c.params.correction_share * state.primary_duration, c.params.correction_least);
+  state.submovements[state.count] = {state.time, error, duration};
+  ++state.count;
+  state.next_check = state.time + duration + c.params.visual_delay;
+}
+
+/// One period of an arm that is at a position and moves at a velocity; `flexor_noise` and `extensor_noise` are standard
+/// normal numbers.
+template <class S> ReachingOutput<S> step(const ReachingCoefficients<S>& c, ReachingState<S>& state, const S& position,
+                                          const S& velocity, const S& flexor_noise, const S& extensor_noise) noexcept {
+  const ReachingParams<S>& p = c.params;
+  const PlannedMotion<S> now = planned(state, state.time);
+  state.now = (state.now + 1) % max_reaching_delay;
+  state.position_error[state.now] = now.position - position;
+  state.velocity_error[state.now] = now.velocity - velocity;
+  correct(c, state);
+
+  // Told now what is needed when it arrives, and a lag's worth more of its change.
+  const S ahead = state.time + S(static_cast<value_t<S>>(c.muscle_delay)) * p.period;
+  const S expected = expected_torque(c, state.load, planned(state, ahead));
+  const S told = expected + (p.activation_time / p.period) * (expected - state.expected);
+  state.expected = expected;
+  const std::uint32_t felt = (state.now + max_reaching_delay - c.reflex_delay) % max_reaching_delay;
+  const S reflex = p.reflex_stiffness * state.position_error[felt] + p.reflex_damping * state.velocity_error[felt];
+  state.excitation[state.now] = clamp(told + reflex, -p.extension_max, p.flexion_max);
+
+  const std::uint32_t arrived = (state.now + max_reaching_delay - c.muscle_delay) % max_reaching_delay;
+  state.torque = state.torque + c.activation * (state.excitation[arrived] - state.torque);
+  state.noise[0] = c.noise_pole * state.noise[0] + c.noise_gain * flexor_noise;
+  state.noise[1] = c.noise_pole * state.noise[1] + c.noise_gain * extensor_noise;
+  const S flexion = max(state.torque, S(0)) + p.cocontraction * p.flexion_max;
+  const S extension = max(-state.torque, S(0)) + p.cocontraction * p.extension_max;
+  const S shaken = p.noise_share * (flexion * state.noise[0] - extension * state.noise[1]);
+  const S own = p.stiffness * state.position_error[state.now] + p.damping * state.velocity_error[state.now];
+
+  ReachingOutput<S> out;
+  out.torque = state.torque + shaken + own;
+  const S wanted = state.excitation[state.now];
+  out.flexor = min(max(wanted, S(0)) / p.flexion_max + p.cocontraction, S(1));
+  out.extensor = min(max(-wanted, S(0)) / p.extension_max + p.cocontraction, S(1));
+  out.planned = now.position;
+  state.time = state.time + p.period;
+  return out;
+}
+
+}  // namespace PELLUCID_ABI
+}  // namespace pellucid

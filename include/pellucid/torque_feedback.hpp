@@ -1,0 +1,71 @@
+// Drives the torque between wearer and robot to zero: a filtered proportional and leaky integral loop on a force sensor.
+//
+// The sensor's slow drift is taken for what changes slower than anyone moves, and left out. What feeds back is limited,
+// and fades out while the sensor says nothing.
+#pragma once
+
+#include "math.hpp"
+
+namespace pellucid {
+inline namespace PELLUCID_ABI {
+
+template <class S> struct TorqueFeedbackParams {
+  S proportional{};  ///< [1], >= 0
+  S integral{};      ///< [1/s], >= 0
+  S leak{};          ///< rate at which the integral forgets [1/s], >= 0
+  S lowpass{};       ///< of the sensor [rad/s], > 0
+  S drift{};         ///< rate below which a torque is the sensor's own [rad/s], >= 0
+  S limit{};         ///< of what feeds back [N m], >= 0
+};
+
+/// What follows from TorqueFeedbackParams and the period once.
+template <class S> struct TorqueFeedbackCoefficients {
+  TorqueFeedbackParams<S> params{};  ///< as they are
+  S period{};                        ///< [s]
+  S smoothing{};                     ///< share of a new sample [1]
+  S slow{};                          ///< share of a new sample in the drift [1]
+  S forgetting{};                    ///< of the integral, a period [1]
+  bool valid = false;                ///< whether the parameters make sense
+};
+
+template <class S>
+TorqueFeedbackCoefficients<S> coefficients(const TorqueFeedbackParams<S>& p, const S& period) noexcept {
+  TorqueFeedbackCoefficients<S> c;
+  c.params = p;
+  c.period = period;
+  c.smoothing = S(1) - exp(-p.lowpass * period);
+  c.slow = S(1) - exp(-p.drift * period);
+  c.forgetting = exp(-p.leak * period);
+  c.valid = p.proportional >= S(0) && is_finite(p.proportional) && p.integral >= S(0) && is_finite(p.integral) &&
+            p.leak >= S(0) && p.lowpass > S(0) && p.drift >= S(0) && p.limit >= S(0) && is_finite(p.limit);
+  return c;
+}
+
+template <class S> struct TorqueFeedbackState {
+  S smooth{};            ///< filtered torque [N m]
+  S drift{};             ///< its slow part [N m]
+  S integral{};          ///< as a torque [N m]
+  bool started = false;  ///< false until the first sample
+};
+
+/// One sample of the torque of the wearer on the robot; what the robot adds [N m].
+template <class S> S step(const TorqueFeedbackCoefficients<S>& c, TorqueFeedbackState<S>& state, const S& torque,
+                          bool measured) noexcept {
+  const bool heard = measured && is_finite(torque);
+  if (heard && !state.started) {
+    state = {};
+    state.smooth = torque;
+    state.started = true;
+  }
+  const S seen = heard ? torque : state.drift;
+  state.smooth = state.smooth + c.smoothing * (seen - state.smooth);
+  state.drift = state.drift + c.slow * (state.smooth - state.drift);
+  const S error = state.smooth - state.drift;
+  state.integral = clamp(c.forgetting * state.integral + c.params.integral * c.period * error, -c.params.limit,
+                         c.params.limit);
+  if (!is_finite(state.smooth + state.drift + state.integral)) state = {};
+  return clamp(c.params.proportional * error + state.integral, -c.params.limit, c.params.limit);
+}
+
+}  // namespace PELLUCID_ABI
+}  // namespace pellucid

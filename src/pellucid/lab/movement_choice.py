@@ -1,0 +1,111 @@
+r"""How long a person takes for a movement, where nobody says: the duration of largest utility.
+
+.. math::
+   U(T) &= \frac{\alpha - E(T)}{1 + \gamma T} \\
+   E(T) &= e_0 T + \frac{1}{\eta}\int_0^T \max(\tau\dot q, 0)\,dt + c_r\int_0^T \dot\tau^2\,dt
+
+with the torque that the motion needs, :math:`\tau = J\ddot q + b\dot q + C\tanh(\dot q/w)`, of the arm and of what the
+person expects to be strapped to it; gravity, which is the same at every pace, is left out. Reward that is discounted
+by time goes back to Shadmehr, Huang and Ahmed [1]_. The effort is work and torque rate: one that is quadratic in
+torque would let a constant resistance shorten movements, since it grows with their duration.
+
+.. [1] R. Shadmehr, H. J. Huang, A. A. Ahmed, "A representation of effort in decision-making and motor control",
+   Current Biology 26(14), 2016.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+DURATIONS, SAMPLES = 96, 49
+
+
+def _shape() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    s = np.linspace(0.0, 1.0, SAMPLES)
+    return 30.0 * s**2 * (1.0 - s) ** 2, 60.0 * s * (1.0 - s) * (1.0 - 2.0 * s), 60.0 * (1.0 - 6.0 * s + 6.0 * s**2)
+
+
+VELOCITY, ACCELERATION, JERK = _shape()
+
+
+def utility(
+    durations: np.ndarray,
+    amplitude: float,
+    dynamics: tuple[float, float, float],
+    reward: float,
+    choice: Mapping,
+    width: float,
+) -> np.ndarray:
+    """Utility of movements of several durations.
+
+    Parameters
+    ----------
+    durations : ndarray, shape (n,)
+        [s], > 0.
+    amplitude : float
+        [rad], of either sign.
+    dynamics : tuple of float
+        Inertia [kg*m^2], viscous [N*m*s/rad] and Coulomb friction [N*m], of arm and load together.
+    reward : float
+        alpha [J].
+    choice : mapping
+        resting_power [W], efficiency [1], torque_rate_cost [W per (N*m/s)^2], discount [1/s].
+    width : float
+        Over which Coulomb friction changes its sign [rad/s].
+
+    Returns
+    -------
+    ndarray, shape (n,)
+        [J]
+    """
+    inertia, viscous, coulomb = dynamics
+    t = np.asarray(durations, float)[:, None]
+    size = abs(amplitude)
+    v, a = size / t * VELOCITY, size / t**2 * ACCELERATION
+    torque = inertia * a + viscous * v + coulomb * np.tanh(v / width)
+    # Of Coulomb friction the change of sign is left out of the rate: it is a step of any steepness.
+    rate = inertia * size / t**3 * JERK + viscous * a
+    power = np.maximum(torque * v, 0.0)
+    t = t[:, 0]
+    effort = choice["resting_power"] * t
+    effort = effort + t * _mean(power) / choice["efficiency"] + choice["torque_rate_cost"] * t * _mean(rate**2)
+    return (reward - effort) / (1.0 + choice["discount"] * t)
+
+
+def _mean(values: np.ndarray) -> np.ndarray:
+    """Mean over evenly spaced columns, by the trapezoidal rule."""
+    return (values.sum(axis=1) - 0.5 * (values[:, 0] + values[:, -1])) / (values.shape[1] - 1)
+
+
+def preferred_duration(
+    amplitude: float, dynamics: tuple[float, float, float], reward: float, choice: Mapping, width: float
+) -> float:
+    """The duration of largest utility [s].
+
+    Parameters
+    ----------
+    amplitude : float
+        [rad]
+    dynamics : tuple of float
+        As in `utility`.
+    reward : float
+        [J]
+    choice : mapping
+        As in `utility`, and shortest and longest [s].
+    width : float
+        [rad/s]
+
+    Returns
+    -------
+    float
+    """
+    grid = np.geomspace(choice["shortest"], choice["longest"], DURATIONS)
+    value = utility(grid, amplitude, dynamics, reward, choice, width)
+    best = int(np.argmax(value))
+    if best in (0, DURATIONS - 1):
+        return float(grid[best])
+    low, middle, high = value[best - 1 : best + 2]
+    step = 0.5 * (low - high) / (low - 2.0 * middle + high)
+    return float(grid[best] * (grid[1] / grid[0]) ** step)
