@@ -183,9 +183,17 @@ template <class S> void aim(const ReachingCoefficients<S>& c, ReachingState<S>& 
   state.load = task.load;
 }
 
+/// Makes room for a correction: the oldest submovement, which has long ended, becomes part of where the plan starts.
+template <class S> void retire(ReachingState<S>& state) noexcept {
+  state.origin = state.origin + state.submovements[0].amplitude;
+  for (std::uint32_t i = 1; i < state.count; ++i) state.submovements[i - 1] = state.submovements[i];
+  --state.count;
+}
+
 /// Decides a correction, if one is due and needed.
 template <class S> void correct(const ReachingCoefficients<S>& c, ReachingState<S>& state) noexcept {
-  if (!(state.time >= state.next_check) || state.count >= max_submovements) return;
+  if (!(state.time >= state.next_check)) return;
+  if (state.count == max_submovements) retire(state);
   const std::uint32_t seen = (state.now + max_reaching_delay - c.visual_delay) % max_reaching_delay;
   // Where the plan will end, less by how much the arm was seen to be behind it.
   const S end = planned(state, S(1e9)).position - state.position_error[seen];

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 
@@ -20,23 +21,30 @@ wearer on the robot and of the law [N*m], excitations [1], and the robot's veloc
 FELT_EVERY = 10  # periods: what is felt is remembered a hundred times a second
 
 
-@dataclass(frozen=True)
-class Law:
+class Law(Protocol):
     """How the robot is driven, as the core takes it.
 
-    Parameters
+    Attributes
     ----------
     kind : str
         "position_prediction", "directional" or "transparent"; "none" is a robot without power.
     parameters : ndarray, shape (k,)
         SI, in the core's order.
-    sensed : bool
-        Whether it is given a force sensor.
-    emg : bool
-        Whether it is given EMG.
+    sensed, emg : bool
+        Whether it is given a force sensor, or EMG.
     """
 
     kind: str
+    parameters: np.ndarray | None
+    sensed: bool
+    emg: bool
+
+
+@dataclass(frozen=True)
+class Unpowered:
+    """A robot that is worn while its motor is off."""
+
+    kind: str = "none"
     parameters: np.ndarray | None = None
     sensed: bool = False
     emg: bool = False
