@@ -62,7 +62,8 @@ template <class S>
 DirectionalCompensationCoefficients<S> coefficients(const DirectionalCompensationParams<S>& p) noexcept {
   DirectionalCompensationCoefficients<S> c{p, coefficients(p.speed), coefficients(p.gate)};
   bool sound = p.dead_band > S(0) && is_finite(p.dead_band) && p.inertia_limit >= S(0) && is_finite(p.inertia_limit);
-  for (const DirectionTerms<S>* t : {&p.up, &p.down})
+  const DirectionTerms<S>* const both_ways[] = {&p.up, &p.down};
+  for (const DirectionTerms<S>* t : both_ways)
     sound = sound && is_finite(t->gravity_sine + t->gravity_cosine) && is_finite(t->coulomb + t->viscous) &&
             is_finite(t->inertia + t->exponent);
   c.gate.valid = c.gate.valid && sound;

@@ -23,6 +23,7 @@ template <class S> struct TransparentCompensationParams {
   S gravity_share{};                      ///< s_G [1], 0 to 1
   S friction_share{};                     ///< s_F [1], 0 to 1
   S inertia_share{};                      ///< s_J [1], 0 to 1
+  S friction_lead{};                      ///< how far ahead friction's velocity is foreseen [s], >= 0
   MotionEstimatorParams<S> estimator{};   ///< of the motion
   S acceleration_limit{};                 ///< of what is fed forward [rad/s^2], >= 0
   S energy_store{};                       ///< of the energy observer [J], >= 0
@@ -35,7 +36,7 @@ template <class S> struct TransparentCompensationParams {
 };
 
 /// How many numbers the law is, in the one order that every array of them has.
-constexpr std::size_t transparent_parameter_count = 51;
+constexpr std::size_t transparent_parameter_count = 52;
 constexpr const char* transparent_parameter_names[transparent_parameter_count] = {
     "inertia",           "gravity_sine",       "gravity_cosine",   "offset",
     "coulomb_positive",  "coulomb_negative",   "viscous_positive", "viscous_negative",
@@ -47,7 +48,7 @@ constexpr const char* transparent_parameter_names[transparent_parameter_count] =
     "limb_gravity",      "limb_viscous",       "emg_slow",         "emg_limit",
     "emg_share",         "frequency",          "frequency_min",    "frequency_max",
     "phase_rate",        "frequency_rate",     "amplitude_rate",   "least_amplitude",
-    "oscillator_share",  "oscillator_lead",    "effort_limit",     "rate_limit",
+    "oscillator_share",  "oscillator_lead",    "friction_lead",    "effort_limit",     "rate_limit",
     "velocity_limit",    "position_min",       "position_max",     "stop_margin",
     "max_age",           "max_repeats",        "period"};
 
@@ -55,7 +56,7 @@ constexpr const char* transparent_parameter_names[transparent_parameter_count] =
 template <class S>
 TransparentCompensationParams<S> law_params(const S (&v)[transparent_parameter_count]) noexcept {
   TransparentCompensationParams<S> p;
-  const S period = v[50];
+  const S period = v[51];
   p.body = {v[0], v[1], v[2], v[3], {v[4], v[5], v[6], v[7], v[8], v[9], v[10], v[11], v[12]}};
   p.gravity_share = v[13];
   p.friction_share = v[14];
@@ -68,7 +69,8 @@ TransparentCompensationParams<S> law_params(const S (&v)[transparent_parameter_c
   p.oscillator = {v[33], v[34], v[35], v[36], v[37], v[38], v[39], period};
   p.oscillator_share = v[40];
   p.oscillator_lead = v[41];
-  p.gate = gate_from(v + 42);
+  p.friction_lead = v[42];
+  p.gate = gate_from(v + 43);
   return p;
 }
 
@@ -98,12 +100,14 @@ TransparentCompensationCoefficients<S> coefficients(const TransparentCompensatio
   bool sound = c.estimator.valid && c.feedback.valid && c.emg.valid && c.oscillator.valid;
   sound = sound && share(p.gravity_share) && share(p.friction_share) && share(p.inertia_share) &&
           share(p.oscillator_share) && p.acceleration_limit >= S(0) && is_finite(p.acceleration_limit) &&
-          p.energy_store >= S(0) && is_finite(p.oscillator_lead);
+          p.energy_store >= S(0) && is_finite(p.oscillator_lead) && p.friction_lead >= S(0) &&
+          is_finite(p.friction_lead);
   sound = sound && p.body.inertia >= S(0) && is_finite(p.body.inertia + p.body.offset) &&
           is_finite(p.body.gravity_sine + p.body.gravity_cosine) && f.velocity_width > S(smallest_velocity);
   // Friction that could be negative would drive the joint.
-  for (const S x : {f.coulomb_positive, f.coulomb_negative, f.viscous_positive, f.viscous_negative, f.stribeck,
-                    f.load_motoring, f.load_generating})
+  const S never_negative[] = {f.coulomb_positive, f.coulomb_negative, f.viscous_positive, f.viscous_negative,
+                              f.stribeck,         f.load_motoring,    f.load_generating};
+  for (const S x : never_negative)
     sound = sound && x >= S(0) && is_finite(x);
   c.gate.valid = c.gate.valid && sound;
   return c;
@@ -144,11 +148,13 @@ template <class S> S step(const TransparentCompensationCoefficients<S>& c, Trans
     if (m.started && is_finite(m.position + m.velocity + m.acceleration)) {
       const S a = foreseen_acceleration(c, state, input);
       const S weight = gravity(c.body, m.position);
-      const S lost = friction(c.body.friction, m.velocity, weight + p.inertia_share * c.body.inertia * a);
+      const S soon = m.velocity + p.friction_lead * a;
+      const S lost = friction(c.body.friction, soon, weight + p.inertia_share * c.body.inertia * a);
       const S drive = p.friction_share * lost + p.inertia_share * c.body.inertia * a +
                       step(c.feedback, state.feedback, input.interaction, input.has_interaction);
       wanted = p.gravity_share * weight + p.body.offset +
-               step(p.energy_store, state.energy, p.gate.period, drive, m.velocity, lost);
+               step(p.energy_store, state.energy, p.gate.period, drive, m.velocity,
+                    friction(c.body.friction, m.velocity, weight));
     } else {
       state.motion = {};
     }

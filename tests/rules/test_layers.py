@@ -24,7 +24,7 @@ ALLOWED = {
     "protocols": BASE | {"recordings", "signals"},
     "models": BASE | {"_core"},  # physics knows no data
     "identification": UP_TO_SIGNALS | PHYSICS,
-    "lab": UP_TO_SIGNALS | PHYSICS | {"identification"},
+    "lab": UP_TO_SIGNALS | PHYSICS | {"identification", "controllers"},
     "controllers": PHYSICS,
     "estimators": UP_TO_SIGNALS | PHYSICS | {"identification"},
     "assessment": UP_TO_SIGNALS | PHYSICS - {"_core"} | {"identification", "estimators", "controllers"},

@@ -190,6 +190,34 @@ def point(
     return Session(person, condition, fs, np.concatenate(goals), signals, tuple(movements), arm.fault)
 
 
+def hold_still(rig: PointingRig, person: Person, law: Law, *, lift: float = 0.4) -> float:
+    """Fastest that a worn robot still moves two seconds after a movement, without noise and without corrections.
+
+    Parameters
+    ----------
+    rig : PointingRig
+    person : Person
+    law : Law
+    lift : float
+        Of the movement [rad].
+
+    Returns
+    -------
+    float
+        [rad/s]; 0 to the bit where friction holds the robot, a limit cycle where it is not small.
+    """
+    vector = person.vector(rig)
+    vector[_core.REACHING_PARAMETER_NAMES.index("tolerance")] = 1e3
+    reference, fs = rig["pointing"]["reference"], 1.0 / rig.period
+    arm = _worn(rig, person, vector, law, reference, np.random.default_rng(0))
+    n = round(4.0 * fs)
+    moved = arm.move(
+        target=reference + lift, amplitude=lift, duration=0.8, reaction=0.2, load=np.zeros(5), tolerance=0.0,
+        hold=1e9, noise=np.zeros((n, 5)), sensor_error=np.zeros(n) if law.sensed else None, emg=law.emg,
+    )  # fmt: skip
+    return float(np.abs(moved[SIGNALS.index("link")][-round(fs) :]).max())
+
+
 def _worn(
     rig: PointingRig, person: Person, vector: np.ndarray, law: Law | None, position: float, rng: np.random.Generator
 ) -> _core.WornElbow:

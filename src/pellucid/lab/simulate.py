@@ -12,6 +12,9 @@ from pathlib import Path
 
 from .._errors import StudyError
 from ..recordings.study import STUDY_FILE, Study
+from .elbow_people import KIND as PEOPLE
+from .elbow_people import parse_pointing_rig
+from .elbow_pointing_study import write_pointing_study
 from .elbow_protocol import trials
 from .elbow_rig import KIND, parse_elbow_rig
 from .elbow_study import excitation, write_elbow_study
@@ -104,6 +107,16 @@ def simulate(
         made = seated_trials(seated)
         study = write_seated_study(folder, seated, name=name, seed=seed, made=made, on_progress=on_progress)
         joint_time = seated.period * sum(len(trial.reference) for trial in made)
+    elif kind == PEOPLE:
+        from .elbow_conditions import study_conditions
+
+        people = parse_pointing_rig(text, name)
+        tell("identifying the robot that is worn", 0.0)
+        conditions = study_conditions(people, seed=seed)
+        study = write_pointing_study(
+            folder, people, conditions, name=name, seed=seed, threads=2, on_progress=on_progress
+        )
+        joint_time = sum(float(recording.time[-1]) for recording in study.recordings())
     elif kind is None:
         joint = _bench(text, path)
         tell("moving the virtual joint", 0.1)
@@ -111,7 +124,8 @@ def simulate(
         joint_time = joint.duration * len(study.config.recordings)
     else:
         raise StudyError(
-            f'{path}: found kind = {kind!r}, expected "{KIND}", "{KNEE}", "{SEATED}", or no kind for a joint on a bench'
+            f'{path}: found kind = {kind!r}, expected "{KIND}", "{KNEE}", "{SEATED}", "{PEOPLE}", or no kind for a '
+            "joint on a bench"
         )
     return Simulated(study, len(study.config.recordings), joint_time, time.perf_counter() - begun)
 
