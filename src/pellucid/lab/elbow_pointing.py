@@ -116,7 +116,6 @@ def point(
     condition: str,
     law: Law | None,
     rng: np.random.Generator,
-    *,
     lifts: np.ndarray | None = None,
 ) -> Session:
     """One person makes the movements of one condition.
