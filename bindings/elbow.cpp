@@ -58,8 +58,10 @@ load : (5,)
 tolerance, hold : float
     The movement ends when the target has been held this closely [rad] for so long [s].
 noise : (n, 5)
-    Standard normal: flexors, extensors, the encoder (already in rad), EMG of flexors and of extensors. n is the most
-    periods that it may take.
+    Standard normal: flexors, extensors, the encoder (already in rad), EMG of flexors and of extensors; after n periods
+    it begins again.
+longest : int
+    The most periods that it may take.
 sensor_error : (n,), optional
     Noise and offset of the force sensor [N m]; left out: there is none, and the law gets none.
 emg : bool
@@ -69,7 +71,7 @@ Returns
 -------
 tuple of (k,)
     Limb position [rad], velocity [rad/s], acceleration [rad/s^2]; the encoder [rad]; torque of the wearer on the robot
-    [N m], the law's torque [N m], excitation of flexors and of extensors [1], link velocity [rad/s]; k <= n.)";
+    [N m], the law's torque [N m], excitation of flexors and of extensors [1], link velocity [rad/s]; k <= longest.)";
 
 constexpr const char* fuzz_doc = R"(A law among nonsense: NaN, infinities, jumps, frozen and repeated samples, clock jumps.
 
@@ -189,10 +191,12 @@ class WornElbow {
   }
 
   nb::object move(double target, double amplitude, double duration, double reaction, nb::handle load, double tolerance,
-                  double hold, nb::handle noise, nb::handle sensor_error, bool emg) {
+                  double hold, nb::handle noise, nb::handle longest, nb::handle sensor_error, bool emg) {
     const Array z = read_array("noise", noise);
     if (z.shape.size() != 2 || z.shape[1] != 5) z.fail("(n, 5)");
     const std::size_t n = z.shape[0];
+    if (n == 0) z.fail("(n, 5) with n above 0");
+    const auto most = static_cast<std::size_t>(read_integer("longest", longest, 1, 10000000));
     if (!(duration > 0 && std::isfinite(duration))) throw nb::value_error("duration: expected seconds above 0");
     const bool sensed = !sensor_error.is_none();
     const Array error = sensed ? read_array("sensor_error", sensor_error) : z;
@@ -202,11 +206,12 @@ class WornElbow {
     std::size_t k = 0;
     {
       nb::gil_scoped_release release;
-      rows.resize(columns * n);
+      rows.reserve(columns * n);
       const double period = person_.params.period;
       double held = 0;
-      while (k < n && held < hold) {
-        period_of(z.data + 5 * k, sensed ? error.data + k : nullptr, emg, rows.data() + columns * k);
+      while (k < most && held < hold) {
+        rows.resize(columns * (k + 1));
+        period_of(z.data + 5 * (k % n), sensed ? error.data + k % n : nullptr, emg, rows.data() + columns * k);
         // Someone who has just arrived is not holding yet.
         const bool there = reach_.time > reaction && std::fabs(state_.limb_position - target) <= tolerance;
         held = there ? held + period : 0;
@@ -455,11 +460,11 @@ void add_elbow(nb::module_& m) {
                    "None = None, strap: ArrayLike, drive: ArrayLike, law: str = 'none', law_parameters: ArrayLike | "
                    "None = None, emg_gains: ArrayLike, substeps: int, sensor_delay: int = 0) -> None"))
       .def("move", &WornElbow::move, nb::kw_only(), nb::arg("target"), nb::arg("amplitude"), nb::arg("duration"),
-           nb::arg("reaction"), nb::arg("load"), nb::arg("tolerance"), nb::arg("hold"), nb::arg("noise"),
+           nb::arg("reaction"), nb::arg("load"), nb::arg("tolerance"), nb::arg("hold"), nb::arg("noise"), nb::arg("longest"),
            nb::arg("sensor_error").none() = nb::none(), nb::arg("emg") = false,
            nb::sig("def move(self, *, target: float, amplitude: float, duration: float, reaction: float, load: "
-                   "ArrayLike, tolerance: float, hold: float, noise: ArrayLike, sensor_error: ArrayLike | None = None, "
-                   "emg: bool = False) -> tuple[NDArray[float64], ...]"),
+                   "ArrayLike, tolerance: float, hold: float, noise: ArrayLike, longest: int, sensor_error: ArrayLike | None "
+                   "= None, emg: bool = False) -> tuple[NDArray[float64], ...]"),
            move_doc)
       .def_prop_ro("fault", &WornElbow::fault, "Of the law's gate, as of SafetyGate: 'none' while it is open.");
   m.def(

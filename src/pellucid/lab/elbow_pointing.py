@@ -18,6 +18,7 @@ SIGNALS = ("position", "velocity", "acceleration", "encoder", "interaction", "co
 """What a movement returns, in the core's order: the forearm's motion (rad, s), the robot's encoder [rad], torque of the
 wearer on the robot and of the law [N*m], excitations [1], and the robot's velocity [rad/s]."""
 
+NOISE = 5.0  # s: of noise that is drawn for a movement; one that takes longer hears it again
 FELT_EVERY = 10  # periods: what is felt is remembered a hundred times a second
 
 
@@ -143,7 +144,7 @@ def point(
     lifts = targets(rig, rng) if lifts is None else np.asarray(lifts, float)
     expected, own = np.zeros(5), person.forearm.inertia
     arm = _worn(rig, person, vector, law, reference, rng)
-    most = round(pointing["longest"] * fs)
+    most, drawn = round(pointing["longest"] * fs), round(NOISE * fs)
     sensor = rig["force_sensor"]
     offset = sensor["offset"] * rng.standard_normal()
     drift = sensor["drift"] * rng.standard_normal()
@@ -163,8 +164,8 @@ def point(
             reaction = max(planning["reaction"][0] + planning["reaction"][1] * rng.standard_normal(), 0.12)
             error = None
             if law is not None and law.sensed:
-                time = (now + np.arange(most)) / fs
-                error = offset + drift * time + sensor["noise"] * rng.standard_normal(most)
+                time = (now + np.arange(drawn)) / fs
+                error = offset + drift * time + sensor["noise"] * rng.standard_normal(drawn)
             moved = arm.move(
                 target=goal,
                 amplitude=reach * amplitude,
@@ -173,7 +174,8 @@ def point(
                 load=expected,
                 tolerance=pointing["tolerance"],
                 hold=pointing["hold"],
-                noise=noise_scale * rng.standard_normal((most, 5)),
+                noise=noise_scale * rng.standard_normal((drawn, 5)),
+                longest=most,
                 sensor_error=error,
                 emg=law is not None and law.emg,
             )
@@ -212,7 +214,7 @@ def hold_still(rig: PointingRig, person: Person, law: Law, *, lift: float = 0.4)
     n = round(4.0 * fs)
     moved = arm.move(
         target=reference + lift, amplitude=lift, duration=0.8, reaction=0.2, load=np.zeros(5), tolerance=0.0,
-        hold=1e9, noise=np.zeros((n, 5)), sensor_error=np.zeros(n) if law.sensed else None, emg=law.emg,
+        hold=1e9, noise=np.zeros((n, 5)), longest=n, sensor_error=np.zeros(n) if law.sensed else None, emg=law.emg,
     )  # fmt: skip
     return float(np.abs(moved[SIGNALS.index("link")][-round(fs) :]).max())
 

@@ -1,0 +1,156 @@
+"""People who point: how long they take, what they learn, and what an experiment with them gives."""
+
+import hashlib
+from importlib.resources import files
+
+import numpy as np
+import pytest
+
+from pellucid import _core
+from pellucid._errors import StudyError
+from pellucid.lab.elbow_people import draw_people, elbow_participants, parse_pointing_rig
+from pellucid.lab.elbow_pointing import Unpowered, hold_still, point
+from pellucid.lab.elbow_pointing_study import pointing_config, record_pointing, study_text
+from pellucid.lab.load_learning import felt, learnt
+from pellucid.lab.movement_choice import preferred_duration, utility
+from pellucid.models.anthropometry import forearm
+
+RIG = elbow_participants()
+FROZEN = "412a5375a3b93d67"
+"""Of the tables that say who people are and how they move, as they were before any robot was strapped on."""
+
+
+def test_people_are_as_they_were_before_a_robot_was_strapped_on():
+    tables = ("people", "arm", "muscles", "vision", "planning", "choice", "learning")
+    text = repr([(name, sorted(RIG[name].items())) for name in tables])
+    assert hashlib.sha256(text.encode()).hexdigest()[:16] == FROZEN
+
+
+def test_nobody_knows_the_condition():
+    text = (files("pellucid.lab") / "rigs" / "elbow-participants.toml").read_text(encoding="utf-8")
+    values = [line.split("#")[0] for line in text.splitlines()]
+    assert not any(name in line for line in values for name in ("FC", "CLPC", "Ctrl", "condition"))
+
+
+def test_six_people_are_like_those_of_the_paper():
+    people = draw_people(RIG, np.random.default_rng(3))
+    assert sorted(p.sex for p in people) == ["female"] * 3 + ["male"] * 3
+    for key in ("age", "height", "mass"):
+        drawn = [getattr(p, key) for p in people]
+        mean, spread = RIG["people"][key]
+        assert np.mean(drawn) == pytest.approx(mean, rel=1e-9)
+        assert np.std(drawn, ddof=1) == pytest.approx(spread, rel=1e-9)
+
+
+def test_a_forearm_by_winter():
+    segment = forearm(63.5, 1.755)
+    assert segment.mass == pytest.approx(1.397)
+    assert segment.inertia == pytest.approx(1.397 * 0.827**2 * (0.146 * 1.755) ** 2, rel=2e-3)
+
+
+def test_chosen_durations_are_the_best_and_grow_with_amplitude_and_load():
+    choice, width = RIG["choice"], 0.05
+    arm = (0.06, 0.1, 0.0)
+    times = [preferred_duration(np.deg2rad(a), arm, 12.0, choice, width) for a in (12, 24, 36, 48, 60)]
+    assert np.all(np.diff(times) > 0.02)
+    for a, best in zip((12, 60), (times[0], times[-1]), strict=True):
+        around = utility(best * np.array([0.95, 1.0, 1.05]), np.deg2rad(a), arm, 12.0, choice, width)
+        assert around[1] == around.max()
+    for load in ((0.03, 0.0, 0.0), (0.0, 0.3, 0.0), (0.0, 0.0, 0.5)):
+        loaded = tuple(x + y for x, y in zip(arm, load, strict=True))
+        assert preferred_duration(0.6, loaded, 12.0, choice, width) > 1.005 * preferred_duration(
+            0.6, arm, 12.0, choice, width
+        )
+    brisk = preferred_duration(0.6, arm, 40.0, choice, width)
+    assert brisk < times[2]
+
+
+def test_a_load_is_learnt_movement_by_movement(rng):
+    t = np.linspace(0, 2, 200)
+    q, v, a = 1.2 + 0.5 * np.sin(3 * t), 1.5 * np.cos(3 * t), -4.5 * np.sin(3 * t)
+    columns = felt(q, v, a, 0.05)
+    truth = np.array([0.02, 0.05, 0.3, 0.2, -0.1])
+    expected, errors = np.zeros(5), []
+    for _ in range(12):
+        expected = learnt(expected, columns, columns @ truth, RIG["learning"])
+        errors.append(np.sqrt(np.mean((columns @ (expected - truth)) ** 2)))
+    assert np.all(np.diff(errors) < 0)
+    assert errors[-1] < 0.1 * np.sqrt(np.mean((columns @ truth) ** 2))
+    assert np.array_equal(learnt(np.zeros(5), columns, np.zeros(200), RIG["learning"]), np.zeros(5))
+
+
+def test_without_a_robot_people_arrive_and_hold():
+    rng = np.random.default_rng(4)
+    session = point(RIG, draw_people(RIG, rng)[0], "Ctrl", None, rng, np.deg2rad([24, 60]))
+    assert [round(np.rad2deg(m.amplitude)) for m in session.movements] == [24, -24, 60, -60]
+    for m in session.movements:
+        hold = session.signals["position"][m.end - 1900 : m.end]
+        assert np.abs(hold - m.target).max() < RIG["pointing"]["tolerance"]
+        assert not np.any(m.expected)
+    assert not np.any(session.signals["interaction"])
+    assert session.signals["flexor"].min() > 0 and session.signals["flexor"].max() < 0.5
+
+
+def test_a_robot_without_power_is_felt_and_its_weight_learnt():
+    rng = np.random.default_rng(5)
+    person = draw_people(RIG, rng)[1]
+    session = point(RIG, person, "off", Unpowered(), rng, np.deg2rad([36, 36, 36, 36, 36, 36]))
+    weight = RIG.robot.gravity(person.slider(RIG))[0]
+    learnt_weight = session.movements[-1].expected[3]
+    assert 0.6 * weight < learnt_weight < 1.4 * weight
+    assert np.abs(session.signals["interaction"]).max() > 1.5
+    assert hold_still(RIG, person, Unpowered()) < 0.01
+
+
+def test_the_same_seed_gives_the_same_session():
+    def held():
+        rng = np.random.default_rng(6)
+        return point(RIG, draw_people(RIG, rng)[0], "x", Unpowered(), rng, np.deg2rad([12.0]))
+
+    first, second = held(), held()
+    for name, samples in first.signals.items():
+        assert np.array_equal(samples, second.signals[name])
+
+
+def test_recordings_of_an_experiment_are_what_its_study_says():
+    short = parse_pointing_rig(
+        (files("pellucid.lab") / "rigs" / "elbow-participants.toml")
+        .read_text(encoding="utf-8")
+        .replace("repetitions = 10 ", "repetitions = 1 ")
+        .replace("count = 6 ", "count = 2 "),
+        "short",
+    )
+    recordings, sessions = record_pointing(short, {"Ctrl": None, "off": lambda p, x: Unpowered()}, seed=7)
+    assert {(r.participant, r.condition) for r in recordings} == {(p, c) for p in ("P1", "P2") for c in ("Ctrl", "off")}
+    config = pointing_config(study_text(short, [s.person for s in sessions[::2]], (), "short"))
+    assert config.assessment.agonists == ("biceps", "brachioradialis")
+    for r in recordings:
+        assert ("position" in r) == (r.condition == "off") == ("interaction" in r)
+        assert set(r.streams["emg"].channels) == {"time", *(f"emg.{m}" for m in short["emg"]["muscles"])}
+        assert len(np.unique(r["target"])) == 6
+        wrist = r.optical.markers["wrist"] - r.optical.markers["elbow"]
+        angle = np.arctan2(wrist[:, 0], -wrist[:, 2])
+        true = sessions[[(s.person.name, s.condition) for s in sessions].index((r.participant, r.condition))]
+        assert abs(angle[-1] - true.signals["position"][-1]) < 0.01
+
+
+def test_a_file_that_lacks_something_is_told():
+    text = (files("pellucid.lab") / "rigs" / "elbow-participants.toml").read_text(encoding="utf-8")
+    with pytest.raises(StudyError, match=r"\[planning\] lacks reach$"):
+        parse_pointing_rig(text.replace("\nreach = ", "\nreeach = "), "x")
+    with pytest.raises(StudyError, match="found kind = 'x'"):
+        parse_pointing_rig('kind = "x"', "x")
+
+
+@pytest.mark.parametrize("change", [{"longest": 0}, {"noise": np.zeros((3, 4))}, {"duration": 0.0}])
+def test_the_core_refuses_what_makes_no_sense(change):
+    person = draw_people(RIG, np.random.default_rng(8))[0]
+    arm = _core.WornElbow(
+        person.vector(RIG), np.zeros(5), position0=1.0, strap=[100, 1], drive=[1, 1, 0, 0, 0], emg_gains=[1, 1],
+        substeps=4,
+    )  # fmt: skip
+    arguments = dict(target=1.2, amplitude=0.2, duration=0.6, reaction=0.2, load=np.zeros(5), tolerance=0.1, hold=0.1,
+                     noise=np.zeros((10, 5)), longest=10)  # fmt: skip
+    assert len(arm.move(**arguments)[0]) == 10
+    with pytest.raises(ValueError):
+        arm.move(**(arguments | change))
