@@ -1,0 +1,142 @@
+"""Laws of a worn elbow robot: from cards alone, as published, and within their limits whatever comes in."""
+
+import numpy as np
+import pytest
+
+from pellucid import _core
+from pellucid._errors import PellucidError
+from pellucid.controllers.elbow_laws import (
+    LAW_NAMES,
+    full_compensation,
+    partial_compensation,
+    position_control,
+    sensitivity_amplification,
+    transparent,
+    with_emg,
+    with_force_sensor,
+    with_oscillator,
+)
+from pellucid.models.anthropometry import forearm
+from pellucid.models.card import CardParameter
+from pellucid.models.directional_slider import DirectionalSliderModel
+from pellucid.models.joint import GRAVITY
+from pellucid.models.slider_card import SliderCard
+from pellucid.models.slider_joint import SliderJointModel
+
+UP = {"moment_slope": 0.55, "moment": 0.13, "cross_moment": 0.027, "coulomb": 0.3, "viscous": 0.06, "a0": 0.036,
+      "a1": -0.01, "a2": 0.54}  # fmt: skip
+DOWN = UP | {"moment_slope": 0.43, "moment": 0.11, "coulomb": 0.25, "viscous": 0.04}
+LOAD = {"inertia": 0.032, "carriage_moment": -0.004, "carriage_mass": 0.48, "gravity": 1.15, "gravity_cosine": 0.26,
+        "coulomb_positive": 0.26, "coulomb_negative": 0.21, "viscous_positive": 0.05, "viscous_negative": 0.04,
+        "load_motoring": 0.13, "load_generating": 0.11}  # fmt: skip
+PLACE = 0.2
+
+
+def card(family, values):
+    names = values if isinstance(values, dict) else values
+    parameters = tuple(CardParameter(n, "1", v, 0.05 * abs(v), (0.9 * v, 1.1 * v)) for n, v in names.items())
+    k = len(parameters)
+    return SliderCard(
+        study="x", family=family, method="", motion="rotary", effort_unit="N*m", lifts="flexion",
+        parameters=parameters, covariance=tuple((0.0,) * k for _ in range(k)), known={}, rail=(0.12, 0.27),
+        drive={"gain": 1.68}, heldout_error=None, residual_sd=0.1, processing="", confidence=0.95, notes=(),
+        checksums={}, pellucid="",
+    )  # fmt: skip
+
+
+POOLED = card("pooled", UP)
+BOTH = card("dissociated", {f"{k}_up": v for k, v in UP.items()} | {f"{k}_down": v for k, v in DOWN.items()})
+COHERENT = card("load", {name: LOAD[name] for name in SliderJointModel("load", {}).names if name in LOAD} | {})
+
+
+def laws():
+    base = transparent(COHERENT_KNOWN, PLACE)
+    return {
+        "FC": full_compensation(BOTH, PLACE),
+        "PCFr": partial_compensation(BOTH, PLACE),
+        "CLPC": position_control(POOLED, PLACE),
+        "transparent": base,
+        "sensed": with_force_sensor(base),
+        "emg": with_emg(base, forearm(63.5, 1.755)),
+        "oscillator": with_oscillator(base),
+        "amplified": sensitivity_amplification(COHERENT_KNOWN, PLACE, amplification=2.0),
+    }
+
+
+COHERENT_KNOWN = SliderCard(
+    **{
+        **{k: getattr(COHERENT, k) for k in COHERENT.__dataclass_fields__},
+        "known": {"carriage_mass": 0.48},
+        "parameters": tuple(
+            CardParameter(n, "1", LOAD[n], 0.05, (0.9 * LOAD[n], 1.1 * LOAD[n]))
+            for n in SliderJointModel("load", {"carriage_mass": 0.48}).names
+        ),
+    }
+)
+
+
+def test_published_terms_are_those_of_the_card():
+    law = full_compensation(BOTH, PLACE, exponents=(-1.0, -1.9))
+    model = BOTH.model()
+    assert isinstance(model, DirectionalSliderModel)
+    assert law.values["gravity_sine_up"] == pytest.approx(GRAVITY * (0.55 * PLACE + 0.13))
+    assert law.values["inertia_down"] == pytest.approx(model.inertia("down", PLACE))
+    assert (law.values["exponent_up"], law.values["exponent_down"]) == (-1.0, -1.9)
+    without = partial_compensation(BOTH, PLACE)
+    assert [without.values[k] for k in ("coulomb_up", "viscous_up", "coulomb_down", "viscous_down")] == [0.0] * 4
+    assert without.values["gravity_sine_down"] == law.values["gravity_sine_down"]
+
+
+def test_what_is_compensated_of_friction_is_the_lower_end_of_its_interval():
+    values = transparent(COHERENT_KNOWN, PLACE).values
+    assert values["coulomb_positive"] == pytest.approx(0.9 * LOAD["coulomb_positive"])
+    assert values["load_motoring"] == pytest.approx(0.9 * LOAD["load_motoring"])
+    assert values["gravity_sine"] == pytest.approx(LOAD["gravity"] + GRAVITY * 0.48 * PLACE)
+
+
+def test_amplification_is_a_share():
+    values = sensitivity_amplification(COHERENT_KNOWN, PLACE, amplification=4.0).values
+    assert values["friction_share"] == values["inertia_share"] == 0.75
+    with pytest.raises(PellucidError, match="expected 1 or more"):
+        sensitivity_amplification(COHERENT_KNOWN, PLACE, amplification=0.5)
+
+
+def test_a_law_takes_the_card_it_was_made_for():
+    with pytest.raises(PellucidError, match='expected one of "pooled"'):
+        position_control(BOTH, PLACE)
+    with pytest.raises(PellucidError, match='expected one of "dissociated"'):
+        full_compensation(POOLED, PLACE)
+    with pytest.raises(PellucidError, match="expected one coherent body"):
+        transparent(POOLED, PLACE)
+    with pytest.raises(PellucidError, match="no parameter k"):
+        full_compensation(BOTH, PLACE).changed(k=1.0)
+
+
+@pytest.mark.parametrize("single", [False, True])
+@pytest.mark.parametrize("name", list(laws()))
+def test_nothing_unsafe_comes_out_of_nonsense(name, single):
+    law = laws()[name]
+    assert len(law.parameters) == len(LAW_NAMES[law.kind])
+    unsafe, faults, slowest, moving = _core.fuzz_law(law.kind, law.parameters, 200_000, 11, single)
+    assert unsafe == 0
+    assert faults > 30
+    assert slowest <= 1
+    assert moving > 50_000
+
+
+def test_what_makes_no_sense_gives_nothing():
+    law = transparent(COHERENT_KNOWN, PLACE)
+    for change in ({"coulomb_positive": -0.1}, {"inertia_share": 1.2}, {"velocity_width": 0.0}, {"period": 0.0}):
+        broken = law.changed(**change)
+        assert _core.fuzz_law(broken.kind, broken.parameters, 1000, 1)[3] == 0
+    with pytest.raises(ValueError, match="law: expected"):
+        _core.fuzz_law("other", [1.0], 10, 1)
+    with pytest.raises(ValueError, match=r"expected \(24,\)"):
+        _core.fuzz_law("directional", [1.0], 10, 1)
+
+
+def test_a_step_is_timed():
+    law = full_compensation(BOTH, PLACE)
+    nanoseconds = _core.time_law(law.kind, law.parameters, 1000)
+    assert nanoseconds.shape == (1000,)
+    assert 0 < np.median(nanoseconds) < 1e5
