@@ -7,11 +7,13 @@ from pathlib import Path
 
 from pellucid._atomic import write_text_atomically
 
-from . import elbow, export, hill, identification, plant, transfer_function
+from . import elbow, export, hill, identification, muscle_calibration, plant, transfer_function
+
+MODULES = (identification, plant, elbow, transfer_function, hill, muscle_calibration, export)
 
 
 def main() -> None:
-    rows = [row for module in (identification, plant, elbow, transfer_function, hill, export) for row in module.run()]
+    rows = [row for module in MODULES for row in module.run()]
     width = max(len(row["name"]) for row in rows)
     for row in rows:
         print(f"{row['name']:<{width}}  {row['value']:>12.4g} {row['unit']:<6} {row['note']}")
