@@ -56,9 +56,9 @@ SEARCHED: Mapping[str, Mapping[str, tuple[float, ...]]] = {
         "fuzzy.velocity_scale": (1.0, 2.0, 4.0),
     },
     "rbf": {
-        "rbf.rate": (2.0, 4.0),
-        "rbf.bound": (2.0, 3.0),
-        "rbf.leak": (0.02, 0.05),
+        "rbf.bound": (0.5, 1.0, 1.5),
+        "rbf.rate": (1.0, 2.0, 4.0),
+        "rbf.leak": (0.2, 1.0),
     },
     "residual_strap_learnt": {
         "learning.forgetting": (5.0, 10.0, 20.0),
@@ -74,7 +74,7 @@ START = Chosen(
     emg=EmgSettings(corner=3.0),
     observer={"bandwidth": 40.0, "gain": 2.5, "friction": 0.0, "gravity": 0.5, "assist_width": 0.6},
     fuzzy={"largest": 4.0, "torque_scale": 1.0, "velocity_scale": 2.0},
-    rbf={"rate": 2.0, "bound": 2.0, "leak": 0.05},
+    rbf={"rate": 1.0, "bound": 0.5, "leak": 1.0},
 )
 """Where an earlier, wider search by the same criterion on the same wearers ended: it also tried widths of friction from
 0.02 to 2.5 rad/s, shares of inertia and viscous friction from 0 to 1, derivative gains, corners of the envelope from 3
@@ -289,8 +289,8 @@ def text(constants: Chosen, seeds: Sequence[int]) -> str:
     """The file, as `parse_chosen` reads it."""
     lines = [
         "# Constants of the controllers that are compared on the virtual knee orthosis. Written by",
-        f"# `python -m pellucid.published.knee_tuning` from drawn wearers {seeds[0]} to {seeds[-1]}; nobody judged is",
-        "# among them. Change the search, not this file.",
+        f"# `python -m pellucid.published.knee_tuning` from drawn wearers {seeds[0]} to {seeds[-1]}; nobody who is",
+        "# judged is among them. Change the search, not this file.",
     ]
     for table, values in constants.tables().items():
         lines += ["", f"[{table}]"]
