@@ -10,7 +10,7 @@ from pathlib import Path
 from ..lab.knee_rig import KneeRig, knee_orthosis
 from ..recordings.results import ResultRow, write_rows
 from .knee_recomputed import recomputed
-from .knee_residual import ControllerRow
+from .knee_residual import REPRODUCED, ControllerRow
 from .knee_residual_rows import residual_rows
 from .knee_rows import coupling_rows, limbs_rows, orthosis_rows, torques_rows
 from .knee_torque import AS_PUBLISHED, ESTIMATORS, TorqueMap, TorqueSteps
@@ -20,9 +20,6 @@ from .printed import PrintedPaper, printed
 from .reproduction import Reproduced, write_reproduction
 
 SEEDS = tuple(range(1, 11))
-
-COMPARED: tuple[str, ...] = ()
-"""Wearers on whom controllers are compared."""
 
 COMMAND = "reproduce knee"
 
@@ -79,7 +76,7 @@ def reproduce_knee(
     *,
     seeds: Sequence[int] = SEEDS,
     estimators: Sequence[str] = (*ESTIMATORS, *AS_PUBLISHED),
-    compared: Sequence[str] = COMPARED,
+    compared: Sequence[str] = REPRODUCED,
     workers: int | None = None,
     on_progress: Callable[[str, float], None] | None = None,
 ) -> KneeReproduction:
