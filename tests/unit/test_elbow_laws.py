@@ -32,13 +32,12 @@ LOAD = {"inertia": 0.032, "carriage_moment": -0.004, "carriage_mass": 0.48, "gra
 PLACE = 0.2
 
 
-def card(family, values):
-    names = values if isinstance(values, dict) else values
-    parameters = tuple(CardParameter(n, "1", v, 0.05 * abs(v), (0.9 * v, 1.1 * v)) for n, v in names.items())
+def card(family, values, known=None):
+    parameters = tuple(CardParameter(n, "1", v, 0.05 * abs(v), (0.9 * v, 1.1 * v)) for n, v in values.items())
     k = len(parameters)
     return SliderCard(
         study="x", family=family, method="", motion="rotary", effort_unit="N*m", lifts="flexion",
-        parameters=parameters, covariance=tuple((0.0,) * k for _ in range(k)), known={}, rail=(0.12, 0.27),
+        parameters=parameters, covariance=tuple((0.0,) * k for _ in range(k)), known=known or {}, rail=(0.12, 0.27),
         drive={"gain": 1.68}, heldout_error=None, residual_sd=0.1, processing="", confidence=0.95, notes=(),
         checksums={}, pellucid="",
     )  # fmt: skip
@@ -46,11 +45,12 @@ def card(family, values):
 
 POOLED = card("pooled", UP)
 BOTH = card("dissociated", {f"{k}_up": v for k, v in UP.items()} | {f"{k}_down": v for k, v in DOWN.items()})
-COHERENT = card("load", {name: LOAD[name] for name in SliderJointModel("load", {}).names if name in LOAD} | {})
+KNOWN = {"carriage_mass": 0.48}
+COHERENT = card("load", {name: LOAD[name] for name in SliderJointModel("load", KNOWN).names}, KNOWN)
 
 
 def laws():
-    base = transparent(COHERENT_KNOWN, PLACE)
+    base = transparent(COHERENT, PLACE)
     return {
         "FC": full_compensation(BOTH, PLACE),
         "PCFr": partial_compensation(BOTH, PLACE),
@@ -59,20 +59,8 @@ def laws():
         "sensed": with_force_sensor(base),
         "emg": with_emg(base, forearm(63.5, 1.755)),
         "oscillator": with_oscillator(base),
-        "amplified": sensitivity_amplification(COHERENT_KNOWN, PLACE, amplification=2.0),
+        "amplified": sensitivity_amplification(COHERENT, PLACE, amplification=2.0),
     }
-
-
-COHERENT_KNOWN = SliderCard(
-    **{
-        **{k: getattr(COHERENT, k) for k in COHERENT.__dataclass_fields__},
-        "known": {"carriage_mass": 0.48},
-        "parameters": tuple(
-            CardParameter(n, "1", LOAD[n], 0.05, (0.9 * LOAD[n], 1.1 * LOAD[n]))
-            for n in SliderJointModel("load", {"carriage_mass": 0.48}).names
-        ),
-    }
-)
 
 
 def test_published_terms_are_those_of_the_card():
@@ -88,17 +76,17 @@ def test_published_terms_are_those_of_the_card():
 
 
 def test_what_is_compensated_of_friction_is_the_lower_end_of_its_interval():
-    values = transparent(COHERENT_KNOWN, PLACE).values
+    values = transparent(COHERENT, PLACE).values
     assert values["coulomb_positive"] == pytest.approx(0.9 * LOAD["coulomb_positive"])
     assert values["load_motoring"] == pytest.approx(0.9 * LOAD["load_motoring"])
     assert values["gravity_sine"] == pytest.approx(LOAD["gravity"] + GRAVITY * 0.48 * PLACE)
 
 
 def test_amplification_is_a_share():
-    values = sensitivity_amplification(COHERENT_KNOWN, PLACE, amplification=4.0).values
+    values = sensitivity_amplification(COHERENT, PLACE, amplification=4.0).values
     assert values["friction_share"] == values["inertia_share"] == 0.75
     with pytest.raises(PellucidError, match="expected 1 or more"):
-        sensitivity_amplification(COHERENT_KNOWN, PLACE, amplification=0.5)
+        sensitivity_amplification(COHERENT, PLACE, amplification=0.5)
 
 
 def test_a_law_takes_the_card_it_was_made_for():
@@ -125,7 +113,7 @@ def test_nothing_unsafe_comes_out_of_nonsense(name, single):
 
 
 def test_what_makes_no_sense_gives_nothing():
-    law = transparent(COHERENT_KNOWN, PLACE)
+    law = transparent(COHERENT, PLACE)
     for change in ({"coulomb_positive": -0.1}, {"inertia_share": 1.2}, {"velocity_width": 0.0}, {"period": 0.0}):
         broken = law.changed(**change)
         assert _core.fuzz_law(broken.kind, broken.parameters, 1000, 1)[3] == 0

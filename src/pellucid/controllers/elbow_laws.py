@@ -309,7 +309,7 @@ def with_force_sensor(
     law: ElbowLaw,
     *,
     proportional: float = 2.5,
-    integral: float = 6.0,
+    integral: float = 0.0,
     leak: float = 0.5,
     lowpass: float = 200.0,
     drift: float = 0.02,
@@ -322,7 +322,7 @@ def with_force_sensor(
     law : ElbowLaw
         From `transparent`.
     proportional, integral, leak : float
-        Gains [1], [1/s] and the rate at which the integral forgets [1/s].
+        Gains [1], [1/s] and the rate at which the integral forgets [1/s]. Where a robot sticks, an integral hunts.
     lowpass : float
         Of the sensor [rad/s].
     drift : float

@@ -46,8 +46,8 @@ SENSED_BODY: Mapping[str, float] = {
     "velocity_width": 0.05,
     "bandwidth": 90.0,
 }
-"""What of the body is compensated where a force sensor sees to the rest. It was chosen, as the other gains of `own_laws`
-were, by the smallest interaction torque of five people on three robots that are not those it is judged on."""
+"""What of the body is compensated where a force sensor sees to the rest. Chosen, as the other gains of `own_laws` were,
+by the smallest interaction torque of five people on three robots that are not those it is judged on."""
 
 
 def identified_cards(robot: ElbowRig, *, seed: int = 1) -> Cards:

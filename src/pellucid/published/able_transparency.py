@@ -13,16 +13,18 @@ from statistics import NormalDist
 
 import numpy as np
 
+from .._errors import RecordingError
 from ..assessment.assess import assess_recordings
 from ..assessment.assessment_findings import AssessmentFindings
 from ..controllers.elbow_laws import ElbowLaw
 from ..lab.elbow_conditions import Cards, chosen_exponents, interaction_rms, own_laws, published_laws
 from ..lab.elbow_people import Person, PointingRig, draw_people, elbow_participants
 from ..lab.elbow_pointing import Session, hold_still
-from ..lab.elbow_pointing_study import pointing_config, record_pointing, study_text, take_part
+from ..lab.elbow_pointing_study import CONTROL, pointing_config, record_pointing, study_text, take_part
 from ..lab.elbow_rig import ElbowRig
 from ..lab.movement_choice import preferred_duration
 from ..recordings.results import ResultRow
+from ..signals.movements import MovementRule, Stretch, kinematics, movements
 
 PUBLISHED = {
     "duration": {"FC": 2.4, "PCFr": 20.2, "CLPC": 18.6},
@@ -84,6 +86,66 @@ def required_resistance(rig: PointingRig, people: Sequence[Person], slower: floa
     return found
 
 
+def session_means(session: Session) -> dict[str, float]:
+    """Published indices of one session, from its true motion and excitation: no instrument stands in between.
+
+    Parameters
+    ----------
+    session : Session
+
+    Returns
+    -------
+    dict of str to float
+        duration [s], vmax [rad/s], emg_per_acc [s^2/rad] upwards, and left_out [1], the share of movements that the
+        rule cannot use.
+    """
+    seconds = np.arange(len(session.target)) / session.fs
+    motion = kinematics(seconds, session.signals["position"], MovementRule())
+    stretches = [Stretch(m.begin / session.fs, m.end / session.fs, m.amplitude) for m in session.movements]
+    found, without = movements(motion, stretches, MovementRule())
+    advance = round(0.1 * session.fs)
+    ratios = []
+    for one in found:
+        if one.direction > 0:
+            part = slice(max(one.first - advance, 0), max(one.last - advance, 0) + 1)
+            level = np.sqrt(np.mean(session.signals["flexor"][part] ** 2))
+            ratios.append(level / one.peak_acceleration)
+    return {
+        "duration": float(np.mean([one.duration for one in found])),
+        "vmax": float(np.mean([one.peak_velocity for one in found])),
+        "emg_per_acc": float(np.mean(ratios)),
+        "left_out": len(without) / len(stretches),
+    }
+
+
+def changes(sessions: Sequence[Session], control: str = CONTROL) -> dict[str, dict[str, float]]:
+    """Change from control of every condition, by index [%]; EMG/Acc is the mean of each person's own.
+
+    Parameters
+    ----------
+    sessions : sequence of Session
+        Everybody in every condition.
+    control : str
+
+    Returns
+    -------
+    dict of str to dict of str to float
+        duration, vmax, emgacc; then by condition.
+    """
+    means = {(s.person.name, s.condition): session_means(s) for s in sessions}
+    people = sorted({person for person, _ in means})
+    found: dict[str, dict[str, float]] = {"duration": {}, "vmax": {}, "emgacc": {}}
+    for condition in dict.fromkeys(s.condition for s in sessions):
+        if condition == control:
+            continue
+        for index in ("duration", "vmax"):
+            over, under = (np.mean([means[p, c][index] for p in people]) for c in (condition, control))
+            found[index][condition] = float(100.0 * (over / under - 1.0))
+        ratios = [means[p, condition]["emg_per_acc"] / means[p, control]["emg_per_acc"] for p in people]
+        found["emgacc"][condition] = float(100.0 * (np.mean(ratios) - 1.0))
+    return found
+
+
 @dataclass(frozen=True)
 class Comparison:
     """One study of the published conditions and the toolkit's own.
@@ -91,7 +153,12 @@ class Comparison:
     Attributes
     ----------
     seed : int
-    findings : AssessmentFindings
+    changes : dict
+        As `changes` gives them.
+    findings : AssessmentFindings or None
+        As any lab would assess the recordings; None where the assessment refuses them.
+    refused : str
+        Why it does.
     exponents : tuple of float
     seconds : float
         That people, robots and instruments took [s].
@@ -101,7 +168,9 @@ class Comparison:
     """
 
     seed: int
-    findings: AssessmentFindings
+    changes: dict[str, dict[str, float]]
+    findings: AssessmentFindings | None
+    refused: str
     exponents: tuple[float, float]
     seconds: float
     movements: int
@@ -150,8 +219,13 @@ def compare_laws(
             given = np.concatenate([injected_energy(s) for s in sessions if s.condition == name])
             energy[name] = float(np.quantile(given, 0.99))
     made = sum(len(s.movements) for s in sessions)
-    findings = assess_recordings("virtual-able", recordings, spec)
-    return Comparison(seed, findings, exponents, seconds, made, energy)
+    findings, refused = None, ""
+    try:
+        findings = assess_recordings("virtual-able", recordings, spec)
+    except RecordingError as error:
+        # People who cannot hold a robot still end where no target is, and their recordings are not fit to be used.
+        refused = str(error)
+    return Comparison(seed, changes(sessions), findings, refused, exponents, seconds, made, energy)
 
 
 def torque_ratios(
@@ -193,7 +267,7 @@ def resting_speed(rig: PointingRig, person: Person, law: ElbowLaw) -> float:
     return hold_still(rig, person, law)
 
 
-def median_interval(values: Sequence[float]) -> tuple[float, float, float]:
+def mean_interval(values: Sequence[float]) -> tuple[float, float, float]:
     """Mean of several studies and its 95 % interval by a normal law."""
     x = np.asarray(values, float)
     half = NormalDist().inv_cdf(0.975) * x.std(ddof=1) / np.sqrt(len(x)) if len(x) > 1 else float("nan")
@@ -216,8 +290,8 @@ def transparency_rows(made: Sequence[Comparison], note: str) -> list[ResultRow]:
     rows = []
     for index in ("duration", "vmax", "emgacc"):
         for condition in ("FC", "PCFr", "CLPC"):
-            changes = [change(one.findings, index, condition) for one in made]
-            mean, low, high = median_interval(changes)
+            drawn = [one.changes[index][condition] for one in made]
+            mean, low, high = mean_interval(drawn)
             printed = PUBLISHED.get(index, {}).get(condition)
             beside = f"; the paper {printed:+.1f} %" if printed is not None else ""
             text = f"mean of {len(made)} virtual studies, 95 % interval {low:.1f} to {high:.1f} %{beside}; {note}"
@@ -231,12 +305,3 @@ def transparency_rows(made: Sequence[Comparison], note: str) -> list[ResultRow]:
         )
     )
     return rows
-
-
-def change(findings: AssessmentFindings, index: str, condition: str) -> float:
-    """Mean change from control [%]; of EMG/Acc, which is one already, its mean."""
-    table = findings.assessed[index].table
-    column = table.column(condition)
-    if index == "emgacc":
-        return float(100.0 * column.mean())
-    return float(100.0 * (column.mean() / table.column(findings.control).mean() - 1.0))
