@@ -128,6 +128,7 @@ def step_trials(
                 group=recording.name.rsplit("_", 1)[-1],
                 participant=participant,
                 checksum=recording.checksum,
+                muscles=muscle_source(study, recording, joint),
             )
         )
     return trials
