@@ -2,8 +2,11 @@
 The core: every physical model once, in C++ (include/pellucid). SI units throughout.
 """
 
+
 from numpy import float32, float64
 from numpy.typing import ArrayLike, NDArray
+
+
 
 PARAMETER_NAMES: tuple[str, ...]
 
@@ -11,9 +14,7 @@ GEARED_PARAMETER_NAMES: tuple[str, ...]
 
 instructions: str
 
-def inverse_dynamics(
-    parameters: ArrayLike, position: ArrayLike, velocity: ArrayLike, acceleration: ArrayLike
-) -> NDArray[float64]:
+def inverse_dynamics(parameters: ArrayLike, position: ArrayLike, velocity: ArrayLike, acceleration: ArrayLike) -> NDArray[float64]:
     """
     Effort that moves a joint so: y + friction(v, y) + offset, y = J a + g_s sin q + g_c cos q.
 
@@ -30,9 +31,7 @@ def inverse_dynamics(
         Effort [N m]; N on a prismatic joint.
     """
 
-def inverse_dynamics_jacobian(
-    parameters: ArrayLike, position: ArrayLike, velocity: ArrayLike, acceleration: ArrayLike, active: ArrayLike
-) -> tuple[NDArray[float64], NDArray[float64]]:
+def inverse_dynamics_jacobian(parameters: ArrayLike, position: ArrayLike, velocity: ArrayLike, acceleration: ArrayLike, active: ArrayLike) -> tuple[NDArray[float64], NDArray[float64]]:
     """
     inverse_dynamics and its exact derivatives by some parameters.
 
@@ -53,9 +52,7 @@ def inverse_dynamics_jacobian(
         d effort / d parameters[active].
     """
 
-def forward_dynamics(
-    parameters: ArrayLike, position: ArrayLike, velocity: ArrayLike, effort: ArrayLike
-) -> NDArray[float64]:
+def forward_dynamics(parameters: ArrayLike, position: ArrayLike, velocity: ArrayLike, effort: ArrayLike) -> NDArray[float64]:
     """
     Acceleration that an effort gives; the inverse of inverse_dynamics, in closed form.
 
@@ -101,33 +98,7 @@ def load(parameters: ArrayLike, position: ArrayLike, acceleration: ArrayLike) ->
         q [rad], a [rad/s^2].
     """
 
-def simulate(
-    parameters: ArrayLike,
-    *,
-    reference: ArrayLike,
-    period: float,
-    substeps: int = 4,
-    loop: str = "none",
-    kp: float = 0,
-    ki: float = 0,
-    kd: float = 0,
-    kv: float = 0,
-    limit: float = 0,
-    velocity_span: int = 0,
-    gain: float = 1,
-    back_emf: float = 0,
-    injected: ArrayLike | None = None,
-    disturbance: ArrayLike | None = None,
-    encoder_quantum: float = 0,
-    encoder_noise: ArrayLike | None = None,
-    ripple_amplitude: float = 0,
-    ripple_wave_number: float = 0,
-    ripple_phase: float = 0,
-    position0: float = 0,
-    velocity0: float = 0,
-    integral0: float = 0,
-    stiction: bool = False,
-) -> tuple[NDArray[float64], ...]:
+def simulate(parameters: ArrayLike, *, reference: ArrayLike, period: float, substeps: int = 4, loop: str = "none", kp: float = 0, ki: float = 0, kd: float = 0, kv: float = 0, limit: float = 0, velocity_span: int = 0, gain: float = 1, back_emf: float = 0, injected: ArrayLike | None = None, disturbance: ArrayLike | None = None, encoder_quantum: float = 0, encoder_noise: ArrayLike | None = None, ripple_amplitude: float = 0, ripple_wave_number: float = 0, ripple_phase: float = 0, position0: float = 0, velocity0: float = 0, integral0: float = 0, stiction: bool = False) -> tuple[NDArray[float64], ...]:
     """
     A joint under its own controller, sample by sample.
 
@@ -178,34 +149,7 @@ def simulate(
         acceleration are those at the start of that period.
     """
 
-def simulate_batch(
-    parameters: ArrayLike,
-    *,
-    reference: ArrayLike,
-    period: float,
-    substeps: int = 4,
-    loop: str = "none",
-    kp: ArrayLike = 0,
-    ki: ArrayLike = 0,
-    kd: ArrayLike = 0,
-    kv: ArrayLike = 0,
-    limit: ArrayLike = 0,
-    velocity_span: int = 0,
-    gain: ArrayLike = 1,
-    back_emf: ArrayLike = 0,
-    injected: ArrayLike | None = None,
-    disturbance: ArrayLike | None = None,
-    encoder_quantum: ArrayLike = 0,
-    encoder_noise: ArrayLike | None = None,
-    ripple_amplitude: ArrayLike = 0,
-    ripple_wave_number: ArrayLike = 0,
-    ripple_phase: ArrayLike = 0,
-    position0: ArrayLike = 0,
-    velocity0: ArrayLike = 0,
-    integral0: ArrayLike = 0,
-    stiction: bool = False,
-    threads: int = 1,
-) -> tuple[NDArray[float64], ...]:
+def simulate_batch(parameters: ArrayLike, *, reference: ArrayLike, period: float, substeps: int = 4, loop: str = "none", kp: ArrayLike = 0, ki: ArrayLike = 0, kd: ArrayLike = 0, kv: ArrayLike = 0, limit: ArrayLike = 0, velocity_span: int = 0, gain: ArrayLike = 1, back_emf: ArrayLike = 0, injected: ArrayLike | None = None, disturbance: ArrayLike | None = None, encoder_quantum: ArrayLike = 0, encoder_noise: ArrayLike | None = None, ripple_amplitude: ArrayLike = 0, ripple_wave_number: ArrayLike = 0, ripple_phase: ArrayLike = 0, position0: ArrayLike = 0, velocity0: ArrayLike = 0, integral0: ArrayLike = 0, stiction: bool = False, threads: int = 1) -> tuple[NDArray[float64], ...]:
     """
     Many joints at once, in the lanes of the processor; the same bits as `simulate` gives one by one.
 
@@ -226,33 +170,7 @@ def simulate_batch(
         As `simulate` returns them.
     """
 
-def simulate_geared(
-    parameters: ArrayLike,
-    *,
-    reference: ArrayLike,
-    period: float,
-    substeps: int = 4,
-    loop: str = "none",
-    kp: ArrayLike = 0,
-    ki: ArrayLike = 0,
-    kd: ArrayLike = 0,
-    kv: ArrayLike = 0,
-    limit: ArrayLike = 0,
-    velocity_span: int = 0,
-    gain: ArrayLike = 1,
-    back_emf: ArrayLike = 0,
-    injected: ArrayLike | None = None,
-    disturbance: ArrayLike | None = None,
-    encoder_quantum: ArrayLike = 0,
-    encoder_noise: ArrayLike | None = None,
-    ripple_amplitude: ArrayLike = 0,
-    ripple_wave_number: ArrayLike = 0,
-    ripple_phase: ArrayLike = 0,
-    position0: ArrayLike = 0,
-    velocity0: ArrayLike = 0,
-    integral0: ArrayLike = 0,
-    threads: int = 1,
-) -> tuple[NDArray[float64], ...]:
+def simulate_geared(parameters: ArrayLike, *, reference: ArrayLike, period: float, substeps: int = 4, loop: str = "none", kp: ArrayLike = 0, ki: ArrayLike = 0, kd: ArrayLike = 0, kv: ArrayLike = 0, limit: ArrayLike = 0, velocity_span: int = 0, gain: ArrayLike = 1, back_emf: ArrayLike = 0, injected: ArrayLike | None = None, disturbance: ArrayLike | None = None, encoder_quantum: ArrayLike = 0, encoder_noise: ArrayLike | None = None, ripple_amplitude: ArrayLike = 0, ripple_wave_number: ArrayLike = 0, ripple_phase: ArrayLike = 0, position0: ArrayLike = 0, velocity0: ArrayLike = 0, integral0: ArrayLike = 0, threads: int = 1) -> tuple[NDArray[float64], ...]:
     """
     Many motors, each with a link behind a compliant transmission with backlash, in the lanes of the processor.
 
@@ -293,34 +211,7 @@ def simulate_geared(
         At the sample instants k period, before the k-th period; the command is limited, with what was injected.
     """
 
-def simulate_jacobian(
-    parameters: ArrayLike,
-    *,
-    active: ArrayLike,
-    reference: ArrayLike,
-    period: float,
-    substeps: int = 4,
-    loop: str = "none",
-    kp: float = 0,
-    ki: float = 0,
-    kd: float = 0,
-    kv: float = 0,
-    limit: float = 0,
-    velocity_span: int = 0,
-    gain: float = 1,
-    back_emf: float = 0,
-    injected: ArrayLike | None = None,
-    disturbance: ArrayLike | None = None,
-    encoder_quantum: float = 0,
-    encoder_noise: ArrayLike | None = None,
-    ripple_amplitude: float = 0,
-    ripple_wave_number: float = 0,
-    ripple_phase: float = 0,
-    position0: float = 0,
-    velocity0: float = 0,
-    integral0: float = 0,
-    stiction: bool = False,
-) -> tuple[NDArray[float64], ...]:
+def simulate_jacobian(parameters: ArrayLike, *, active: ArrayLike, reference: ArrayLike, period: float, substeps: int = 4, loop: str = "none", kp: float = 0, ki: float = 0, kd: float = 0, kv: float = 0, limit: float = 0, velocity_span: int = 0, gain: float = 1, back_emf: float = 0, injected: ArrayLike | None = None, disturbance: ArrayLike | None = None, encoder_quantum: float = 0, encoder_noise: ArrayLike | None = None, ripple_amplitude: float = 0, ripple_wave_number: float = 0, ripple_phase: float = 0, position0: float = 0, velocity0: float = 0, integral0: float = 0, stiction: bool = False) -> tuple[NDArray[float64], ...]:
     """
     simulate, and the exact derivatives of its trajectory by some parameters of the joint.
 
@@ -354,6 +245,7 @@ class Biquads:
     """
 
     def __init__(self, sos: ArrayLike) -> None: ...
+
     def step(self, x: float) -> float:
         """One sample."""
 
@@ -367,6 +259,7 @@ class BiquadsFloat:
     """Biquads in float32, as on a microcontroller."""
 
     def __init__(self, sos: ArrayLike) -> None: ...
+
     def step(self, x: float) -> float:
         """One sample."""
 
@@ -399,19 +292,8 @@ class SafetyGate:
         Between two steps [s], > 0.
     """
 
-    def __init__(
-        self,
-        *,
-        effort_limit: float,
-        rate_limit: float,
-        velocity_limit: float,
-        position_min: float,
-        position_max: float,
-        stop_margin: float,
-        max_age: float,
-        max_repeats: int,
-        period: float,
-    ) -> None: ...
+    def __init__(self, *, effort_limit: float, rate_limit: float, velocity_limit: float, position_min: float, position_max: float, stop_margin: float, max_age: float, max_repeats: int, period: float) -> None: ...
+
     def step(self, command: float, position: float, velocity: float, time: float, sequence: int) -> float:
         """
         One control period: the effort that may go to the motor [N m].
@@ -451,6 +333,7 @@ class ResidualCompensator:
     """
 
     def __init__(self, parameters: ArrayLike) -> None: ...
+
     def step(self, time: float, position: float, torque: float, emg_torque: float, emg_valid: bool = True) -> float:
         """
         One control period: the torque wanted from the spring [N m].
@@ -503,6 +386,7 @@ class ResidualCompensatorFloat:
     """ResidualCompensator in float32, as on a microcontroller."""
 
     def __init__(self, parameters: ArrayLike) -> None: ...
+
     def step(self, time: float, position: float, torque: float, emg_torque: float, emg_valid: bool = True) -> float:
         """
         One control period: the torque wanted from the spring [N m].
@@ -573,24 +457,9 @@ class StrapEstimator:
         [s].
     """
 
-    def __init__(
-        self,
-        *,
-        bodies: ArrayLike,
-        bandwidth: float,
-        slowest: float,
-        forgetting: float,
-        prior_mismatch: float,
-        excitation: float,
-        stiffness_min: float,
-        stiffness_max: float,
-        damping_min: float,
-        damping_max: float,
-        period: float,
-    ) -> None: ...
-    def step(
-        self, position: float, torque: float, emg_torque: float, emg_valid: bool = True
-    ) -> tuple[float, float, bool]:
+    def __init__(self, *, bodies: ArrayLike, bandwidth: float, slowest: float, forgetting: float, prior_mismatch: float, excitation: float, stiffness_min: float, stiffness_max: float, damping_min: float, damping_max: float, period: float) -> None: ...
+
+    def step(self, position: float, torque: float, emg_torque: float, emg_valid: bool = True) -> tuple[float, float, bool]:
         """
         One control period: stiffness [N m/rad], damping [N m s/rad], and whether it taught anything.
         """
@@ -613,17 +482,8 @@ class EmgTorque:
         Of |torque| [N m], > 0.
     """
 
-    def __init__(
-        self,
-        *,
-        band: ArrayLike,
-        envelope: ArrayLike,
-        weights: ArrayLike,
-        floor: ArrayLike,
-        ceiling: ArrayLike,
-        patience: int,
-        torque_limit: float,
-    ) -> None: ...
+    def __init__(self, *, band: ArrayLike, envelope: ArrayLike, weights: ArrayLike, floor: ArrayLike, ceiling: ArrayLike, patience: int, torque_limit: float) -> None: ...
+
     def listen(self, samples: ArrayLike) -> None:
         """
         Raw samples of every muscle.
@@ -671,17 +531,8 @@ class CoupledPlant:
         carries what is left of the orthosis's weight.
     """
 
-    def __init__(
-        self,
-        parameters: ArrayLike,
-        *,
-        period: float,
-        substeps: int = 10,
-        delay: int = 0,
-        torque_span: int = 1,
-        position0: float = 0.0,
-        torque0: float = 0.0,
-    ) -> None: ...
+    def __init__(self, parameters: ArrayLike, *, period: float, substeps: int = 10, delay: int = 0, torque_span: int = 1, position0: float = 0.0, torque0: float = 0.0) -> None: ...
+
     def step(self, desired_torque: float, muscle_torque: float, slip_jump: float = 0.0) -> tuple[float, ...]:
         """
         One control period.
@@ -712,18 +563,117 @@ class CoupledPlant:
     def slip(self) -> float:
         """Of the strap, so far [rad]."""
 
+REACHING_PARAMETER_NAMES: tuple[str, ...]
+
+POSITION_PREDICTION_PARAMETER_NAMES: tuple[str, ...]
+
+DIRECTIONAL_PARAMETER_NAMES: tuple[str, ...]
+
+TRANSPARENT_PARAMETER_NAMES: tuple[str, ...]
+
+class WornElbow:
+    """
+    A person's forearm, alone or strapped to a robot under a control law.
+
+    Parameters
+    ----------
+    person : (26,)
+        In the order of REACHING_PARAMETER_NAMES, SI; its period is that of control.
+    load : (5,)
+        What the person expects of the robot at first: inertia, viscous, coulomb, gravity_sine, gravity_cosine, SI.
+    position0 : float
+        Where the forearm is held at first [rad].
+    robot : (21,), optional
+        In the order of GEARED_PARAMETER_NAMES, SI; left out: the forearm alone.
+    strap : (2,)
+        Stiffness [N m/rad] and damping [N m s/rad].
+    drive : (5,)
+        Torque per ampere [N m/A], current limit [A], ripple amplitude [N m], its wave number [1/rad], encoder quantum [rad].
+    law : str
+        "none", "position_prediction", "directional" or "transparent".
+    law_parameters : (k,), optional
+        In the order of the law's names, SI.
+    emg_gains : (2,)
+        By which the law's EMG torques of flexors and extensors are too large [1].
+    substeps : int
+        Of integration, per period.
+    sensor_delay : int
+        Periods by which the force sensor is late, 0 to 63.
+    """
+
+    def __init__(self, person: ArrayLike, load: ArrayLike, *, position0: float, robot: ArrayLike | None = None, strap: ArrayLike, drive: ArrayLike, law: str = 'none', law_parameters: ArrayLike | None = None, emg_gains: ArrayLike, substeps: int, sensor_delay: int = 0) -> None: ...
+
+    def move(self, *, target: float, amplitude: float, duration: float, reaction: float, load: ArrayLike, tolerance: float, hold: float, noise: ArrayLike, longest: int, sensor_error: ArrayLike | None = None, emg: bool = False) -> tuple[NDArray[float64], ...]:
+        """
+        One movement to a target, and holding it.
+
+        Parameters
+        ----------
+        target, amplitude, duration, reaction : float
+            Where to [rad], the primary movement's amplitude [rad] and duration [s], and when it starts [s].
+        load : (5,)
+            What is expected of the robot, SI.
+        tolerance, hold : float
+            The movement ends when the target has been held this closely [rad] for so long [s].
+        noise : (n, 5)
+            Standard normal: flexors, extensors, the encoder (already in rad), EMG of flexors and of extensors; after n periods
+            it begins again.
+        longest : int
+            The most periods that it may take.
+        sensor_error : (n,), optional
+            Noise and offset of the force sensor [N m]; left out: there is none, and the law gets none.
+        emg : bool
+            Whether the law gets EMG.
+
+        Returns
+        -------
+        tuple of (k,)
+            Limb position [rad], velocity [rad/s], acceleration [rad/s^2]; the encoder [rad]; torque of the wearer on the robot
+            [N m], the law's torque [N m], excitation of flexors and of extensors [1], link velocity [rad/s]; k <= longest.
+        """
+
+    @property
+    def fault(self) -> str:
+        """Of the law's gate, as of SafetyGate: 'none' while it is open."""
+
+def fuzz_law(law: str, parameters: ArrayLike, cycles: int, seed: int, single: bool = False) -> tuple[int, int, int, int]:
+    """
+    A law among nonsense: NaN, infinities, jumps, frozen and repeated samples, clock jumps.
+
+    Parameters
+    ----------
+    law : str
+    parameters : (k,)
+    cycles, seed : int
+    single : bool
+        In float32, as on a microcontroller.
+
+    Returns
+    -------
+    tuple
+        Commands outside the limits (unsafe), faults, most cycles from a fault to a safe output, cycles with a torque.
+    """
+
+def time_law(law: str, parameters: ArrayLike, cycles: int, single: bool = False) -> NDArray[float64]:
+    """
+    Nanoseconds of single control steps of a law on a smooth motion, each timed by itself.
+
+    Parameters
+    ----------
+    law : str
+    parameters : (k,)
+    cycles : int
+    single : bool
+
+    Returns
+    -------
+    (cycles,)
+        [ns], the clock's own cost taken off.
+    """
+
 MUSCLE_PARAMETER_NAMES: tuple[str, ...]
 
-def hill_torque(
-    parameters: ArrayLike,
-    excitation: ArrayLike,
-    length: ArrayLike,
-    velocity: ArrayLike,
-    moment_arm: ArrayLike,
-    *,
-    period: float,
-    starts: ArrayLike | None = None,
-) -> NDArray[float64]:
+def hill_torque(parameters: ArrayLike, excitation: ArrayLike, length: ArrayLike, velocity: ArrayLike, moment_arm: ArrayLike, *, period: float, starts: ArrayLike | None = None) -> NDArray[float64]:
     """
     Torque of several muscles from their EMG envelopes.
 
@@ -745,18 +695,7 @@ def hill_torque(
         [N m].
     """
 
-def hill_jacobian(
-    parameters: ArrayLike,
-    excitation: ArrayLike,
-    length: ArrayLike,
-    velocity: ArrayLike,
-    moment_arm: ArrayLike,
-    column: ArrayLike,
-    gain: ArrayLike,
-    *,
-    period: float,
-    starts: ArrayLike | None = None,
-) -> tuple[NDArray[float64], NDArray[float64]]:
+def hill_jacobian(parameters: ArrayLike, excitation: ArrayLike, length: ArrayLike, velocity: ArrayLike, moment_arm: ArrayLike, column: ArrayLike, gain: ArrayLike, *, period: float, starts: ArrayLike | None = None) -> tuple[NDArray[float64], NDArray[float64]]:
     """
     hill_torque and its exact derivatives by k free parameters.
 
@@ -781,20 +720,7 @@ def hill_jacobian(
         A row per free parameter.
     """
 
-def hill_normal(
-    parameters: ArrayLike,
-    excitation: ArrayLike,
-    length: ArrayLike,
-    velocity: ArrayLike,
-    moment_arm: ArrayLike,
-    column: ArrayLike,
-    gain: ArrayLike,
-    measured: ArrayLike,
-    *,
-    period: float,
-    starts: ArrayLike | None = None,
-    weight: ArrayLike | None = None,
-) -> tuple[float, NDArray[float64], NDArray[float64]]:
+def hill_normal(parameters: ArrayLike, excitation: ArrayLike, length: ArrayLike, velocity: ArrayLike, moment_arm: ArrayLike, column: ArrayLike, gain: ArrayLike, measured: ArrayLike, *, period: float, starts: ArrayLike | None = None, weight: ArrayLike | None = None) -> tuple[float, NDArray[float64], NDArray[float64]]:
     """
     What a least-squares step needs, in one pass and without storing a Jacobian.
 
@@ -823,15 +749,7 @@ def hill_normal(
         J' J.
     """
 
-def hill_states(
-    parameters: ArrayLike,
-    excitation: ArrayLike,
-    length: ArrayLike,
-    velocity: ArrayLike,
-    *,
-    period: float,
-    starts: ArrayLike | None = None,
-) -> tuple[NDArray[float64], NDArray[float64], NDArray[float64], NDArray[float64]]:
+def hill_states(parameters: ArrayLike, excitation: ArrayLike, length: ArrayLike, velocity: ArrayLike, *, period: float, starts: ArrayLike | None = None) -> tuple[NDArray[float64], NDArray[float64], NDArray[float64], NDArray[float64]]:
     """
     What each muscle does.
 
@@ -855,14 +773,7 @@ def hill_states(
         In v_max l_o, lengthening positive [1].
     """
 
-def activation_dynamics(
-    excitation: ArrayLike,
-    *,
-    period: float,
-    activation_time: float = 0.01,
-    deactivation_time: float = 0.04,
-    start: float = 0.0,
-) -> NDArray[float64]:
+def activation_dynamics(excitation: ArrayLike, *, period: float, activation_time: float = 0.01, deactivation_time: float = 0.04, start: float = 0.0) -> NDArray[float64]:
     """
     Activation from excitation by a first-order lag, quicker while activation rises.
 
@@ -896,6 +807,7 @@ class HillTorque:
     """
 
     def __init__(self, parameters: ArrayLike, *, period: float) -> None: ...
+
     def step(self, excitation: ArrayLike, length: ArrayLike, velocity: ArrayLike, moment_arm: ArrayLike) -> float:
         """
         Torque at one sample more [N m].
@@ -906,9 +818,7 @@ class HillTorque:
             As of hill_torque. A sample that is not finite makes the torque so, and does not stay.
         """
 
-    def run(
-        self, excitation: ArrayLike, length: ArrayLike, velocity: ArrayLike, moment_arm: ArrayLike
-    ) -> NDArray[float64]:
+    def run(self, excitation: ArrayLike, length: ArrayLike, velocity: ArrayLike, moment_arm: ArrayLike) -> NDArray[float64]:
         """
         Samples one after another, each argument (m, n), going on from the state: torque, (n,) [N m].
         """
@@ -941,6 +851,7 @@ class ElasticMuscle:
     """
 
     def __init__(self, parameters: ArrayLike, *, tendon_strain: float, period: float) -> None: ...
+
     def rest(self, activation: float, length: float) -> float:
         """
         Fibre and tendon at rest at an activation [1] and a musculotendon length [m]: force [N].
@@ -960,16 +871,23 @@ class ElasticMuscle:
     def fibre_length(self) -> float:
         """At the last sample [m]."""
 
+
 class math:
     """The core's elementary functions, on float64 or float32 arrays."""
 
+
+
     @staticmethod
     def exp(x: ArrayLike) -> NDArray: ...
+
     @staticmethod
     def log(x: ArrayLike) -> NDArray: ...
+
     @staticmethod
     def sin(x: ArrayLike) -> NDArray: ...
+
     @staticmethod
     def cos(x: ArrayLike) -> NDArray: ...
+
     @staticmethod
     def tanh(x: ArrayLike) -> NDArray: ...

@@ -214,6 +214,7 @@ def film_forearm(
     person : Person
     time, angle : ndarray, shape (n,)
         [s], [rad]
+    rng : numpy.random.Generator
 
     Returns
     -------

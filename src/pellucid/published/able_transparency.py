@@ -17,9 +17,10 @@ from .._errors import RecordingError
 from ..assessment.assess import assess_recordings
 from ..assessment.assessment_findings import AssessmentFindings
 from ..controllers.elbow_laws import ElbowLaw
+from ..controllers.law_fuzz import fuzz
 from ..lab.elbow_conditions import Cards, chosen_exponents, interaction_rms, own_laws, published_laws
 from ..lab.elbow_people import Person, PointingRig, draw_people, elbow_participants
-from ..lab.elbow_pointing import Session, hold_still
+from ..lab.elbow_pointing import Session
 from ..lab.elbow_pointing_study import CONTROL, pointing_config, record_pointing, study_text, take_part
 from ..lab.elbow_rig import ElbowRig
 from ..lab.movement_choice import preferred_duration
@@ -262,11 +263,6 @@ def torque_ratios(
     return {name: np.array(ratios) for name, ratios in found.items()}
 
 
-def resting_speed(rig: PointingRig, person: Person, law: ElbowLaw) -> float:
-    """Fastest that the robot still moves a second after a movement, worn by someone who lets the arm be [rad/s]."""
-    return hold_still(rig, person, law)
-
-
 def mean_interval(values: Sequence[float]) -> tuple[float, float, float]:
     """Mean of several studies and its 95 % interval by a normal law."""
     x = np.asarray(values, float)
@@ -305,3 +301,48 @@ def transparency_rows(made: Sequence[Comparison], note: str) -> list[ResultRow]:
         )
     )
     return rows
+
+
+def torque_rows(ratios: Mapping[str, np.ndarray], note: str) -> list[ResultRow]:
+    """Rows of results.json: interaction torque of the toolkit's laws over that of FC.
+
+    Parameters
+    ----------
+    ratios : mapping of str to ndarray, shape (robots,)
+        From `torque_ratios`.
+    note : str
+        How it was made.
+
+    Returns
+    -------
+    list of ResultRow
+    """
+    rows = []
+    for law, name in (("best", "best_over_fc"), ("best_sensed", "best_over_fc.force_sensor")):
+        drawn = ratios[law]
+        text = f"median of {len(drawn)} robots, from {drawn.min():.3f} to {drawn.max():.3f}; {note}"
+        rows.append(
+            ResultRow(f"transparency.torque.{name}", float(np.median(drawn)), "1", "reproduce", "simulated", None, text)
+        )
+    return rows
+
+
+def safety_row(laws: Mapping[str, ElbowLaw], *, cycles: int = 10_000_000, seed: int = 1) -> ResultRow:
+    """Row of results.json: unsafe commands of all laws together among nonsense.
+
+    Parameters
+    ----------
+    laws : mapping of str to ElbowLaw
+        By condition.
+    cycles : int
+        Of each.
+    seed : int
+
+    Returns
+    -------
+    ResultRow
+    """
+    found = {name: fuzz(law, cycles, seed=seed) for name, law in laws.items()}
+    faults, slowest = sum(f.faults for f in found.values()), max(f.slowest for f in found.values())
+    text = f"{cycles} cycles of each of {', '.join(found)}; {faults} faults, safe after at most {slowest} cycle"
+    return ResultRow("safety.unsafe", sum(f.unsafe for f in found.values()), "1", "reproduce", "simulated", None, text)
