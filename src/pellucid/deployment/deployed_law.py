@@ -134,7 +134,7 @@ LAWS: Mapping[str, DeployedLaw] = {
             "input.valid = good[0];",
         ),
         parameters=JOINT_PARAMETERS,
-        units={**BODY_UNITS, "bandwidth": "rad/s"},
+        units={**BODY_UNITS, "bandwidth": "1/s"},
         storage=512,
     ),
     "worn": DeployedLaw(

@@ -72,7 +72,9 @@ def joint_values(
         raise PellucidError(f"{path}: found a velocity range of {speed:g}, expected the speed it was fitted on")
     limits, body = study.rig.limits, {**body, "velocity_width": WIDTH_SHARE * speed}
     largest = _largest_effort(body, speed)
-    remarks = _remarks(found) | {
+    remarks = _remarks(found)
+    remarks["inertia"] += "; not carried"
+    remarks |= {
         "velocity_width": f"{WIDTH_SHARE:.0%} of the largest speed seen",
         "gravity_share": "chosen",
         "friction_share": "chosen: what is left resists, so that nothing is driven",
