@@ -277,6 +277,7 @@ def export(
     participant: Annotated[str | None, typer.Option(metavar="NAME", help="Whose cards, for an orthosis.")] = None,
     card: Annotated[str | None, typer.Option(metavar="FILE", help="Card in models/, for a joint.")] = None,
     slider: Annotated[float | None, typer.Option(metavar="M", help="Where the carriage is [m].")] = None,
+    controller: Annotated[str | None, typer.Option(metavar="NAME", help="clpc, pcfr, fc, transparent ...")] = None,
     period: Annotated[float | None, typer.Option(metavar="S", help="Of the controller [s].")] = None,
 ) -> None:
     """Write the controller as source for a microcontroller."""
@@ -287,7 +288,8 @@ def export(
     study = open_study(folder)
     with _progress() as tell:
         tell("building the controller", 0.1)
-        made = run(study, to, out, participant=participant, card=card, slider=slider, period=period)
+        asked = {"participant": participant, "card": card, "slider": slider, "controller": controller, "period": period}
+        made = run(study, to, out, **asked)
         tell("running it on a Cortex-M4F in QEMU", 0.7)
         absent = missing_tools()
         found = None if absent else measure(made)

@@ -10,6 +10,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from .. import _core
+from ..controllers.elbow_laws import LAW_NAMES
 
 
 @dataclass(frozen=True)
@@ -114,9 +115,45 @@ COUPLED_UNITS: Mapping[str, str] = {
     "correct_disturbance": "N*m/rad",
 }
 
+DIRECTIONAL_UNITS: Mapping[str, str] = {
+    **{f"{name}_{way}": "N*m" for name in ("gravity_sine", "gravity_cosine", "coulomb") for way in ("up", "down")},
+    **{f"viscous_{way}": "N*m*s/rad" for way in ("up", "down")},
+    **{f"inertia_{way}": "kg*m^2" for way in ("up", "down")},
+    "dead_band": "rad/s",
+    "inertia_limit": "N*m",
+}
+
+TRANSPARENT_UNITS: Mapping[str, str] = {
+    **BODY_UNITS,
+    **dict.fromkeys(("bandwidth", "sensor_lowpass", "sensor_drift", "emg_slow"), "rad/s"),
+    **dict.fromkeys(("frequency", "frequency_min", "frequency_max"), "rad/s"),
+    **dict.fromkeys(("integral", "leak", "phase_rate", "frequency_rate", "amplitude_rate"), "1/s"),
+    **dict.fromkeys(("acceleration_limit", "emg_limit"), "rad/s^2"),
+    **dict.fromkeys(("innovation_gate", "least_amplitude"), "rad"),
+    **dict.fromkeys(("friction_lead", "oscillator_lead"), "s"),
+    **dict.fromkeys(("limb_gravity", "feedback_limit"), "N*m"),
+    "limb_inertia": "kg*m^2",
+    "limb_viscous": "N*m*s/rad",
+    "energy_store": "J",
+}
+
 POSITION = Sensor("position", "rad", "the joint's encoder, 0 where it hangs along gravity", swing=0.8, noise=4e-4)
 
 JOINT_PARAMETERS = (*_core.PARAMETER_NAMES, "gravity_share", "friction_share", "bandwidth", *GATE_UNITS)
+
+LAW_INPUT = (
+    "input.position = sample[0].value;",
+    "input.valid = good[0];",
+    "input.time = sample[0].time;",
+    "input.sequence = sample[0].sequence;",
+)
+"""How the encoder fills the input that the laws of a worn elbow share."""
+
+ELBOW_SENSORS = (
+    POSITION,
+    Sensor("interaction", "N*m", "the wearer's torque on the robot, from a force sensor", False, 1.0, 1e-2),
+    Sensor("muscle", "N*m", "the wearer's torque at the joint, from EMG", False, 2.0, 0.05),
+)
 
 LAWS: Mapping[str, DeployedLaw] = {
     "joint": DeployedLaw(
@@ -160,5 +197,48 @@ LAWS: Mapping[str, DeployedLaw] = {
         units=COUPLED_UNITS,
         storage=1024,
     ),
+    "position_prediction": DeployedLaw(
+        title="closed-loop position control of a worn elbow",
+        header="position_prediction.hpp",
+        coefficients="PositionPredictionCoefficients",
+        state="PositionPredictionState",
+        input="LawInput",
+        params="law_params",
+        sensors=(POSITION,),
+        fill=LAW_INPUT,
+        parameters=LAW_NAMES["position_prediction"],
+        units={**BODY_UNITS, "coulomb": "N*m", "stiffness": "N*m/rad", "dead_band": "rad/s"},
+    ),
+    "directional": DeployedLaw(
+        title="open-loop compensation of a worn elbow, by direction",
+        header="directional_compensation.hpp",
+        coefficients="DirectionalCompensationCoefficients",
+        state="DirectionalCompensationState",
+        input="LawInput",
+        params="law_params",
+        sensors=(POSITION,),
+        fill=LAW_INPUT,
+        parameters=LAW_NAMES["directional"],
+        units=DIRECTIONAL_UNITS,
+    ),
+    "transparent": DeployedLaw(
+        title="compensation of a worn elbow's whole body, with or without a force sensor",
+        header="transparent_compensation.hpp",
+        coefficients="TransparentCompensationCoefficients",
+        state="TransparentCompensationState",
+        input="LawInput",
+        params="law_params",
+        sensors=ELBOW_SENSORS,
+        fill=(
+            *LAW_INPUT,
+            "input.interaction = sample[1].value;",
+            "input.has_interaction = good[1];",
+            "input.muscle = sample[2].value;",
+            "input.has_muscle = good[2];",
+        ),
+        parameters=LAW_NAMES["transparent"],
+        units=TRANSPARENT_UNITS,
+        storage=1536,
+    ),
 }
-"""Laws by the name that `--controller` takes."""
+"""By name."""

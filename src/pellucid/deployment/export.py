@@ -8,6 +8,7 @@ from .._errors import PellucidError
 from ..recordings.study import Study
 from .c_folder import write_c_folder
 from .controller_values import ControllerValues
+from .elbow_values import elbow_values
 from .joint_values import joint_values
 from .worn_values import worn_values
 
@@ -22,6 +23,7 @@ def export(
     card: str | None = None,
     slider: float | None = None,
     participant: str | None = None,
+    controller: str | None = None,
     period: float | None = None,
 ) -> Path:
     """Write the controller that the study's model cards make possible, ready to be compiled for a robot.
@@ -43,6 +45,9 @@ def export(
         Where the carriage is, for a joint that has one [m]; None: the middle of its rail.
     participant : str or None
         Whose cards, for an orthosis; None where there is one only.
+    controller : str or None
+        For a joint with a carriage: ``"clpc"``, ``"pcfr"``, ``"fc"``, ``"transparent"`` or ``"force_sensor"``; None:
+        gravity and friction alone.
     period : float or None
         Of the controller [s]; None: 1 ms, or that of the recordings of an orthosis.
 
@@ -56,7 +61,9 @@ def export(
     PellucidError
         If `to` is no language known, a card is missing, or the study has no controller that can be exported.
     """
-    values = values_for(study, to, card=card, slider=slider, participant=participant, period=period)
+    values = values_for(
+        study, to, card=card, slider=slider, participant=participant, controller=controller, period=period
+    )
     return write_c_folder(study.name, values, study.folder / "controller" if out is None else Path(out))
 
 
@@ -67,13 +74,14 @@ def values_for(
     card: str | None = None,
     slider: float | None = None,
     participant: str | None = None,
+    controller: str | None = None,
     period: float | None = None,
 ) -> ControllerValues:
     """The numbers that `export` writes.
 
     Parameters
     ----------
-    study, to, card, slider, participant, period
+    study, to, card, slider, participant, controller, period
         As `export` takes them.
 
     Returns
@@ -97,5 +105,7 @@ def values_for(
         return worn_values(study, participant=participant, period=period)
     if participant is not None:
         raise PellucidError(f"export of {study.name}: found a participant, expected none: nobody wears this joint")
+    if controller is not None:
+        return elbow_values(study, controller, slider=slider, period=period)
     given = {} if period is None else {"period": period}
     return joint_values(study, card=card, slider=slider, **given)

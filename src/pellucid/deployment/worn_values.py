@@ -14,6 +14,7 @@ from ..identification.actuator_residual import actuator_residual
 from ..models.parameter_card import read_parameter_card
 from ..recordings.study import Study
 from .controller_values import ControllerValues
+from .study_limits import limits_of
 
 GAIN_DB, DELAY = 6.0, 0.020
 """Margins that the loop keeps on every strap of `UNCERTAIN` [dB], [s]."""
@@ -71,7 +72,7 @@ def worn_values(study: Study, *, participant: str | None = None, period: float |
     actuator, sampled = _actuator(study)
     coupling = Coupling.of_cards(cards["orthosis"], cards["limb"], cards["coupling"], actuator)
     straps = [coupling.scaled(strap_stiffness=k, strap_damping=b) for k in UNCERTAIN for b in UNCERTAIN]
-    limits = _limits(study)
+    limits, stops = limits_of(study, Limits())
     made = design(coupling, sampled if period is None else period, limits=limits)
     made = within(made, [coupling, *straps], gain_db=GAIN_DB, delay=DELAY)
     remarks = {name: "chosen" for name in _core.RESIDUAL_PARAMETER_NAMES}
@@ -88,16 +89,13 @@ def worn_values(study: Study, *, participant: str | None = None, period: float |
         "emg_torque is the output of your EMG chain; without it (valid = 0) what needs no EMG goes on.",
         "The effort is the torque wanted from the spring: your torque loop follows it.",
     )
-    if study.rig.limits.position_min is None or study.rig.limits.position_max is None:
-        low, high = limits.position
-        notes += (f"The study names no stops: {low:g} to {high:g} rad is a guess; set yours before switching on.",)
     return ControllerValues(
         law="worn",
         numbers=dict(zip(_core.RESIDUAL_PARAMETER_NAMES, map(float, made.parameters()), strict=True)),
         remarks=remarks,
         cards=tuple(names.values()),
         checksums={name: sha256(paths[kind].read_bytes()).hexdigest() for kind, name in names.items()},
-        notes=notes,
+        notes=(*notes, *stops),
     )
 
 
@@ -125,16 +123,3 @@ def _actuator(study: Study) -> tuple[dict[str, float], float]:
     known = Coupling.__dataclass_fields__
     period = 1.0 / alone[0].fs
     return {name: value for name, value in found.items() if name in known} | {"delay": DEAD_SAMPLES * period}, period
-
-
-def _limits(study: Study) -> Limits:
-    given, plain = study.rig.limits, Limits()
-    stops = (given.position_min, given.position_max)
-    return Limits(
-        effort=plain.effort if given.effort is None else min(given.effort, plain.effort),
-        rate=plain.rate,
-        velocity=plain.velocity if given.velocity is None else given.velocity,
-        position=tuple(float(p if g is None else g) for g, p in zip(stops, plain.position, strict=True)),
-        stop_margin=plain.stop_margin,
-        emg_torque=plain.emg_torque,
-    )

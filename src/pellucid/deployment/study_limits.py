@@ -1,0 +1,38 @@
+"""What a study says that its joint may not pass, and what stands in where it says nothing."""
+
+from __future__ import annotations
+
+from ..controllers.limits import Limits
+from ..recordings.study import Study
+
+
+def limits_of(study: Study, otherwise: Limits) -> tuple[Limits, tuple[str, ...]]:
+    """Limits of the gate.
+
+    Parameters
+    ----------
+    study : Study
+        Its [rig.limits] come first; an effort above `otherwise`'s is not let through.
+    otherwise : Limits
+        What holds where it says nothing.
+
+    Returns
+    -------
+    Limits
+    tuple of str
+        What an engineer must set, if anything.
+    """
+    given = study.rig.limits
+    stops = zip((given.position_min, given.position_max), otherwise.position, strict=True)
+    limits = Limits(
+        effort=otherwise.effort if given.effort is None else min(given.effort, otherwise.effort),
+        rate=otherwise.rate,
+        velocity=otherwise.velocity if given.velocity is None else given.velocity,
+        position=tuple(float(plain if stop is None else stop) for stop, plain in stops),
+        stop_margin=otherwise.stop_margin,
+        emg_torque=otherwise.emg_torque,
+    )
+    if given.position_min is not None and given.position_max is not None:
+        return limits, ()
+    low, high = limits.position
+    return limits, (f"The study names no stops: {low:g} to {high:g} rad is a guess; set yours before switching on.",)

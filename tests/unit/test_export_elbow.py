@@ -1,0 +1,112 @@
+"""The laws of a worn elbow robot, exported: the same bits on both machines, and the law that the core's tests know."""
+
+import shutil
+import subprocess
+
+import pytest
+
+import pellucid
+from pellucid._errors import PellucidError
+from pellucid.deployment.deployed_law import LAWS
+from pellucid.deployment.elbow_values import ELBOW_CONTROLLERS, elbow_values
+from pellucid.deployment.microcontroller import measure, missing_tools
+from pellucid.models.card import CardParameter, write_card
+from pellucid.models.slider_card import SliderCard
+
+compiled = pytest.mark.skipif(
+    not all(map(shutil.which, ("make", "cc", "c++", "nm"))), reason="make, cc, c++ or nm is not installed"
+)
+on_m4 = pytest.mark.skipif(bool(missing_tools()), reason=f"not installed: {', '.join(missing_tools())}")
+
+STUDY = """
+name = "bench"
+[rig]
+joint = "elbow"
+motion = "rotary"
+lifts = "flexion"
+limits = { position_min = "-10 deg", position_max = "130 deg", effort = "6 N*m" }
+[rig.drive]
+kind = "torque"
+[channels]
+time = { column = "t", unit = "s" }
+position = { column = "q", unit = "rad" }
+torque = { column = "u", unit = "N*m" }
+[processing]
+lowpass = "20 Hz"
+[[recordings]]
+name = "a"
+file = "recordings/a.csv"
+use = "fit"
+"""
+
+BODY = {
+    "inertia": 0.032, "carriage_moment": -0.0045, "gravity": 1.15, "gravity_cosine": 0.26,
+    "coulomb_positive": 0.26, "coulomb_negative": 0.21, "viscous_positive": 0.05, "viscous_negative": 0.04,
+}  # fmt: skip
+ONE_WAY = {
+    "moment_slope": 0.48, "moment": 0.12, "cross_moment": 0.026, "coulomb": 0.25, "viscous": 0.05,
+    "a0": 0.032, "a1": -0.009, "a2": 0.48,
+}  # fmt: skip
+CARDS = {
+    "pooled": ONE_WAY,
+    "dissociated": {f"{name}_{way}": value for way in ("up", "down") for name, value in ONE_WAY.items()},
+    "load": BODY | {"load_motoring": 0.13, "load_generating": 0.11},
+}
+
+
+@pytest.fixture
+def study(tmp_path):
+    """A joint with a carriage that was identified, on disk."""
+    (tmp_path / "recordings").mkdir()
+    (tmp_path / "recordings" / "a.csv").write_text("t,q,u\n0,0,0\n", encoding="utf-8")
+    (tmp_path / "study.toml").write_text(STUDY, encoding="utf-8")
+    (tmp_path / "models").mkdir()
+    for family, values in CARDS.items():
+        made = tuple(CardParameter(n, "1", v, 0.0, (v, v)) for n, v in values.items())
+        known = {"carriage_mass": 0.48} if family == "load" else {}
+        card = SliderCard(
+            study="bench", family=family, method="", motion="rotary", effort_unit="N*m", lifts="flexion",
+            parameters=made, covariance=(), known=known, rail=(0.12, 0.27), drive={"gain": 1.0}, heldout_error=None,
+            residual_sd=0.0, processing="", confidence=0.95, notes=(), checksums={}, pellucid="0",
+        )  # fmt: skip
+        write_card(tmp_path / "models" / f"slider.{family}.json", card)
+    return pellucid.open(tmp_path)
+
+
+@compiled
+@pytest.mark.parametrize("controller", ELBOW_CONTROLLERS)
+def test_each_compiles_without_a_warning_and_needs_no_heap(study, controller):
+    folder = pellucid.export(study, controller=controller)
+    subprocess.run(["make", "-s", "check"], cwd=folder, check=True, capture_output=True)
+    listed = subprocess.run(["nm", "-u", "build/controller.o"], cwd=folder, capture_output=True, text=True, check=True)
+    allowed = {"memcpy", "memmove", "memset", "sqrtf", "_GLOBAL_OFFSET_TABLE_", "__stack_chk_fail"}
+    assert {line.split()[-1] for line in listed.stdout.splitlines()} <= allowed
+
+
+@compiled
+@on_m4
+@pytest.mark.parametrize("controller", ["clpc", "fc", "transparent", "force_sensor"])
+def test_a_cortex_m4_answers_bit_by_bit_as_the_host(study, controller):
+    found = measure(pellucid.export(study, controller=controller))
+    assert found.wrong == 0
+    assert found.steps > 500
+    assert 100 < found.instructions <= found.most < 5000
+
+
+def test_every_number_of_a_law_is_there_and_the_study_limits_it(study):
+    for controller in ELBOW_CONTROLLERS:
+        values = elbow_values(study, controller)
+        assert set(values.numbers) == set(LAWS[values.law].parameters)
+        assert values.numbers["effort_limit"] == 6.0
+        assert values.numbers["position_max"] == pytest.approx(2.2689, abs=1e-4)
+        assert values.numbers["velocity_limit"] == 8.0
+
+
+def test_what_cannot_be_exported_is_told(study):
+    with pytest.raises(PellucidError, match='found the controller "pid", expected one of clpc, pcfr, fc'):
+        pellucid.export(study, controller="pid")
+    with pytest.raises(PellucidError, match=r"found the carriage at 0.5 m, expected 0.12 to 0.27 m"):
+        pellucid.export(study, controller="fc", slider=0.5)
+    (study.models_dir / "slider.pooled.json").unlink()
+    with pytest.raises(PellucidError, match="no such model card"):
+        pellucid.export(study, controller="clpc")
