@@ -35,7 +35,8 @@ robot : (21,), optional
 strap : (2,)
     Stiffness [N m/rad] and damping [N m s/rad].
 drive : (5,)
-    Torque per ampere [N m/A], current limit [A], ripple amplitude [N m], its wave number [1/rad], encoder quantum [rad].
+    Torque per ampere [N m/A], current limit [A], ripple amplitude [N m], its wave number [1/rad], and the encoder's
+    quantum [rad].
 law : str
     "none", "position_prediction", "directional" or "transparent".
 law_parameters : (k,), optional
@@ -58,8 +59,8 @@ load : (5,)
 tolerance, hold : float
     The movement ends when the target has been held this closely [rad] for so long [s].
 noise : (n, 5)
-    Standard normal: flexors, extensors, the encoder (already in rad), EMG of flexors and of extensors; after n periods
-    it begins again.
+    Standard normal: flexors, extensors, the encoder (already in rad), EMG of flexors and of extensors; after n
+    periods it begins again.
 longest : int
     The most periods that it may take.
 sensor_error : (n,), optional
@@ -70,8 +71,9 @@ emg : bool
 Returns
 -------
 tuple of (k,)
-    Limb position [rad], velocity [rad/s], acceleration [rad/s^2]; the encoder [rad]; torque of the wearer on the robot
-    [N m], the law's torque [N m], excitation of flexors and of extensors [1], link velocity [rad/s]; k <= longest.)";
+    Limb position [rad], velocity [rad/s], acceleration [rad/s^2]; the encoder [rad]; torque of the wearer on the
+    robot [N m], the law's torque [N m], excitation of flexors and of extensors [1], link velocity
+    [rad/s]; k <= longest.)";
 
 constexpr const char* fuzz_doc = R"(A law among nonsense: NaN, infinities, jumps, frozen and repeated samples, clock jumps.
 

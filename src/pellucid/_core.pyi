@@ -737,7 +737,8 @@ class WornElbow:
     strap : (2,)
         Stiffness [N m/rad] and damping [N m s/rad].
     drive : (5,)
-        Torque per ampere [N m/A], current limit [A], ripple amplitude [N m], its wave number [1/rad], encoder quantum [rad].
+        Torque per ampere [N m/A], current limit [A], ripple amplitude [N m], its wave number [1/rad], and the encoder's
+        quantum [rad].
     law : str
         "none", "position_prediction", "directional" or "transparent".
     law_parameters : (k,), optional
@@ -792,8 +793,8 @@ class WornElbow:
         tolerance, hold : float
             The movement ends when the target has been held this closely [rad] for so long [s].
         noise : (n, 5)
-            Standard normal: flexors, extensors, the encoder (already in rad), EMG of flexors and of extensors; after n periods
-            it begins again.
+            Standard normal: flexors, extensors, the encoder (already in rad), EMG of flexors and of extensors; after n
+            periods it begins again.
         longest : int
             The most periods that it may take.
         sensor_error : (n,), optional
@@ -804,8 +805,9 @@ class WornElbow:
         Returns
         -------
         tuple of (k,)
-            Limb position [rad], velocity [rad/s], acceleration [rad/s^2]; the encoder [rad]; torque of the wearer on the robot
-            [N m], the law's torque [N m], excitation of flexors and of extensors [1], link velocity [rad/s]; k <= longest.
+            Limb position [rad], velocity [rad/s], acceleration [rad/s^2]; the encoder [rad]; torque of the wearer on the
+            robot [N m], the law's torque [N m], excitation of flexors and of extensors [1], link velocity
+            [rad/s]; k <= longest.
         """
 
     @property

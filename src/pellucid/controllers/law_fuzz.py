@@ -53,5 +53,18 @@ def fuzz(law: ElbowLaw, cycles: int, *, seed: int = 1, single: bool = False) -> 
 
 
 def step_times(law: ElbowLaw, cycles: int = 200_000, *, single: bool = False) -> np.ndarray:
-    """How long single steps of a law take here, shape (cycles,) [s], the clock's own cost taken off."""
+    """How long single steps of a law take here.
+
+    Parameters
+    ----------
+    law : ElbowLaw
+    cycles : int
+    single : bool
+        In float32.
+
+    Returns
+    -------
+    ndarray, shape (cycles,)
+        [s], the clock's own cost taken off.
+    """
     return 1e-9 * _core.time_law(law.kind, law.parameters, cycles, single)
