@@ -71,8 +71,8 @@ emg : bool
 Returns
 -------
 tuple of (k,)
-    Limb position [rad], velocity [rad/s], acceleration [rad/s^2]; the encoder [rad]; torque of the wearer on the
-    robot [N m], the law's torque [N m], excitation of flexors and of extensors [1], link velocity
+    Limb position [rad], velocity [rad/s], acceleration [rad/s^2]; the encoder [rad]; torque of the wearer on
+    the robot [N m], the law's torque [N m], excitation of flexors and of extensors [1], link velocity
     [rad/s]; k <= longest.)";
 
 constexpr const char* fuzz_doc = R"(A law among nonsense: NaN, infinities, jumps, frozen and repeated samples, clock jumps.

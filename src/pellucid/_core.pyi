@@ -805,8 +805,8 @@ class WornElbow:
         Returns
         -------
         tuple of (k,)
-            Limb position [rad], velocity [rad/s], acceleration [rad/s^2]; the encoder [rad]; torque of the wearer on the
-            robot [N m], the law's torque [N m], excitation of flexors and of extensors [1], link velocity
+            Limb position [rad], velocity [rad/s], acceleration [rad/s^2]; the encoder [rad]; torque of the wearer on
+            the robot [N m], the law's torque [N m], excitation of flexors and of extensors [1], link velocity
             [rad/s]; k <= longest.
         """
 
