@@ -15,7 +15,10 @@ from pellucid.controllers.residual_compensator import design
 from pellucid.deployment.c_folder import write_c_folder
 from pellucid.deployment.controller_values import ControllerValues
 from pellucid.deployment.deployed_law import LAWS
+from pellucid.deployment.elbow_values import ELBOW_CONTROLLERS
 from pellucid.deployment.microcontroller import measure, missing_tools
+from pellucid.models.card import CardParameter
+from pellucid.models.slider_card import SliderCard
 
 JOINT = {
     "inertia": 0.05, "gravity_sine": 1.5, "gravity_cosine": 0.2, "offset": 0.1, "coulomb_positive": 0.3,
@@ -28,10 +31,40 @@ JOINT = {
 WORN = Coupling(0.05, 0.02, 1.6, 0.05, 0.3, 0.1, 8.0, 14.0, 0.5, actuator_frequency=60.0, delay=0.002)
 
 
+BODY = {
+    "inertia": 0.032, "carriage_moment": -0.0045, "gravity": 1.15, "gravity_cosine": 0.26, "coulomb_positive": 0.26,
+    "coulomb_negative": 0.21, "viscous_positive": 0.05, "viscous_negative": 0.04, "load_motoring": 0.13,
+    "load_generating": 0.11,
+}  # fmt: skip
+ONE_WAY = {
+    "moment_slope": 0.48, "moment": 0.12, "cross_moment": 0.026, "coulomb": 0.25, "viscous": 0.05, "a0": 0.032,
+    "a1": -0.009, "a2": 0.48,
+}  # fmt: skip
+
+
+def elbow_card(family: str) -> SliderCard:
+    """An elbow with a carriage as `identify` would write it."""
+    values = {
+        "pooled": ONE_WAY,
+        "dissociated": {f"{n}_{way}": x for way in ("up", "down") for n, x in ONE_WAY.items()},
+        "load": BODY,
+    }[family]
+    return SliderCard(
+        study="benchmark", family=family, method="", motion="rotary", effort_unit="N*m", lifts="flexion",
+        parameters=tuple(CardParameter(n, "1", x, 0.0, (x, x)) for n, x in values.items()), covariance=(),
+        known={"carriage_mass": 0.48} if family == "load" else {}, rail=(0.12, 0.27), drive={"gain": 1.0},
+        heldout_error=None, residual_sd=0.0, processing="", confidence=0.95, notes=(), checksums={}, pellucid="",
+    )  # fmt: skip
+
+
 def controllers() -> dict[str, ControllerValues]:
-    """One of each law, by its name."""
+    """Every controller that can be exported, by its name."""
     worn = dict(zip(_core.RESIDUAL_PARAMETER_NAMES, map(float, design(WORN, 0.002).parameters()), strict=True))
-    return {law: ControllerValues(law, numbers, {}, (), {}) for law, numbers in (("joint", JOINT), ("worn", worn))}
+    made = {law: ControllerValues(law, numbers, {}, (), {}) for law, numbers in (("joint", JOINT), ("worn", worn))}
+    for name, (card, build) in ELBOW_CONTROLLERS.items():
+        law = build(elbow_card(card.split(".")[1]), 0.2)
+        made[name] = ControllerValues(law.kind, law.values, {}, (), {})
+    return made
 
 
 def run() -> list[dict]:
@@ -44,7 +77,7 @@ def run() -> list[dict]:
     for name, values in controllers().items():
         with TemporaryDirectory() as folder:
             found = measure(write_c_folder("benchmark", values, Path(folder)))
-        note = f"Cortex-M4F in QEMU, {LAWS[name].title}; the costliest step {found.most}"
+        note = f"Cortex-M4F in QEMU, {LAWS[values.law].title}; the costliest step {found.most}"
         code = f"code {found.code}, configuration {found.constants}; -O2"
         rows += [
             _row(name, "instructions_per_step", found.instructions, "1", note),

@@ -85,7 +85,7 @@ def test_each_compiles_without_a_warning_and_needs_no_heap(study, controller):
 
 @compiled
 @on_m4
-@pytest.mark.parametrize("controller", ["clpc", "fc", "transparent", "force_sensor"])
+@pytest.mark.parametrize("controller", ["clpc", "fc", "force_sensor", "oscillator"])
 def test_a_cortex_m4_answers_bit_by_bit_as_the_host(study, controller):
     found = measure(pellucid.export(study, controller=controller))
     assert found.wrong == 0

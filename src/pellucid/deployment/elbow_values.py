@@ -12,8 +12,10 @@ from ..controllers.elbow_laws import (
     full_compensation,
     partial_compensation,
     position_control,
+    sensitivity_amplification,
     transparent,
     with_force_sensor,
+    with_oscillator,
 )
 from ..models.slider_card import read_slider_card
 from ..recordings.study import Study
@@ -27,6 +29,8 @@ ELBOW_CONTROLLERS: Mapping[str, tuple[str, Callable[..., ElbowLaw]]] = {
     "fc": ("slider.dissociated.json", full_compensation),
     "transparent": ("slider.load.json", transparent),
     "force_sensor": ("slider.load.json", lambda *card, **settings: with_force_sensor(transparent(*card, **settings))),
+    "oscillator": ("slider.load.json", lambda *card, **settings: with_oscillator(transparent(*card, **settings))),
+    "amplification": ("slider.load.json", sensitivity_amplification),
 }
 """By the name that `--controller` takes: the card that it needs, and what makes it of that card."""
 

@@ -46,8 +46,7 @@ def export(
     participant : str or None
         Whose cards, for an orthosis; None where there is one only.
     controller : str or None
-        For a joint with a carriage: ``"clpc"``, ``"pcfr"``, ``"fc"``, ``"transparent"`` or ``"force_sensor"``; None:
-        gravity and friction alone.
+        For a joint with a carriage, a name of `ELBOW_CONTROLLERS`; None: gravity and friction alone.
     period : float or None
         Of the controller [s]; None: 1 ms, or that of the recordings of an orthosis.
 
