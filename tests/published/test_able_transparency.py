@@ -1,0 +1,75 @@
+"""Laws compared with virtual people: control as published, our own laws, energy, what would slow people."""
+
+import numpy as np
+import pytest
+
+from pellucid.controllers.elbow_laws import with_force_sensor
+from pellucid.lab.elbow_conditions import SENSED_BODY, identified_cards, interaction_rms, own_laws, published_laws
+from pellucid.lab.elbow_people import draw_people, elbow_participants
+from pellucid.lab.elbow_pointing import hold_still, point_all
+from pellucid.lab.elbow_rig import able_elbow
+from pellucid.published.able_transparency import changes, injected_energy, required_resistance, session_means
+
+LIFTS = np.deg2rad([12, 24, 36, 48, 60])
+
+
+@pytest.fixture(scope="module")
+def cards():
+    return identified_cards(able_elbow())
+
+
+def sessions(rig, people, laws, seed):
+    jobs = [
+        (rig, person, name, make and make(person, person.slider(rig)), rng, LIFTS)
+        for name, make in laws.items()
+        for person, rng in zip(people, np.random.default_rng(seed).spawn(len(people)), strict=True)
+    ]
+    return point_all(jobs, threads=2)
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_without_a_robot_people_are_as_quick_as_those_of_the_paper(seed):
+    rng, rig = np.random.default_rng(seed), elbow_participants()
+    people = draw_people(rig, rng)
+    lifts = np.deg2rad(np.repeat([12, 24, 36, 48, 60], 4))
+    made = point_all([(rig, p, "Ctrl", None, g, lifts) for p, g in zip(people, rng.spawn(6), strict=True)], threads=2)
+    means = [session_means(s) for s in made]
+    assert np.mean([m["duration"] for m in means]) == pytest.approx(0.957, rel=0.05)
+    assert np.mean([m["vmax"] for m in means]) == pytest.approx(1.416, rel=0.05)
+
+
+def test_a_force_sensor_halves_the_torque_and_nothing_drives(cards):
+    rig = elbow_participants()
+    people = draw_people(rig, np.random.default_rng(21), count=2)
+    laws = {"Ctrl": None, "FC": published_laws(cards, (0.0, -0.5))["FC"], **own_laws(cards)}
+    made = sessions(rig, people, laws, 3)
+    torque = {
+        name: np.mean([interaction_rms(s) for s in made if s.condition == name]) for name in laws if name != "Ctrl"
+    }
+    energy = {name: np.concatenate([injected_energy(s) for s in made if s.condition == name]).mean() for name in torque}
+    assert torque["best_sensed"] < 0.5 * torque["FC"]
+    assert torque["best"] < torque["FC"]
+    assert energy["best"] < 0.0
+    assert energy["best_sensed"] < 0.0
+    assert energy["FC"] > energy["best"]
+    assert abs(changes(made)["duration"]["best_sensed"]) < 15.0
+    assert all(s.fault == "none" for s in made)
+
+
+def test_a_loop_without_margin_is_found_to_cycle(cards):
+    rig = elbow_participants()
+    person = draw_people(rig, np.random.default_rng(21), count=1)[0]
+    law = own_laws(cards)["best_sensed"](person, person.slider(rig))
+    assert hold_still(rig, person, law) < 1e-3
+    assert SENSED_BODY["inertia_share"] == 0.0
+    assert hold_still(rig, person, with_force_sensor(law, proportional=8.0)) > 0.1
+
+
+def test_what_would_slow_people_by_a_fifth():
+    rig = elbow_participants()
+    people = draw_people(rig, np.random.default_rng(2))
+    needed = required_resistance(rig, people)
+    assert 0.01 < needed["inertia"] < 0.1
+    assert 0.1 < needed["viscous"] < 1.0
+    half = required_resistance(rig, people, 0.1)
+    assert half["inertia"] < needed["inertia"]
