@@ -52,7 +52,8 @@ def test_version():
 
 def test_help_names_every_command_on_one_line_each():
     text = run(cli.app, ["--help"]).output
-    for command in ("init", "simulate", "check", "identify", "calibrate", "assess", "report", "compare", "demo", "reproduce"):
+    commands = ("init", "simulate", "check", "identify", "calibrate", "assess", "report", "compare", "demo")
+    for command in (*commands, "reproduce", "export"):
         assert f"\n  {command} " in text
     assert "..." not in text.split("Commands:")[1]
 

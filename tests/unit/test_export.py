@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from exported import Loaded, Output, nonsense
 from typer.testing import CliRunner
 
 import pellucid
@@ -82,57 +83,6 @@ def worn():
     coupling = Coupling(0.05, 0.02, 1.6, 0.05, 0.3, 0.1, 8.0, 14.0, 0.5, actuator_frequency=60.0, delay=0.002)
     numbers = dict(zip(_core.RESIDUAL_PARAMETER_NAMES, map(float, design(coupling, 0.002).parameters()), strict=True))
     return ControllerValues("worn", numbers, {}, ("orthosis.json",), {})
-
-
-class Sample(ctypes.Structure):
-    _fields_ = (
-        ("value", ctypes.c_float),
-        ("sequence", ctypes.c_uint32),
-        ("time_us", ctypes.c_int64),
-        ("valid", ctypes.c_uint32),
-    )
-
-
-class Output(ctypes.Structure):
-    _fields_ = (("effort", ctypes.c_float), ("fault", ctypes.c_uint32), ("steps", ctypes.c_uint32))
-
-
-class Loaded:
-    """An exported controller in this process."""
-
-    def __init__(self, folder: Path, values: ControllerValues):
-        law = LAWS[values.law]
-        library = folder / "controller.so"
-        options = ["-std=c++17", "-O2", "-ffp-contract=off", "-fno-exceptions", "-fno-rtti", "-shared", "-fPIC"]
-        source = str(folder / "pellucid_controller.cpp")
-        where = [f"-I{folder / 'include'}", f"-I{folder}"]
-        subprocess.run(["c++", *options, *where, source, "-o", str(library)], check=True)
-        self.core = ctypes.CDLL(str(library))
-
-        class Input(ctypes.Structure):
-            _fields_ = (("now_us", ctypes.c_int64), *((s.name, Sample) for s in law.sensors))
-
-        class Config(ctypes.Structure):
-            _fields_ = tuple((name, ctypes.c_float) for name in law.parameters)
-
-        self.law, self.values, self.input_type, self.config_type = law, values, Input, Config
-        self.context = (ctypes.c_uint64 * (1 + law.storage // 8))()
-        self.period = round(1e6 * values.numbers["period"])
-        self.now, self.count = 10**6, 0
-
-    def init(self, **changed: float) -> int:
-        config = self.config_type(*({**self.values.numbers, **changed}[n] for n in self.law.parameters))
-        return self.core.pellucid_init(self.context, ctypes.byref(config))
-
-    def step(self, *readings: float, **changed) -> Output:
-        """One period on; `changed` alters the first sample, or `now_us`."""
-        self.now, self.count = self.now + self.period, self.count + 1
-        read = self.input_type(self.now, *(Sample(x, self.count, self.now - 50, 1) for x in readings))
-        for name, value in changed.items():
-            setattr(read if name == "now_us" else read.position, name, value)
-        output = Output()
-        assert self.core.pellucid_step(self.context, ctypes.byref(read), ctypes.byref(output)) == output.fault
-        return output
 
 
 @pytest.fixture
@@ -315,29 +265,12 @@ def test_stop_and_what_was_never_started(joint):
 
 @compiled
 def test_whatever_comes_in_what_goes_out_is_finite_within_its_limit_and_its_rate(joint, rng):
-    n = joint.values.numbers
-    limit, change = np.float32(n["effort_limit"]), n["rate_limit"] * n["period"]
-    odd = np.array([np.nan, np.inf, -np.inf, 3e38, -3e38, 1e-42, 0.0])
-    last = 0.0
-    for i in range(20000):
-        if i % 20 == 0:
-            joint.init()
-            last = 0.0
-        changed = {}
-        draw = rng.random()
-        if draw < 0.05:
-            changed["value"] = float(rng.choice(odd))
-        elif draw < 0.08:
-            changed["time_us"] = int(rng.integers(-(2**63), 2**63 - 1))
-        elif draw < 0.10:
-            changed["sequence"] = int(rng.integers(0, 2**32))
-        elif draw < 0.12:
-            changed["now_us"] = int(rng.integers(-(2**63), 2**63 - 1))
-        out = joint.step(float(rng.normal(0.5, 0.5)), **changed)
-        assert abs(out.effort) <= limit
-        # At a stop the effort into it is cut at once.
-        assert abs(out.effort) <= abs(last) + change + 1e-6
-        last = out.effort
+    nonsense(joint, rng)
+
+
+@compiled
+def test_a_worn_orthosis_too(tmp_path, rng):
+    nonsense(Loaded(write_c_folder("bench", worn(), tmp_path / "c"), worn()), rng)
 
 
 def test_limits_come_from_the_study(study):

@@ -1,9 +1,11 @@
-"""The laws of a worn elbow robot, exported: the same bits on both machines, and the law that the core's tests know."""
+"""The laws of a worn elbow robot, exported: the same bits here and there, the printed law, nonsense does no harm."""
 
 import shutil
 import subprocess
 
+import numpy as np
 import pytest
+from exported import Loaded, nonsense
 
 import pellucid
 from pellucid._errors import PellucidError
@@ -91,6 +93,32 @@ def test_a_cortex_m4_answers_bit_by_bit_as_the_host(study, controller):
     assert found.wrong == 0
     assert found.steps > 500
     assert 100 < found.instructions <= found.most < 5000
+
+
+@compiled
+@pytest.mark.parametrize("controller", ["clpc", "fc", "force_sensor", "oscillator"])
+def test_nonsense_does_no_harm(study, controller, rng):
+    values = elbow_values(study, controller)
+    nonsense(Loaded(pellucid.export(study, controller=controller), values), rng, 10_000)
+
+
+@compiled
+@pytest.mark.parametrize("speed", [0.8, -0.8])
+def test_what_full_compensation_gives_is_the_printed_law(study, speed):
+    """Against figure 5 and equation 8 in double precision, at a steady speed."""
+    values = elbow_values(study, "fc")
+    robot = Loaded(pellucid.export(study, controller="fc"), values)
+    assert robot.init() == 0
+    for i in range(500):
+        q = 1.0 + speed * 1e-3 * (i - 250)
+        out = robot.step(q)
+    n, way = values.numbers, "up" if speed > 0 else "down"
+    inertia = np.clip(n[f"inertia_{way}"] * abs(speed) ** n[f"exponent_{way}"], 0.0, n["inertia_limit"])
+    weight = n[f"gravity_sine_{way}"] * np.sin(q) + n[f"gravity_cosine_{way}"] * np.cos(q)
+    expected = weight + n[f"viscous_{way}"] * speed + np.sign(speed) * (n[f"coulomb_{way}"] + inertia)
+    assert out.fault == 0
+    assert abs(expected) > 1.0
+    assert out.effort == pytest.approx(expected, abs=2e-3)
 
 
 def test_every_number_of_a_law_is_there_and_the_study_limits_it(study):

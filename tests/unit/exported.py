@@ -1,0 +1,95 @@
+"""An exported controller compiled into this process, stepped through its C interface."""
+
+import ctypes
+import subprocess
+from pathlib import Path
+
+import numpy as np
+
+from pellucid.deployment.controller_values import ControllerValues
+from pellucid.deployment.deployed_law import LAWS
+
+
+class Sample(ctypes.Structure):
+    _fields_ = (
+        ("value", ctypes.c_float),
+        ("sequence", ctypes.c_uint32),
+        ("time_us", ctypes.c_int64),
+        ("valid", ctypes.c_uint32),
+    )
+
+
+class Output(ctypes.Structure):
+    _fields_ = (("effort", ctypes.c_float), ("fault", ctypes.c_uint32), ("steps", ctypes.c_uint32))
+
+
+class Loaded:
+    """An exported controller in this process."""
+
+    def __init__(self, folder: Path, values: ControllerValues):
+        law = LAWS[values.law]
+        library = folder / "controller.so"
+        options = ["-std=c++17", "-O2", "-ffp-contract=off", "-fno-exceptions", "-fno-rtti", "-shared", "-fPIC"]
+        source = str(folder / "pellucid_controller.cpp")
+        where = [f"-I{folder / 'include'}", f"-I{folder}"]
+        subprocess.run(["c++", *options, *where, source, "-o", str(library)], check=True)
+        self.core = ctypes.CDLL(str(library))
+
+        class Input(ctypes.Structure):
+            _fields_ = (("now_us", ctypes.c_int64), *((s.name, Sample) for s in law.sensors))
+
+        class Config(ctypes.Structure):
+            _fields_ = tuple((name, ctypes.c_float) for name in law.parameters)
+
+        self.law, self.values, self.input_type, self.config_type = law, values, Input, Config
+        self.context = (ctypes.c_uint64 * (1 + law.storage // 8))()
+        self.period = round(1e6 * values.numbers["period"])
+        self.now, self.count = 10**6, 0
+
+    def init(self, **changed: float) -> int:
+        config = self.config_type(*({**self.values.numbers, **changed}[n] for n in self.law.parameters))
+        return self.core.pellucid_init(self.context, ctypes.byref(config))
+
+    def step(self, *readings: float, **changed) -> Output:
+        """One period on; `changed` alters the first sample, or `now_us`."""
+        self.now, self.count = self.now + self.period, self.count + 1
+        read = self.input_type(self.now, *(Sample(x, self.count, self.now - 50, 1) for x in readings))
+        for name, value in changed.items():
+            setattr(read if name == "now_us" else read.position, name, value)
+        output = Output()
+        assert self.core.pellucid_step(self.context, ctypes.byref(read), ctypes.byref(output)) == output.fault
+        return output
+
+
+def nonsense(robot: Loaded, rng: np.random.Generator, cycles: int = 20_000) -> None:
+    """NaN, infinities, jumps, clocks and numbers that leap: every effort finite, within its limit and its rate."""
+    n = robot.values.numbers
+    limit, change = np.float32(n["effort_limit"]), n["rate_limit"] * n["period"] * (1 + 1e-5) + 1e-6
+    odd = np.array([np.nan, np.inf, -np.inf, 3e38, -3e38, 1e-42, 0.0])
+    last, moved, faults = 0.0, 0, 0
+    for i in range(cycles):
+        if i % 20 == 0:
+            assert robot.init() == 0
+            last, phase = 0.0, rng.uniform(0, 6)
+        changed = {}
+        draw = rng.random()
+        if draw < 0.03:
+            changed["value"] = float(rng.choice(odd))
+        elif draw < 0.04:
+            changed["time_us"] = int(rng.integers(-(2**63), 2**63 - 1))
+        elif draw < 0.05:
+            changed["sequence"] = int(rng.integers(0, 2**32))
+        elif draw < 0.06:
+            changed["now_us"] = int(rng.integers(-(2**63), 2**63 - 1))
+        position = 0.5 + 0.5 * np.sin(phase + 3.0 * robot.count * n["period"])
+        others = [float(rng.choice(odd)) if rng.random() < 0.02 else rng.normal() for _ in robot.law.sensors[1:]]
+        out = robot.step(position, *others, **changed)
+        assert abs(out.effort) <= limit
+        # At a stop the effort into it is cut at once.
+        if abs(out.effort) > abs(last) or out.effort * last < 0:
+            assert abs(out.effort - last) <= change
+        if out.fault:
+            assert abs(out.effort) <= abs(last)
+        last, moved, faults = out.effort, moved + (out.effort != 0), faults + (out.fault != 0)
+    assert moved > cycles // 4
+    assert faults > cycles // 100
