@@ -97,10 +97,8 @@ def values_for(
     if period is not None and not 0.0 < period <= 0.1:
         raise PellucidError(f"export: found a period of {period:g} s, expected one above 0 and up to 0.1 s")
     if study.config.coupling is not None:
-        if card is not None or slider is not None:
-            raise PellucidError(
-                f"export of {study.name}: found a joint's card or carriage, expected a participant only"
-            )
+        if card is not None or slider is not None or controller is not None:
+            raise PellucidError(f"export of {study.name}: found a joint's card, carriage or controller, expected none")
         return worn_values(study, participant=participant, period=period)
     if participant is not None:
         raise PellucidError(f"export of {study.name}: found a participant, expected none: nobody wears this joint")
