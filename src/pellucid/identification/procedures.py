@@ -14,6 +14,7 @@ _MODULES = {
     "transfer_function": "identify_transfer",
     "hinge": "identify_hinge",
     "coupling": "identify_coupling",
+    "loaded_swing": "identify_loaded_swing",
 }  # each has a function of its own name, and `faults`
 
 

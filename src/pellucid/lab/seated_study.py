@@ -44,6 +44,8 @@ command = {{ column = "command", unit = "N*m", scale = {torque!r} }}
 time = {{ column = "sample", unit = "s", scale = {tick!r} }}
 {emg}
 
+[loaded_swing]                  # the motor swings alone, and with relaxed legs in it
+
 [emg_torque]
 joints = ["knee"]
 muscles = [{muscles}]

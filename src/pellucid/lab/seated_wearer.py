@@ -198,7 +198,21 @@ def activations(subject: SeatedSubject, excitation: np.ndarray, start: np.ndarra
 
 
 def maximal_excitation(rig: SeatedRig, subject: SeatedSubject, n: int, rng: np.random.Generator) -> np.ndarray:
-    """Excitations of somebody who extends twice with all their might against a clamp, shape (n, muscles) [1]."""
+    """Excitations of somebody who extends twice with all their might against a clamp.
+
+    Parameters
+    ----------
+    rig : SeatedRig
+    subject : SeatedSubject
+    n : int
+        Periods.
+    rng : numpy.random.Generator
+
+    Returns
+    -------
+    ndarray, shape (n, muscles)
+        [1]
+    """
     muscles, fs = rig["muscles"], rig["instruments"]["rate"]
     t = np.arange(n) / n
     shown = sum(np.clip(np.minimum(t - a, b - t) / 0.03, 0.0, 1.0) for a, b in ((0.12, 0.42), (0.60, 0.90)))

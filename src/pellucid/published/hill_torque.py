@@ -87,7 +87,20 @@ class TorqueFound:
     recorded: HillMap
 
     def judged(self, estimator: str, against: str = "active", *, truncated: bool = False) -> Errors:
-        """Errors of an estimator against one of the torques, by its attribute's name."""
+        """Errors of an estimator.
+
+        Parameters
+        ----------
+        estimator : str
+        against : str
+            One of the torques: reference, active, muscles, eq12.
+        truncated : bool
+            See `errors`.
+
+        Returns
+        -------
+        Errors
+        """
         return errors(self.predicted[estimator], getattr(self, against), truncated=truncated)
 
 

@@ -11,7 +11,7 @@ from .reproduction import Reproduced
 
 Progress = Callable[[str, float], None] | None
 
-PAPERS = ("able", "knee")
+PAPERS = ("able", "knee", "hill")
 
 
 @dataclass(frozen=True)
@@ -52,7 +52,7 @@ def reproduce(paper: str, out: str | Path, *, on_progress: Callable[[str, float]
     """
     if paper not in PAPERS:
         raise PellucidError(f"unknown paper {paper!r}; known: {', '.join(PAPERS)}")
-    made, page, shown = {"able": _able, "knee": _knee}[paper](Path(out), on_progress)
+    made, page, shown = {"able": _able, "knee": _knee, "hill": _hill}[paper](Path(out), on_progress)
     lines = []
     for row in made:
         if not row.id.startswith(shown) or row.id.count(".") > 3:
@@ -82,3 +82,13 @@ def _knee(out: Path, on_progress: Progress) -> tuple[tuple[Reproduced, ...], Pat
     main = "mgl_e.error", "mgl_sh.error", "orthosis.inertia.error", "tf.fit", "emg.rmse.", "coupled.fit", "residual."
     shown = [r for r in made.rows if not r.id.endswith(tuple(made.wearers)) and "_axes" not in r.id]
     return tuple(shown), write_knee_page(out, made), tuple(f"knee.{name}" for name in main)
+
+
+def _hill(out: Path, on_progress: Progress) -> tuple[tuple[Reproduced, ...], Path, tuple[str, ...]]:
+    from .hill import reproduce_hill
+    from .hill_page import write_hill_page
+
+    made = reproduce_hill(out, on_progress=on_progress)
+    main = "rmse.truth.", "rmse.eq12.mean", "p.error.rich", "q.error.rich", "adam."
+    shown = [r for r in made.rows if r.id.rsplit(".", 1)[-1] not in (*made.subjects, "truncated", "recorded")]
+    return tuple(shown), write_hill_page(out, made), tuple(f"hill.{name}" for name in main)

@@ -15,10 +15,10 @@ from pydantic import Field, ValidationError, ValidationInfo, field_validator, mo
 from .._errors import StudyError
 from ..units import parse_quantity, si_text, to_si_factor
 from .study_fields import DERIVED, NAME, Table, quantity
-from .study_procedures import Assessment, Coupling, EmgTorque, Hinge, IsolatedMuscle, TransferFunction
+from .study_procedures import Assessment, Coupling, EmgTorque, Hinge, IsolatedMuscle, LoadedSwing, TransferFunction
 from .toml_place import explain
 
-PROCEDURES = ("transfer_function", "hinge", "coupling")
+PROCEDURES = ("transfer_function", "hinge", "coupling", "loaded_swing")
 """Tables that ask `identify` for something else than a joint with friction."""
 
 FRICTION_FAMILIES = ("symmetric", "directional", "load", "stribeck", "combined")
@@ -560,7 +560,7 @@ class StudyFile(Table):
         Remarks the report repeats.
     rig, participants, channels, optical, streams, processing, model, recordings
         Its tables; `optical` is None where no motion capture took part.
-    transfer_function, hinge, coupling, emg_torque, assessment, isolated_muscle
+    transfer_function, hinge, coupling, loaded_swing, emg_torque, assessment, isolated_muscle
         What is asked of these recordings in place of a joint with friction; None where it is not.
     """
 
@@ -577,6 +577,7 @@ class StudyFile(Table):
     transfer_function: TransferFunction | None = None
     hinge: Hinge | None = None
     coupling: Coupling | None = None
+    loaded_swing: LoadedSwing | None = None
     emg_torque: EmgTorque | None = None
     assessment: Assessment | None = None
     isolated_muscle: IsolatedMuscle | None = None

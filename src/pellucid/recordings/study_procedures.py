@@ -86,6 +86,21 @@ class Coupling(Table):
     confidence: float = Field(0.95, gt=0, lt=1)
 
 
+class LoadedSwing(Table):
+    """An exoskeleton's swings, empty and with relaxed legs in it: ``[loaded_swing]``.
+
+    Attributes
+    ----------
+    lowpass : float
+        Cut-off of the zero-phase low-pass on position and torque [Hz].
+    confidence : float
+        Of the intervals, in (0, 1).
+    """
+
+    lowpass: quantity("Hz", gt=0) = 4.0
+    confidence: float = Field(0.95, gt=0, lt=1)
+
+
 class EmgTorque(Table):
     """Torque of joints from EMG: ``[emg_torque]``.
 

@@ -16,6 +16,7 @@ _DOCUMENTS = {
     "transfer_function": "transfer_document",
     "hinge": "hinge_document",
     "coupling": "coupling_document",
+    "loaded_swing": "loaded_swing_document",
     "emg_torque": "calibration_document",
     "assessment": "assessment_document",
 }  # each has a function `page`
