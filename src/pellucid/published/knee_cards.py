@@ -272,7 +272,14 @@ def emg_map(steps: Sequence[Step], settings: EmgSettings) -> tuple[EmgMap, float
     best = min(errors, key=errors.get)
     terms = list(Ridge(best).fit(x, y).plain([str(i) for i in range(x.shape[1])]).values())
     weights = np.array(terms).reshape(1 + len(muscles), 2)  # 1 and q; then each envelope, and the same times q
-    made = EmgMap(band, envelope, weights, settings.floor * seen.min(axis=0), settings.ceiling * seen.max(axis=0))
+    made = EmgMap(
+        band,
+        envelope,
+        weights,
+        settings.floor * seen.min(axis=0),
+        settings.ceiling * seen.max(axis=0),
+        torque_limit=float(np.abs(y).max()),  # more than was ever seen is an electrode that comes off
+    )
     return made, errors[best]
 
 

@@ -269,11 +269,12 @@ def controllers(
     found: dict[str, Built] = {"zero_impedance": Built(lambda: None)}
 
     def linear(one: ResidualDesign) -> Callable[[], Margins]:
-        return lambda: worst_margins(one, plants, SPEEDS)
+        return cache(lambda: worst_margins(one, plants, SPEEDS))
 
-    found["residual"] = Built(lambda: WornCompensator(made, card.emg), linear(made))
-    found["residual_no_emg"] = Built(lambda: WornCompensator(made), linear(made))
-    found["residual_strap_learnt"] = Built(lambda: WornCompensator(made, card.emg, constants.learning), linear(made))
+    own = linear(made)
+    found["residual"] = Built(lambda: WornCompensator(made, card.emg), own)
+    found["residual_no_emg"] = Built(lambda: WornCompensator(made), own)
+    found["residual_strap_learnt"] = Built(lambda: WornCompensator(made, card.emg, constants.learning), own)
     if "residual_by_phase" in only:
         phased = by_phase(made, constants.phase_gain, swing)
         largest = replace(phased, law=replace(phased.law, phase_gain=(max(phased.law.phase_gain),) * 8))

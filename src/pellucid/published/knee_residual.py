@@ -31,11 +31,14 @@ TUNING, FRESH = tuple(range(101, 107)), tuple(range(201, 207))
 SWINGS, DURATION = (31, 32, 33), 20.0
 """Seeds of the judged swings, and how long one lasts [s]."""
 
-REPRODUCED = ("S1", "S2", "S3", *(f"D{seed}" for seed in FRESH[:3]))
+REPRODUCED = ("S1", "S2", "S3", *(f"D{seed}" for seed in FRESH[:2]))
 """Who is judged in a reproduction, whose time is short; the others are judged by `main` of `knee_residual_rows`."""
 
 RECORDED = 5
 """Seed of the recordings that the rig's own subjects are identified from; a drawn wearer's is their own."""
+
+STRAINED = 10.0
+"""Length of the swings in which margins are tried [s]."""
 
 REST_SPEED, LET_GO = 0.1, 0.5
 """What counts as rest, a degree at 1 Hz, or twice what zero-impedance mode leaves if that is more [rad/s]; and where a
@@ -199,7 +202,31 @@ def last_speed(taken: KneeTaken) -> float:
     return float(np.sqrt(np.mean(taken.truth.limb_velocity[last] ** 2)))
 
 
-def holds_margins(rig: KneeRig, name: str, build: Callable[[], Controller], *, seed: int = 31) -> bool:
+@dataclass(frozen=True)
+class WithoutControl:
+    """What zero-impedance mode leaves of one wearer, which sway is measured by.
+
+    Attributes
+    ----------
+    torque : float
+        Of the strap in a swing, RMS [N m].
+    rest : float
+        Speed of a relaxed leg that counts as rest [rad/s].
+    """
+
+    torque: float
+    rest: float
+
+
+def without_control(rig: KneeRig, name: str, seed: int = SWINGS[0]) -> WithoutControl:
+    """Zero-impedance mode of one wearer, in the swing of a seed."""
+    torque = root_mean_square(swing(rig, name, seed, None, duration=STRAINED))[1]
+    return WithoutControl(torque, max(REST_SPEED, 2.0 * last_speed(let_go(rig, name, None))))
+
+
+def holds_margins(
+    rig: KneeRig, name: str, build: Callable[[], Controller], plain: WithoutControl, *, seed: int = SWINGS[0]
+) -> bool:
     """Whether the margins asked for hold in the simulation: the command 6 dB too strong, or 20 ms late.
 
     Parameters
@@ -208,6 +235,8 @@ def holds_margins(rig: KneeRig, name: str, build: Callable[[], Controller], *, s
     name : str
     build : callable
         Makes the controller.
+    plain : WithoutControl
+        Of the same wearer and seed.
     seed : int
         Of a swing.
 
@@ -217,14 +246,12 @@ def holds_margins(rig: KneeRig, name: str, build: Callable[[], Controller], *, s
         A relaxed leg comes to rest, no gate trips, and a swing's strap torque stays below 1.5 times zero-impedance
         mode's.
     """
-    plain = root_mean_square(swing(rig, name, seed, None, duration=10.0))[1]
-    rest = max(REST_SPEED, 2.0 * last_speed(let_go(rig, name, None)))
     for gain, late in ((10 ** (GAIN_DB / 20), 0), (1.0, round(DELAY / rig.period))):
         resting, swinging = Strained(build(), gain, late), Strained(build(), gain, late)
-        if last_speed(let_go(rig, name, resting)) > rest:
+        if last_speed(let_go(rig, name, resting)) > plain.rest:
             return False
-        torque = root_mean_square(swing(rig, name, seed, swinging, duration=10.0))[1]
-        if torque > 1.5 * plain or "none" not in {resting.fault} & {swinging.fault}:
+        torque = root_mean_square(swing(rig, name, seed, swinging, duration=STRAINED))[1]
+        if torque > 1.5 * plain.torque or {resting.fault, swinging.fault} != {"none"}:
             return False
     return True
 
@@ -278,10 +305,11 @@ def compare(
     if "no_control" in only:
         built["no_control"] = Built(lambda: None)
     margins, held = {}, {}
+    plain = without_control(rig, name) if stability else None
     for kind, one in built.items() if stability else ():
         margins[kind] = one.margins() if one.margins else None
         if kind not in ("zero_impedance", "no_control"):
-            held[kind] = holds_margins(rig, name, one.build)
+            held[kind] = holds_margins(rig, name, one.build, plain)
     rows = []
     for seed in seeds:
 
@@ -289,18 +317,18 @@ def compare(
             taken = swing(where, name, seed, controller, duration=duration, session=session, faults=faults)
             return root_mean_square(taken)
 
-        plain = judge(rig, None)
+        alone = judge(rig, None)
         for kind, one in built.items():
             controller = one.build()
             if kind == "zero_impedance":
-                mismatch, torque = plain
+                mismatch, torque = alone
             else:
                 mismatch, torque = judge(driven_back(rig) if kind == "no_control" else rig, controller)
             left = margins.get(kind)
             gain, delay = (left.gain_db, left.delay) if left else (None, None)
             fault = getattr(controller, "fault", "none")
             rows.append(
-                ControllerRow(kind, name, seed, mismatch, torque, torque / plain[1], gain, delay, held.get(kind), fault)
+                ControllerRow(kind, name, seed, mismatch, torque, torque / alone[1], gain, delay, held.get(kind), fault)
             )
     return rows
 

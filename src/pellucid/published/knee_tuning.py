@@ -27,7 +27,17 @@ from ..lab.knee_rig import changed, knee_orthosis
 from ..lab.knee_trial import KneeTaken
 from .knee_cards import EmgSettings, Identified, WearerCard, mistaken
 from .knee_controllers import Chosen, controllers, for_wearer
-from .knee_residual import SETTLING, TUNING, holds_margins, root_mean_square, session_of, swing, wearer
+from .knee_residual import (
+    SETTLING,
+    TUNING,
+    WithoutControl,
+    holds_margins,
+    root_mean_square,
+    session_of,
+    swing,
+    wearer,
+    without_control,
+)
 
 SWING, DURATION = 21, 14.0
 """Seed and length of the swing on which constants are chosen [s]."""
@@ -126,6 +136,12 @@ def _plain(seed: int, slack: float = 0.0) -> float:
     return root_mean_square(swing(rig, one.name, SWING, None, duration=DURATION, session=session_of(one)))[1]
 
 
+@cache
+def _without(seed: int) -> WithoutControl:
+    one = _wearer(seed)
+    return without_control(one.rig, one.name, SWING)
+
+
 def left_to_strap(kind: str, constants: Chosen, seed: int) -> float:
     """What a controller leaves of one tuning wearer's strap torque; infinite where its linear margins do not hold.
 
@@ -165,7 +181,7 @@ def keeps_margins(kind: str, constants: Chosen, seed: int) -> bool:
     """Whether a controller without a linear form bears what is asked, in the simulation; others do already."""
     one = _wearer(seed)
     built = controllers(_card(seed, constants.emg), one.rig.period, (0.0, 1.0), constants, (kind,))[kind]
-    return built.margins is not None or holds_margins(one.rig, one.name, built.build, seed=SWING)
+    return built.margins is not None or holds_margins(one.rig, one.name, built.build, _without(seed), seed=SWING)
 
 
 def search(
