@@ -142,6 +142,19 @@ def test_a_cortex_m4_answers_bit_by_bit_as_the_host(study, tmp_path, law):
 
 
 @compiled
+@on_m4
+def test_a_fused_multiply_add_is_found_out(tmp_path):
+    """What the flag in the Makefile is for: without it a Cortex-M4F rounds differently."""
+    folder = write_c_folder("bench", worn(), tmp_path / "c")
+    fused = subprocess.run(
+        ["make", "-s", "m4", "EXACT=-O2 -ffp-contract=fast"], cwd=folder, capture_output=True, text=True
+    )
+    assert fused.returncode != 0
+    wrong = dict(line.split() for line in fused.stdout.splitlines())["wrong"]
+    assert 10 < int(wrong) < 519
+
+
+@compiled
 def test_what_is_carried_is_gravity_and_friction(joint):
     """Against the inverse dynamics of the card in double precision, once the filter has settled."""
     assert joint.init() == 0
