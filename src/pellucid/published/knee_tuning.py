@@ -27,17 +27,8 @@ from ..lab.knee_rig import changed, knee_orthosis
 from ..lab.knee_trial import KneeTaken
 from .knee_cards import EmgSettings, Identified, WearerCard, mistaken
 from .knee_controllers import Chosen, controllers, for_wearer
-from .knee_residual import (
-    SETTLING,
-    TUNING,
-    WithoutControl,
-    holds_margins,
-    root_mean_square,
-    session_of,
-    swing,
-    wearer,
-    without_control,
-)
+from .knee_residual import TUNING, session_of, wearer
+from .knee_swings import SETTLING, WithoutControl, holds_margins, root_mean_square, swing, without_control
 
 SWING, DURATION = 21, 14.0
 """Seed and length of the swing on which constants are chosen [s]."""
@@ -178,7 +169,20 @@ def left_to_strap(kind: str, constants: Chosen, seed: int) -> float:
 
 
 def keeps_margins(kind: str, constants: Chosen, seed: int) -> bool:
-    """Whether a controller without a linear form bears what is asked, in the simulation; others do already."""
+    """Whether a controller without a linear form bears what is asked, in the simulation; others do already.
+
+    Parameters
+    ----------
+    kind : str
+        Of `knee_controllers.NAMES`.
+    constants : Chosen
+    seed : int
+        Of the wearer.
+
+    Returns
+    -------
+    bool
+    """
     one = _wearer(seed)
     built = controllers(_card(seed, constants.emg), one.rig.period, (0.0, 1.0), constants, (kind,))[kind]
     return built.margins is not None or holds_margins(one.rig, one.name, built.build, _without(seed), seed=SWING)
