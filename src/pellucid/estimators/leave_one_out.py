@@ -72,9 +72,9 @@ def repetitions_left_out(study: Study, tell: Progress) -> Calibrated:
     found.verdicts.append(
         Verdict(
             "warning",
-            "No torque was recorded: the reference is a formula in the angle and its acceleration, most of it the sine of "
-            "the angle. Whatever regresses on the angle finds that formula again, without EMG too; its small error says "
-            "nothing of EMG. Compare estimators with muscles among each other.",
+            "No torque was recorded: the reference is a formula in the angle and its acceleration, most of it the sine "
+            "of the angle. Whatever regresses on the angle finds that formula again, without EMG too; its small error "
+            "says nothing of EMG. Compare estimators with muscles among each other.",
         )
     )
     if any(t.muscles is not None and not t.muscles.maximal for t in found.trials):
