@@ -28,6 +28,7 @@ from .muscle_findings import (
     muscle_verdicts_of,
     partial_errors,
 )
+from .seated_swings import SWINGS, seated_swings
 from .smoothing import smoothing_delay
 from .torque_card import torque_card
 from .torque_map import fit_torque_map, torque_map_cv
@@ -106,6 +107,8 @@ def _judge_by(study: Study) -> Callable[[Study, Progress], Calibrated]:
         return _by_repetition
     if EXTENSION in protocols:
         return repetitions_left_out
+    if SWINGS in protocols and study.config.loaded_swing is not None:
+        return seated_swings
     if len(study.recordings()) > 2 and all(recording.use == "fit" for recording in study.recordings()):
         return moments_left_out
     return _by_recording

@@ -176,19 +176,19 @@ def faults(study: Study) -> list[Fault]:
     for r in study.recordings():
         if r.protocol not in (EMPTY, LOADED):
             continue
-        try:
-            made = prepared(r, study.config.loaded_swing.lowpass)
-            fit_swings([made], corrected(0.0))
-            reach = float(np.abs(made.position).max())
-            if reach > np.pi:
-                raise IdentificationError(
-                    f"{r.path.name} (recording {r.name}), channel position: found angles up to {reach:.3g} rad from "
-                    "hanging, expected less than half a turn: is it in degrees?"
-                )
-        except PellucidError as error:
-            text = str(error)
-            message = text if text.startswith(r.path.name) else f"{r.path.name} (recording {r.name}): {text}"
-            found.append(Fault("refuse", "swing", r.path.name, "position", text, "a swing about hanging", message))
+        where, text = f"{r.path.name} (recording {r.name})", ""
+        reach = float(np.nanmax(np.abs(r["position"])))
+        if reach > np.pi:
+            text = f"found {reach:.3g} rad from hanging, expected less than half a turn: is it in degrees?"
+        else:
+            try:
+                fit_swings([prepared(r, study.config.loaded_swing.lowpass)], corrected(0.0))
+            except PellucidError as error:
+                text = str(error)
+        if text:
+            expected = "a swing about hanging"
+            message = f"{where}, channel position: {text}"
+            found.append(Fault("refuse", "swing", r.path.name, "position", text, expected, message))
     return found
 
 

@@ -29,7 +29,7 @@ FASTEST_AND_SLOWEST = ("S2", "S4")
 
 
 def _cell(value: float) -> str:
-    return f"{value:.3g}".replace("-", MINUS)
+    return f"{value:.3g}".replace("-", MINUS) if np.isfinite(value) else "–"
 
 
 def _both(ours: float, printed: float | None) -> str:
@@ -189,13 +189,23 @@ def training(made: HillReproduction) -> Section:
         panels.append(Paths(name, "of one muscle", lines, "Deviations from anatomy"))
     name = next(iter(made.subjects))
     t = made.subjects[name].training
-    at = t.names.index("shape") if "shape" in t.names else 0
+    at = int(np.argmax(t.fixed.spread()))
+    letter = PAPERS[t.names[at].split(".")[0]]
     rates = [
-        Paths("A", "fixed and falling rate", {"fixed": t.fixed.values[:, at], "falling": t.falling.values[:, at]},
-              "Deviations from anatomy"),
-        Paths("Cost", "on 2 s at a time", {"fixed": _smooth(t.fixed.costs), "falling": _smooth(t.falling.costs)},
-              "Mean square error", logarithmic=True),
-    ]  # fmt: skip
+        Paths(
+            letter,
+            "fixed and falling rate",
+            {"fixed": t.fixed.values[:, at], "falling": t.falling.values[:, at]},
+            "Deviations from anatomy",
+        ),
+        Paths(
+            "Cost",
+            "on 2 s at a time",
+            {"fixed": _smooth(t.fixed.costs), "falling": _smooth(t.falling.costs)},
+            "Mean square error",
+            logarithmic=True,
+        ),
+    ]
     order = sorted(PAPERS, key=lambda q: np.mean([s.training.converged[q] for s in made.subjects.values()]))
     letters = ", ".join(PAPERS[q] for q in order)
     rows = tuple(
@@ -218,7 +228,7 @@ def training(made: HillReproduction) -> Section:
                 heads,
                 rows,
                 frozenset(range(1, len(heads))),
-                "Evaluations until within 5 % of the lowest cost.",
+                "Evaluations until within 5 % of the lowest cost; – where Adam stays above it.",
                 wide=True,
             ),
         ),

@@ -12,10 +12,11 @@ from ..estimators.families import ESTIMATORS
 from ..estimators.features import features
 from ..estimators.hill import HillMap, fit_hill
 from ..estimators.reconstructions import SEEN, CorrectedMap
+from ..estimators.seated_swings import FLEXORS
 from ..estimators.torque_map import fit_torque_map
 from ..identification.leg_balance import torque_of_a_bare_leg
 from .hill_steps import BodyFound, LegFound
-from .hill_trials import FLEXORS, ActiveSwing, SubjectTaken, active_swing
+from .hill_trials import ActiveSwing, SubjectTaken, active_swing
 
 BASELINES = ("nmco", "nmcoa", "nmnc", "mbp", "ridge", "boost", "motion")
 """Estimators of `ESTIMATORS` that are fitted and judged on the same swings."""

@@ -16,7 +16,7 @@ from ..identification.swarm import Search, swarm_with_gradients
 PAPERS: dict[str, str] = {
     "strength": "k_r",
     "shape": "A",
-    "optimal_length_shift": "lambda",
+    "optimal_length_shift": "λ",
     "tendon_slack_length": "k_s",
     "max_velocity": "k_v",
 }

@@ -3,35 +3,25 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 
-from ..estimators.muscle_source import FIBRE_DAMPING, MuscleSource
+from ..estimators.seated_swings import Session
 from ..estimators.torque_trial import TorqueTrial
-from ..identification.leg_balance import torque_in_a_worn_exoskeleton
-from ..identification.loaded_swing import Swing, SwingFit, swing
+from ..identification.identify_loaded_swing import prepared
+from ..identification.loaded_swing import Swing, SwingFit
 from ..lab.seated_muscles import DriveMap
 from ..lab.seated_protocol import SeatedTrial
 from ..lab.seated_rig import SeatedRig
 from ..lab.seated_study import record_seated, seated_recording
 from ..lab.seated_subject import SeatedSubject
 from ..lab.seated_trial import SeatedTruth
-from ..models.muscle_geometry import muscle_table
 from ..recordings.recording import Recording
 from ..signals.emg_chain import emg_chain
 
-DRIVEN_LOWPASS, DRIVEN_EVERY = 4.0, 20
-"""Of swings that the motor makes [Hz], and one kept sample in so many."""
-
-ACTIVE_LOWPASS, ACTIVE_EVERY = 6.0, 10
-"""Of swings that the subject makes [Hz], and one kept sample in so many: 50 a second."""
-
-FLEXORS = "biceps_femoris"
-"""What stands for the muscles behind the thigh that no electrode is on."""
-
-FLEXOR_TORQUE = 60.0
-"""That they pull at most [N m]: only a scale, their strength is calibrated."""
+DRIVEN_LOWPASS = 4.0
+"""Of swings that the motor makes [Hz]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,10 +47,6 @@ class SubjectTaken:
     def driven(self, what: str) -> Swing:
         """A swing that the motor made."""
         return driven_swing(self.recordings[what])
-
-    def active(self, what: str) -> Swing:
-        """A swing that the subject made."""
-        return _swing(self.recordings[what], ACTIVE_LOWPASS, ACTIVE_EVERY)
 
 
 def take_subject(rig: SeatedRig, made: list[SeatedTrial], subject: SeatedSubject, seed: int) -> SubjectTaken:
@@ -89,12 +75,7 @@ def take_subject(rig: SeatedRig, made: list[SeatedTrial], subject: SeatedSubject
 
 def driven_swing(recording: Recording) -> Swing:
     """A swing that the motor made, with a leg in it or without."""
-    return _swing(recording, DRIVEN_LOWPASS, DRIVEN_EVERY)
-
-
-def _swing(recording: Recording, lowpass: float, every: int) -> Swing:
-    r = recording
-    return swing(r.time, r["position"], r["torque"], lowpass=lowpass, every=every, recording=r.name)
+    return prepared(recording, DRIVEN_LOWPASS)
 
 
 def tissue_torque(subject: SeatedSubject, position: np.ndarray) -> np.ndarray:
@@ -126,10 +107,6 @@ class ActiveSwing:
 def active_swing(taken: SubjectTaken, what: str, loaded: SwingFit, *, flexors: bool) -> ActiveSwing:
     """Envelopes, angle and reference torque of a swing.
 
-    Envelopes pass the paper's chain; what a relaxed leg's electrodes show is taken off in squares, as noise adds to a
-    muscle's signal. Flexors have no electrode: as in other hybrid models they are excited so that the leg's balance can
-    be, wherever it asks for bending.
-
     Parameters
     ----------
     taken : SubjectTaken
@@ -138,34 +115,20 @@ def active_swing(taken: SubjectTaken, what: str, loaded: SwingFit, *, flexors: b
     loaded : SwingFit
         Of leg and exoskeleton.
     flexors : bool
-        Whether there are flexors.
+        Whether muscles without electrodes are there.
 
     Returns
     -------
     ActiveSwing
     """
-    recording, motion, chain = taken.recordings[what], taken.active(what), emg_chain("hill")
-    time, torque = motion.time, torque_in_a_worn_exoskeleton(loaded, motion).torque
-    mvc, rest, own = (taken.recordings[name].streams["emg"] for name in ("mvc", "rich", what))
-    envelopes = {}
-    for channel in own.channels:
-        if not channel.startswith("emg."):
-            continue
-        top, quiet = (chain.zero_phase(x[channel], x.fs, maximum=1.0) for x in (mvc, rest))
-        floor, shown = np.median(quiet), chain.zero_phase(own[channel], own.fs, maximum=1.0)
-        above = np.sqrt(np.maximum(np.maximum(shown, 0.0) ** 2 - floor**2, 0.0)) / top.max()
-        envelopes[channel.removeprefix("emg.")] = np.interp(time, own.time, above)
-    if flexors:
-        envelopes[FLEXORS] = np.maximum(-torque, 0.0) / FLEXOR_TORQUE
-    constants = {n: replace(m, damping=FIBRE_DAMPING) for n, m in muscle_table().constants.items()}
-    knee = np.interp(time, recording.time, recording["angle.knee"])
-    trial = TorqueTrial(
-        name=recording.name, joint="knee", time=time, envelopes=envelopes, angles={"knee": knee}, torque=torque,
-        group=recording.name, heldout=recording.use != "fit", participant=taken.subject.name,
-        checksum=recording.checksum, muscles=MuscleSource(constants, posture={"hip": taken.hip, "ankle": 0.0}),
-    )  # fmt: skip
-    truth = taken.truth[what]
+    emg = {name: taken.recordings[name].streams["emg"] for name in ("mvc", "rich")}
+    session = Session(loaded, emg["mvc"], emg["rich"], emg_chain("hill"), taken.hip)
+    recording, truth = taken.recordings[what], taken.truth[what]
+    motion = session.motion(recording)
     active = truth.muscle_torque - tissue_torque(taken.subject, truth.position)
     return ActiveSwing(
-        trial, motion, np.interp(time, recording.time, active), np.interp(time, recording.time, truth.muscle_torque)
+        session.trial(recording, flexors=flexors),
+        motion,
+        np.interp(motion.time, recording.time, active),
+        np.interp(motion.time, recording.time, truth.muscle_torque),
     )
