@@ -184,7 +184,7 @@ def wearer(rig: KneeRig, name: str) -> Identified:
     return identify_wearer_of(drawn_rig(rig, seed), name, seed)
 
 
-def judge_wearer(rig: KneeRig, name: str, seeds: Sequence[int] = SWINGS) -> tuple[ControllerRow, ...]:
+def judge_wearer(rig: KneeRig, name: str, seeds: Sequence[int] = SWINGS[:2]) -> tuple[ControllerRow, ...]:
     """Everything about one wearer, from recordings to rows.
 
     Parameters

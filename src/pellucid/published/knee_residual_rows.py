@@ -12,7 +12,7 @@ from ..report.page import Section
 from ..report.residual_figures import ControllerRatios, torque_ratios
 from ..report.tables import Row, Table
 from .knee_controllers import DELAY, GAIN_DB, NAMES
-from .knee_residual import FRESH, ControllerRow, judge_changes, judge_wearer
+from .knee_residual import FRESH, SWINGS, ControllerRow, judge_changes, judge_wearer
 from .reproduction import Reproduced, spread
 
 WANTED = 0.5
@@ -212,7 +212,7 @@ def main() -> None:
     rig = knee_orthosis()
     names = [*rig.subjects, *(f"D{seed}" for seed in FRESH)]
     with ProcessPoolExecutor(mp_context=get_context("spawn")) as pool:
-        judged = [pool.submit(judge_wearer, rig, name) for name in names]
+        judged = [pool.submit(judge_wearer, rig, name, SWINGS) for name in names]
         for row in residual_rows([row for one in judged for row in one.result()]):
             between = "" if row.lower is None else f" ({row.lower:.4g} to {row.upper:.4g})"
             print(f"{row.id}: {row.ours:.4g}{between} {row.unit}")
