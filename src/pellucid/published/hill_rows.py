@@ -138,7 +138,7 @@ def torque_rows(found: Mapping[str, TorqueFound], paper: PrintedPaper) -> list[R
     for estimator in others:
         base = estimator.removesuffix(".recorded") if estimator != "hill.recorded" else estimator
         words = ESTIMATOR_WORDS[base] + (
-            ", recorded EMG alone" if estimator.endswith(".recorded") and base != estimator else ""
+            ", recorded muscles" if estimator.endswith(".recorded") and base != estimator else ""
         )
         short = estimator.removeprefix("hill.")
         for measure in MEASURES:

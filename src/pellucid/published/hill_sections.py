@@ -317,16 +317,18 @@ def methods(made: HillReproduction) -> Section:
 
     rows = [row("hill", ESTIMATOR_WORDS["hill"], True), row("hill.adaptive", ESTIMATOR_WORDS["hill.adaptive"])]
     rows += [row(name, ESTIMATOR_WORDS[name]) for name in BASELINES]
+    alone, both = (np.mean([s.torque.judged(n).rmse for s in made.subjects.values()]) for n in ("motion", "ridge"))
     rows.append(row("hill.recorded", ESTIMATOR_WORDS["hill.recorded"], True))
-    rows += [row(f"{name}.recorded", f"{ESTIMATOR_WORDS[name]}, EMG alone") for name in RECORDED]
+    rows += [row(f"{name}.recorded", f"{ESTIMATOR_WORDS[name]}, recorded muscles") for name in RECORDED]
     return Section(
         "methods",
         "Table 5 and Fig. 10: other methods",
         (
             "All are fitted on the same swing and judged on the same other one. The reference is itself computed from "
-            "motion, so that whoever sees acceleration can find it without any EMG: ridge regression of motion alone "
-            "is as good as with EMG. Where the robot measures motion, balance is the better estimator of the present "
-            "torque; EMG tells what comes, and what muscles do where no balance can be measured.",
+            "motion, so that whoever sees acceleration can find it without any EMG: against the true torque, ridge "
+            f"regression of motion alone comes to {alone:.2f} N·m, with EMG to {both:.2f} N·m. Where the robot measures "
+            "motion, balance is the better estimator of the present torque; EMG tells what comes, and what muscles do "
+            "where no balance can be measured.",
         ),
         drawings=(
             draw(compared, rows, "methods", text="RMSE against the true torque, both cut off at 0 (N·m)",

@@ -1,0 +1,119 @@
+"""The virtual shank exoskeleton: who sits in it, balance of its truth, files as in memory, steps 1 and 2."""
+
+import numpy as np
+import pytest
+
+from pellucid._errors import IdentificationError, StudyError
+from pellucid.identification.identify_loaded_swing import identify_swings
+from pellucid.lab.init import rig_text
+from pellucid.lab.seated_muscles import torque_at_rest
+from pellucid.lab.seated_protocol import seated_trials
+from pellucid.lab.seated_rig import load_seated_rig, parse_seated_rig
+from pellucid.lab.seated_study import record_seated_in_memory, write_seated_study
+from pellucid.lab.seated_subject import subjects
+from pellucid.models.joint import GRAVITY
+from pellucid.models.muscle_geometry import muscle_table
+
+RIG = load_seated_rig()
+
+
+@pytest.fixture(scope="module")
+def made():
+    return seated_trials(RIG, ("S4",))
+
+
+@pytest.fixture(scope="module")
+def taken(made):
+    return record_seated_in_memory(RIG, made, seed=1)
+
+
+def test_the_subjects_are_as_old_tall_and_heavy_as_the_papers():
+    for key, scale, mean, sd in (
+        ("age", 1, 23.875, 0.8345),
+        ("height", 100, 173.875, 5.693),
+        ("weight", 1, 65.5, 7.0912),
+    ):
+        values = scale * np.array([s[key] for s in RIG["subjects"].values()], float)
+        assert values.mean() == pytest.approx(mean, abs=1e-9), key
+        assert values.std(ddof=1) == pytest.approx(sd, abs=5e-4), key
+
+
+def test_muscles_differ_from_the_anatomical_model_by_5_to_15_percent():
+    for s in subjects(RIG).values():
+        for m in s.muscles:
+            usual = muscle_table().constants[m.name]
+            off = [
+                m.constants.optimal_fibre_length / (m.size * usual.optimal_fibre_length) - 1.0,
+                m.constants.max_velocity / usual.max_velocity - 1.0,
+                m.constants.force_length_width / usual.force_length_width - 1.0,
+                m.arm - 1.0,
+            ]
+            assert np.all(np.abs(off) >= 0.05 - 1e-12) and np.all(np.abs(off) <= 0.15 + 1e-12), (s.name, m.name)
+        # Young adults extend with 80 to 250 N m where the shank hangs.
+        assert 80.0 < torque_at_rest(s.extensors, 1.0, s.hip, s.rest) < 250.0
+
+
+def test_the_truth_balances(taken):
+    """Shank: inertia times acceleration is what muscles, shells, weight and tissue give."""
+    subject = subjects(RIG)["S4"]
+    one = next(t for t in taken[2] if t.trial.name == "S4_swing_1").truth
+    acceleration = np.gradient(one.velocity, RIG.period)
+    weight = GRAVITY * subject.moment * np.sin(one.position - subject.ahead)
+    given = one.muscle_torque + one.shell_torque - weight - subject.viscous * one.velocity
+    left = (subject.inertia * acceleration - given)[50:-50]
+    # The shells' own swing of 50 Hz is not resolved at 500 Hz.
+    smooth = np.convolve(left, np.ones(25) / 25, mode="valid")
+    assert np.sqrt(np.mean(smooth**2)) < 0.05 * np.std(one.muscle_torque)
+
+
+def test_a_subject_swings_both_ways_as_fast_as_asked(taken):
+    truth = next(t for t in taken[2] if t.trial.name == "S4_swing_1").truth
+    turned = truth.position - truth.position.mean()
+    crossings = np.sum((turned[1:] >= 0.0) & (turned[:-1] < 0.0))
+    assert crossings / (len(turned) * RIG.period) == pytest.approx(RIG["subjects"]["S4"]["frequency"], rel=0.1)
+    assert truth.muscle_torque.max() > 3.0
+    assert truth.muscle_torque.min() < -1.0
+    assert truth.excitation[:, 3].max() > 0.01  # the intermedius acts, and no channel shows it
+    assert "emg.vastus_intermedius" not in next(r for r in taken[1] if r.name == "S4_swing_1").streams["emg"].channels
+
+
+def test_files_hold_what_memory_holds(taken, made, tmp_path):
+    short = [t for t in made if t.name in ("empty_two_sines", "S4_mvc")]
+    study = write_seated_study(tmp_path, RIG, name="seat", seed=1, made=short)
+    for read in study.recordings():
+        kept = next(r for r in taken[1] if r.name == read.name)
+        assert np.allclose(read["position"], kept["position"], atol=1e-9)
+        assert np.allclose(read["torque"], kept["torque"], atol=1e-9)
+    mvc = next(r for r in study.recordings() if r.name == "S4_mvc")
+    assert np.allclose(mvc["angle.knee"], next(r for r in taken[1] if r.name == "S4_mvc")["angle.knee"], atol=1e-9)
+
+
+def test_steps_1_and_2_find_the_leg(taken):
+    config, recordings, _ = taken
+    found = identify_swings(config, recordings)
+    subject = subjects(RIG)["S4"]
+    assert found.empty.p.value == pytest.approx(RIG.exoskeleton_inertia, rel=0.05)
+    assert found.legs["S4"].p.value == pytest.approx(subject.inertia, rel=0.1)
+    assert found.legs["S4"].q.value > subject.moment
+    assert {card.kind for card in found.cards.values()} == {"orthosis", "limb"}
+
+
+def test_without_the_exoskeleton_alone_there_is_no_leg(taken):
+    config, recordings, _ = taken
+    with pytest.raises(IdentificationError, match="empty_swing"):
+        identify_swings(config, [r for r in recordings if r.protocol != "empty_swing"])
+
+
+def test_the_papers_swing_alone_is_told_to_say_little_of_inertia(taken):
+    config, recordings, _ = taken
+    found = identify_swings(config, [r for r in recordings if not r.name.endswith("rich")])
+    leg = found.legs["S4"]
+    assert leg.p.standard_error > 0.05 * leg.p.value
+
+
+def test_a_rig_that_lacks_something_is_refused():
+    text = rig_text("knee-seated").replace("reflex_delay = ", "reflex = ")
+    with pytest.raises(StudyError, match=r"wearer.*reflex_delay"):
+        parse_seated_rig(text, "mine")
+    with pytest.raises(StudyError, match="knee-seated"):
+        parse_seated_rig('kind = "other"\n', "mine")
