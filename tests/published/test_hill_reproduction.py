@@ -35,7 +35,8 @@ def test_results_have_the_ids_others_rely_on(rows):
     ]
     wanted += [f"hill.rmse.truth.{name}" for name in BASELINES]
     for name in wanted:
-        assert np.isfinite(rows[name].value) and rows[name].unit == "N*m", name
+        assert np.isfinite(rows[name].value), name
+        assert rows[name].unit == "N*m", name
         assert rows[name].split == "heldout", name
     assert rows["hill.adam.spread_ratio"].split == "fitted"
     assert rows["hill.q.error.rich.S4"].split == "simulated"

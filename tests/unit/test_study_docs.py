@@ -24,6 +24,7 @@ TABLES = [
     study_procedures.TransferFunction,
     study_procedures.Hinge,
     study_procedures.Coupling,
+    study_procedures.LoadedSwing,
     study_procedures.EmgTorque,
     study_procedures.Assessment,
     study_procedures.IsolatedMuscle,

@@ -264,15 +264,17 @@ def _verdicts(config: StudyFile, empty: SwingFit, legs: Mapping[str, LegAlone]) 
                     "warning", f"{who}: found p' - p below (q' - q)^2 / m for any leg of {mass:g} kg of body weight"
                 )
             )
-        if leg.usual and leg.q.value > 1.1 * leg.usual[1]:
-            more = 100.0 * (leg.q.value / leg.usual[1] - 1.0)
-            told.append(
-                Verdict(
-                    "note",
-                    f"{who}: q' - q is {more:.0f} % above Winter's weight of such a leg: tissue restores a relaxed "
-                    "leg as its weight does, and no swing of this range tells them apart.",
-                )
+    more = {who: 100.0 * (leg.q.value / leg.usual[1] - 1.0) for who, leg in legs.items() if leg.usual}
+    beyond = {who: share for who, share in more.items() if share > 10.0}
+    if beyond:
+        named = ", ".join(f"{who} by {share:.0f} %" for who, share in beyond.items())
+        told.append(
+            Verdict(
+                "note",
+                f"q' - q is above Winter's weight of such a leg ({named}): tissue restores a relaxed leg as its weight "
+                "does, and no swing of this range tells them apart.",
             )
+        )
     if not told:
         told.append(Verdict("good", "Every leg's inertia and weight are told apart."))
     return told

@@ -326,9 +326,9 @@ def methods(made: HillReproduction) -> Section:
         (
             "All are fitted on the same swing and judged on the same other one. The reference is itself computed from "
             "motion, so that whoever sees acceleration can find it without any EMG: against the true torque, ridge "
-            f"regression of motion alone comes to {alone:.2f} N·m, with EMG to {both:.2f} N·m. Where the robot measures "
-            "motion, balance is the better estimator of the present torque; EMG tells what comes, and what muscles do "
-            "where no balance can be measured.",
+            f"regression of motion alone comes to {alone:.2f} N·m, with EMG to {both:.2f} N·m. Where the robot "
+            "measures motion, balance is the better estimator of the present torque; EMG tells what comes, and what "
+            "muscles do where no balance can be measured.",
         ),
         drawings=(
             draw(compared, rows, "methods", text="RMSE against the true torque, both cut off at 0 (N·m)",

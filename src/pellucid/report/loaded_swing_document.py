@@ -94,5 +94,5 @@ def _parameters(table: ParameterTable, level: float) -> Table:
 
 def _figures(table: FigureTable) -> Table:
     rows = tuple(Row(tuple(cell_text(cell) for cell in row)) for row in table.rows)
-    heads = tuple(prose(head) for head in table.heads)
+    heads = tuple(head.replace("*", "·").replace("^2", "²").replace(" - ", " − ") for head in table.heads)
     return Table(heads, rows, frozenset(range(1, len(heads))), f"{table.title}.", True)
