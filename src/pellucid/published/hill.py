@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
+from contextlib import contextmanager
 from dataclasses import dataclass
 from multiprocessing import get_context
 from pathlib import Path
@@ -116,7 +117,11 @@ def reproduce_hill(
     )
     found = {}
     context = get_context("spawn")
-    with ProcessPoolExecutor(min(workers or os.cpu_count() or 1, len(chosen)), context) as pool:
+    # Processes share the processors already; threads of their own would wait for each other.
+    with (
+        _environment(OMP_NUM_THREADS="1", OPENBLAS_NUM_THREADS="1"),
+        ProcessPoolExecutor(min(workers or os.cpu_count() or 1, len(chosen)), context) as pool,
+    ):
         jobs = {pool.submit(_subject, rig, made, empty, name, seed): name for name in chosen}
         for done in as_completed(jobs):
             found[jobs[done]] = done.result()
@@ -133,6 +138,21 @@ def reproduce_hill(
     write_rows(out / "results.json", COMMAND, results)
     write_reproduction(out / "reproduction.json", rows)
     return HillReproduction(rows, results, rig, paper, empty, people)
+
+
+@contextmanager
+def _environment(**values: str) -> Iterator[None]:
+    """Variables that processes begun meanwhile find."""
+    before = {name: os.environ.get(name) for name in values}
+    os.environ.update(values)
+    try:
+        yield
+    finally:
+        for name, value in before.items():
+            if value is None:
+                del os.environ[name]
+            else:
+                os.environ[name] = value
 
 
 def _subject(rig: SeatedRig, made: list[SeatedTrial], empty: BodyFound, name: str, seed: int) -> SubjectFound:
