@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
-from contextlib import contextmanager
 from dataclasses import dataclass
 from multiprocessing import get_context
 from pathlib import Path
@@ -21,6 +20,7 @@ from .hill_steps import BodyFound, LegFound, find_body, find_leg
 from .hill_torque import TorqueFound, find_torque
 from .hill_training import Training, train
 from .hill_trials import active_swing, driven_swing, take_subject
+from .one_thread_each import one_thread_each
 from .printed import PrintedPaper, printed
 from .reproduction import Reproduced, write_reproduction
 
@@ -117,11 +117,7 @@ def reproduce_hill(
     )
     found = {}
     context = get_context("spawn")
-    # Processes share the processors already; threads of their own would wait for each other.
-    with (
-        _environment(OMP_NUM_THREADS="1", OPENBLAS_NUM_THREADS="1"),
-        ProcessPoolExecutor(min(workers or os.cpu_count() or 1, len(chosen)), context) as pool,
-    ):
+    with one_thread_each(), ProcessPoolExecutor(min(workers or os.cpu_count() or 1, len(chosen)), context) as pool:
         jobs = {pool.submit(_subject, rig, made, empty, name, seed): name for name in chosen}
         for done in as_completed(jobs):
             found[jobs[done]] = done.result()
@@ -138,21 +134,6 @@ def reproduce_hill(
     write_rows(out / "results.json", COMMAND, results)
     write_reproduction(out / "reproduction.json", rows)
     return HillReproduction(rows, results, rig, paper, empty, people)
-
-
-@contextmanager
-def _environment(**values: str) -> Iterator[None]:
-    """Variables that processes begun meanwhile find."""
-    before = {name: os.environ.get(name) for name in values}
-    os.environ.update(values)
-    try:
-        yield
-    finally:
-        for name, value in before.items():
-            if value is None:
-                del os.environ[name]
-            else:
-                os.environ[name] = value
 
 
 def _subject(rig: SeatedRig, made: list[SeatedTrial], empty: BodyFound, name: str, seed: int) -> SubjectFound:

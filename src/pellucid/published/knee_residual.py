@@ -28,7 +28,7 @@ TUNING, FRESH = tuple(range(101, 107)), tuple(range(201, 207))
 SWINGS, DURATION = (31, 32, 33), 20.0
 """Seeds of the judged swings, and how long one lasts [s]."""
 
-REPRODUCED = ("S1", "S2", "S3", *(f"D{seed}" for seed in FRESH[:2]))
+REPRODUCED = ("S1", "S2", "S3", f"D{FRESH[0]}")
 """Who is judged in a reproduction, whose time is short; the others are judged by `main` of `knee_residual_rows`."""
 
 RECORDED = 5

@@ -10,6 +10,7 @@ from ..lab.knee_rig import KneeRig
 from .knee_residual import ControllerRow, judge_wearer
 from .knee_torque import AS_PUBLISHED, PROTOCOLS, TorqueMap, TorqueSteps, judge_map, published_steps, torque_steps
 from .knee_wearers import Bench, Drawn, WearerFound, drawn_from, identify_straps, identify_subject
+from .one_thread_each import one_thread_each
 
 Job = tuple
 """A function and its arguments."""
@@ -80,7 +81,7 @@ class KneeWork:
                 make, *arguments = jobs.pop(0)
                 jobs += done(make(*arguments))
         else:
-            with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
+            with one_thread_each(), ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
                 waiting = {pool.submit(*job) for job in jobs}
                 while waiting:
                     ready, waiting = wait(waiting, return_when=FIRST_COMPLETED)

@@ -635,7 +635,7 @@ class StudyFile(Table):
         conditions = [entry.condition for entry in self.recordings if entry.condition is not None]
         if self.recordings and self.assessment.control not in conditions:
             raise ValueError(
-                f'[assessment] control: found "{self.assessment.control}", expected one of the recordings\' conditions: '
+                f'[assessment] control: found "{self.assessment.control}", expected a condition of the recordings: '
                 f"{', '.join(dict.fromkeys(conditions)) or 'none'}"
             )
         markers = self.optical.markers if self.optical is not None else ()
