@@ -259,7 +259,7 @@ def test_a_study_without_the_table_or_the_control_is_refused(tmp_path):
     path = tmp_path / "a" / "study.toml"
     text = path.read_text(encoding="utf-8")
     path.write_text(text.replace('control = "Ctrl"', 'control = "None"'), encoding="utf-8")
-    with pytest.raises(StudyError, match='found "None", expected one of the recordings\' conditions: Ctrl, PCFr'):
+    with pytest.raises(StudyError, match='found "None", expected a condition of the recordings: Ctrl, PCFr'):
         open_study(tmp_path / "a")
     path.write_text(text.replace('[assessment]\ncontrol = "Ctrl"', '[rig.drive]\nkind = "torque"'), encoding="utf-8")
     with pytest.raises(StudyError, match=r"no table \[assessment\]"):

@@ -59,7 +59,7 @@ def test_every_unit_is_one_and_every_number_says_where_it_stands():
         assert len(numbers) > 90
         for number in numbers:
             to_si_factor(number.unit, None)
-            assert number.where.startswith(("Table ", "Section", "eq. "))
+            assert number.where.startswith(("Table ", "Section", "eq. ", "Fig. ", "Abstract"))
 
 
 def test_a_number_agrees_with_what_rounds_to_it():
