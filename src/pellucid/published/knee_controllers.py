@@ -1,6 +1,6 @@
 """Every controller that is compared on the virtual orthosis, built from a wearer's card and from chosen constants.
 
-The constants stand in ``knee_residual.toml``, as `knee_tuning` chose them on drawn wearers; nothing else is free.
+The constants stand in ``chosen/knee_residual.toml``, as `knee_tuning` chose them on drawn wearers; nothing else is free.
 """
 
 from __future__ import annotations
@@ -95,8 +95,8 @@ class Chosen:
 
 @cache
 def chosen() -> Chosen:
-    """The constants of ``knee_residual.toml``."""
-    return parse_chosen((files(__package__) / "knee_residual.toml").read_text(encoding="utf-8"))
+    """The constants of ``chosen/knee_residual.toml``."""
+    return parse_chosen((files(__package__) / "chosen" / "knee_residual.toml").read_text(encoding="utf-8"))
 
 
 def parse_chosen(text: str) -> Chosen:

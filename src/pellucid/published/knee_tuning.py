@@ -1,4 +1,4 @@
-"""How the constants of ``knee_residual.toml`` are chosen: on drawn wearers, none of whom is judged.
+"""How the constants of ``chosen/knee_residual.toml`` are chosen: on drawn wearers, none of whom is judged.
 
 The criterion is the same for every controller: the least strap torque, as a share of zero-impedance mode's on the same
 swing, mean over the tuning wearers; and on each of them a controller must bear twice its command and 20 ms more delay,
@@ -328,7 +328,7 @@ def main() -> None:
             return [one.result() for one in [(odd if seed % 2 else even).submit(make, seed) for seed in seeds]]
 
         constants = tune(mapped=mapped, tell=lambda line: print(line, flush=True))
-    write_text_atomically(Path(__file__).with_name("knee_residual.toml"), text(constants, TUNING))
+    write_text_atomically(Path(__file__).with_name("chosen") / "knee_residual.toml", text(constants, TUNING))
 
 
 if __name__ == "__main__":
