@@ -1,6 +1,6 @@
 """Every controller that is compared on the virtual orthosis, built from a wearer's card and from chosen constants.
 
-The constants stand in ``chosen/knee_residual.toml``, as `knee_tuning` chose them on drawn wearers; nothing else is free.
+The constants stand in ``chosen/knee_residual.toml``, as `knee_tuning` chose them on drawn wearers; none else is free.
 """
 
 from __future__ import annotations
