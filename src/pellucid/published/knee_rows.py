@@ -156,14 +156,16 @@ def torques_rows(
         kind = estimator.removesuffix("_published")
         own = protocol == "published"
         value = table[kind]["rmse"].value if own and kind in table.rows else None
-        how = "the defaults of the thesis's tool" if kind != estimator else "settings chosen within"
+        defaults = kind != estimator
+        how = "the defaults of the thesis's tool" if defaults else "settings chosen within"
+        named = f"{kind} with its tool's defaults" if defaults else kind
         head, what = ("emg", "0, 5, 10 N·m") if own else ("emg.both_ways", "0 to 10 N·m either way")
         rows += [
-            _row(f"{head}.rmse.{estimator}", f"Torque error of {kind}, {what}, mean of the subjects", "N*m",
+            _row(f"{head}.rmse.{estimator}", f"Torque error of {named}, {what}, mean of the subjects", "N*m",
                  float(np.mean([m.score.rmse for m in mine])), value, f"each repetition left out; {how}"),
             _row(f"{head}.true_rmse.{estimator}", "The same against the knee's true torque", "N*m",
                  float(np.mean([steps[m.subject, protocol].true_error(m.predicted) for m in mine]))),
-            *(_row(f"{head}.rmse.{estimator}.{m.subject}", f"Torque error of {kind}, {what}, {m.subject}", "N*m",
+            *(_row(f"{head}.rmse.{estimator}.{m.subject}", f"Torque error of {named}, {what}, {m.subject}", "N*m",
                    m.score.rmse, note=f"R² {m.score.r2:.3f}; {m.words}") for m in mine),
         ]  # fmt: skip
     for name, of, words in (
