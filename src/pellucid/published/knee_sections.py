@@ -37,7 +37,7 @@ WORDS = {"boost": "boosting", "bagging": "bagging", "tree": "one tree", "ridge":
 SHOWN = 12.0
 """Seconds of a swing that are drawn."""
 
-PRINTED = "In brackets, what the thesis prints."
+PRINTED = "In angular brackets, what the thesis prints."
 
 
 def cell(value: float | None) -> str:
