@@ -103,7 +103,7 @@ def check(folder: Folder) -> None:
         raise typer.Exit(1)
     command = "identify"
     if study.config.procedure is None and study.rig.drive is None:
-        command = "calibrate" if study.config.emg_torque is not None else "assess"
+        command = "assess" if study.config.emg_torque is study.config.isolated_muscle else "calibrate"
     _say(out, f"Fit to {command} from. Next: pellucid {command} {folder}")
 
 
@@ -156,7 +156,8 @@ def calibrate(
     with _progress() as tell:
         found = run(study, on_progress=tell)
     save_findings(study, found, "calibrate")
-    keep_calibration(study, found)
+    if study.config.emg_torque is not None:
+        keep_calibration(study, found)
     if json:
         _print_json(study, "calibrate")
         return

@@ -17,6 +17,7 @@ from .calibration_rows import calibration_rows
 from .cross_validation import score
 from .families import ESTIMATORS
 from .hill import HillMap
+from .isolated_muscle import isolated_findings
 from .judged import CAUSAL, JUDGED, Calibrated, Judged, TorqueTrace, estimators_for
 from .leave_one_out import moments_left_out, repetitions_left_out
 from .leg_extension_trials import EXTENSION
@@ -58,7 +59,7 @@ class CalibrationFindings(Findings):
     muscles: tuple[MuscleSummary, ...] = field(default=(), repr=False)
 
 
-def calibrate(study: Study, on_progress: Progress | None = None) -> CalibrationFindings:
+def calibrate(study: Study, on_progress: Progress | None = None) -> Findings:
     """Calibrate maps from EMG to torque and judge them on what was not fitted.
 
     Recordings with moments are fitted or held out as the study says. Torque steps against an orthosis are judged trial
@@ -67,13 +68,14 @@ def calibrate(study: Study, on_progress: Progress | None = None) -> CalibrationF
     Parameters
     ----------
     study : Study
-        With a table ``[emg_torque]``.
+        With a table ``[emg_torque]``, or ``[isolated_muscle]``: a muscle without EMG, at a known excitation.
     on_progress : callable, optional
         Called with a text and the share done, 0 to 1.
 
     Returns
     -------
-    CalibrationFindings
+    Findings
+        `CalibrationFindings` of torque from EMG.
 
     Raises
     ------
@@ -82,6 +84,8 @@ def calibrate(study: Study, on_progress: Progress | None = None) -> CalibrationF
     RecordingError
         If a recording is not fit to be used.
     """
+    if study.config.isolated_muscle is not None:
+        return isolated_findings(study)
     if study.config.emg_torque is None:
         raise IdentificationError(f"{study.folder}: found no table [emg_torque] in study.toml, expected one")
     tell = on_progress or (lambda text, share: None)

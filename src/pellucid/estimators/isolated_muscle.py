@@ -17,6 +17,8 @@ from scipy import optimize
 
 from .. import _core
 from .._errors import IdentificationError
+from ..identification.findings import FigureTable, Findings
+from ..identification.fit import Verdict
 from ..models.hill import HillMuscle
 from ..recordings.recording import Recording
 from ..recordings.results import ResultRow
@@ -96,6 +98,38 @@ class IsolatedMuscleFit:
             )
         )
         return rows
+
+
+def isolated_findings(study: Study) -> Findings:
+    """What `calibrate` says of a muscle whose length was imposed.
+
+    Parameters
+    ----------
+    study : Study
+        With a table ``[isolated_muscle]``.
+
+    Returns
+    -------
+    Findings
+
+    Raises
+    ------
+    RecordingError
+        If a recording lacks the length or the force.
+    """
+    fit = isolated_muscle(study)
+    heads = ("Amplitude", "[mm]", "mean absolute error [% of F_iso]", "")
+    shown = ((t.name, 1e3 * t.amplitude, t.mae_percent, "fitted" if t.use == "fit" else "held out") for t in fit.trials)
+    said = f"{fit.rigid_mae_percent:.1f} % with a rigid tendon; the length's offset is {1e3 * fit.offset:.2f} mm"
+    return Findings(
+        study=study.name,
+        headline=f"force within {fit.mae_percent:.2f} % of its isometric value, mean over the amplitudes",
+        tables=(FigureTable("Force over imposed length", heads, tuple(shown)),),
+        verdicts=(Verdict("note", said),),
+        rows=tuple(fit.rows(study)),
+        cards={},
+        checksums={recording.name: recording.checksum for recording in study.recordings()},
+    )
 
 
 def isolated_muscle(study: Study) -> IsolatedMuscleFit:

@@ -18,6 +18,7 @@ _DOCUMENTS = {
     "coupling": "coupling_document",
     "loaded_swing": "loaded_swing_document",
     "emg_torque": "calibration_document",
+    "isolated_muscle": "isolated_document",
     "assessment": "assessment_document",
 }  # each has a function `page`
 
@@ -53,6 +54,8 @@ def write_procedure_report(
     asked = [study.config.procedure] if study.config.procedure is not None else []
     if study.config.emg_torque is not None:
         asked.append("emg_torque")
+    if study.config.isolated_muscle is not None:
+        asked.append("isolated_muscle")
     if study.config.assessment is not None:
         asked.append("assessment")
     pages = []
@@ -64,6 +67,8 @@ def write_procedure_report(
             from ..estimators.calibration_file import kept_calibration
 
             kept = kept_calibration(study)
+        elif name == "isolated_muscle":
+            from ..estimators.calibrate import calibrate as run
         elif name == "assessment":
             from ..assessment.assess import assess as run
         told = found if i == 0 and found is not None else kept
