@@ -103,7 +103,7 @@ def check(folder: Folder) -> None:
         raise typer.Exit(1)
     command = "identify"
     if study.config.procedure is None and study.rig.drive is None:
-        command = "assess" if study.config.emg_torque is study.config.isolated_muscle else "calibrate"
+        command = study.config.beyond_identify
     _say(out, f"Fit to {command} from. Next: pellucid {command} {folder}")
 
 

@@ -43,7 +43,7 @@ def run_procedure(study: Study, *, on_progress: Callable[[str, float], None] | N
     if asked is None:
         raise IdentificationError(
             f"{study.folder}: study.toml has no [rig.drive] and asks for nothing that identify does; use: pellucid "
-            f"{'assess' if study.config.emg_torque is study.config.isolated_muscle else 'calibrate'} {study.folder}"
+            f"{study.config.beyond_identify} {study.folder}"
         )
     name = _MODULES[asked]
     return getattr(import_module(f".{name}", __package__), name)(study, on_progress=on_progress)

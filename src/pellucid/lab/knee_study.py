@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import json
 from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
@@ -10,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from .._atomic import write_text_atomically
-from ..recordings.recording import Channel, Recording
+from ..recordings.recording import Recording
 from ..recordings.study import Study, open_study
 from ..recordings.study_file import StudyFile
 from .elbow_study import study_config
@@ -18,6 +17,7 @@ from .knee_instruments import Session, draw_session
 from .knee_protocol import Task, tasks
 from .knee_rig import KneeRig
 from .knee_trial import KneeTaken, run_trial
+from .recorded_table import Column, table_channels, table_digest, table_text
 
 HEAD = """\
 # A virtual knee orthosis and its wearers, recorded like real ones. Nothing below tells their physics apart from
@@ -199,12 +199,9 @@ def recording_of(rig: KneeRig, taken: KneeTaken) -> Recording:
     trial, tables = taken.trial, _tables(rig, taken)
     participant = _participant(rig, (trial, taken.wearer))
 
-    def make(name: str, file: str, table: np.ndarray, columns: list[tuple[str, str, str, float]], streams: dict):
-        channels = {
-            channel: Channel(channel, scale * table[:, i], unit, column)
-            for i, (channel, unit, column, scale) in enumerate(columns)
-        }
-        digest = hashlib.sha256(np.ascontiguousarray(table).tobytes()).hexdigest()
+    def make(name: str, file: str, table: np.ndarray, columns: list[Column], streams: dict):
+        channels = table_channels(table, columns)
+        digest = table_digest(table)
         return Recording(name, Path(file), digest, trial.use, channels, trial.protocol, participant, streams=streams)
 
     streams = {
@@ -273,7 +270,7 @@ def write_knee_study(
         for stream, (table, columns) in _tables(rig, taken).items():
             tag = "" if stream == "main" else f"_{stream}"
             path = folder / "recordings" / f"{taken.trial.name}{tag}.csv"
-            write_text_atomically(path, _text(table, [column for _, _, column, _ in columns]))
+            write_text_atomically(path, table_text(table, [column for _, _, column, _ in columns]))
         trials[taken.trial.name] = trial_truth(taken)
     truth = rig_truth(rig, seed) | {"trials": trials}
     write_text_atomically(folder / "lab" / "truth.json", json.dumps(truth, indent=1) + "\n")
@@ -330,7 +327,7 @@ def trial_truth(taken: KneeTaken) -> dict:
     return made if taken.imu is None else {**made, "imu_clock_offset": taken.imu.clock_offset}
 
 
-def _tables(rig: KneeRig, taken: KneeTaken) -> dict[str, tuple[np.ndarray, list[tuple[str, str, str, float]]]]:
+def _tables(rig: KneeRig, taken: KneeTaken) -> dict[str, tuple[np.ndarray, list[Column]]]:
     """Numbers of each file, whole but for the IMU's time; and its channels: name, unit, column, scale."""
     encoders, emg, imu = rig["encoders"], rig["emg"], rig["imu"]
     columns = [
@@ -354,10 +351,3 @@ def _tables(rig: KneeRig, taken: KneeTaken) -> dict[str, tuple[np.ndarray, list[
             columns += [(f"imu.{channel}.{axis}", unit, f"{channel}_{axis}", quantum) for axis in "xyz"]
         made["imu"] = np.column_stack(parts), columns
     return made
-
-
-def _text(table: np.ndarray, heads: list[str]) -> str:
-    """Whole numbers as such, a first column of times to 0.1 ms where it is not whole; a row of text costs 1 us."""
-    whole = bool(np.all(table[:, 0] == np.round(table[:, 0])))
-    row = ",".join(["%d" if whole else "%.4f", *["%d"] * (table.shape[1] - 1)])
-    return ",".join(heads) + "\n" + (f"{row}\n" * len(table)) % tuple(table.ravel().tolist())

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import json
 from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
@@ -14,6 +13,7 @@ from ..recordings.recording import Channel, Recording
 from ..recordings.study import Study, open_study
 from ..recordings.study_file import StudyFile
 from .elbow_study import study_config
+from .recorded_table import Column, table_channels, table_digest, table_text
 from .seated_protocol import SeatedTrial, seated_trials
 from .seated_rig import SeatedRig
 from .seated_subject import SeatedSubject, subjects
@@ -160,15 +160,12 @@ def seated_recording(rig: SeatedRig, taken: SeatedTaken) -> Recording:
     trial, tables = taken.trial, _tables(rig, taken)
     participant = None if trial.subject is None else trial.subject.name
 
-    def make(name: str, file: str, table: np.ndarray, columns: list[tuple[str, str, str, float]], streams: dict):
-        channels = {
-            channel: Channel(channel, scale * table[:, i], unit, column)
-            for i, (channel, unit, column, scale) in enumerate(columns)
-        }
+    def make(name: str, file: str, table: np.ndarray, columns: list[Column], streams: dict):
+        channels = table_channels(table, columns)
         if name == trial.name and taken.knee is not None:
             knee = channels["position"].samples + round(taken.knee, 4)
             channels["angle.knee"] = Channel("angle.knee", knee, "rad", "output")
-        digest = hashlib.sha256(np.ascontiguousarray(table).tobytes()).hexdigest()
+        digest = table_digest(table)
         return Recording(name, Path(file), digest, trial.use, channels, trial.protocol, participant, streams=streams)
 
     streams = {}
@@ -235,7 +232,7 @@ def write_seated_study(
         for stream, (table, columns) in _tables(rig, taken).items():
             tag = "" if stream == "main" else f"_{stream}"
             path = folder / "recordings" / f"{taken.trial.name}{tag}.csv"
-            write_text_atomically(path, _text(table, [column for _, _, column, _ in columns]))
+            write_text_atomically(path, table_text(table, [column for _, _, column, _ in columns]))
         trials[taken.trial.name] = _trial_truth(taken)
         knees |= _knees([taken])
     truth = seated_truth(rig, seed) | {"trials": trials}
@@ -296,7 +293,7 @@ def _knees(taken: Sequence[SeatedTaken]) -> dict[str, float]:
     return {t.trial.subject.name: t.knee for t in taken if t.trial.subject is not None}
 
 
-def _tables(rig: SeatedRig, taken: SeatedTaken) -> dict[str, tuple[np.ndarray, list[tuple[str, str, str, float]]]]:
+def _tables(rig: SeatedRig, taken: SeatedTaken) -> dict[str, tuple[np.ndarray, list[Column]]]:
     """Whole numbers of each file, and its channels: name, unit, column, scale."""
     emg = rig["emg"]
     columns = [
@@ -313,8 +310,3 @@ def _tables(rig: SeatedRig, taken: SeatedTaken) -> dict[str, tuple[np.ndarray, l
         columns += [(f"emg.{muscle}", "V", muscle, emg["quantum"]) for muscle in emg["muscles"]]
         made["emg"] = np.column_stack([np.round(taken.emg_time * emg["rate"]), taken.emg]), columns
     return made
-
-
-def _text(table: np.ndarray, heads: list[str]) -> str:
-    row = ",".join(["%d"] * table.shape[1])
-    return ",".join(heads) + "\n" + (f"{row}\n" * len(table)) % tuple(table.ravel().tolist())

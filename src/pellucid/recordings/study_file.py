@@ -676,6 +676,11 @@ class StudyFile(Table):
         """Name of the table that asks `identify` for something else than a joint with friction; None without one."""
         return next((name for name in PROCEDURES if getattr(self, name) is not None), None)
 
+    @property
+    def beyond_identify(self) -> str:
+        """Command for what is asked beside, or in place of, what `identify` does: calibrate where that is asked."""
+        return "assess" if self.emg_torque is None and self.isolated_muscle is None else "calibrate"
+
     def channels_of(self, entry: RecordingEntry) -> dict[str, ChannelSpec]:
         """All channels of one recording: the defaults, with its own in their place."""
         return {**self.channels, **entry.channels}
