@@ -118,7 +118,7 @@ def isolated_findings(study: Study) -> Findings:
         If a recording lacks the length or the force.
     """
     fit = isolated_muscle(study)
-    heads = ("Amplitude", "[mm]", "mean absolute error [% of F_iso]", "")
+    heads = ("Trial", "amplitude [mm]", "mean absolute error [% of F_iso]", "")
     shown = ((t.name, 1e3 * t.amplitude, t.mae_percent, "fitted" if t.use == "fit" else "held out") for t in fit.trials)
     said = f"{fit.rigid_mae_percent:.1f} % with a rigid tendon; the length's offset is {1e3 * fit.offset:.2f} mm"
     return Findings(
