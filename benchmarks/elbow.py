@@ -13,13 +13,13 @@ from collections.abc import Callable
 import numpy as np
 from scipy import optimize
 
-from pellucid.identification.coherent_body import LOAD_START, fit_coherent
-from pellucid.identification.identify_slider import STEPS, fit_slider
-from pellucid.identification.three_steps import STRIDE, three_steps
-from pellucid.lab.elbow_instruments import play, record
-from pellucid.lab.elbow_protocol import trials
-from pellucid.lab.elbow_rig import able_elbow
-from pellucid.lab.elbow_study import excitation, record_in_memory
+from pellucid.identification.slider.coherent_body import LOAD_START, fit_coherent
+from pellucid.identification.slider.identify_slider import STEPS, fit_slider
+from pellucid.identification.slider.three_steps import STRIDE, three_steps
+from pellucid.lab.elbow.instruments import play, record
+from pellucid.lab.elbow.protocol import trials
+from pellucid.lab.elbow.rig import able_elbow
+from pellucid.lab.elbow.study import excitation, record_in_memory
 from pellucid.models.directional_slider import VELOCITY_WIDTH
 from pellucid.models.joint import GRAVITY
 from pellucid.models.slider_joint import SliderJointModel

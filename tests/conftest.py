@@ -113,7 +113,7 @@ def emps_fit(emps_study):
 @pytest.fixture(scope="session")
 def emps_data(emps_study):
     """The symmetric model, and the EMPS recording to fit, reduced."""
-    from pellucid.identification.regression import stack
+    from pellucid.identification.joint.regression import stack
     from pellucid.models.joint import joint_model
     from pellucid.signals.motion import motions
 

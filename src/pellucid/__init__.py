@@ -13,8 +13,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from . import datasets as datasets
-    from . import report as report
+    from . import datasets, report
     from .assessment.assess import assess as assess
     from .demonstration.demo import demo as demo
     from .deployment.export import export as export

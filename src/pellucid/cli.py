@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
     from .identification.findings import Findings
     from .identification.fit import JointFit, Parameter, Verdict
-    from .identification.slider_fit import SliderFit
+    from .identification.slider.slider_fit import SliderFit
     from .recordings.quality import Fault
     from .recordings.study import Study
 
@@ -434,7 +434,7 @@ def _print_fit(out: Console, study: Study, fit: JointFit) -> None:
 
 
 def _print_slider_fit(out: Console, study: Study, fit: SliderFit) -> None:
-    from .identification.slider_fit import METHODS
+    from .identification.slider.slider_fit import METHODS
     from .report.quantities import number
 
     split = "held-out" if fit.judged_split == "heldout" else "fitted"

@@ -13,8 +13,8 @@ from pellucid.assessment.friedman import friedman, friedman_from_rank_sums, neme
 from pellucid.models.joint import GRAVITY
 from pellucid.protocols.swept_sine import swept_sine
 from pellucid.published import moving_average
-from pellucid.published.able_coherence import implied_friction, inconsistencies, least_mass, positive_inertia_range
-from pellucid.published.able_elbow import able_elbow
+from pellucid.published.able.coherence import implied_friction, inconsistencies, least_mass, positive_inertia_range
+from pellucid.published.able.elbow import able_elbow
 from pellucid.published.paired_test import paired_test
 from pellucid.published.parameter_count import chain_parameters, coupled_parameters, listed_sets
 from pellucid.published.printed import printed

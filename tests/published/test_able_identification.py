@@ -5,13 +5,13 @@ import os
 import numpy as np
 import pytest
 
-from pellucid.identification.coherent_body import fit_coherent
-from pellucid.identification.identify_slider import STEPS, fit_slider
-from pellucid.identification.three_steps import all_at_once, three_steps
-from pellucid.lab import elbow_study
-from pellucid.lab.elbow_instruments import record
-from pellucid.lab.elbow_protocol import fitted_sliders, trials
-from pellucid.lab.elbow_rig import able_elbow, changed
+from pellucid.identification.slider.coherent_body import fit_coherent
+from pellucid.identification.slider.identify_slider import STEPS, fit_slider
+from pellucid.identification.slider.three_steps import all_at_once, three_steps
+from pellucid.lab.elbow import study as elbow_study
+from pellucid.lab.elbow.instruments import record
+from pellucid.lab.elbow.protocol import fitted_sliders, trials
+from pellucid.lab.elbow.rig import able_elbow, changed
 from pellucid.models.energy import cycle_energy
 from pellucid.models.joint import GRAVITY
 from pellucid.recordings.study import open_study

@@ -6,8 +6,8 @@ import re
 import numpy as np
 import pytest
 
-from pellucid.published.able import LOAD_FACTORS, reproduce_able
-from pellucid.published.able_page import write_able_page
+from pellucid.published.able.page import write_able_page
+from pellucid.published.able.reproduce_able import LOAD_FACTORS, reproduce_able
 from pellucid.published.reproduce import reproduce
 from pellucid.published.reproduction import VERDICTS
 from pellucid.recordings.results import read_rows

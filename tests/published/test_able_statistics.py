@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from pellucid.published.able_statistics import RANK_SUMS, SLIPS, statistics_rows
+from pellucid.published.able.statistics import RANK_SUMS, SLIPS, statistics_rows
 from pellucid.published.printed import printed
 
 PAPER = printed("able")

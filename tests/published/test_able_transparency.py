@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 
 from pellucid.controllers.elbow_laws import with_force_sensor
-from pellucid.lab.elbow_conditions import SENSED_BODY, identified_cards, interaction_rms, own_laws, published_laws
-from pellucid.lab.elbow_people import draw_people, elbow_participants
-from pellucid.lab.elbow_pointing import hold_still, point_all
-from pellucid.lab.elbow_rig import able_elbow
-from pellucid.published.able_transparency import changes, injected_energy, required_resistance, session_means
+from pellucid.lab.elbow.rig import able_elbow
+from pellucid.lab.pointing.conditions import SENSED_BODY, identified_cards, interaction_rms, own_laws, published_laws
+from pellucid.lab.pointing.people import draw_people, elbow_participants
+from pellucid.lab.pointing.session import hold_still, point_all
+from pellucid.published.able.transparency import changes, injected_energy, required_resistance, session_means
 
 LIFTS = np.deg2rad([12, 24, 36, 48, 60])
 

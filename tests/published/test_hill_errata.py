@@ -11,12 +11,12 @@ import numpy as np
 import pytest
 from scipy import signal
 
-from pellucid.identification.adam import adam
-from pellucid.identification.leg_balance import torque_of_a_bare_leg
-from pellucid.identification.loaded_swing import as_published, corrected, fit_swings, swing
-from pellucid.identification.swing_information import better_swing, swing_information
+from pellucid.identification.searches.adam import adam
+from pellucid.identification.swing.leg_balance import torque_of_a_bare_leg
+from pellucid.identification.swing.loaded_swing import as_published, corrected, fit_swings, swing
+from pellucid.identification.swing.swing_information import better_swing, swing_information
 from pellucid.protocols.two_sines import two_sines
-from pellucid.published.hill_recomputed import (
+from pellucid.published.hill.recomputed import (
     GRAVITY,
     SUBJECTS,
     half_activation,

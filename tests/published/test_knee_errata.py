@@ -9,9 +9,9 @@ from scipy import signal
 from scipy.integrate import solve_ivp
 
 from pellucid._errors import PellucidError, StudyError
-from pellucid.identification.gravity_holds import accuracy, cosine_moment, line_of_best_fit
+from pellucid.identification.joint.gravity_holds import accuracy, cosine_moment, line_of_best_fit
 from pellucid.models.anthropometry import rod, shank_length, winter
-from pellucid.published.knee_recomputed import GRAVITY, SUBJECTS, published_coupling, published_response, recomputed
+from pellucid.published.knee.recomputed import GRAVITY, SUBJECTS, published_coupling, published_response, recomputed
 from pellucid.published.printed import printed
 from pellucid.published.two_poles import (
     TwoPoles,

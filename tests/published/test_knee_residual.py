@@ -5,15 +5,15 @@ import pytest
 
 from pellucid._errors import IdentificationError, PellucidError
 from pellucid.controllers.worn import WornCompensator
-from pellucid.lab.knee_drawn import BODY, FACTORS, WORN, drawn_rig
-from pellucid.lab.knee_protocol import Faults
-from pellucid.lab.knee_rig import FLEXOR, knee_orthosis
-from pellucid.published import knee_tuning
-from pellucid.published.knee_cards import EmgSettings, Step, emg_map
-from pellucid.published.knee_controllers import DELAY, GAIN_DB, Chosen, by_phase, chosen, for_wearer, parse_chosen
-from pellucid.published.knee_residual import FRESH, TUNING, ControllerRow, compare, session_of, wearer
-from pellucid.published.knee_residual_rows import residual_rows, residual_section
-from pellucid.published.knee_swings import driven_back, last_speed, let_go, root_mean_square, swing
+from pellucid.lab.knee.drawn import BODY, FACTORS, WORN, drawn_rig
+from pellucid.lab.knee.protocol import Faults
+from pellucid.lab.knee.rig import FLEXOR, knee_orthosis
+from pellucid.published.knee import tuning as knee_tuning
+from pellucid.published.knee.cards import EmgSettings, Step, emg_map
+from pellucid.published.knee.controllers import DELAY, GAIN_DB, Chosen, by_phase, chosen, for_wearer, parse_chosen
+from pellucid.published.knee.residual import FRESH, TUNING, ControllerRow, compare, session_of, wearer
+from pellucid.published.knee.residual_rows import residual_rows, residual_section
+from pellucid.published.knee.swings import driven_back, last_speed, let_go, root_mean_square, swing
 
 SEED = 41
 """Of swings on which nothing was chosen."""

@@ -8,11 +8,11 @@ import pytest
 
 from pellucid import _core
 from pellucid._errors import StudyError
-from pellucid.lab.elbow_people import draw_people, elbow_participants, parse_pointing_rig
-from pellucid.lab.elbow_pointing import Unpowered, hold_still, point
-from pellucid.lab.elbow_pointing_study import pointing_config, record_pointing, study_text
-from pellucid.lab.load_learning import felt, learnt
-from pellucid.lab.movement_choice import preferred_duration, utility
+from pellucid.lab.pointing.load_learning import felt, learnt
+from pellucid.lab.pointing.movement_choice import preferred_duration, utility
+from pellucid.lab.pointing.people import draw_people, elbow_participants, parse_pointing_rig
+from pellucid.lab.pointing.session import Unpowered, hold_still, point
+from pellucid.lab.pointing.study import pointing_config, record_pointing, study_text
 from pellucid.models.anthropometry import forearm
 
 RIG = elbow_participants()

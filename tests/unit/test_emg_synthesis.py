@@ -7,7 +7,7 @@ import pytest
 from scipy.signal import welch
 
 from pellucid.lab.emg_synthesis import Electrodes, EmgSynthesis, motor_unit_noise
-from pellucid.lab.knee_rig import knee_orthosis
+from pellucid.lab.knee.rig import knee_orthosis
 
 PERIOD = 2e-3
 TABLE = dict(knee_orthosis()["emg"])

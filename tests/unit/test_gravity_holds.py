@@ -5,7 +5,7 @@ import pytest
 
 from pellucid._errors import IdentificationError
 from pellucid.identification.fit import Parameter
-from pellucid.identification.gravity_holds import (
+from pellucid.identification.joint.gravity_holds import (
     Hold,
     accuracy,
     added_gravity,

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 from pellucid._errors import IdentificationError
-from pellucid.identification.identify_coupling import faults, identify_coupling, identify_worn
-from pellucid.identification.transfer_function_fit import fit_percent
-from pellucid.lab.knee_protocol import NO_FAULTS, Faults, bench_trials, imu_trial, mvc_trial, relaxed_trial, swing_trial
-from pellucid.lab.knee_protocol import torque_trial as torque
-from pellucid.lab.knee_rig import knee_orthosis
-from pellucid.lab.knee_study import record_in_memory, write_knee_study
+from pellucid.identification.strap.identify_coupling import faults, identify_coupling, identify_worn
+from pellucid.identification.transfer.transfer_function_fit import fit_percent
+from pellucid.lab.knee.protocol import NO_FAULTS, Faults, bench_trials, imu_trial, mvc_trial, relaxed_trial, swing_trial
+from pellucid.lab.knee.protocol import torque_trial as torque
+from pellucid.lab.knee.rig import knee_orthosis
+from pellucid.lab.knee.study import record_in_memory, write_knee_study
 from pellucid.recordings.recording import Channel
 from pellucid.recordings.study import Study
 from pellucid.report.coupling_document import page

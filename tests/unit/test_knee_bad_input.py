@@ -12,9 +12,9 @@ import pellucid
 from pellucid._errors import RecordingError
 from pellucid.estimators.torque_reference import MovedBody
 from pellucid.estimators.trial_sources import step_trials
-from pellucid.lab.knee_protocol import Faults, mvc_trial, relaxed_trial, swing_trial, torque_trial
-from pellucid.lab.knee_rig import knee_orthosis
-from pellucid.lab.knee_study import write_knee_study
+from pellucid.lab.knee.protocol import Faults, mvc_trial, relaxed_trial, swing_trial, torque_trial
+from pellucid.lab.knee.rig import knee_orthosis
+from pellucid.lab.knee.study import write_knee_study
 from pellucid.recordings.study import open_study
 
 RIG = knee_orthosis()

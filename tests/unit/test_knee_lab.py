@@ -7,8 +7,8 @@ import pytest
 
 from pellucid._errors import StudyError
 from pellucid.lab.init import init_rig, rig_text
-from pellucid.lab.knee_instruments import draw_session, rotation, take_imu
-from pellucid.lab.knee_protocol import (
+from pellucid.lab.knee.instruments import draw_session, rotation, take_imu
+from pellucid.lab.knee.protocol import (
     Faults,
     KneeTrial,
     bench_trials,
@@ -20,9 +20,9 @@ from pellucid.lab.knee_protocol import (
     tasks,
     torque_trial,
 )
-from pellucid.lab.knee_rig import changed, knee_orthosis, parse_knee_rig
-from pellucid.lab.knee_study import record, record_in_memory, write_knee_study
-from pellucid.lab.knee_trial import run_trial
+from pellucid.lab.knee.rig import changed, knee_orthosis, parse_knee_rig
+from pellucid.lab.knee.study import record, record_in_memory, write_knee_study
+from pellucid.lab.knee.trial import run_trial
 from pellucid.lab.simulate import simulate
 from pellucid.models.joint import GRAVITY
 

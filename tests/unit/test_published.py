@@ -8,14 +8,14 @@ import pytest
 from pellucid._errors import PellucidError
 from pellucid.models.joint import GRAVITY
 from pellucid.published import moving_average
-from pellucid.published.able_card import published_card, read_published_card, write_published_card
-from pellucid.published.able_coherence import (
+from pellucid.published.able.card import published_card, read_published_card, write_published_card
+from pellucid.published.able.coherence import (
     implied_friction,
     inconsistencies,
     least_mass,
     positive_inertia_range,
 )
-from pellucid.published.able_elbow import DirectionSet, PublishedElbow, able_elbow, direction_of, published_angle
+from pellucid.published.able.elbow import DirectionSet, PublishedElbow, able_elbow, direction_of, published_angle
 from pellucid.published.paired_test import paired_test
 from pellucid.published.parameter_count import chain_parameters, coupled_parameters, listed_sets
 from pellucid.published.printed import Printed, papers, printed

@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 
 from pellucid._errors import IdentificationError, StudyError
-from pellucid.identification.identify_loaded_swing import identify_swings
+from pellucid.identification.swing.identify_loaded_swing import identify_swings
 from pellucid.lab.init import rig_text
-from pellucid.lab.seated_muscles import torque_at_rest
-from pellucid.lab.seated_protocol import seated_trials
-from pellucid.lab.seated_rig import load_seated_rig, parse_seated_rig
-from pellucid.lab.seated_study import record_seated_in_memory, write_seated_study
-from pellucid.lab.seated_subject import subjects
+from pellucid.lab.seated.muscles import torque_at_rest
+from pellucid.lab.seated.protocol import seated_trials
+from pellucid.lab.seated.rig import load_seated_rig, parse_seated_rig
+from pellucid.lab.seated.study import record_seated_in_memory, write_seated_study
+from pellucid.lab.seated.subject import subjects
 from pellucid.models.joint import GRAVITY
 from pellucid.models.muscle_geometry import muscle_table
 

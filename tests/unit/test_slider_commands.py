@@ -13,10 +13,10 @@ import pellucid
 from pellucid import cli
 from pellucid._errors import PellucidError, StudyError
 from pellucid.identification.check import check
-from pellucid.lab import elbow_protocol
-from pellucid.lab.elbow_protocol import trials
-from pellucid.lab.elbow_rig import able_elbow, drawn_rigs, parse_elbow_rig
-from pellucid.lab.elbow_study import write_elbow_study
+from pellucid.lab.elbow import protocol as elbow_protocol
+from pellucid.lab.elbow.protocol import trials
+from pellucid.lab.elbow.rig import able_elbow, drawn_rigs, parse_elbow_rig
+from pellucid.lab.elbow.study import write_elbow_study
 from pellucid.lab.init import init_rig, rig_names, rig_text
 from pellucid.lab.simulate import study_name
 from pellucid.models.slider_card import read_slider_card

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..identification.regression import Stack, solve, stack
+from ..identification.joint.regression import Stack, solve, stack
 from ..identification.uncertainty import sandwich
 from ..lab.virtual_joint import VirtualJoint, matched, record
 from ..models.joint import INDEX, joint_model

@@ -10,7 +10,7 @@ import numpy as np
 
 from ..identification.findings import ParameterTable
 from ..identification.fit import Verdict
-from ..identification.muscle_information import covariance, muscle_parameters, muscle_verdicts
+from ..identification.muscles.muscle_information import covariance, muscle_parameters, muscle_verdicts
 from ..models.parameter_card import ParameterCard
 from ..recordings.study import Study
 from .hill import HillMap

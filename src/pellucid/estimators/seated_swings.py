@@ -14,9 +14,9 @@ import numpy as np
 
 from .._errors import IdentificationError
 from ..identification.fit import Verdict
-from ..identification.identify_loaded_swing import LOADED, identify_swings
-from ..identification.leg_balance import torque_in_a_worn_exoskeleton
-from ..identification.loaded_swing import Swing, SwingFit, swing
+from ..identification.swing.identify_loaded_swing import LOADED, identify_swings
+from ..identification.swing.leg_balance import torque_in_a_worn_exoskeleton
+from ..identification.swing.loaded_swing import Swing, SwingFit, swing
 from ..models.muscle_geometry import muscle_table
 from ..recordings.recording import Recording
 from ..recordings.study import Study

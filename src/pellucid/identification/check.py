@@ -8,9 +8,9 @@ from ..recordings.quality import Fault, drive_channel, inspect
 from ..recordings.study import Study
 from ..signals.effort import drive_model
 from ..signals.motion import motions
+from .joint.regression import solve, stack
 from .procedures import procedure_faults
-from .regression import solve, stack
-from .slider_faults import examine
+from .slider.slider_faults import examine
 from .verdicts import sign_error
 
 

@@ -10,8 +10,8 @@ from .. import _core
 from ..models.joint import JointModel
 from ..signals.motion import Motion
 from .fit import Prediction
-from .regression import predicted
-from .replay import relative_error
+from .joint.regression import predicted
+from .joint.replay import relative_error
 
 
 def r_squared(measured: np.ndarray, modelled: np.ndarray) -> float:

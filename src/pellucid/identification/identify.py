@@ -13,18 +13,18 @@ from ..recordings.quality import drive_channel, require_sound
 from ..recordings.study import Study
 from ..signals.effort import drive_model
 from ..signals.motion import SLOW_SHARE, Motion, motions
-from .closed_loop import solve_didim, solve_instrumental, solve_output_error
-from .consistency import enforce_pseudo_inertia
-from .drive_constant import drive_constant
 from .evaluation import pooled, predict
 from .findings import Findings
 from .fit import Estimate, FamilyFit, JointFit, Parameter, Simulation
-from .identify_slider import identify_slider
+from .joint.closed_loop import solve_didim, solve_instrumental, solve_output_error
+from .joint.consistency import enforce_pseudo_inertia
+from .joint.drive_constant import drive_constant
+from .joint.regression import Solution, Stack, solve, stack, with_known_stribeck_velocity
+from .joint.replay import can_close, simulation_of
+from .joint.reweighting import solve_robust, solve_weighted
 from .procedures import run_procedure
-from .regression import Solution, Stack, solve, stack, with_known_stribeck_velocity
-from .replay import can_close, simulation_of
-from .reweighting import solve_robust, solve_weighted
-from .slider_fit import SliderFit
+from .slider.identify_slider import identify_slider
+from .slider.slider_fit import SliderFit
 from .uncertainty import block_bootstrap, memory, sandwich, whiteness
 from .verdicts import sign_error, verdicts
 

@@ -11,10 +11,10 @@ from ..recordings.study import Study
 from .findings import Findings
 
 _MODULES = {
-    "transfer_function": "identify_transfer",
-    "hinge": "identify_hinge",
-    "coupling": "identify_coupling",
-    "loaded_swing": "identify_loaded_swing",
+    "transfer_function": "transfer.identify_transfer",
+    "hinge": "hinge.identify_hinge",
+    "coupling": "strap.identify_coupling",
+    "loaded_swing": "swing.identify_loaded_swing",
 }  # each has a function of its own name, and `faults`
 
 
@@ -46,7 +46,7 @@ def run_procedure(study: Study, *, on_progress: Callable[[str, float], None] | N
             f"{study.config.beyond_identify} {study.folder}"
         )
     name = _MODULES[asked]
-    return getattr(import_module(f".{name}", __package__), name)(study, on_progress=on_progress)
+    return getattr(import_module(f".{name}", __package__), name.partition(".")[2])(study, on_progress=on_progress)
 
 
 def procedure_faults(study: Study) -> list[Fault]:

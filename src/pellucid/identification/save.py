@@ -14,9 +14,9 @@ from ..recordings.results import ResultRow, write_rows
 from ..recordings.study import Study
 from ..signals.effort import drive_model
 from .fit import Estimate, FamilyFit, JointFit, Simulation
-from .replay import relative_error
-from .save_slider import save_slider
-from .slider_fit import SliderFit
+from .joint.replay import relative_error
+from .slider.save_slider import save_slider
+from .slider.slider_fit import SliderFit
 
 COMMAND = "identify"
 

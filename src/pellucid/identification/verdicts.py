@@ -10,7 +10,7 @@ from .._errors import IdentificationError
 from ..models.joint import UNITS, JointModel
 from ..recordings.study import Study
 from .fit import Estimate, FamilyFit, Parameter, Verdict
-from .regression import Stack, solve
+from .joint.regression import Stack, solve
 
 MEANING = {
     "inertia": "it hardly accelerates",

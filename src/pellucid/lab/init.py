@@ -114,7 +114,7 @@ def rig_text(rig: str) -> str:
     text = (files(__package__) / "rigs" / f"{base}.toml").read_text(encoding="utf-8")
     if not drawn:
         return text
-    from .elbow_rig import drawn_rigs, parse_elbow_rig
+    from .elbow.rig import drawn_rigs, parse_elbow_rig
 
     original = parse_elbow_rig(text, base)
     values = drawn_rigs(original, DRAWN)[int(drawn) - 1]

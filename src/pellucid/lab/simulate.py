@@ -12,21 +12,21 @@ from pathlib import Path
 
 from .._errors import StudyError
 from ..recordings.study import STUDY_FILE, Study
-from .elbow_people import KIND as PEOPLE
-from .elbow_people import parse_pointing_rig
-from .elbow_pointing_study import write_pointing_study
-from .elbow_protocol import trials
-from .elbow_rig import KIND, parse_elbow_rig
-from .elbow_study import excitation, write_elbow_study
+from .elbow.protocol import trials
+from .elbow.rig import KIND, parse_elbow_rig
+from .elbow.study import excitation, write_elbow_study
 from .init import RIG_FILE
-from .knee_protocol import tasks
-from .knee_rig import KIND as KNEE
-from .knee_rig import parse_knee_rig
-from .knee_study import write_knee_study
-from .seated_protocol import seated_trials
-from .seated_rig import KIND as SEATED
-from .seated_rig import parse_seated_rig
-from .seated_study import write_seated_study
+from .knee.protocol import tasks
+from .knee.rig import KIND as KNEE
+from .knee.rig import parse_knee_rig
+from .knee.study import write_knee_study
+from .pointing.people import KIND as PEOPLE
+from .pointing.people import parse_pointing_rig
+from .pointing.study import write_pointing_study
+from .seated.protocol import seated_trials
+from .seated.rig import KIND as SEATED
+from .seated.rig import parse_seated_rig
+from .seated.study import write_seated_study
 from .virtual_joint import VirtualJoint, parse_rig, write_study
 
 TRUTH_FILE = "lab/truth.json"
@@ -108,7 +108,7 @@ def simulate(
         study = write_seated_study(folder, seated, name=name, seed=seed, made=made, on_progress=on_progress)
         joint_time = seated.period * sum(len(trial.reference) for trial in made)
     elif kind == PEOPLE:
-        from .elbow_conditions import study_conditions
+        from .pointing.conditions import study_conditions
 
         people = parse_pointing_rig(text, name)
         tell("identifying the robot that is worn", 0.0)

@@ -66,8 +66,8 @@ def reproduce(paper: str, out: str | Path, *, on_progress: Callable[[str, float]
 
 
 def _able(out: Path, on_progress: Progress) -> tuple[tuple[Reproduced, ...], Path, tuple[str, ...]]:
-    from .able import reproduce_able
-    from .able_page import write_able_page
+    from .able.page import write_able_page
+    from .able.reproduce_able import reproduce_able
 
     made = reproduce_able(out, on_progress=on_progress)
     main = "table1.", "consistent.ratio", "load.ratio", "load.torque_error", "friction_needed.factor"
@@ -75,8 +75,8 @@ def _able(out: Path, on_progress: Progress) -> tuple[tuple[Reproduced, ...], Pat
 
 
 def _knee(out: Path, on_progress: Progress) -> tuple[tuple[Reproduced, ...], Path, tuple[str, ...]]:
-    from .knee import reproduce_knee
-    from .knee_page import write_knee_page
+    from .knee.page import write_knee_page
+    from .knee.reproduce_knee import reproduce_knee
 
     made = reproduce_knee(out, on_progress=on_progress)
     main = "mgl_e.error", "mgl_sh.error", "orthosis.inertia.error", "tf.fit", "emg.rmse.", "coupled.fit", "residual."
@@ -85,8 +85,8 @@ def _knee(out: Path, on_progress: Progress) -> tuple[tuple[Reproduced, ...], Pat
 
 
 def _hill(out: Path, on_progress: Progress) -> tuple[tuple[Reproduced, ...], Path, tuple[str, ...]]:
-    from .hill import reproduce_hill
-    from .hill_page import write_hill_page
+    from .hill.page import write_hill_page
+    from .hill.reproduce_hill import reproduce_hill
 
     made = reproduce_hill(out, on_progress=on_progress)
     main = "rmse.truth.", "rmse.eq12.mean", "p.error.rich", "q.error.rich", "adam."

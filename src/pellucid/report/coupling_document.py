@@ -6,8 +6,8 @@ from importlib.metadata import version
 
 import numpy as np
 
-from ..identification.coupling_findings import CouplingFindings
 from ..identification.findings import FigureTable, ParameterTable
+from ..identification.strap.coupling_findings import CouplingFindings
 from ..recordings.study import Study
 from . import coupling_figures as figures
 from .drawing import draw

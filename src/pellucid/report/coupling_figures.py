@@ -10,11 +10,11 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from matplotlib.figure import Figure
 
-from ..identification.coupling_findings import WearerStages
 from ..identification.fit import Parameter
-from ..identification.gravity_holds import GravityFit, line_of_best_fit
-from ..identification.transfer_function_fit import Response
-from ..identification.wearer_coupling import JudgedSwing
+from ..identification.joint.gravity_holds import GravityFit, line_of_best_fit
+from ..identification.strap.coupling_findings import WearerStages
+from ..identification.strap.wearer_coupling import JudgedSwing
+from ..identification.transfer.transfer_function_fit import Response
 from .drawing import Drawing, Head, dots, heads, key, line, tidy
 from .quantities import number, unit_text
 from .style import FIGURE_WIDTH, colour

@@ -13,7 +13,7 @@ from .._atomic import write_text_atomically
 from ..identification.findings import Findings
 from ..identification.fit import Estimate, FamilyFit, JointFit, Parameter
 from ..identification.identify import identify
-from ..identification.slider_fit import SliderFit
+from ..identification.slider.slider_fit import SliderFit
 from ..recordings.study import Study
 from ..signals.motion import motions
 from . import figures

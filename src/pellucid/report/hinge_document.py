@@ -7,7 +7,7 @@ from importlib.metadata import version
 import numpy as np
 
 from ..identification.findings import FigureTable, ParameterTable
-from ..identification.identify_hinge import PROCESSING, HingeFindings, HingeTrial
+from ..identification.hinge.identify_hinge import PROCESSING, HingeFindings, HingeTrial
 from ..recordings.study import Study
 from . import hinge_figures as figures
 from .drawing import draw

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from matplotlib.figure import Figure
 
-from ..identification.identify_hinge import HingeTrial
+from ..identification.hinge.identify_hinge import HingeTrial
 from .drawing import Drawing, Head, heads, key, label_ends, line, origin, tidy
 from .style import FIGURE_WIDTH, colour
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from importlib.metadata import version
 
 from ..identification.findings import FigureTable, ParameterTable
-from ..identification.identify_loaded_swing import LoadedSwingFindings
+from ..identification.swing.identify_loaded_swing import LoadedSwingFindings
 from ..recordings.study import Study
 from .drawing import Drawing, draw
 from .knee_figures import Traces, over_time

@@ -9,8 +9,8 @@ from pathlib import Path
 
 import numpy as np
 
-from ..identification.identify_slider import directional_friction, identify_slider, predicted
-from ..identification.slider_fit import METHODS, SliderEstimate, SliderFit
+from ..identification.slider.identify_slider import directional_friction, identify_slider, predicted
+from ..identification.slider.slider_fit import METHODS, SliderEstimate, SliderFit
 from ..models.joint import GRAVITY, INDEX
 from ..models.slider_joint import BODY
 from ..recordings.study import Study

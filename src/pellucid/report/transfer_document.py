@@ -7,8 +7,8 @@ from importlib.metadata import version
 
 import numpy as np
 
-from ..identification.identify_transfer import TransferFindings
-from ..identification.transfer_function_fit import Response, TransferFit
+from ..identification.transfer.identify_transfer import TransferFindings
+from ..identification.transfer.transfer_function_fit import Response, TransferFit
 from ..recordings.study import Study
 from . import transfer_figures as figures
 from .drawing import Drawing, draw

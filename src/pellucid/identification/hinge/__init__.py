@@ -1,0 +1,1 @@
+"""The angle of a joint from the two inertial sensors beside it."""

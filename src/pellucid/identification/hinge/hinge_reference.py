@@ -1,0 +1,214 @@
+"""The angle of a hinge as a motion capture saw it, what of that cannot be true, and how another angle compares."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+
+from ..._errors import IdentificationError
+from ...recordings.recording import Recording
+from ...signals.alignment import Alignment, align
+from ...signals.hinge_angle import HingeAngle
+from ...signals.quaternion import angular_steps, conjugate, continuous, multiply, twist
+
+MARGIN = 0.05  # a body that is lost is seen badly just before and after [s]
+LONGEST_DELAY = 0.2  # between the clocks of IMUs and cameras [s]
+
+
+@dataclass(frozen=True, eq=False)
+class HingeReference:
+    """A hinge's angle from two bodies' orientations.
+
+    Attributes
+    ----------
+    time : ndarray, shape (n,)
+        [s]
+    angle : ndarray, shape (n,)
+        [rad]; from one believable stretch to the next it may be off by whole turns.
+    believable : ndarray of bool, shape (n,)
+        False near a jump that the joint cannot make.
+    axis : ndarray, shape (3,)
+        About which the bodies turn against each other, in the proximal body's frame.
+    share : float
+        Of their relative turning that is about it, in sums of squares: 1 for a perfect hinge.
+    """
+
+    time: np.ndarray
+    angle: np.ndarray
+    believable: np.ndarray
+    axis: np.ndarray
+    share: float
+
+    @property
+    def excluded(self) -> int:
+        """How many samples are not believed."""
+        return int(np.sum(~self.believable))
+
+    def excluded_between(self) -> tuple[tuple[float, float], ...]:
+        """From when to when samples are not believed [s]."""
+        from ...signals.filters import runs
+
+        return tuple((float(self.time[r.start]), float(self.time[r.stop - 1])) for r in runs(~self.believable))
+
+
+def has_reference(recording: Recording, proximal: str, distal: str) -> bool:
+    """Whether orientations of the `proximal` and the `distal` body are in a `recording` beside the IMUs."""
+    return all(f"{prefix}.orientation.{c}" in recording for prefix in (proximal, distal) for c in "wxyz")
+
+
+def hinge_reference(recording: Recording, proximal: str, distal: str, jump: float) -> HingeReference:
+    """The angle between two bodies about the axis on which they turn most against each other.
+
+    The axis is the first right-singular vector of their relative angular velocity; it is a part of the truth, and is
+    therefore taken from all of the recording that is believed. The angle is the twist about it. A sample is not
+    believed if it is within 0.05 s of a step of more than `jump`, either end of it.
+
+    Parameters
+    ----------
+    recording : Recording
+    proximal, distal : str
+        Prefixes of ``<prefix>.orientation.{w,x,y,z}``, body to earth.
+    jump : float
+        Largest step from one sample to the next that the joint can make [rad].
+
+    Returns
+    -------
+    HingeReference
+
+    Raises
+    ------
+    IdentificationError
+        If an orientation is missing or no quaternion, or nothing is left to believe.
+    """
+    bodies = [np.stack([recording[f"{p}.orientation.{c}"] for c in "wxyz"], axis=-1) for p in (proximal, distal)]
+    where = f"{recording.path.name} (recording {recording.name})"
+    for prefix, body in zip((proximal, distal), bodies, strict=True):
+        length = np.linalg.norm(body, axis=1)
+        bad = np.flatnonzero(~(np.abs(length - 1.0) < 0.05))
+        if len(bad):
+            raise IdentificationError(
+                f"{where}: channel {prefix}.orientation: found a norm of {length[bad[0]]:.3g} at "
+                f"{recording.time[bad[0]]:.3f} s, expected unit quaternions"
+            )
+    time = np.asarray(recording.time)
+    relative = continuous(multiply(conjugate(bodies[0]), bodies[1]))
+    relative /= np.linalg.norm(relative, axis=1, keepdims=True)
+    steps = angular_steps(relative)
+    # A lost body turns about any axis, so that the axis is found without such steps.
+    believable = ~_near(time, np.linalg.norm(steps, axis=1) > jump)
+    kept = believable[1:] & believable[:-1]
+    if kept.sum() < 3:
+        raise IdentificationError(f"{where}: found no believable step of the reference angle, expected most below jump")
+    _, size, directions = np.linalg.svd(steps[kept], full_matrices=False)
+    angle = twist(relative, directions[0])
+    return HingeReference(time, angle, believable, directions[0], float(size[0] ** 2 / np.sum(size**2)))
+
+
+def _near(time: np.ndarray, jumps: np.ndarray) -> np.ndarray:
+    near = np.zeros(len(time), bool)
+    for i in np.flatnonzero(jumps):
+        near |= (time >= time[i] - MARGIN) & (time <= time[i + 1] + MARGIN)
+    return near
+
+
+@dataclass(frozen=True, eq=False)
+class HingeScore:
+    """An estimated angle beside the reference.
+
+    Attributes
+    ----------
+    angle, error : ndarray, shape (n,)
+        The estimate at the reference's times, with its sense and offset, and what it is off by, in (-pi, pi] [rad]; NaN
+        where the estimate does not reach.
+    scored : ndarray of bool, shape (n,)
+        Samples judged.
+    delay : float
+        The IMUs' clock is so much later [s]; 0 where none was allowed.
+    offset : float
+        Added to the estimate [rad].
+    rms, largest : float
+        Of the error over the samples judged [rad].
+    """
+
+    angle: np.ndarray
+    error: np.ndarray
+    scored: np.ndarray
+    delay: float
+    offset: float
+    rms: float
+    largest: float
+
+
+def clock_delay(found: HingeAngle, reference: HingeReference, start: float, stop: float) -> Alignment:
+    """Delay of the IMUs' clock against the cameras', from the angular rates between `start` and `stop` [s].
+
+    Parameters
+    ----------
+    found : HingeAngle
+    reference : HingeReference
+    start, stop : float
+        [s]
+
+    Returns
+    -------
+    Alignment
+        Its gain is negative where estimate and reference have opposite senses.
+    """
+    part = (reference.time >= start) & (reference.time < stop)
+    rate = np.where(reference.believable, np.gradient(reference.angle, reference.time), np.nan)[part]
+    return align(reference.time[part], rate, found.time, np.gradient(found.angle, found.time), longest=LONGEST_DELAY)
+
+
+def score(
+    found: HingeAngle, reference: HingeReference, *, calibration: float, score_from: float, sense: float, delay: float
+) -> HingeScore:
+    """Compare an angle with the reference after `score_from`, its offset being known from before `calibration`.
+
+    Parameters
+    ----------
+    found : HingeAngle
+    reference : HingeReference
+    calibration, score_from : float
+        [s]
+    sense : float
+        +1 or -1: what the estimate is multiplied by.
+    delay : float
+        Of the IMUs' clock [s].
+
+    Returns
+    -------
+    HingeScore
+
+    Raises
+    ------
+    IdentificationError
+        If no believable sample is left in one of the two parts.
+    """
+    time = reference.time
+    angle = sense * CubicSpline(found.time, found.angle, extrapolate=False)(time + delay)
+    usable = reference.believable & np.isfinite(angle)
+    early, scored = usable & (time < calibration), usable & (time >= score_from)
+    if not early.any() or not scored.any():
+        raise IdentificationError(
+            f"hinge: {early.sum()} believable reference samples before {calibration:g} s and {scored.sum()} after "
+            f"{score_from:g} s, expected some of both"
+        )
+    miss = angle - reference.angle
+    offset = -float(np.angle(np.mean(np.exp(1j * miss[early]))))
+    offset -= float(np.mean(_wrapped(miss[early] + offset)))
+    error = _wrapped(miss + offset)
+    return HingeScore(
+        angle=reference.angle + error,
+        error=error,
+        scored=scored,
+        delay=float(delay),
+        offset=offset,
+        rms=float(np.sqrt(np.mean(error[scored] ** 2))),
+        largest=float(np.max(np.abs(error[scored]))),
+    )
+
+
+def _wrapped(angle: np.ndarray) -> np.ndarray:
+    return np.pi - (np.pi - angle) % (2.0 * np.pi)

@@ -1,0 +1,234 @@
+r"""Methods that simulate the machine's own closed loop: instrumental variables, DIDIM and the input-error fit.
+
+All three compare at the same place (the effort, after the same filter), but differ in where the regressor comes from:
+
+- IDIM-IV [1]_: :math:`\beta \leftarrow \beta + (Z^T W)^{-1} Z^T \rho` with W on measured and Z on simulated states:
+  consistent when the measured states carry noise;
+- DIDIM [2]_: :math:`\beta \leftarrow \beta + (W_s^T W_s)^{-1} W_s^T (\tau - \tau_s)`, the inverse model on simulated
+  states only: no measured velocity or acceleration enters;
+- output error: least squares between measured and simulated signals, with the exact derivative of the simulated loop:
+  the effort in closed loop (there the position hardly depends on the parameters), the position in open loop.
+
+.. [1] A. Janot, P.-O. Vandanjon, M. Gautier, "A generic instrumental variable approach for industrial robot
+   identification", IEEE Trans. Control Syst. Technol. 22, 2014.
+.. [2] M. Gautier, A. Janot, P.-O. Vandanjon, "A new closed-loop output error method for parameter identification of
+   robot dynamics", IEEE Trans. Control Syst. Technol. 21, 2013.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+from scipy.optimize import least_squares
+
+from ..._errors import IdentificationError
+from ...models.joint import JointModel
+from ...recordings.study_file import Processing, Rig
+from ...signals.motion import Motion, differentiate
+from .regression import Solution, Stack, at_bounds, last_call, linearised
+from .replay import can_close, replay
+
+TOLERANCE = 1e-4  # RMS effort of any one value's change, over the RMS effort, at which iterations stop
+MAX_ITERATIONS = 30
+
+
+def simulated_motions(
+    model: JointModel, values: np.ndarray, motions: tuple[Motion, ...], rig: Rig, processing: Processing
+) -> tuple[Motion, ...]:
+    """The motions as the closed loop of an identified joint makes them, through the same filter and derivatives.
+
+    Parameters
+    ----------
+    model : JointModel
+    values : ndarray, shape (p,)
+    motions : tuple of Motion
+    rig : Rig
+    processing : Processing
+
+    Returns
+    -------
+    tuple of Motion
+
+    Raises
+    ------
+    IdentificationError
+        If a simulation diverges.
+    """
+    made = []
+    for motion in motions:
+        trace = replay(model, values, motion, rig, closed=True)
+        if not np.all(np.isfinite(trace.position)):
+            raise IdentificationError(f"recording '{motion.recording}': the simulated closed loop diverges")
+        position, velocity, acceleration = differentiate(trace.position, motion.fs, processing)
+        made.append(replace(motion, position=position, velocity=velocity, acceleration=acceleration))
+    return tuple(made)
+
+
+def require_loop(rig: Rig, data: Stack) -> None:
+    """Refuse a closed-loop method without a controller and a reference.
+
+    Raises
+    ------
+    IdentificationError
+        Saying which of the two is missing.
+    """
+    for motion in data.motions:
+        if not can_close(rig, motion):
+            missing = "[rig.loop]" if rig.loop is None else f"a channel 'reference' in recording '{motion.recording}'"
+            raise IdentificationError(f"a closed-loop method needs the machine's controller; missing: {missing}")
+
+
+def solve_instrumental(
+    model: JointModel, data: Stack, rig: Rig, processing: Processing, first: Solution
+) -> tuple[Solution, np.ndarray]:
+    """IDIM-IV from the states of the simulated closed loop.
+
+    Parameters
+    ----------
+    model : JointModel
+    data : Stack
+    rig : Rig
+    processing : Processing
+    first : Solution
+        Least squares, where the iteration starts.
+
+    Returns
+    -------
+    Solution
+    instruments : ndarray, shape (m, p)
+        Z at the solution, for the covariance.
+
+    Raises
+    ------
+    IdentificationError
+        If there is no controller or reference, or the simulated loop diverges.
+    """
+    require_loop(rig, data)
+    return _iterated(model, data, first, lambda values: _instruments(model, values, data, rig, processing))
+
+
+def _instruments(
+    model: JointModel, values: np.ndarray, data: Stack, rig: Rig, processing: Processing
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    efforts, regressors = linearised(model, values, data.motions)
+    simulated = simulated_motions(model, values, data.motions, rig, processing)
+    z = data.reduced(linearised(model, values, simulated)[1])
+    return z, data.reduced(regressors), data.target - data.reduced(efforts)
+
+
+def solve_didim(model: JointModel, data: Stack, rig: Rig, processing: Processing, first: Solution) -> Solution:
+    """DIDIM: the inverse model fitted on simulated states alone.
+
+    Parameters
+    ----------
+    model : JointModel
+    data : Stack
+    rig : Rig
+    processing : Processing
+    first : Solution
+        Where the iteration starts; any stable guess will do.
+
+    Returns
+    -------
+    Solution
+
+    Raises
+    ------
+    IdentificationError
+        If there is no controller or reference, or the simulated loop diverges.
+    """
+    require_loop(rig, data)
+    return _iterated(model, data, first, lambda values: _on_simulated(model, values, data, rig, processing))[0]
+
+
+def _on_simulated(
+    model: JointModel, values: np.ndarray, data: Stack, rig: Rig, processing: Processing
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    simulated = simulated_motions(model, values, data.motions, rig, processing)
+    efforts, regressors = linearised(model, values, simulated)
+    w = data.reduced(regressors)
+    return w, w, data.target - data.reduced(efforts)
+
+
+def _iterated(
+    model: JointModel,
+    data: Stack,
+    first: Solution,
+    rows: Callable[[np.ndarray], tuple[np.ndarray, np.ndarray, np.ndarray]],
+) -> tuple[Solution, np.ndarray]:
+    """Repeat values += (Z^T W)^-1 Z^T rho, with Z, W and rho made anew at each values, until the effort stays."""
+    values, converged, iterations = first.values, False, 0
+    while not converged and iterations < MAX_ITERATIONS:
+        iterations += 1
+        z, w, residual = rows(values)
+        step = np.linalg.lstsq(z.T @ w, z.T @ residual, rcond=None)[0]
+        values, change = _bounded_step(model, values, step, w, data)
+        converged = change < TOLERANCE
+    z, w, residual = rows(values)
+    return _solution(model, values, w, residual, iterations, converged), z
+
+
+def solve_output_error(model: JointModel, data: Stack, rig: Rig, first: Solution) -> Solution:
+    """Fit the simulated response itself, with its exact Jacobian.
+
+    Parameters
+    ----------
+    model : JointModel
+    data : Stack
+    rig : Rig
+    first : Solution
+
+    Returns
+    -------
+    Solution
+        Residual and Jacobian are of the effort [N*m, N, A or V] in closed loop, of the position [rad or m] in open
+        loop.
+
+    Raises
+    ------
+    IdentificationError
+        If the simulation diverges at the first guess.
+    """
+    closed = all(can_close(rig, m) for m in data.motions)
+    signal = "effort" if closed else "position"
+    measured = [getattr(m, signal) for m in data.motions]
+    everywhere = Stack(data.motions, data.targets, tuple(np.ones(len(s), bool) for s in data.scored))
+
+    @last_call
+    def at(values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        traces = [replay(model, values, m, rig, closed=closed, differentiate=True) for m in data.motions]
+        residual = everywhere.reduced([getattr(t, signal) - x for t, x in zip(traces, measured, strict=True)])
+        jacobian = everywhere.reduced([t.jacobians[signal] for t in traces])
+        # A trial step that diverges must look bad, not break the solver.
+        if not (np.all(np.isfinite(residual)) and np.all(np.isfinite(jacobian))):
+            return np.full(len(residual), 1e6), np.zeros((len(residual), len(values)))
+        return residual, jacobian
+
+    lower, upper = model.bounds()
+    start = np.clip(first.values, lower + 1e-9, np.where(np.isfinite(upper), upper * (1.0 - 1e-9), upper))
+    if not np.any(at(start)[1]):
+        raise IdentificationError("the simulated response diverges at the least-squares estimate")
+    found = least_squares(
+        lambda v: at(v)[0], start, jac=lambda v: at(v)[1], bounds=(lower, upper), x_scale="jac", max_nfev=40, xtol=1e-6
+    )
+    residual, jacobian = at(found.x)
+    return _solution(model, found.x, jacobian, -residual, int(found.nfev), bool(found.success))
+
+
+def _bounded_step(
+    model: JointModel, values: np.ndarray, step: np.ndarray, w: np.ndarray, data: Stack
+) -> tuple[np.ndarray, float]:
+    """The next values, kept physical, and the largest change in effort that any of them makes."""
+    lower, upper = model.bounds()
+    after = np.clip(values + step, lower, upper)
+    change = np.abs(after - values) * np.linalg.norm(w, axis=0)
+    return after, float(change.max() / np.linalg.norm(data.target))
+
+
+def _solution(
+    model: JointModel, values: np.ndarray, jacobian: np.ndarray, residual: np.ndarray, iterations: int, converged: bool
+) -> Solution:
+    values, held = at_bounds(model, values, jacobian, residual)
+    return Solution(values, jacobian, residual, np.ones(len(residual)), held, iterations, converged)

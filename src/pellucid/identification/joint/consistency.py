@@ -1,0 +1,113 @@
+r"""Physical consistency of a rotary joint's inertia and gravity: the planar pseudo-inertia condition.
+
+A body of mass m whose first moments about the axis give the gravity amplitude :math:`m g d` has
+
+.. math::  J \ge m d^2 = \frac{g_s^2 + g_c^2}{m g^2}
+
+about that axis [1]_, whatever its shape. With an upper limit on the moving mass this bounds the inertia from below.
+
+.. [1] P. M. Wensing, S. Kim, J.-J. E. Slotine, "Linear matrix inequalities for physically consistent inertial parameter
+   identification", IEEE Robot. Autom. Lett. 3, 2018.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from scipy.optimize import minimize
+
+from ...models.joint import GRAVITY, JointModel
+from .regression import Solution, Stack, linearised
+
+ROUNDS = 4  # relinearisations; a family that is linear in its parameters needs one
+
+
+def least_inertia(model: JointModel, values: np.ndarray, mass: float) -> float:
+    """The smallest inertia about the axis that a body with the model's gravity can have [kg*m^2].
+
+    Parameters
+    ----------
+    model : JointModel
+    values : ndarray, shape (p,)
+    mass : float
+        [kg]
+
+    Returns
+    -------
+    float
+    """
+    free = dict(zip(model.names, values, strict=True))
+    amplitude2 = sum(free.get(n, model.known.get(n, 0.0)) ** 2 for n in ("gravity", "gravity_cosine"))
+    return float(amplitude2 / (mass * GRAVITY**2))
+
+
+def enforce_pseudo_inertia(model: JointModel, data: Stack, found: Solution, mass: float) -> tuple[Solution, bool]:
+    """Move a least-squares solution to the nearest consistent one, in the metric of its own residuals.
+
+    Parameters
+    ----------
+    model : JointModel
+    data : Stack
+    found : Solution
+    mass : float
+        Upper limit on the moving mass [kg].
+
+    Returns
+    -------
+    Solution
+    active : bool
+        Whether the condition had to be enforced.
+    """
+    if "inertia" not in model.names:
+        return found, False
+    i = model.names.index("inertia")
+    if found.values[i] >= least_inertia(model, found.values, mass):
+        return found, False
+    lower, upper = model.bounds()
+    values, jacobian, residual = found.values, found.jacobian, found.residual
+    w = found.weights
+    for _ in range(1 if model.linear else ROUNDS):
+        values = _nearest(model, values, jacobian * w[:, None], residual * w, mass, lower, upper)
+        efforts, regressors = linearised(model, values, data.motions)
+        jacobian, residual = data.reduced(regressors), data.target - data.reduced(efforts)
+    at_bound = found.at_bound.copy()
+    at_bound[i] = True
+    return replace(found, values=values, jacobian=jacobian, residual=residual, at_bound=at_bound), True
+
+
+def _nearest(
+    model: JointModel,
+    values: np.ndarray,
+    jacobian: np.ndarray,
+    residual: np.ndarray,
+    mass: float,
+    lower: np.ndarray,
+    upper: np.ndarray,
+) -> np.ndarray:
+    scale = 1.0 / np.linalg.norm(jacobian, axis=0)
+    w = jacobian * scale
+    gram, moment = w.T @ w, w.T @ residual
+    size = max(float(residual @ residual), np.finfo(float).tiny)
+    origin = values / scale
+
+    def cost(x: np.ndarray) -> tuple[float, np.ndarray]:
+        d = x - origin
+        return float(0.5 * d @ gram @ d - moment @ d) / size, (gram @ d - moment) / size
+
+    i = model.names.index("inertia")
+    gap0 = max(least_inertia(model, values, mass), np.finfo(float).tiny)
+
+    def gap(x: np.ndarray) -> float:
+        return (x[i] * scale[i] - least_inertia(model, x * scale, mass)) / gap0
+
+    found = minimize(
+        cost,
+        origin,
+        jac=True,
+        method="SLSQP",
+        bounds=list(zip(lower / scale, upper / scale, strict=True)),
+        constraints={"type": "ineq", "fun": gap},
+        options={"maxiter": 200, "ftol": 1e-12},
+    )
+    return found.x * scale

@@ -1,0 +1,1 @@
+"""Searches over many parameters that know nothing of what they search for."""

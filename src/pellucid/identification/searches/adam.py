@@ -1,0 +1,198 @@
+r"""Adam [1]_ with a fixed rate and with one that falls linearly, on any cost that has a gradient.
+
+.. math::
+    m_t &= \beta_1 m_{t-1} + (1-\beta_1) g_t, \qquad v_t = \beta_2 v_{t-1} + (1-\beta_2) g_t^2 \\
+    x_{t+1} &= x_t - \eta_t \frac{m_t / (1-\beta_1^t)}{\sqrt{v_t / (1-\beta_2^t)} + \epsilon}, \qquad
+    \eta_t = \eta_0 - (\eta_0 - \eta_{end}) \, t / T
+
+A step does not shrink with the gradient, because it is divided by the gradient's own recent size. With a fixed rate
+parameters therefore go on wandering near the minimum: always where the gradient is noisy, and in fits and starts where
+it is not. A rate that falls ends that.
+
+A factor on the cost cancels, but for epsilon: whether errors are summed or averaged, the steps are the same. Costs here
+are means nevertheless, so that they can be compared between recordings.
+
+.. [1] D. P. Kingma, J. L. Ba, "Adam: a method for stochastic optimization", ICLR, 2015.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from ..._errors import IdentificationError
+
+CostAndGradient = Callable[[np.ndarray], tuple[float, np.ndarray]]
+"""From parameters of shape (p,) to a cost and its gradient of shape (p,)."""
+
+LAST = 100
+"""Iterations over which what is left of the wandering is judged."""
+
+SETTLED = 0.05
+"""Share of its whole way within which a parameter has to stay to have converged."""
+
+
+@dataclass(frozen=True, eq=False)
+class AdamPath:
+    """Where Adam went.
+
+    Attributes
+    ----------
+    values : ndarray, shape (iterations + 1, p)
+        Parameters at each iteration, the start first.
+    costs : ndarray, shape (iterations + 1,)
+        Of them.
+    rates : ndarray, shape (iterations,)
+        Learning rate of each iteration.
+    evaluations : int
+        Of the cost, each with its gradient.
+    """
+
+    values: np.ndarray = field(repr=False)
+    costs: np.ndarray = field(repr=False)
+    rates: np.ndarray = field(repr=False)
+    evaluations: int
+
+    @property
+    def last(self) -> np.ndarray:
+        """Parameters after the last iteration, shape (p,)."""
+        return self.values[-1]
+
+    @property
+    def best(self) -> np.ndarray:
+        """Parameters of the lowest cost, shape (p,)."""
+        return self.values[int(np.argmin(self.costs))]
+
+    def spread(self, last: int = LAST) -> np.ndarray:
+        """Standard deviation of each parameter over the last iterations.
+
+        Parameters
+        ----------
+        last : int
+            How many.
+
+        Returns
+        -------
+        ndarray, shape (p,)
+            In the parameters' units.
+        """
+        return np.std(self.values[-last:], axis=0)
+
+    def converged_at(self, share: float = SETTLED) -> np.ndarray:
+        """Iteration from which on each parameter stays near where it ends.
+
+        Where it ends is its median over the last `LAST` iterations; near is within `share` of the way there from the
+        start. A parameter that leaves this band in the last iterations has not converged.
+
+        Parameters
+        ----------
+        share : float
+            Of the whole way.
+
+        Returns
+        -------
+        ndarray of int, shape (p,)
+            The number of iterations for one that has not converged.
+        """
+        end = np.median(self.values[-LAST:], axis=0)
+        outside = np.abs(self.values - end) > share * np.abs(end - self.values[0])
+        count = len(self.values)
+        return np.where(outside.any(axis=0), count - np.argmax(outside[::-1], axis=0), 0)
+
+    def order(self, names: tuple[str, ...]) -> tuple[str, ...]:
+        """Names of the parameters by when they converged, the first one first."""
+        return tuple(names[i] for i in np.argsort(self.converged_at(), kind="stable"))
+
+
+def linear_decay(first: float, last: float, iterations: int) -> np.ndarray:
+    """The rate of every iteration, falling linearly (eq. 1 of the paper `hill`).
+
+    Parameters
+    ----------
+    first, last : float
+        Rates at the beginning and, one iteration after the last, at the end.
+    iterations : int
+
+    Returns
+    -------
+    ndarray, shape (iterations,)
+    """
+    return first - (first - last) * np.arange(iterations) / iterations
+
+
+def adam(
+    cost: CostAndGradient,
+    start: np.ndarray,
+    *,
+    rate: float,
+    final_rate: float | None = None,
+    iterations: int,
+    beta: tuple[float, float] = (0.9, 0.999),
+    epsilon: float = 1e-8,
+    scale: np.ndarray | None = None,
+    lower: np.ndarray | None = None,
+    upper: np.ndarray | None = None,
+) -> AdamPath:
+    """Minimise a cost by Adam.
+
+    Parameters
+    ----------
+    cost : callable
+        Gives cost and gradient, see `CostAndGradient`.
+    start : ndarray, shape (p,)
+    rate : float
+        Learning rate: about how far each parameter moves in an iteration, in units of its `scale`.
+    final_rate : float, optional
+        The rate falls linearly to this one; left out, it stays.
+    iterations : int
+    beta : tuple of float
+        Memory of the gradient and of its square.
+    epsilon : float
+        Keeps the quotient finite.
+    scale : ndarray, shape (p,), optional
+        Unit in which each parameter is stepped; 1 if left out, which is Adam as published.
+    lower, upper : ndarray, shape (p,), optional
+        Bounds; a step beyond one ends on it.
+
+    Returns
+    -------
+    AdamPath
+
+    Raises
+    ------
+    IdentificationError
+        If the cost or its gradient is not finite on the way, or a rate is not positive.
+    """
+    if not rate > 0.0 or (final_rate is not None and final_rate < 0.0) or iterations < 1:
+        raise IdentificationError(
+            f"found the rates {rate} and {final_rate} and {iterations} iterations, expected a first rate above 0, a "
+            "last one of at least 0, and at least one iteration"
+        )
+    x = np.array(start, dtype=float)
+    unit = np.ones_like(x) if scale is None else np.asarray(scale, dtype=float)
+    low = np.full_like(x, -np.inf) if lower is None else np.asarray(lower, dtype=float)
+    high = np.full_like(x, np.inf) if upper is None else np.asarray(upper, dtype=float)
+    rates = np.full(iterations, float(rate)) if final_rate is None else linear_decay(rate, final_rate, iterations)
+    values, costs = np.empty((iterations + 1, len(x))), np.empty(iterations + 1)
+    mean, square = np.zeros_like(x), np.zeros_like(x)
+    keep_mean, keep_square = beta
+    left_mean, left_square = 1.0, 1.0
+    for t in range(iterations):
+        values[t] = x
+        costs[t], gradient = cost(x)
+        gradient = unit * gradient
+        if not (np.isfinite(costs[t]) and np.isfinite(gradient).all()):
+            raise IdentificationError(
+                f"Adam, iteration {t}: found the cost {costs[t]} and the gradient {gradient} at {x}, expected finite "
+                "numbers; lower the rate or bound the parameters"
+            )
+        left_mean, left_square = left_mean * keep_mean, left_square * keep_square
+        mean = keep_mean * mean + (1.0 - keep_mean) * gradient
+        square = keep_square * square + (1.0 - keep_square) * gradient * gradient
+        step = mean / (1.0 - left_mean) / (np.sqrt(square / (1.0 - left_square)) + epsilon)
+        x = np.minimum(np.maximum(x - rates[t] * unit * step, low), high)
+    values[-1] = x
+    costs[-1] = cost(x)[0]
+    return AdamPath(values, costs, rates, iterations + 1)

@@ -1,0 +1,139 @@
+r"""Least squares within bounds by Levenberg-Marquardt steps [1]_, from normal equations alone.
+
+Each step solves
+
+.. math::  (J^T J + \mu \, \mathrm{diag}(J^T J)) \, s = -J^T r
+
+for the parameters that are not held by a bound; what it would push beyond one ends there. :math:`\mu` falls where the
+cost fell as the linear model promised, and rises where it did not [2]_. A parameter on a bound that the gradient pushes
+against rests until the gradient turns. No Jacobian has to be stored: the sums may come from one pass over samples.
+
+.. [1] D. W. Marquardt, "An algorithm for least-squares estimation of nonlinear parameters", J. SIAM 11, 1963.
+.. [2] K. Madsen, H. B. Nielsen, O. Tingleff, "Methods for non-linear least squares problems", 2nd ed., DTU, 2004.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from ..._errors import IdentificationError
+
+NormalEquations = Callable[[np.ndarray], tuple[float, np.ndarray, np.ndarray]]
+"""From parameters of shape (p,) to half the sum of squares, J'r of shape (p,), and J'J of shape (p, p)."""
+
+_FIRST_DAMPING = 0.1
+_MOST_DAMPING = 1e12
+
+
+@dataclass(frozen=True, eq=False)
+class Descent:
+    """Where a descent ended.
+
+    Attributes
+    ----------
+    x : ndarray, shape (p,)
+    cost : float
+        Half the sum of squares there.
+    gradient : ndarray, shape (p,)
+    normal : ndarray, shape (p, p)
+        J'J.
+    evaluations : int
+        Of the normal equations.
+    converged : bool
+        Whether no step promised more than the tolerance.
+    """
+
+    x: np.ndarray
+    cost: float
+    gradient: np.ndarray = field(repr=False)
+    normal: np.ndarray = field(repr=False)
+    evaluations: int = 0
+    converged: bool = True
+
+
+def bounded_least_squares(
+    equations: NormalEquations,
+    start: np.ndarray,
+    lower: np.ndarray,
+    upper: np.ndarray,
+    *,
+    iterations: int = 60,
+    tolerance: float = 1e-5,
+) -> Descent:
+    """Minimise a sum of squares within bounds.
+
+    Parameters
+    ----------
+    equations : callable
+        See `NormalEquations`.
+    start : ndarray, shape (p,)
+        Moved within the bounds.
+    lower, upper : ndarray, shape (p,)
+        A parameter whose bounds are one and the same stays there.
+    iterations : int
+        Evaluations at most.
+    tolerance : float
+        Of the cost's relative fall that a step promises, below which the search ends.
+
+    Returns
+    -------
+    Descent
+
+    Raises
+    ------
+    IdentificationError
+        If a lower bound is above its upper one, or the cost at the start is not finite.
+    """
+    lower, upper = np.asarray(lower, float), np.asarray(upper, float)
+    if not np.all(lower <= upper):
+        raise IdentificationError(f"found the bounds {lower} and {upper}, expected no lower one above its upper one")
+    x = np.clip(np.asarray(start, float), lower, upper)
+    cost, gradient, normal = equations(x)
+    if not np.isfinite(cost):
+        raise IdentificationError(f"found the cost {cost} at the start {x}, expected a finite number")
+    damping, rise, evaluations = _FIRST_DAMPING, 2.0, 1
+    while evaluations < iterations:
+        rests = ((x <= lower) & (gradient > 0.0)) | ((x >= upper) & (gradient < 0.0)) | (lower == upper)
+        if rests.all():
+            return Descent(x, cost, gradient, normal, evaluations)
+        step = _step(gradient, normal, damping, lower - x, upper - x, ~rests)
+        promise = -float(gradient @ step) - 0.5 * float(step @ normal @ step)
+        if promise <= tolerance * cost:
+            # A heavily damped step promises little anywhere, and a cut-off one may promise nothing.
+            if promise >= 0.0 and damping <= 1.0:
+                return Descent(x, cost, gradient, normal, evaluations)
+            damping, rise = (damping / 10.0, 2.0) if promise >= 0.0 else (damping * 10.0, 2.0)
+            evaluations += 1
+            continue
+        tried = equations(x + step)
+        evaluations += 1
+        ratio = (cost - tried[0]) / promise
+        if np.isfinite(tried[0]) and ratio > 1e-4:
+            x = x + step
+            cost, gradient, normal = tried
+            damping = max(damping * max(1.0 / 3.0, 1.0 - (2.0 * ratio - 1.0) ** 3), 1e-12)
+            rise = 2.0
+        else:
+            damping, rise = damping * rise, 2.0 * rise
+            if damping > _MOST_DAMPING:
+                return Descent(x, cost, gradient, normal, evaluations)
+    return Descent(x, cost, gradient, normal, evaluations, converged=False)
+
+
+def _step(gradient, normal, damping, lowest, highest, free) -> np.ndarray:
+    """A damped step; what it would push beyond a bound ends on it, and the others are solved for again."""
+    scale = np.diag(normal)
+    damped = normal + np.diag(damping * np.maximum(scale, 1e-12 * scale.max(initial=1e-300)))
+    step, free = np.zeros(len(gradient)), free.copy()
+    while free.any():
+        inner = np.ix_(free, free)
+        step[free] = np.linalg.solve(damped[inner], -(gradient + damped[:, ~free] @ step[~free])[free])
+        beyond = free & ((step < lowest) | (step > highest))
+        if not beyond.any():
+            break
+        step = np.clip(step, lowest, highest)
+        free &= ~beyond
+    return step

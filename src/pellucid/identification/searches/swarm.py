@@ -1,0 +1,315 @@
+r"""Stochastic particle swarm and conjugate gradients, by turns: a global search that ends in a local one.
+
+The swarm has no velocities [1]_: each particle moves by
+
+.. math::  x_i \leftarrow x_i + c_1 r_1 (p_i - x_i) + c_2 r_2 (p_g - x_i)
+
+towards the best place it has seen and the best of all, and the one that holds the best of all is drawn anew anywhere
+within the bounds, so that no place is never visited. From the best place conjugate gradients [2]_ go down to the
+bottom, and the swarm takes over from there.
+
+.. [1] Z. Cui, J. Zeng, "A guaranteed global convergence particle swarm optimizer", RSCTC, 2004.
+.. [2] E. Polak, G. Ribiere, "Note sur la convergence de methodes de directions conjuguees", RIRO 3, 1969.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from ..._errors import IdentificationError
+from .adam import CostAndGradient
+
+Cost = Callable[[np.ndarray], float]
+"""From parameters of shape (p,) to a cost."""
+
+_DECREASE = 1e-4  # share of the slope's promise that a step has to keep
+_SHRINK = (0.1, 0.5)  # how much shorter the next try of a line search may be
+_TRIES = 30
+
+
+@dataclass(frozen=True, eq=False)
+class Search:
+    """Where a search ended and what it took.
+
+    Attributes
+    ----------
+    best : ndarray, shape (p,)
+    cost : float
+        There.
+    evaluations : int
+        Of the cost, those with a gradient included.
+    gradients : int
+        Of the gradient.
+    trail : ndarray, shape (k, 2)
+        Evaluations spent, and the lowest cost found with them, whenever it fell.
+    """
+
+    best: np.ndarray
+    cost: float
+    evaluations: int
+    gradients: int
+    trail: np.ndarray = field(repr=False)
+
+    def evaluations_until(self, cost: float) -> int | None:
+        """Evaluations spent until the cost was at most this; None where it never was."""
+        reached = np.flatnonzero(self.trail[:, 1] <= cost)
+        return int(self.trail[reached[0], 0]) if len(reached) else None
+
+
+class _Counted:
+    """A cost that counts how often it was asked, and keeps the best answer."""
+
+    def __init__(self, cost: Cost | None, with_gradient: CostAndGradient | None):
+        self._cost, self._with_gradient = cost, with_gradient
+        self.evaluations = self.gradients = 0
+        self.best: np.ndarray | None = None
+        self.lowest = np.inf
+        self.trail: list[tuple[int, float]] = []
+
+    def value(self, x: np.ndarray) -> float:
+        found = self._cost(x) if self._cost is not None else self._with_gradient(x)[0]
+        return self._seen(x, float(found))
+
+    def value_and_gradient(self, x: np.ndarray) -> tuple[float, np.ndarray]:
+        found, gradient = self._with_gradient(x)
+        self.gradients += 1
+        return self._seen(x, float(found)), np.asarray(gradient, dtype=float)
+
+    def _seen(self, x: np.ndarray, found: float) -> float:
+        self.evaluations += 1
+        if found < self.lowest:
+            self.lowest, self.best = found, np.array(x)
+            self.trail.append((self.evaluations, found))
+        # What is not a number is no better than anything.
+        return found if np.isfinite(found) else np.inf
+
+    def search(self) -> Search:
+        if self.best is None:
+            raise IdentificationError("found no place with a finite cost within the bounds, expected at least one")
+        trail = np.array(self.trail, dtype=float)
+        return Search(self.best, self.lowest, self.evaluations, self.gradients, trail)
+
+
+def particle_swarm(
+    cost: Cost,
+    lower: np.ndarray,
+    upper: np.ndarray,
+    *,
+    rng: np.random.Generator,
+    particles: int = 20,
+    iterations: int = 100,
+    pull: tuple[float, float] = (1.8, 1.8),
+    start: np.ndarray | None = None,
+) -> Search:
+    """Search within bounds by a stochastic particle swarm [1]_.
+
+    Parameters
+    ----------
+    cost : callable
+        See `Cost`.
+    lower, upper : ndarray, shape (p,)
+    rng : numpy.random.Generator
+    particles, iterations : int
+    pull : tuple of float
+        c_1 and c_2: towards a particle's own best place, and the best of all.
+    start : ndarray, shape (p,), optional
+        Where one of the particles begins.
+
+    Returns
+    -------
+    Search
+
+    Raises
+    ------
+    IdentificationError
+        If a lower bound is not below its upper one, or no place has a finite cost.
+    """
+    low, high = _bounds(lower, upper)
+    counted = _Counted(cost, None)
+    _swarm(counted, low, high, rng, particles, iterations, pull, start)
+    return counted.search()
+
+
+def conjugate_gradient(
+    cost: CostAndGradient,
+    start: np.ndarray,
+    *,
+    lower: np.ndarray | None = None,
+    upper: np.ndarray | None = None,
+    iterations: int = 200,
+    tolerance: float = 1e-8,
+) -> Search:
+    """Go down by Polak-Ribiere conjugate gradients [2]_ with a line search that stays within bounds.
+
+    Parameters on a bound that the gradient pushes against rest; wherever that set changes, or a direction leads up, the
+    search begins again with the gradient.
+
+    Parameters
+    ----------
+    cost : callable
+        See `CostAndGradient`.
+    start : ndarray, shape (p,)
+        Moved within the bounds.
+    lower, upper : ndarray, shape (p,), optional
+    iterations : int
+    tolerance : float
+        Of the cost's relative fall in an iteration, below which the search ends.
+
+    Returns
+    -------
+    Search
+
+    Raises
+    ------
+    IdentificationError
+        If a lower bound is not below its upper one, or the start's cost is not finite.
+    """
+    start = np.asarray(start, dtype=float)
+    low, high = _bounds(
+        np.full(start.shape, -np.inf) if lower is None else lower,
+        np.full(start.shape, np.inf) if upper is None else upper,
+    )
+    counted = _Counted(None, cost)
+    _descend(counted, start, low, high, iterations, tolerance)
+    return counted.search()
+
+
+def swarm_with_gradients(
+    cost: Cost,
+    cost_and_gradient: CostAndGradient,
+    lower: np.ndarray,
+    upper: np.ndarray,
+    *,
+    rng: np.random.Generator,
+    rounds: int = 3,
+    particles: int = 20,
+    iterations: int = 30,
+    descent: int = 50,
+    pull: tuple[float, float] = (1.8, 1.8),
+) -> Search:
+    """Swarm and conjugate gradients by turns, each beginning where the other ended.
+
+    Parameters
+    ----------
+    cost : callable
+        See `Cost`.
+    cost_and_gradient : callable
+        The same cost, see `CostAndGradient`.
+    lower, upper : ndarray, shape (p,)
+    rng : numpy.random.Generator
+    rounds : int
+        Turns of both.
+    particles, iterations : int
+        Of the swarm in each round.
+    descent : int
+        Iterations of the conjugate gradients in each round.
+    pull : tuple of float
+        See `particle_swarm`.
+
+    Returns
+    -------
+    Search
+
+    Raises
+    ------
+    IdentificationError
+        If a lower bound is not below its upper one, or no place has a finite cost.
+    """
+    low, high = _bounds(lower, upper)
+    counted = _Counted(cost, cost_and_gradient)
+    for _ in range(rounds):
+        _swarm(counted, low, high, rng, particles, iterations, pull, counted.best)
+        if counted.best is not None:
+            _descend(counted, counted.best, low, high, descent, 1e-8)
+    return counted.search()
+
+
+def _bounds(lower: np.ndarray, upper: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    low, high = np.asarray(lower, dtype=float), np.asarray(upper, dtype=float)
+    if low.shape != high.shape or not np.all(low < high):
+        raise IdentificationError(
+            f"found the bounds {low} and {high}, expected each lower one below its upper one, of one shape"
+        )
+    return low, high
+
+
+def _swarm(counted, low, high, rng, particles, iterations, pull, start) -> None:
+    x = rng.uniform(low, high, (particles, len(low)))
+    if start is not None:
+        x[0] = np.clip(start, low, high)
+    own, reached = x.copy(), np.array([counted.value(each) for each in x])
+    for _ in range(iterations):
+        first = int(np.argmin(reached))
+        r1, r2 = rng.random((2, *x.shape))
+        x = np.clip(x + pull[0] * r1 * (own - x) + pull[1] * r2 * (own[first] - x), low, high)
+        x[first] = rng.uniform(low, high)
+        found = np.array([counted.value(each) for each in x])
+        better = found < reached
+        own[better], reached[better] = x[better], found[better]
+
+
+def _descend(counted, start, low, high, iterations, tolerance) -> None:
+    x = np.clip(start, low, high)
+    value, gradient = counted.value_and_gradient(x)
+    if not np.isfinite(value):
+        raise IdentificationError(f"found the cost {value} at the start {x}, expected a finite number")
+    direction = before = None
+    resting = np.zeros(len(x), bool)
+    step = 1.0 / max(float(np.abs(gradient).sum()), np.finfo(float).tiny)
+    for _ in range(iterations):
+        rests = ((x <= low) & (gradient > 0.0)) | ((x >= high) & (gradient < 0.0))
+        down = np.where(rests, 0.0, -gradient)
+        if not np.any(down):
+            return
+        fresh = direction is None or not np.array_equal(rests, resting)
+        if not fresh:
+            # Never below 0, which begins again with the gradient.
+            share = max(float(gradient @ (gradient - before)) / max(float(before @ before), np.finfo(float).tiny), 0.0)
+            direction = down + share * np.where(rests, 0.0, direction)
+            fresh = float(direction @ gradient) >= 0.0
+        if fresh:
+            direction = down
+        resting, before = rests, gradient
+        found = _line_search(counted, x, value, gradient, direction, step, low, high)
+        if found is None and direction is not down:
+            direction = down
+            found = _line_search(counted, x, value, gradient, direction, step, low, high)
+        if found is None:
+            return
+        fall = value - found[2]
+        x, step, value, gradient = found
+        if fall <= tolerance * (abs(value) + np.finfo(float).tiny):
+            return
+
+
+def _line_search(counted, x, value, gradient, direction, step, low, high):
+    """Point, step, cost and gradient of a step that keeps the slope's promise; None where no step does."""
+    slope, best, length = float(gradient @ direction), None, step
+    for _ in range(_TRIES):
+        point = np.clip(x + length * direction, low, high)
+        found = counted.value(point)
+        promise = float(gradient @ (point - x))
+        if found <= value + _DECREASE * promise and promise < 0.0:
+            if best is not None and found >= best[1]:
+                break
+            best = (length, found)
+            # The parabola through what is known says whether to go further.
+            curve = found - value - slope * length
+            ahead = -slope * length**2 / (2.0 * curve) if curve > 0.0 else 4.0 * length
+            if abs(ahead - length) <= 0.1 * length:
+                break
+            length = float(np.clip(ahead, 0.25 * length, 4.0 * length))
+        elif best is not None:
+            break
+        else:
+            curve = found - value - slope * length
+            ahead = -slope * length**2 / (2.0 * curve) if np.isfinite(curve) and curve > 0.0 else 0.0
+            length = float(np.clip(ahead, _SHRINK[0] * length, _SHRINK[1] * length))
+    if best is None:
+        return None
+    point = np.clip(x + best[0] * direction, low, high)
+    found, changed = counted.value_and_gradient(point)
+    return point, best[0], found, changed

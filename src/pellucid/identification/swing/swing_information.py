@@ -1,0 +1,166 @@
+r"""What a swing can say of inertia and gravity before it is recorded, and one that says more.
+
+Torque noise of standard deviation s and band B, seen for a time D, is worth 2 B D independent samples. The covariance
+of p and q is then
+
+.. math::  C = \frac{s^2}{2 B D} \left( \overline{w w^T} \right)^{-1}, \qquad w = (\ddot\theta, \, g \sin\theta, \ldots)
+
+averaged over a period.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..._errors import IdentificationError
+from ...models.joint import GRAVITY
+from ...protocols.fourier import FourierSeries, optimised_fourier
+
+_INSTANTS = 2000  # of a period
+_STEPS = 8  # acceleration limits tried
+
+
+@dataclass(frozen=True)
+class SwingInformation:
+    """What a swing shows of a pendulum.
+
+    Attributes
+    ----------
+    p_sd, q_sd : float
+        Standard deviations to expect [kg m^2], [kg m].
+    correlation : float
+        Of the torques that inertia and gravity take.
+    condition : float
+        Of the regressor of p and q.
+    inertia_share : float
+        Effective torque of the inertia, over that of gravity.
+    peak_torque : float
+        [N m]
+    """
+
+    p_sd: float
+    q_sd: float
+    correlation: float
+    condition: float
+    inertia_share: float
+    peak_torque: float
+
+
+def swing_information(
+    series: FourierSeries,
+    p: float,
+    q: float,
+    *,
+    noise: float,
+    bandwidth: float,
+    duration: float,
+    friction: bool = False,
+) -> SwingInformation:
+    """How sure p and q can be after a swing about where the body hangs.
+
+    Parameters
+    ----------
+    series : FourierSeries
+        About 0, which is hanging.
+    p, q : float
+        Of the body [kg m^2], [kg m].
+    noise : float
+        Standard deviation of the torque's [N m].
+    bandwidth : float
+        Up to where it is white [Hz].
+    duration : float
+        [s]
+    friction : bool
+        Whether viscous and Coulomb friction and an offset have to be told from p and q too.
+
+    Returns
+    -------
+    SwingInformation
+    """
+    time = np.arange(_INSTANTS) / _INSTANTS * series.period
+    matrix = _regressor(*series.motion(time), friction=friction)
+    count = 2.0 * bandwidth * duration
+    covariance = noise**2 / count * np.linalg.inv(matrix.T @ matrix / len(matrix))
+    inertia, gravity = p * matrix[:, 0], q * matrix[:, 1]
+    return SwingInformation(
+        float(np.sqrt(covariance[0, 0])),
+        float(np.sqrt(covariance[1, 1])),
+        float(np.corrcoef(inertia, gravity)[0, 1]),
+        float(np.linalg.cond(matrix[:, :2])),
+        float(np.std(inertia) / np.std(gravity)),
+        float(np.abs(inertia + gravity).max()),
+    )
+
+
+def better_swing(
+    p: float,
+    q: float,
+    *,
+    reach: float,
+    peak_torque: float,
+    rng: np.random.Generator,
+    velocity: float = 3.0,
+    acceleration: float = 10.0,
+    fundamental: float = 0.1,
+    harmonics: int = 10,
+    friction: bool = False,
+) -> FourierSeries:
+    """A swing that shows p and q as well as a range of angles and a motor allow.
+
+    D-optimal Fourier series for a few limits of the acceleration; the one that shows p best of those that need no more
+    torque than there is.
+
+    Parameters
+    ----------
+    p, q : float
+        About what the body has [kg m^2], [kg m]; they say what torque a swing needs.
+    reach : float
+        Largest angle from hanging, either way [rad].
+    peak_torque : float
+        [N m]
+    rng : numpy.random.Generator
+    velocity, acceleration : float
+        Not to be exceeded [rad/s], [rad/s^2].
+    fundamental : float
+        Of the series [Hz].
+    harmonics : int
+        How many: the highest frequency is `harmonics` times the fundamental.
+    friction : bool
+        See `swing_information`.
+
+    Returns
+    -------
+    FourierSeries
+
+    Raises
+    ------
+    IdentificationError
+        If every swing tried needs more torque.
+    """
+    best, least, lowest = None, np.inf, np.inf
+    size = np.array([p, q, *([0.1 * q] * 3 if friction else [])])
+    for limit in acceleration / 1.5 ** np.arange(_STEPS):
+        series = optimised_fourier(
+            lambda *motion: _regressor(*motion, friction=friction),
+            fundamental=fundamental, harmonics=harmonics, low=-reach, high=reach, velocity=velocity,
+            acceleration=float(limit), rng=rng, criterion="determinant", scales=size, restarts=2,
+        )  # fmt: skip
+        shown = swing_information(series, p, q, noise=1.0, bandwidth=1.0, duration=1.0, friction=friction)
+        lowest = min(lowest, shown.peak_torque)
+        if shown.peak_torque <= peak_torque and shown.p_sd < least:
+            best, least = series, shown.p_sd
+    if best is None:
+        raise IdentificationError(
+            f"found no swing of +-{np.degrees(reach):.3g} deg that needs less than {lowest:.3g} N*m, expected at most "
+            f"{peak_torque:.3g} N*m; allow less reach, or a stronger motor"
+        )
+    return best
+
+
+def _regressor(position: np.ndarray, velocity: np.ndarray, acceleration: np.ndarray, *, friction: bool) -> np.ndarray:
+    columns = [acceleration, GRAVITY * np.sin(position)]
+    if friction:
+        columns += [velocity, np.sign(velocity), np.ones_like(position)]
+    return np.column_stack(columns)

@@ -1,0 +1,1 @@
+"""From commanded to measured: transfer functions, refined instrumental variables, a pendulum in grey."""

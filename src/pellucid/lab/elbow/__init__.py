@@ -1,0 +1,1 @@
+"""A virtual elbow exoskeleton with a slider, its instruments and its protocols."""

@@ -1,0 +1,192 @@
+"""What the virtual elbow's instruments write while it follows a protocol: encoder counts, current, marker frames."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ... import _core
+from ...models.simulate import substeps_for
+from ..virtual_joint import noise
+from .protocol import Trial
+from .rig import ElbowRig
+
+
+@dataclass(frozen=True)
+class Taken:
+    """One recording as its files will hold it.
+
+    Parameters
+    ----------
+    trial : Trial
+    time : ndarray, shape (n,)
+        [s]
+    counts : ndarray, shape (n,)
+        Of the encoder.
+    milliamperes : ndarray, shape (n,)
+    optical_time : ndarray, shape (k,)
+        On the cameras' own clock [s].
+    markers : dict of str to ndarray, shape (k, 3)
+        [mm] in the laboratory's frame; NaN where a frame lost the marker.
+    clock_offset : float
+        Robot time less camera time at its start [s]: the truth.
+    """
+
+    trial: Trial
+    time: np.ndarray
+    counts: np.ndarray
+    milliamperes: np.ndarray
+    optical_time: np.ndarray
+    markers: dict[str, np.ndarray]
+    clock_offset: float
+
+
+def record(rig: ElbowRig, trials: Sequence[Trial], rng: np.random.Generator, *, threads: int = 1) -> list[Taken]:
+    """Play every trial on the rig, and read its instruments.
+
+    Parameters
+    ----------
+    rig : ElbowRig
+    trials : sequence of Trial
+    rng : numpy.random.Generator
+        Draws all noise.
+    threads : int
+
+    Returns
+    -------
+    list of Taken
+        In the order of `trials`.
+    """
+    groups: dict[tuple, list[int]] = {}
+    for i, trial in enumerate(trials):
+        groups.setdefault((trial.loop, id(trial.reference)), []).append(i)
+    made: dict[int, Taken] = {}
+    for (loop, _), members in groups.items():
+        batch = [trials[i] for i in members]
+        command, measured, link = play(rig, loop, batch, rng, threads=threads)
+        for row, i in enumerate(members):
+            made[i] = _read(rig, trials[i], command[row], measured[row], link[row], rng)
+    return [made[i] for i in range(len(trials))]
+
+
+def play(
+    rig: ElbowRig, loop: str, batch: Sequence[Trial], rng: np.random.Generator, *, threads: int = 1
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Simulate trials of one reference.
+
+    Parameters
+    ----------
+    rig : ElbowRig
+    loop : {"position", "velocity"}
+    batch : sequence of Trial
+        m of them, all of one reference.
+    rng : numpy.random.Generator
+    threads : int
+
+    Returns
+    -------
+    command, measured, link : ndarray, shape (m, n)
+        [A]; position as the encoder says [rad]; the link's true position [rad].
+    """
+    period = 1.0 / rig["sampling"]["rate"]
+    reference = np.ascontiguousarray(batch[0].reference, float)
+    motor, gains = rig["motor"], rig["loop"][loop]
+    _, _, link, _, command, measured, _ = _core.simulate_geared(
+        np.array([rig.plant(trial.slider) for trial in batch]),
+        reference=reference,
+        period=period,
+        substeps=substeps_for(period),
+        threads=threads,
+        loop="cascade" if loop == "position" else "velocity_pi",
+        limit=motor["current_limit"],
+        gain=rig.gain,
+        ripple_amplitude=motor["ripple_amplitude"],
+        ripple_wave_number=motor["ripple_wave_number"],
+        encoder_quantum=rig.quantum,
+        encoder_noise=rig["encoder"]["noise"] * rng.standard_normal((len(batch), len(reference))),
+        position0=np.array([trial.start for trial in batch]),
+        **gains,
+    )
+    return command, measured, link
+
+
+def _read(
+    rig: ElbowRig,
+    trial: Trial,
+    command: np.ndarray,
+    measured: np.ndarray,
+    link: np.ndarray,
+    rng: np.random.Generator,
+) -> Taken:
+    sensor, fs = rig["current_sensor"], rig["sampling"]["rate"]
+    # Sampled in the middle of a centre-aligned PWM period: half of what flowed before, half of what flows after.
+    current = 0.5 * (command + np.concatenate([command[:1], command[:-1]]))
+    current = current + noise(current.shape, sensor["noise"], sensor["noise_memory"], fs, rng)
+    current = np.clip(current, -rig["motor"]["current_limit"], rig["motor"]["current_limit"])
+    time = np.arange(len(link)) / fs
+    optical_time, markers, offset = film(rig, trial.slider, time, link, rng)
+    return Taken(
+        trial,
+        time,
+        np.round(measured / rig.quantum),
+        np.round(current / sensor["quantum"]) * (1e3 * sensor["quantum"]),
+        optical_time,
+        markers,
+        offset,
+    )
+
+
+def frame(rig: ElbowRig) -> np.ndarray:
+    """Rows: down within the plane of rotation, where a lifted link goes, and the axis; shape (3, 3)."""
+    axis = np.array(rig["optical"]["axis"], float)
+    axis /= np.linalg.norm(axis)
+    down = np.array([0.0, 0.0, -1.0])
+    down -= (down @ axis) * axis
+    down /= np.linalg.norm(down)
+    return np.array([down, np.cross(axis, down), axis])
+
+
+def film(
+    rig: ElbowRig, slider: float, time: np.ndarray, link: np.ndarray, rng: np.random.Generator
+) -> tuple[np.ndarray, dict[str, np.ndarray], float]:
+    """Frames of the markers while the link moves.
+
+    Parameters
+    ----------
+    rig : ElbowRig
+    slider : float
+        [m]
+    time, link : ndarray, shape (n,)
+        Robot time [s] and the link's true position [rad].
+    rng : numpy.random.Generator
+
+    Returns
+    -------
+    time : ndarray, shape (k,)
+        On the cameras' clock [s].
+    markers : dict of str to ndarray, shape (k, 3)
+        [mm]
+    offset : float
+        Robot time less camera time [s].
+    """
+    camera = rig["optical"]
+    offset = camera["clock_offset"] + camera["clock_offset_spread"] * rng.standard_normal()
+    k = int((time[-1] - max(offset, 0.0)) * camera["rate"]) - 1
+    own = np.arange(k) / camera["rate"]
+    angle = np.interp(offset + own * (1.0 + camera["clock_drift"]), time, link)
+    basis, origin = frame(rig), np.array(camera["origin"], float)
+    points = {"C": (slider, rig["slider"]["marker_height"], 0.0)}
+    for i, (place, along_axis) in enumerate(zip(camera["rail_markers"], camera["rail_offset"], strict=True)):
+        points[f"R{i + 1}"] = (*place, along_axis)
+    cos, sin = np.cos(angle), np.sin(angle)
+    markers = {}
+    for name, (along, across, aside) in points.items():
+        plane = np.column_stack([along * cos - across * sin, along * sin + across * cos, np.full(k, aside)])
+        seen = origin + plane @ basis + camera["noise"] * rng.standard_normal((k, 3))
+        markers[name] = np.round(seen / camera["quantum"]) * camera["quantum"] * 1e3
+    length = max(round(camera["lost_length"] * camera["rate"]), 1)
+    for start in rng.integers(0, k, rng.poisson(camera["lost_share"] * k / length)):
+        markers["C"][start : start + length] = np.nan
+    return own, markers, float(offset)

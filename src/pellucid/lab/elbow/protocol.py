@@ -1,0 +1,159 @@
+r"""What the virtual elbow is asked to do: holds, constant velocities, the swept sine, slow movements.
+
+The first three are the steps of the identification, the last two and the slow movements its validation [1]_.
+
+.. [1] D. Verdel, S. Bastide, N. Vignais, O. Bruneau, B. Berret, "An identification-based method improving the
+   transparency of a robotic upper limb exoskeleton", Robotica 39, 2021, sections 3.3 and 3.4.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from ...protocols.swept_sine import swept_sine
+from .rig import ElbowRig
+
+SPEEDS = (1.0, 3.5, 6.0, 8.5, 11.0)
+"""Of the constant velocities [motor turns/s]."""
+
+HOLDS, HOLD_TIME, MOVE_TIME = 20, 5.0, 1.0
+"""Angles of a static trial, how long each is held, and how long the way to it takes [s]."""
+
+SWEEP = {"duration": 25.0, "amplitude": 0.5, "start": 1.0, "growth": 3.0}
+"""Equation 5: [s], [rad], [rad/s], [rad/s]."""
+
+SLOW_MOVES, SLOW_TRAVEL = 10, 1.0
+"""Slow movements in either direction, and how far each goes [rad]."""
+
+TRAVEL_MARGIN = 0.1  # rad: between the range's ends and where constant velocities turn round
+DWELL = 0.4  # s: rest between two movements
+RAMP = 20.0  # rad/s^2: how fast a constant velocity is reached
+
+
+@dataclass(frozen=True)
+class Trial:
+    """One recording to be made.
+
+    Parameters
+    ----------
+    name, protocol : str
+        "static", "constant_velocity", "swept_sine", "swept_sine_integrated", "slow" or "fourier".
+    use : str
+        "fit" or "validate".
+    loop : str
+        "position" or "velocity": which controller, and what the reference is [rad or rad/s].
+    reference : ndarray, shape (n,)
+    start : float
+        Where the joint is at first [rad].
+    slider : float
+        Where the carriage is clamped [m].
+    """
+
+    name: str
+    protocol: str
+    use: str
+    loop: str
+    reference: np.ndarray
+    start: float
+    slider: float
+
+
+def fitted_sliders(rig: ElbowRig) -> np.ndarray:
+    """Six positions of the carriage, equally spaced over the rail, shape (6,) [m]."""
+    return np.linspace(rig["slider"]["low"], rig["slider"]["high"], 6)
+
+
+def unseen_sliders(rig: ElbowRig) -> np.ndarray:
+    """Six positions between the fitted ones, shape (6,) [m]: the five midpoints, and one a quarter of a step in."""
+    fitted = fitted_sliders(rig)
+    step = fitted[1] - fitted[0]
+    return np.append(fitted[:-1] + 0.5 * step, fitted[0] + 0.25 * step)
+
+
+def holds(rig: ElbowRig) -> tuple[np.ndarray, float]:
+    """Angles equally spaced over the range, in an order that comes from both sides; reference [rad] and start [rad]."""
+    span, fs = rig["range"], rig["sampling"]["rate"]
+    angles = np.linspace(span["low"], span["high"], HOLDS)
+    # Every seventh of twenty visits each once, and arrives from below about as often as from above.
+    order = angles[(7 * np.arange(HOLDS)) % HOLDS]
+    s = np.arange(round(MOVE_TIME * fs)) / (MOVE_TIME * fs)
+    ease = s**3 * (10.0 - 15.0 * s + 6.0 * s**2)
+    parts, at = [], order[0]
+    for angle in order:
+        parts += [at + (angle - at) * ease, np.full(round(HOLD_TIME * fs), angle)]
+        at = angle
+    return np.concatenate(parts), float(order[0])
+
+
+def _one_way(speed: float, travel: float, fs: float) -> np.ndarray:
+    """Velocity of one movement, trapezoid, with a rest after it [rad/s]."""
+    ramp = max(round(speed / RAMP * fs), 1)
+    flat = max(round((travel / speed - ramp / fs) * fs), 1)
+    up = speed * (np.arange(ramp) + 0.5) / ramp
+    return np.concatenate([up, np.full(flat, speed), up[::-1], np.zeros(round(DWELL * fs))])
+
+
+def constant_velocities(rig: ElbowRig) -> tuple[np.ndarray, float]:
+    """Up and down at each speed; velocity reference [rad/s] and start [rad]."""
+    span, fs = rig["range"], rig["sampling"]["rate"]
+    travel = span["high"] - span["low"] - 2.0 * TRAVEL_MARGIN
+    parts = [np.zeros(round(DWELL * fs))]
+    for turns in SPEEDS:
+        one = _one_way(2.0 * np.pi * turns / rig["motor"]["gear_ratio"], travel, fs)
+        parts += [one, -one]
+    return np.concatenate(parts), span["low"] + TRAVEL_MARGIN
+
+
+def slow_movements(rig: ElbowRig) -> tuple[np.ndarray, float]:
+    """Ten slow movements up and ten down, at one motor turn a second; velocity [rad/s] and start [rad]."""
+    span, fs = rig["range"], rig["sampling"]["rate"]
+    one = _one_way(2.0 * np.pi / rig["motor"]["gear_ratio"], SLOW_TRAVEL, fs)
+    rest = np.zeros(round(DWELL * fs))
+    return np.concatenate([rest, *([one, -one] * SLOW_MOVES)]), 0.5 * (span["low"] + span["high"] - SLOW_TRAVEL)
+
+
+def sweep(rig: ElbowRig, *, literal: bool) -> tuple[np.ndarray, float]:
+    """Equation 5 about the middle of the range, as printed or phase-integrated; velocity [rad/s] and start [rad]."""
+    span, fs = rig["range"], rig["sampling"]["rate"]
+    _, velocity, _ = swept_sine(fs=fs, literal=literal, **SWEEP)
+    rest = np.zeros(round(DWELL * fs))
+    return np.concatenate([rest, velocity, rest]), 0.5 * (span["low"] + span["high"])
+
+
+def trials(rig: ElbowRig, fourier: Callable[[ElbowRig], np.ndarray] | None = None) -> tuple[Trial, ...]:
+    """The full protocol: three steps and slow movements at six positions of the carriage, and 18 unseen trials.
+
+    Parameters
+    ----------
+    rig : ElbowRig
+    fourier : callable, optional
+        Gives the position reference of an excitation optimised for this rig [rad]; left out, there is none.
+
+    Returns
+    -------
+    tuple of Trial
+    """
+    static, cv, slow = holds(rig), constant_velocities(rig), slow_movements(rig)
+    printed, integrated = sweep(rig, literal=True), sweep(rig, literal=False)
+    made = []
+
+    def add(protocol: str, use: str, loop: str, motion: tuple[np.ndarray, float], sliders: np.ndarray, tag: str):
+        for i, x in enumerate(sliders):
+            made.append(Trial(f"{tag}_{i + 1}", protocol, use, loop, motion[0], motion[1], float(x)))
+
+    fitted, unseen = fitted_sliders(rig), unseen_sliders(rig)
+    add("static", "fit", "position", static, fitted, "static")
+    add("constant_velocity", "fit", "velocity", cv, fitted, "constant")
+    add("swept_sine", "fit", "velocity", printed, fitted, "sweep")
+    if fourier is not None:
+        reference = fourier(rig)
+        add("fourier", "fit", "position", (reference, float(reference[0])), fitted, "fourier")
+    add("slow", "validate", "velocity", slow, fitted, "slow")
+    add("swept_sine_integrated", "validate", "velocity", integrated, fitted, "sweep_integrated")
+    add("constant_velocity", "validate", "velocity", cv, unseen, "unseen_constant")
+    add("swept_sine", "validate", "velocity", printed, unseen, "unseen_sweep")
+    add("slow", "validate", "velocity", slow, unseen, "unseen_slow")
+    return tuple(made)

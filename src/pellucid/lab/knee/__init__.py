@@ -1,0 +1,1 @@
+"""A virtual series-elastic knee orthosis and its wearers."""

@@ -1,0 +1,113 @@
+"""Further wearers of the virtual orthosis, drawn at random: somebody to choose a controller on, others to judge it on.
+
+Each is a body, a strap, muscles, electrodes and habits of their own, in an orthosis whose friction is its own as well.
+The rig's three subjects lie within these ranges.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from ...models.anthropometry import shank_length, winter
+from .rig import EXTENSOR, FLEXOR, KneeRig, changed
+
+BODY: Mapping[str, tuple[float, float]] = {
+    "age": (20.0, 60.0),
+    "mass_index": (18.5, 25.0),  # kg/m^2
+    "shank_share": (0.255, 0.310),  # of the height, knee to heel
+    "ahead": (0.035, 0.060),  # rad
+    "viscous": (0.10, 0.26),  # N*m*s/rad
+}
+"""Ranges of uniform draws. Heights are normal: 1.64 ± 0.05 m of women, 1.77 ± 0.06 m of men."""
+
+DIFFERS: Mapping[str, float] = {"mass": 0.05, "centre": 0.04, "gyration": 0.05}
+"""Standard deviations by which a limb differs from Winter's shares: those by which the rig's own subjects do [1]."""
+
+WORN: Mapping[str, tuple[float, float]] = {
+    "stiffness": (12.0, 28.0),  # N*m/rad
+    "damping": (0.024, 0.036),  # s: of the stiffness
+    "extensor": (1.9, 2.9),  # N*m per kg of weight
+    "flexor": (0.95, 1.40),
+    "emg_gain": (2.2e-4, 5.6e-4),  # V RMS at full excitation
+}
+"""Ranges of strap, strength and electrodes; drawn evenly in the logarithm."""
+
+FACTORS: Mapping[str, tuple[float, float]] = {
+    "actuator.coulomb_positive": (0.8, 1.25),
+    "actuator.coulomb_negative": (0.8, 1.25),
+    "actuator.viscous_positive": (0.8, 1.25),
+    "actuator.viscous_negative": (0.8, 1.25),
+    "actuator.stribeck": (0.7, 1.4),
+    "orthosis.bearing_coulomb": (0.5, 2.0),
+    "orthosis.bearing_viscous": (0.5, 2.0),
+    "emg.crosstalk": (0.3, 2.0),
+    "emg.hum": (0.3, 3.0),
+    "emg.artefact": (0.3, 3.0),
+    "muscles.delay": (0.67, 1.33),
+    "muscles.slowing": (0.5, 1.5),
+    "muscles.angle_slope": (0.5, 1.5),
+    "wearer.cocontraction": (0.6, 1.5),
+    "wearer.stiffness": (0.7, 1.3),
+    "wearer.damping": (0.7, 1.3),
+    "wearer.resistance": (0.6, 1.3),
+}
+"""Ranges of factors on the rig's own constants; drawn evenly in the logarithm."""
+
+
+def drawn_rig(rig: KneeRig, seed: int) -> KneeRig:
+    """The orthosis with another friction, and one wearer who is drawn.
+
+    Parameters
+    ----------
+    rig : KneeRig
+        Whose constants hold wherever nothing is drawn.
+    seed : int
+        Of the draw, and part of the wearer's name.
+
+    Returns
+    -------
+    KneeRig
+        With the single subject ``D<seed>``.
+    """
+    rng = np.random.default_rng([seed, 0xD])
+    body = {name: float(rng.uniform(*ends)) for name, ends in BODY.items()}
+    worn = {name: float(np.exp(rng.uniform(*np.log(ends)))) for name, ends in WORN.items() if name != "emg_gain"}
+    gains = np.exp(rng.uniform(*np.log(WORN["emg_gain"]), 2)).tolist()
+    factors = {path: float(np.exp(rng.uniform(*np.log(ends)))) for path, ends in FACTORS.items()}
+    off = {name: 1.0 + sd * float(rng.standard_normal()) for name, sd in DIFFERS.items()}
+    sex = "female" if rng.random() < 0.5 else "male"
+    height = float(rng.normal(1.64, 0.05) if sex == "female" else rng.normal(1.77, 0.06))
+    weight = body["mass_index"] * height**2
+    measured = body["shank_share"] * height
+    # As the rig's own: half-way between the measured length and the tables'.
+    shares = winter(weight, 0.5 * (measured + shank_length(height)))
+    subject = {
+        "sex": sex,
+        "age": int(body["age"]),
+        "weight": weight,
+        "height": height,
+        "shank_length": measured,
+        "limb": {
+            "mass": shares.mass * off["mass"],
+            "centre": shares.centre * off["centre"],
+            "gyration": float(np.sqrt(shares.inertia / shares.mass - shares.centre**2)) * off["gyration"],
+            "ahead": body["ahead"],
+            "viscous": body["viscous"],
+        },
+        "strap": {"stiffness": worn["stiffness"], "damping": worn["damping"] * worn["stiffness"]},
+        "strength": {EXTENSOR: worn["extensor"] * weight, FLEXOR: worn["flexor"] * weight},
+        "emg_gain": dict(zip((EXTENSOR, FLEXOR), gains, strict=True)),
+    }
+    values: dict[str, object] = {path: factor * _constant(rig, path) for path, factor in factors.items()}
+    muscles = rig["muscles"]
+    # People plan as early as their own muscles are late.
+    values["wearer.foresight"] = rig["wearer"]["foresight"] + values["muscles.delay"] - muscles["delay"]
+    made = changed(rig, values, f"{rig.name}-{seed}")
+    return KneeRig(made.name, {**made.tables, "subjects": {f"D{seed}": subject}})
+
+
+def _constant(rig: KneeRig, path: str) -> float:
+    table, key = path.split(".")
+    return rig[table][key]

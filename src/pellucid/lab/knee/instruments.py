@@ -1,0 +1,197 @@
+"""What the virtual orthosis's and its wearer's instruments write: encoders, the IMU on the ankle, the EMG amplifier.
+
+The IMU sits off the joint's axis, askew, on its own clock. It feels gravity and the arc it moves along, and sees the
+earth's field with whatever steel and currents add to it. Its segment's frame is along the segment, towards flexion, and
+along the axis; a thigh that is believed to stand still sways, which only the IMU notices.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ...models.joint import GRAVITY
+from ..virtual_joint import noise
+from .rig import KneeRig, Subject
+
+
+@dataclass(frozen=True)
+class ImuTaken:
+    """What the IMU wrote.
+
+    Parameters
+    ----------
+    time : ndarray, shape (k,)
+        On its own clock [s].
+    acceleration, angular_velocity : ndarray, shape (k, 3)
+        [m/s^2], gravity's reaction included; [rad/s].
+    magnetic_field : ndarray, shape (k, 3), or None
+        [T]; None for a six-axis chip.
+    clock_offset : float
+        The actuator's time at its time 0 [s]: the truth.
+    angle : ndarray, shape (k,)
+        Of the joint at its samples [rad]: the truth.
+    """
+
+    time: np.ndarray
+    acceleration: np.ndarray
+    angular_velocity: np.ndarray
+    magnetic_field: np.ndarray | None
+    clock_offset: float
+    angle: np.ndarray
+
+
+@dataclass(frozen=True)
+class Session:
+    """How the instruments sit, and are off, while one subject has them on.
+
+    Parameters
+    ----------
+    remounting : ndarray, shape (3,)
+        Rotation vector between the IMU's place on the orthosis and on the ankle [rad].
+    accelerometer_bias, gyroscope_bias, magnetometer_bias : ndarray, shape (3,)
+        [m/s^2], [rad/s], [T]
+    emg_gain : tuple of float
+        By which the gains of rectus femoris and lateral hamstring differ from the subject's [1].
+    """
+
+    remounting: np.ndarray
+    accelerometer_bias: np.ndarray
+    gyroscope_bias: np.ndarray
+    magnetometer_bias: np.ndarray
+    emg_gain: tuple[float, float]
+
+
+def draw_session(rig: KneeRig, rng: np.random.Generator) -> Session:
+    """How the instruments sit this time."""
+    imu = rig["imu"]
+    return Session(
+        imu["remounting"] * rng.standard_normal(3),
+        imu["accelerometer_bias"] * rng.standard_normal(3),
+        imu["gyroscope_bias"] * rng.standard_normal(3),
+        imu["magnetometer_bias"] * rng.standard_normal(3),
+        tuple(np.exp(rig["emg"]["gain_spread"] * rng.standard_normal(2)).tolist()),
+    )
+
+
+def rotation(vector: np.ndarray) -> np.ndarray:
+    """Rotation matrix of a rotation vector [rad], shape (3, 3)."""
+    from scipy.spatial.transform import Rotation
+
+    return Rotation.from_rotvec(np.asarray(vector, float)).as_matrix()
+
+
+def segment_senses(
+    rig: KneeRig, lever: tuple[float, float], angle: np.ndarray, velocity: np.ndarray, acceleration: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    r"""What an ideal nine-axis sensor at a place on a turning segment senses, in the segment's frame.
+
+    At :math:`r = (l, c)` along and across, with :math:`g` down: along
+    :math:`-l \dot q^2 - c \ddot q - g \cos q`, across :math:`l \ddot q - c \dot q^2 + g \sin q`.
+
+    Parameters
+    ----------
+    rig : KneeRig
+        For the earth's field.
+    lever : tuple of float
+        Along and across the segment, from the axis [m].
+    angle, velocity, acceleration : ndarray, shape (k,)
+        Of the segment against the vertical [rad], [rad/s], [rad/s^2].
+
+    Returns
+    -------
+    acceleration, angular_velocity, magnetic_field : ndarray, shape (k, 3)
+        Along the segment, towards flexion, along the axis: [m/s^2], [rad/s], [T].
+    """
+    imu, zero = rig["imu"], np.zeros_like(angle)
+    along, across = lever
+    cos, sin = np.cos(angle), np.sin(angle)
+    force = np.column_stack([
+        -along * velocity**2 - across * acceleration - GRAVITY * cos,
+        along * acceleration - across * velocity**2 + GRAVITY * sin,
+        zero,
+    ])  # fmt: skip
+    # Flexion swings the heel towards `heading` from magnetic north; the field dips below the horizon.
+    down = imu["field"] * np.sin(imu["dip"])
+    heel = imu["field"] * np.cos(imu["dip"]) * np.cos(imu["heading"])
+    axis = imu["field"] * np.cos(imu["dip"]) * np.sin(imu["heading"])
+    field = np.column_stack([cos * down + sin * heel, cos * heel - sin * down, zero + axis])
+    return force, np.column_stack([zero, zero, velocity]), field
+
+
+def take_imu(
+    rig: KneeRig,
+    subject: Subject | None,
+    angle: np.ndarray,
+    velocity: np.ndarray,
+    session: Session,
+    rng: np.random.Generator,
+    *,
+    dropout: tuple[float, float] | None = None,
+) -> ImuTaken:
+    """What the IMU writes while its segment moves.
+
+    Parameters
+    ----------
+    rig : KneeRig
+    subject : Subject or None
+        Whose ankle it is on; None: it is fixed to the orthosis.
+    angle, velocity : ndarray, shape (n,)
+        Of the segment, one per period [rad], [rad/s].
+    session : Session
+    rng : numpy.random.Generator
+    dropout : tuple of float, optional
+        When it falls silent and for how long, in the actuator's time [s].
+
+    Returns
+    -------
+    ImuTaken
+    """
+    from scipy.interpolate import CubicSpline
+    from scipy.ndimage import gaussian_filter1d
+
+    imu, fs, n = rig["imu"], rig["encoders"]["rate"], len(angle)
+    offset = imu["clock_offset"] + imu["clock_offset_spread"] * rng.standard_normal()
+    k = int(((n - 1) / fs - max(offset, 0.0)) * imu["rate"]) - 1
+    own = np.arange(k) / imu["rate"] + imu["jitter"] * rng.standard_normal(k)
+    own -= own[0]
+    at = offset + own * (1.0 + imu["clock_drift"])
+    sway = np.zeros(n)
+    if subject is not None:
+        sway = noise((n,), imu["sway"], imu["sway_memory"], fs, rng)
+        sway = gaussian_filter1d(sway, 0.1 * fs)  # a body does not sway faster
+    grid = np.arange(n) / fs
+    # Velocity is the plant's own; a spline through it gives the acceleration between periods.
+    rate = CubicSpline(grid, velocity + np.gradient(sway, 1.0 / fs))
+    leaning = np.interp(at, grid, angle + sway)
+    lever = imu["orthosis_lever"]
+    if subject is not None:
+        lever = (imu["lever"][0] * subject.shank_length, imu["lever"][1])
+    ideal = segment_senses(rig, tuple(lever), leaning, rate(at), rate(at, 1))
+    turn = rotation(imu["mounting"])
+    if subject is not None:
+        turn = rotation(session.remounting) @ turn
+    wandering = noise((3, k), imu["gyroscope_drift"], imu["gyroscope_memory"], imu["rate"], rng).T
+    steel = noise((3, k), imu["disturbance"], imu["disturbance_memory"], imu["rate"], rng).T
+    biases = (
+        session.accelerometer_bias,
+        session.gyroscope_bias + wandering,
+        session.magnetometer_bias + steel,
+    )
+    noises = (imu["accelerometer_noise"], imu["gyroscope_noise"], imu["magnetometer_noise"])
+    sensed = []
+    for true, bias, sd, quantum in zip(ideal, biases, noises, imu["quanta"], strict=True):
+        value = true @ turn.T + bias + sd * rng.standard_normal((k, 3))
+        sensed.append(np.round(value / quantum) * quantum)
+    keep = np.ones(k, bool)
+    if dropout is not None:
+        keep = (at < dropout[0]) | (at >= dropout[0] + dropout[1])
+    return ImuTaken(
+        np.round(own[keep], 4),
+        sensed[0][keep],
+        sensed[1][keep],
+        sensed[2][keep] if imu["magnetometer"] else None,
+        float(offset),
+        np.interp(at, grid, angle)[keep],
+    )

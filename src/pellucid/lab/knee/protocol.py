@@ -1,0 +1,342 @@
+"""What the virtual knee orthosis and its wearers are asked to do: the five experiments of the thesis, one longer.
+
+Holds last 5 s and the brief sines 5 s, as printed [1]_. The orthosis alone rings for 12 s (its time constant at the
+thesis's own values), so that its response is recorded again over 40 s per frequency, at two amplitudes.
+
+.. [1] "Optimising human-robot interaction using electromyography and zero-impedance mode", master's thesis,
+   section 2.3.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Literal
+
+import numpy as np
+
+from .rig import KneeRig, Subject
+from .wearer import Wearer, contracting, counteracting, relaxed, swinging
+
+ANGLES = (0, 15, 30, 45, 60, 90)
+"""Of the holds [deg]."""
+
+HOLD_TIME, MOVE_TIME = 5.0, 1.0
+"""How long an angle or a torque is held, and how long the way to the next angle takes [s]."""
+
+FREQUENCIES = (0.3, 0.5, 0.7, 1.0)
+"""Of the sines [Hz]."""
+
+AMPLITUDE, CHECK_AMPLITUDE = 1.0, 0.6
+"""Of the sines that are fitted, and of those that are held out [rad]."""
+
+RESPONSE_TIME, BRIEF_TIME = 40.0, 5.0
+"""How long a sine lasts [s]."""
+
+TORQUES = (0.0, 5.0, 10.0, 0.0, -5.0, -10.0)
+"""That a wearer counteracts, one after another [N*m]: the thesis's, and the same the other way."""
+
+STEP_TIME = 2.0
+"""In which one torque becomes the next, of the time it is held [s]: a slider on a screen is pushed."""
+
+TRIALS = 3
+"""Of everything that a wearer repeats."""
+
+SWING_TIME, MVC_TIME = 40.0, 20.0
+"""[s]"""
+
+
+@dataclass(frozen=True)
+class Faults:
+    """What goes wrong in a trial; nothing, as it stands.
+
+    Parameters
+    ----------
+    imu_dropout : tuple of float, optional
+        When the IMU falls silent, and for how long [s].
+    slip : tuple of float, optional
+        When the strap slips, and how far [rad].
+    encoder_turn : float
+        Added to the orthosis's angle before its encoder rolls over at half a turn either way [rad].
+    emg_rate : float, optional
+        At which the amplifier ran instead of its own [Hz].
+    emg_detached : mapping of int to float
+        By channel, from when its electrode is off [s].
+    emg_clipped : mapping of int to float
+        By channel, a range too small [V].
+    """
+
+    imu_dropout: tuple[float, float] | None = None
+    slip: tuple[float, float] | None = None
+    encoder_turn: float | None = None
+    emg_rate: float | None = None
+    emg_detached: dict[int, float] = field(default_factory=dict)
+    emg_clipped: dict[int, float] = field(default_factory=dict)
+
+
+NO_FAULTS = Faults()
+
+
+@dataclass(frozen=True)
+class KneeTrial:
+    """One recording to be made.
+
+    Parameters
+    ----------
+    name, protocol, use : str
+        use is "fit" or "validate".
+    mode : {"position", "torque"}
+        What the orthosis does on its own: follow angles, or give torques at the spring.
+    reference : ndarray, shape (n,)
+        [rad] or [N*m], one per period.
+    start : float
+        Where the orthosis is at first [rad].
+    link : {"strap", "plate"}
+        What couples a wearer.
+    locked : bool
+        Whether the wearer's limb is clamped to a frame.
+    imu : {"ankle", "orthosis"} or None
+        Where it is fixed, if it runs.
+    faults : Faults
+    """
+
+    name: str
+    protocol: str
+    use: str
+    mode: Literal["position", "torque"]
+    reference: np.ndarray
+    start: float = 0.0
+    link: Literal["strap", "plate"] = "strap"
+    locked: bool = False
+    imu: Literal["ankle", "orthosis"] | None = None
+    faults: Faults = NO_FAULTS
+
+
+Task = tuple[KneeTrial, Wearer | None]
+"""A trial and who does it."""
+
+
+def holds(rig: KneeRig, angles: tuple[float, ...], hold_time: float = HOLD_TIME) -> np.ndarray:
+    """Angles held one after another, for `hold_time` [s] each, with smooth ways between.
+
+    Parameters
+    ----------
+    rig : KneeRig
+    angles : tuple of float
+        [rad]
+    hold_time : float
+        [s]
+
+    Returns
+    -------
+    ndarray, shape (n,)
+        Reference [rad].
+    """
+    fs = rig["encoders"]["rate"]
+    s = np.arange(round(MOVE_TIME * fs)) / (MOVE_TIME * fs)
+    ease = s**3 * (10.0 - 15.0 * s + 6.0 * s**2)
+    parts, at = [], angles[0]
+    for angle in angles:
+        parts += [at + (angle - at) * ease, np.full(round(hold_time * fs), angle)]
+        at = angle
+    return np.concatenate(parts)
+
+
+def sine(rig: KneeRig, frequency: float, amplitude: float, duration: float) -> np.ndarray:
+    """A sine from its own zero, one sample per period of the `rig`.
+
+    Parameters
+    ----------
+    rig : KneeRig
+    frequency, amplitude, duration : float
+        [Hz], [rad], [s]
+
+    Returns
+    -------
+    ndarray, shape (n,)
+        Reference [rad].
+    """
+    t = np.arange(round(duration * rig["encoders"]["rate"])) * rig.period
+    return amplitude * np.sin(2.0 * np.pi * frequency * t)
+
+
+def torque_steps(rig: KneeRig, torques: tuple[float, ...] = TORQUES) -> np.ndarray:
+    """Torques held for 5 s each, ways to them included; shape (n,) [N*m]."""
+    fs = rig["encoders"]["rate"]
+    n = round(HOLD_TIME * fs)
+    way = np.minimum(np.arange(n) / (STEP_TIME * fs), 1.0)
+    parts, at = [], torques[0]
+    for torque in torques:
+        parts.append(at + (torque - at) * way)
+        at = torque
+    return np.concatenate(parts)
+
+
+def bench_trials(rig: KneeRig) -> list[Task]:
+    """The orthosis alone: gravity, and its response to sines, long and brief."""
+    angles = tuple(np.radians([*ANGLES, *ANGLES[-2::-1]]).tolist())
+    made = [KneeTrial("gravity", "gravity_holds", "fit", "position", holds(rig, angles))]
+    for f in FREQUENCIES:
+        tag = f"{round(10 * f):02d}"
+        long, check = sine(rig, f, AMPLITUDE, RESPONSE_TIME), sine(rig, f, CHECK_AMPLITUDE, RESPONSE_TIME)
+        made += [
+            KneeTrial(f"response_{tag}", "sine_tracking", "fit", "position", long),
+            KneeTrial(f"response_check_{tag}", "sine_tracking", "validate", "position", check),
+            KneeTrial(f"brief_{tag}", "sine_brief", "fit", "position", sine(rig, f, AMPLITUDE, BRIEF_TIME)),
+        ]
+    return [(trial, None) for trial in made]
+
+
+def imu_trial(rig: KneeRig, name: str, faults: Faults = NO_FAULTS) -> Task:
+    """The IMU fixed to the orthosis, which goes through its range: holds, and sines that show the clocks.
+
+    Parameters
+    ----------
+    rig : KneeRig
+    name : str
+    faults : Faults
+
+    Returns
+    -------
+    Task
+    """
+    angles = tuple(np.radians(ANGLES).tolist())
+    middle = np.radians(45.0)
+    t = np.arange(round(12.0 / rig.period)) * rig.period
+    fade = np.clip(np.minimum(t, t[-1] - t) / 2.0, 0.0, 1.0)
+    waves = [middle + 0.7 * fade * np.sin(2.0 * np.pi * f * t) for f in (0.3, 0.7)]
+    reference = np.concatenate([holds(rig, angles, 4.0), holds(rig, (angles[-1], middle), 1.0), *waves])
+    return KneeTrial(name, "imu_on_orthosis", "fit", "position", reference, imu="orthosis", faults=faults), None
+
+
+def relaxed_trial(
+    rig: KneeRig, name: str, subject: Subject, *, helps: bool = False, faults: Faults = NO_FAULTS
+) -> Task:
+    """A relaxed leg on a rigid plate, held at the angles.
+
+    Parameters
+    ----------
+    rig : KneeRig
+    name : str
+    subject : Subject
+    helps : bool
+        As in `relaxed`.
+    faults : Faults
+
+    Returns
+    -------
+    Task
+    """
+    reference = holds(rig, tuple(np.radians(ANGLES).tolist()))
+    trial = KneeTrial(name, "relaxed_holds", "fit", "position", reference, link="plate", imu="ankle", faults=faults)
+    return trial, relaxed(subject, helps=helps)
+
+
+def mvc_trial(rig: KneeRig, name: str, subject: Subject, faults: Faults = NO_FAULTS) -> Task:
+    """Both muscles as hard as they can, against a frame.
+
+    Parameters
+    ----------
+    rig : KneeRig
+    name : str
+    subject : Subject
+    faults : Faults
+
+    Returns
+    -------
+    Task
+    """
+    reference = np.full(round(MVC_TIME / rig.period), np.radians(60.0))
+    trial = KneeTrial(name, "mvc", "fit", "position", reference, start=float(reference[0]), locked=True, faults=faults)
+    return trial, contracting(subject)
+
+
+def torque_trial(
+    rig: KneeRig, name: str, subject: Subject, angle: float, *, use: str = "fit", faults: Faults = NO_FAULTS
+) -> Task:
+    """An angle held against torques.
+
+    Parameters
+    ----------
+    rig : KneeRig
+    name : str
+    subject : Subject
+    angle : float
+        [rad]
+    use : str
+    faults : Faults
+
+    Returns
+    -------
+    Task
+    """
+    trial = KneeTrial(name, "torque_steps", use, "torque", torque_steps(rig), start=angle, imu="ankle", faults=faults)
+    return trial, counteracting(subject, angle)
+
+
+def swing_trial(
+    rig: KneeRig,
+    name: str,
+    subject: Subject,
+    *,
+    use: str = "fit",
+    duration: float = SWING_TIME,
+    frequency: tuple[float, float] | None = None,
+    amplitude: tuple[float, float] | None = None,
+    faults: Faults = NO_FAULTS,
+) -> Task:
+    """A shank that swings freely in zero-impedance mode.
+
+    Parameters
+    ----------
+    rig : KneeRig
+    name : str
+    subject : Subject
+    use : str
+    duration : float
+        [s]
+    frequency, amplitude : tuple of float, optional
+        As in `swinging` [Hz], [rad].
+    faults : Faults
+
+    Returns
+    -------
+    Task
+    """
+    reference = np.zeros(round(duration / rig.period))
+    trial = KneeTrial(
+        name, "free_swing", use, "torque", reference, start=rig["swing"]["centre"], imu="ankle", faults=faults
+    )
+    return trial, swinging(subject, frequency=frequency, amplitude=amplitude)
+
+
+def worn_trials(rig: KneeRig, subject: Subject) -> list[Task]:
+    """Everything that one subject does."""
+    who = subject.name
+    made = [imu_trial(rig, f"{who}_imu")]
+    made += [relaxed_trial(rig, f"{who}_relaxed_{i + 1}", subject) for i in range(TRIALS)]
+    made.append(mvc_trial(rig, f"{who}_mvc", subject))
+    for angle in ANGLES:
+        made += [
+            torque_trial(rig, f"{who}_torque_{angle}_{i + 1}", subject, float(np.radians(angle))) for i in range(TRIALS)
+        ]
+    for i in range(TRIALS):
+        use = "validate" if i == TRIALS - 1 else "fit"
+        made.append(swing_trial(rig, f"{who}_swing_{i + 1}", subject, use=use))
+    return made
+
+
+def tasks(rig: KneeRig) -> tuple[Task, ...]:
+    """The full protocol: the orthosis alone, then every subject.
+
+    Parameters
+    ----------
+    rig : KneeRig
+
+    Returns
+    -------
+    tuple of Task
+    """
+    made = bench_trials(rig)
+    for subject in rig.subjects.values():
+        made += worn_trials(rig, subject)
+    return tuple(made)

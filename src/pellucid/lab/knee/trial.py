@@ -1,0 +1,263 @@
+"""One trial on the virtual knee orthosis: whoever wears it, whatever controls it, and what the instruments wrote."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from ... import _core
+from ..emg_synthesis import Electrodes, EmgSynthesis
+from .instruments import ImuTaken, Session, draw_session, take_imu
+from .protocol import KneeTrial
+from .rig import EXTENSOR, FLEXOR, KneeRig
+from .wearer import Acting, Wearer
+
+
+class Controller(Protocol):
+    """What decides the spring's torque, once per period."""
+
+    def step(self, time: float, position: float, torque: float, emg: Sequence[tuple[float, float]]) -> float:
+        """One period.
+
+        Parameters
+        ----------
+        time : float
+            [s]
+        position, torque : float
+            Of the output encoder [rad], and of the spring as the encoders say [N*m].
+        emg : sequence of tuple of float
+            Raw samples of rectus femoris and lateral hamstring since the last call [V].
+
+        Returns
+        -------
+        float
+            Desired torque of the spring [N*m].
+        """
+        ...
+
+
+@dataclass(frozen=True)
+class KneeTruth:
+    """What no instrument shows, one sample per period, each shape (n,).
+
+    Parameters
+    ----------
+    orthosis_position, orthosis_velocity, limb_position, limb_velocity : ndarray, shape (n,)
+        [rad], [rad/s]; without a wearer the limb's say nothing.
+    strap_torque, spring_torque, muscle_torque, motor_torque : ndarray, shape (n,)
+        On the orthosis and against the limb; of the spring; of the muscles; of the motor [N*m].
+    excitation : ndarray, shape (n, 2)
+        Of lateral hamstring and rectus femoris [1].
+    slip : ndarray, shape (n,)
+        Of the strap [rad].
+    """
+
+    orthosis_position: np.ndarray
+    orthosis_velocity: np.ndarray
+    limb_position: np.ndarray
+    limb_velocity: np.ndarray
+    strap_torque: np.ndarray
+    spring_torque: np.ndarray
+    muscle_torque: np.ndarray
+    motor_torque: np.ndarray
+    excitation: np.ndarray
+    slip: np.ndarray
+
+    @property
+    def mismatch(self) -> np.ndarray:
+        """Limb less orthosis, shape (n,) [rad]."""
+        return self.limb_position - self.orthosis_position
+
+
+@dataclass(frozen=True)
+class KneeTaken:
+    """One recording as its files will hold it, and the truth beside it.
+
+    Parameters
+    ----------
+    trial : KneeTrial
+    wearer : Wearer or None
+    time : ndarray, shape (n,)
+        [s]
+    position, motor_position : ndarray, shape (n,)
+        As the encoders say [rad].
+    torque : ndarray, shape (n,)
+        Of the spring, as the encoders say [N*m].
+    command : ndarray, shape (n,)
+        Desired torque of the spring [N*m].
+    emg_time : ndarray, shape (k,), or None
+        On the amplifier's clock [s]; None where nobody wears it.
+    emg : ndarray, shape (k, 2), or None
+        Of rectus femoris and lateral hamstring, in counts of the converter.
+    emg_quantum : float
+        [V]
+    imu : ImuTaken or None
+    truth : KneeTruth
+    """
+
+    trial: KneeTrial
+    wearer: Wearer | None
+    time: np.ndarray
+    position: np.ndarray
+    motor_position: np.ndarray
+    torque: np.ndarray
+    command: np.ndarray
+    emg_time: np.ndarray | None
+    emg: np.ndarray | None
+    emg_quantum: float
+    imu: ImuTaken | None
+    truth: KneeTruth
+
+
+class _PositionLoop:
+    """The actuator's own position loop: proportional, with damping by differences of what the encoder says."""
+
+    def __init__(self, rig: KneeRig, trial: KneeTrial, worn: bool) -> None:
+        loop = rig["position_loop"]
+        gains = loop["worn" if worn else "bench"]
+        self._span = loop["velocity_span"]
+        self._kp, self._kd = gains["kp"], gains["kd"] / (self._span * rig.period)
+        self._reference = trial.reference.tolist()
+        self._errors: list[float] = []
+
+    def step(self, k: int, position: float) -> float:
+        error = self._reference[k] - position
+        self._errors.append(error)
+        before = self._errors[k - self._span] if k >= self._span else self._errors[0]
+        return self._kp * error + self._kd * (error - before)
+
+
+def run_trial(
+    rig: KneeRig,
+    wearer: Wearer | None,
+    trial: KneeTrial,
+    *,
+    rng: np.random.Generator,
+    controller: Controller | None = None,
+    session: Session | None = None,
+) -> KneeTaken:
+    """One trial, from rest in balance to its last period.
+
+    Parameters
+    ----------
+    rig : KneeRig
+    wearer : Wearer or None
+        Nobody: the orthosis alone.
+    trial : KneeTrial
+    rng : numpy.random.Generator
+        Draws all noise; the same state makes the same recording.
+    controller : Controller, optional
+        In place of the trial's own mode; it gets raw EMG while somebody wears the orthosis.
+    session : Session, optional
+        How the instruments sit; drawn if left out.
+
+    Returns
+    -------
+    KneeTaken
+    """
+    n, period, loop = len(trial.reference), rig.period, rig["torque_loop"]
+    of_body, of_emg, of_imu, of_session = rng.spawn(4)
+    session = session or draw_session(rig, of_session)
+    plant = _core.CoupledPlant(
+        rig.plant(wearer.subject if wearer else None, trial.link, locked=trial.locked),
+        period=period,
+        substeps=loop["substeps"],
+        delay=loop["delay"],
+        torque_span=loop["torque_span"],
+        position0=trial.start,
+        torque0=rig.orthosis_load(trial.start) if trial.mode == "position" else 0.0,
+    )
+    reading = plant.read()
+    acting = synthesis = None
+    if wearer is not None:
+        acting = Acting(rig, wearer, n, reading[5], reading[7], of_body)
+        usual = (wearer.subject.emg_gain[muscle] for muscle in (EXTENSOR, FLEXOR))
+        gains = tuple(gain * factor for gain, factor in zip(usual, session.emg_gain, strict=True))
+        faults = trial.faults
+        electrodes = Electrodes(gains, rig["emg"], faults.emg_rate, faults.emg_detached, faults.emg_clipped)
+        synthesis = EmgSynthesis(electrodes, n, period, of_emg)
+    hold = _PositionLoop(rig, trial, wearer is not None) if trial.mode == "position" else None
+    slip_at, slip_by = _slip(trial, period)
+    reference, step = trial.reference.tolist(), plant.step
+    readings, commands, slips = [], [], []
+    muscle, samples = 0.0, []
+    for k in range(n):
+        readings.append(reading)
+        position = reading[0]
+        if controller is not None:
+            desired = controller.step(k * period, position, reading[2], samples)
+        elif hold is not None:
+            desired = hold.step(k, position)
+        else:
+            desired = reference[k]
+        if acting is not None:
+            muscle = acting.step(k, reading[5], reading[6], reading[7])
+        commands.append(desired)
+        slips.append(plant.slip)
+        velocity = reading[6]
+        reading = step(desired, muscle, slip_by if k == slip_at else 0.0)
+        if controller is not None and synthesis is not None:
+            flexor, extensor = acting.amplitude[k]
+            samples = synthesis.period(k, (extensor, flexor), (reading[6] - velocity) / period)
+    table = np.array([*readings, reading])
+    truth = KneeTruth(
+        orthosis_position=table[:-1, 3],
+        orthosis_velocity=table[:-1, 4],
+        limb_position=table[:-1, 5],
+        limb_velocity=table[:-1, 6],
+        strap_torque=table[:-1, 7],
+        spring_torque=table[:-1, 8],
+        muscle_torque=np.array(acting.torque) if acting else np.zeros(n),
+        motor_torque=table[1:, 9],
+        excitation=np.array(acting.excitation) if acting else np.zeros((n, 2)),
+        slip=np.array(slips),
+    )
+    emg = None
+    if synthesis is not None:
+        emg = synthesis.whole(np.array(acting.amplitude)[:, ::-1], np.diff(table[:, 6]) / period)
+    return KneeTaken(
+        trial,
+        wearer,
+        np.arange(n) * period,
+        _rolled(table[:-1, 0], trial.faults.encoder_turn),
+        table[:-1, 1],
+        table[:-1, 2],
+        np.clip(commands, -rig["actuator"]["torque_limit"], rig["actuator"]["torque_limit"]),
+        synthesis.time if synthesis else None,
+        emg,
+        synthesis.quantum if synthesis else 0.0,
+        _imu(rig, wearer, trial, table, session, of_imu),
+        truth,
+    )
+
+
+def _slip(trial: KneeTrial, period: float) -> tuple[int, float]:
+    if trial.faults.slip is None:
+        return -1, 0.0
+    return round(trial.faults.slip[0] / period), trial.faults.slip[1]
+
+
+def _rolled(position: np.ndarray, turn: float | None) -> np.ndarray:
+    if turn is None:
+        return position
+    return np.mod(position + turn + np.pi, 2.0 * np.pi) - np.pi
+
+
+def _imu(
+    rig: KneeRig,
+    wearer: Wearer | None,
+    trial: KneeTrial,
+    table: np.ndarray,
+    session: Session,
+    rng: np.random.Generator,
+) -> ImuTaken | None:
+    if trial.imu is None or (trial.imu == "ankle" and wearer is None):
+        return None
+    angle, velocity = (5, 6) if trial.imu == "ankle" else (3, 4)
+    subject = wearer.subject if trial.imu == "ankle" else None
+    return take_imu(
+        rig, subject, table[:-1, angle], table[:-1, velocity], session, rng, dropout=trial.faults.imu_dropout
+    )

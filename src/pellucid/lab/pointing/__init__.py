@@ -1,0 +1,1 @@
+"""Virtual people who point at targets, free and in an exoskeleton."""

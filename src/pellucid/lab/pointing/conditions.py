@@ -1,0 +1,189 @@
+"""Conditions of the pointing experiment: laws built from what an identification of the robot finds, and nothing else.
+
+The exponents of equation 8 are chosen as the paper did, by five people who take no other part: here by the smallest
+interaction torque, which contains both the resistance and the shaking that the paper's people were asked about.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+
+import numpy as np
+
+from ...controllers.elbow_laws import (
+    ElbowLaw,
+    full_compensation,
+    partial_compensation,
+    position_control,
+    transparent,
+    with_force_sensor,
+)
+from ...identification.slider.identify_slider import fit_slider
+from ...identification.slider.save_slider import slider_card
+from ...models.slider_card import SliderCard
+from ...signals.movements import MovementRule, Stretch, kinematics, movements
+from ..elbow.protocol import trials
+from ..elbow.rig import ElbowRig
+from ..elbow.study import record_in_memory
+from .people import Person, PointingRig, draw_people
+from .session import Session, point_all
+from .study import CONTROL
+
+EXPONENTS = (-2.0, -1.5, -1.0, -0.5, 0.0, 0.5, 1.0)
+"""Of equation 8, from which each direction's is chosen."""
+
+TUNERS = 5
+"""People who choose them, and take no other part."""
+
+TUNING_SEED = 900
+
+Cards = Mapping[str, SliderCard]
+
+
+SENSED_BODY: Mapping[str, float] = {
+    "friction_share": 0.5,
+    "inertia_share": 0.0,
+    "velocity_width": 0.05,
+    "bandwidth": 90.0,
+}
+"""What of the body is compensated where a force sensor sees to the rest. Chosen, as the other gains of `own_laws` were,
+by the smallest interaction torque of five people on three robots that are not those it is judged on."""
+
+
+def identified_cards(robot: ElbowRig, *, seed: int = 1) -> Cards:
+    """What an identification of a robot finds, as cards by method.
+
+    Parameters
+    ----------
+    robot : ElbowRig
+    seed : int
+        Of its recordings' noise.
+
+    Returns
+    -------
+    mapping of str to SliderCard
+    """
+    protocols = ("constant_velocity", "swept_sine", "slow")
+    made = tuple(trial for trial in trials(robot) if trial.protocol in protocols)
+    config, recordings, _ = record_in_memory(robot, made, seed=seed)
+    fit = fit_slider(config, recordings)
+    return {method: slider_card(config, fit, estimate) for method, estimate in fit.estimates.items()}
+
+
+def published_laws(
+    cards: Cards, exponents: tuple[float, float]
+) -> dict[str, Callable[[Person, float], ElbowLaw] | None]:
+    """The paper's four conditions.
+
+    Parameters
+    ----------
+    cards : mapping
+        By method.
+    exponents : tuple of float
+        Of equation 8, upwards and downwards.
+
+    Returns
+    -------
+    dict
+        By condition, as `record_pointing` takes them.
+    """
+    return {
+        CONTROL: None,
+        "FC": lambda person, place: full_compensation(cards["dissociated"], place, exponents=exponents),
+        "PCFr": lambda person, place: partial_compensation(cards["dissociated"], place, exponents=exponents),
+        "CLPC": lambda person, place: position_control(cards["pooled"], place),
+    }
+
+
+def own_laws(cards: Cards) -> dict[str, Callable[[Person, float], ElbowLaw]]:
+    """The toolkit's best laws, without and with a force sensor.
+
+    Parameters
+    ----------
+    cards : mapping
+        By method.
+
+    Returns
+    -------
+    dict
+        By condition.
+    """
+    return {
+        "best": lambda person, place: transparent(cards["load"], place),
+        "best_sensed": lambda person, place: with_force_sensor(transparent(cards["load"], place, **SENSED_BODY)),
+    }
+
+
+def interaction_rms(session: Session, direction: int = 0) -> float:
+    """Interaction torque during the movements of a session: RMS of each, mean over them [N*m].
+
+    Parameters
+    ----------
+    session : Session
+    direction : int
+        1 upwards, -1 downwards, 0 both.
+
+    Returns
+    -------
+    float
+    """
+    found = []
+    rule = MovementRule()
+    seconds = np.arange(len(session.target)) / session.fs
+    motion = kinematics(seconds, session.signals["position"], rule)
+    stretches = [Stretch(m.begin / session.fs, m.end / session.fs, m.amplitude) for m in session.movements]
+    for one in movements(motion, stretches, rule)[0]:
+        if direction in (0, one.direction):
+            part = slice(one.first, one.last + 1)
+            found.append(np.sqrt(np.mean(session.signals["interaction"][part] ** 2)))
+    return float(np.mean(found))
+
+
+def chosen_exponents(
+    rig: PointingRig, cards: Cards, *, seed: int = TUNING_SEED, threads: int = 1
+) -> tuple[tuple[float, float], dict[float, tuple[float, float]]]:
+    """k of equation 8 in either direction: the one with the smallest interaction torque, over five people.
+
+    Parameters
+    ----------
+    rig : PointingRig
+    cards : mapping
+    seed : int
+    threads : int
+
+    Returns
+    -------
+    exponents : tuple of float
+        Upwards and downwards.
+    torques : dict of float to tuple of float
+        By k, RMS upwards and downwards [N*m].
+    """
+    people = draw_people(rig, np.random.default_rng(seed), count=TUNERS)
+    lifts = np.deg2rad(rig["pointing"]["amplitudes"])
+    torques = {}
+    for k in EXPONENTS:
+        jobs = []
+        for person, rng in zip(people, np.random.default_rng(seed).spawn(TUNERS), strict=True):
+            law = full_compensation(cards["dissociated"], person.slider(rig), exponents=(k, k))
+            jobs.append((rig, person, "FC", law, rng, lifts))
+        sessions = point_all(jobs, threads=threads)
+        torques[k] = tuple(float(np.mean([interaction_rms(s, d) for s in sessions])) for d in (1, -1))
+    return tuple(min(EXPONENTS, key=lambda k: torques[k][i]) for i in (0, 1)), torques
+
+
+def study_conditions(rig: PointingRig, *, seed: int = 1) -> dict[str, Callable[[Person, float], ElbowLaw] | None]:
+    """The paper's four conditions on a robot that is identified for them.
+
+    Parameters
+    ----------
+    rig : PointingRig
+    seed : int
+        Of the identification's recordings.
+
+    Returns
+    -------
+    dict
+        By condition.
+    """
+    cards = identified_cards(rig.robot, seed=seed)
+    return published_laws(cards, chosen_exponents(rig, cards, threads=2)[0])

@@ -1,0 +1,261 @@
+"""The pointing experiment: every person, every condition, movement by movement, on the core's model of both."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from ... import _core
+from ...models.simulate import substeps_for
+from .load_learning import felt, learnt
+from .movement_choice import preferred_duration
+from .people import Person, PointingRig
+
+SIGNALS = ("position", "velocity", "acceleration", "encoder", "interaction", "command", "flexor", "extensor", "link")
+"""What a movement returns, in the core's order: the forearm's motion (rad, s), the robot's encoder [rad], torque of the
+wearer on the robot and of the law [N*m], excitations [1], and the robot's velocity [rad/s]."""
+
+NOISE = 5.0  # s: of noise that is drawn for a movement; one that takes longer hears it again
+FELT_EVERY = 10  # periods: what is felt is remembered a hundred times a second
+
+
+class Law(Protocol):
+    """How the robot is driven, as the core takes it.
+
+    Attributes
+    ----------
+    kind : str
+        "position_prediction", "directional" or "transparent"; "none" is a robot without power.
+    parameters : ndarray, shape (k,)
+        SI, in the core's order.
+    sensed, emg : bool
+        Whether it is given a force sensor, or EMG.
+    """
+
+    kind: str
+    parameters: np.ndarray | None
+    sensed: bool
+    emg: bool
+
+
+@dataclass(frozen=True)
+class Unpowered:
+    """A robot that is worn while its motor is off."""
+
+    kind: str = "none"
+    parameters: np.ndarray | None = None
+    sensed: bool = False
+    emg: bool = False
+
+
+@dataclass(frozen=True)
+class Movement:
+    """One movement that was made.
+
+    Parameters
+    ----------
+    amplitude : float
+        Signed [rad]; positive lifts.
+    target : float
+        [rad]
+    duration : float
+        Of the primary movement, as chosen [s].
+    begin, end : int
+        Samples of the recording that are its: from the target's step on, and until the next.
+    expected : ndarray, shape (5,)
+        What the load was expected to be, in the order of `load_learning.LOADS`.
+    """
+
+    amplitude: float
+    target: float
+    duration: float
+    begin: int
+    end: int
+    expected: np.ndarray
+
+
+@dataclass(frozen=True)
+class Session:
+    """One person in one condition, without its pauses.
+
+    Parameters
+    ----------
+    person : Person
+    condition : str
+    fs : float
+        [Hz]
+    target : ndarray, shape (n,)
+        [rad]
+    signals : dict of str to ndarray, shape (n,)
+        By `SIGNALS`.
+    movements : tuple of Movement
+    fault : str
+        Of the law's gate, at the end.
+    """
+
+    person: Person
+    condition: str
+    fs: float
+    target: np.ndarray
+    signals: dict[str, np.ndarray]
+    movements: tuple[Movement, ...]
+    fault: str
+
+
+def targets(rig: PointingRig, rng: np.random.Generator) -> np.ndarray:
+    """Amplitudes of the upward movements of one condition in random order, shape (n,) [rad]; each comes down again."""
+    pointing = rig["pointing"]
+    return np.deg2rad(rng.permutation(np.repeat(pointing["amplitudes"], pointing["repetitions"])))
+
+
+def point(
+    rig: PointingRig,
+    person: Person,
+    condition: str,
+    law: Law | None,
+    rng: np.random.Generator,
+    lifts: np.ndarray | None = None,
+) -> Session:
+    """One person makes the movements of one condition.
+
+    Parameters
+    ----------
+    rig : PointingRig
+    person : Person
+    condition : str
+        A name; nothing depends on it.
+    law : Law or None
+        Of the robot; None: it is not worn.
+    rng : numpy.random.Generator
+        Draws the order of targets, what differs from movement to movement, and all noise.
+    lifts : ndarray, shape (n,), optional
+        Amplitudes of the upward movements [rad]; `targets` if left out.
+
+    Returns
+    -------
+    Session
+    """
+    pointing, planning, choice = rig["pointing"], rig["planning"], rig["choice"]
+    vector, fs = person.vector(rig), 1.0 / rig.period
+    reference, width = pointing["reference"], planning["sign_width"]
+    lifts = targets(rig, rng) if lifts is None else np.asarray(lifts, float)
+    expected, own = np.zeros(5), person.forearm.inertia
+    arm = _worn(rig, person, vector, law, reference, rng)
+    most, drawn = round(pointing["longest"] * fs), round(NOISE * fs)
+    sensor = rig["force_sensor"]
+    offset = sensor["offset"] * rng.standard_normal()
+    drift = sensor["drift"] * rng.standard_normal()
+    noise_scale = np.array([1.0, 1.0, rig.robot["encoder"]["noise"], 1.0, 1.0])
+    taken, movements, goals, now, here = [], [], [], 0, reference
+    for lift in lifts:
+        for goal in (reference + lift, reference):
+            amplitude = goal - here
+            dynamics = (
+                own + max(expected[0], 0.0),
+                rig["arm"]["viscous"] + max(expected[1], 0.0),
+                max(expected[2], 0.0),
+            )
+            duration = preferred_duration(amplitude, dynamics, person.reward, choice, width)
+            duration *= float(np.exp(planning["pace_spread"] * rng.standard_normal()))
+            reach = planning["reach"] + planning["reach_spread"] * rng.standard_normal()
+            reaction = max(planning["reaction"][0] + planning["reaction"][1] * rng.standard_normal(), 0.12)
+            error = None
+            if law is not None and law.sensed:
+                time = (now + np.arange(drawn)) / fs
+                error = offset + drift * time + sensor["noise"] * rng.standard_normal(drawn)
+            moved = arm.move(
+                target=goal,
+                amplitude=reach * amplitude,
+                duration=duration,
+                reaction=reaction,
+                load=expected,
+                tolerance=pointing["tolerance"],
+                hold=pointing["hold"],
+                noise=noise_scale * rng.standard_normal((drawn, 5)),
+                longest=most,
+                sensor_error=error,
+                emg=law is not None and law.emg,
+            )
+            n = len(moved[0])
+            movements.append(Movement(amplitude, goal, duration, now, now + n, expected))
+            taken.append(moved)
+            goals.append(np.full(n, goal))
+            now, here = now + n, goal
+            if law is not None:
+                q, v, a, load = (moved[i][::FELT_EVERY] for i in (0, 1, 2, 4))
+                expected = learnt(expected, felt(q, v, a, width), load, rig["learning"])
+    signals = {name: np.concatenate([one[i] for one in taken]) for i, name in enumerate(SIGNALS)}
+    return Session(person, condition, fs, np.concatenate(goals), signals, tuple(movements), arm.fault)
+
+
+def hold_still(rig: PointingRig, person: Person, law: Law, *, lift: float = 0.4) -> float:
+    """Fastest that a worn robot still moves two seconds after a movement, without noise and without corrections.
+
+    Parameters
+    ----------
+    rig : PointingRig
+    person : Person
+    law : Law
+    lift : float
+        Of the movement [rad].
+
+    Returns
+    -------
+    float
+        [rad/s]; 0 to the bit where friction holds the robot, a limit cycle where it is not small.
+    """
+    vector = person.vector(rig)
+    vector[_core.REACHING_PARAMETER_NAMES.index("tolerance")] = 1e3
+    reference, fs = rig["pointing"]["reference"], 1.0 / rig.period
+    arm = _worn(rig, person, vector, law, reference, np.random.default_rng(0))
+    n = round(4.0 * fs)
+    moved = arm.move(
+        target=reference + lift, amplitude=lift, duration=0.8, reaction=0.2, load=np.zeros(5), tolerance=0.0,
+        hold=1e9, noise=np.zeros((n, 5)), longest=n, sensor_error=np.zeros(n) if law.sensed else None, emg=law.emg,
+    )  # fmt: skip
+    return float(np.abs(moved[SIGNALS.index("link")][-round(fs) :]).max())
+
+
+def _worn(
+    rig: PointingRig, person: Person, vector: np.ndarray, law: Law | None, position: float, rng: np.random.Generator
+) -> _core.WornElbow:
+    robot, motor = rig.robot, rig.robot["motor"]
+    drive = [robot.gain, motor["current_limit"], motor["ripple_amplitude"], motor["ripple_wave_number"], robot.quantum]
+    return _core.WornElbow(
+        vector,
+        np.zeros(5),
+        position0=position,
+        robot=None if law is None else robot.plant(person.slider(rig)),
+        strap=[rig["robot"]["strap_stiffness"], rig["robot"]["strap_damping"]],
+        drive=drive,
+        law="none" if law is None else law.kind,
+        law_parameters=None if law is None else law.parameters,
+        emg_gains=1.0 + 0.1 * rng.standard_normal(2),
+        substeps=substeps_for(rig.period),
+        sensor_delay=round(rig["force_sensor"]["delay"] / rig.period),
+    )
+
+
+def point_all(jobs: Sequence[tuple], *, threads: int = 1) -> list[Session]:
+    """Several sessions, side by side: the core leaves Python alone while it moves arms.
+
+    Parameters
+    ----------
+    jobs : sequence of tuple
+        Arguments of `point`; each with a generator of its own.
+    threads : int
+
+    Returns
+    -------
+    list of Session
+        In the order of `jobs`.
+    """
+    if threads <= 1:
+        return [point(*job) for job in jobs]
+    from concurrent.futures import ThreadPoolExecutor
+
+    with ThreadPoolExecutor(threads) as pool:
+        return list(pool.map(lambda job: point(*job), jobs))

@@ -1,0 +1,1 @@
+"""A virtual knee robot on a seated person whose muscles have a truth."""

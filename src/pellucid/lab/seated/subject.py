@@ -1,0 +1,178 @@
+"""Somebody who sits in the virtual shank exoskeleton: body, muscles and nerves, drawn from the rig file's ranges."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from scipy.optimize import brentq
+
+from ...models.anthropometry import shank_length, winter
+from ...models.hill import HillMuscle
+from ...models.muscle_geometry import muscle_table
+from .muscles import VirtualMuscle, torque_at_rest
+from .rig import SeatedRig
+
+
+@dataclass(frozen=True)
+class SeatedSubject:
+    """Somebody who sits in the exoskeleton, SI.
+
+    Parameters
+    ----------
+    name, sex : str
+    age, height, weight, frequency : float
+        [years], [m], [kg], of their swings [Hz].
+    moment, inertia, ahead, viscous : float
+        Of shank and foot: mass times distance of the centre [kg m], about the knee [kg m^2], by how much the centre is
+        in front of the shank [rad], [N m s/rad].
+    stiffness : float
+        Of the shells on them [N m/rad].
+    rest, hip : float
+        Angles of the knee where the shank is vertical, and of the hip [rad].
+    extensors, flexors : tuple of VirtualMuscle
+    activation_time, deactivation_time, delay, shape : float
+        Of all muscles [s], [s], [s], [1].
+    cocontraction : float
+        [N m]
+    belief : float
+        By how much they count with a heavier body, a share.
+    maximal : float
+        Of full excitation, at most.
+    emg_gain : tuple of float
+        Of each electrode, and of what only leaks [V].
+    """
+
+    name: str
+    sex: str
+    age: float
+    height: float
+    weight: float
+    frequency: float
+    moment: float
+    inertia: float
+    ahead: float
+    viscous: float
+    stiffness: float
+    rest: float
+    hip: float
+    extensors: tuple[VirtualMuscle, ...] = field(repr=False)
+    flexors: tuple[VirtualMuscle, ...] = field(repr=False)
+    activation_time: float
+    deactivation_time: float
+    delay: float
+    shape: float
+    cocontraction: float
+    belief: float
+    maximal: float
+    emg_gain: tuple[float, ...]
+
+    @property
+    def muscles(self) -> tuple[VirtualMuscle, ...]:
+        """Extensors, then flexors."""
+        return (*self.extensors, *self.flexors)
+
+
+def subjects(rig: SeatedRig) -> dict[str, SeatedSubject]:
+    """Everybody in a rig, by name."""
+    return {name: draw_subject(rig, name) for name in rig["subjects"]}
+
+
+def draw_subject(rig: SeatedRig, name: str) -> SeatedSubject:
+    """What a subject is: the rig file's own numbers, and those drawn from its ranges; the same at every call.
+
+    Parameters
+    ----------
+    rig : SeatedRig
+    name : str
+
+    Returns
+    -------
+    SeatedSubject
+    """
+    said, limb, muscles, wearer = (rig["subjects"][name], rig["limb"], rig["muscles"], rig["wearer"])
+    body, nerves, strange = np.random.default_rng([rig["difference"]["seed"], *name.encode()]).spawn(3)
+
+    def within(rng: np.random.Generator, limits: list[float]) -> float:
+        return float(rng.uniform(*limits))
+
+    usual = winter(said["weight"], shank_length(said["height"]))
+    gyration = np.sqrt(usual.inertia / usual.mass - usual.centre**2)
+    mass, centre, gyration = (
+        float(value * (1.0 + limb["spread"] * body.standard_normal())) for value in (usual.mass, usual.centre, gyration)
+    )
+    rest, hip = within(body, rig["posture"]["rest"]), within(body, rig["posture"]["hip"])
+    size = said["height"] / muscles["model_height"]
+    force = (said["weight"] / muscles["model_mass"]) ** (2.0 / 3.0)
+    strain, shift = within(strange, muscles["tendon_strain"]), within(strange, muscles["length_shift"])
+    extensors = [_muscle(rig, m, strange, size, force, strain, shift) for m in muscles["extensors"]]
+    flexors = [_muscle(rig, m, strange, size, force, strain, shift) for m in muscles["flexors"]]
+    wanted = within(strange, muscles["passive_at_rest"])
+    emg = rig["emg"]
+    gains = [emg["gain"][m] for m in emg["muscles"]] + list(emg["leak_gain"])
+    return SeatedSubject(
+        name=name,
+        sex=said["sex"],
+        age=said["age"],
+        height=said["height"],
+        weight=said["weight"],
+        frequency=said["frequency"],
+        moment=mass * centre,
+        inertia=mass * (centre**2 + gyration**2),
+        ahead=within(body, limb["ahead"]),
+        viscous=within(body, limb["viscous"]),
+        stiffness=within(body, rig["shells"]["stiffness"]),
+        rest=rest,
+        hip=hip,
+        extensors=tuple(_with_passive(extensors, wanted, hip, rest)),
+        flexors=tuple(_changed(m, passive_scale=muscles["passive_flexors"]) for m in flexors),
+        activation_time=within(nerves, muscles["activation_time"]),
+        deactivation_time=within(nerves, muscles["deactivation_time"]),
+        delay=within(nerves, muscles["delay"]),
+        shape=within(nerves, muscles["shape"]),
+        cocontraction=within(nerves, wearer["cocontraction"]),
+        belief=float(wearer["belief"] * nerves.standard_normal()),
+        maximal=within(nerves, wearer["maximal"]),
+        emg_gain=tuple(float(g * np.exp(emg["gain_spread"] * nerves.standard_normal())) for g in gains),
+    )
+
+
+def _muscle(rig, name, rng, size, force, strain, shift) -> VirtualMuscle:
+    """A muscle with every constant off by a drawn share of either sign."""
+    muscles, off = rig["muscles"], rig["difference"]
+    usual = muscle_table().constants[name]
+
+    def error() -> float:
+        return float(rng.choice([-1.0, 1.0]) * rng.uniform(off["low"], off["high"]))
+
+    fibre = size * usual.optimal_fibre_length
+    constants = HillMuscle(
+        name,
+        optimal_fibre_length=fibre * (1.0 + error()),
+        tendon_slack_length=size * usual.tendon_slack_length + fibre * error(),
+        max_isometric_force=force * usual.max_isometric_force * (1.0 + error()),
+        pennation=usual.pennation * (1.0 + error()),
+        optimal_length_shift=shift,
+        max_velocity=usual.max_velocity * (1.0 + error()),
+        force_length_width=usual.force_length_width * (1.0 + error()),
+        damping=muscles["fibre_damping"],
+        passive_strain=muscles["passive_strain"],
+    )
+    return VirtualMuscle(constants, strain, muscles["sharing"][name] * (1.0 + error()), size, 1.0 + error())
+
+
+def _changed(muscle: VirtualMuscle, **values: float) -> VirtualMuscle:
+    return replace(muscle, constants=replace(muscle.constants, **values))
+
+
+def _with_passive(group: list[VirtualMuscle], wanted: float, hip: float, rest: float) -> list[VirtualMuscle]:
+    """The extensors with the passive force that pulls `wanted` [N m] where the shank hangs."""
+
+    def excess(scale: float) -> float:
+        return torque_at_rest([_changed(m, passive_scale=scale) for m in group], 0.0, hip, rest) - wanted
+
+    low, high = 1e-4, 1.0
+    if excess(high) < 0.0:
+        return [_changed(m, passive_scale=high) for m in group]
+    scale = brentq(excess, low, high, xtol=1e-6) if excess(low) < 0.0 else low
+    return [_changed(m, passive_scale=scale) for m in group]

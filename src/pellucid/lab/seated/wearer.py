@@ -1,0 +1,224 @@
+"""What somebody in the virtual shank exoskeleton wants, and what their nerves send to make the leg do it.
+
+A plan counts with the leg's weight, inertia and tissue and some of the machine's friction, and goes out as much earlier
+as muscles are late; what the plan misses, a spring and a damper of the mind correct, a reflex later. Moving muscles are
+known to be weaker while they shorten. Torque is shared among synergists by fixed weights that wander, and bent by what
+activation makes of excitation.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ... import _core
+from ...models.joint import GRAVITY
+from ..knee.wearer import wander
+from ..virtual_joint import noise
+from .muscles import DriveMap
+from .rig import SeatedRig
+from .subject import SeatedSubject
+
+
+def swing_path(rig: SeatedRig, subject: SeatedSubject, n: int, rng: np.random.Generator) -> np.ndarray:
+    """Positions that a swinging subject means to go through; it begins hanging.
+
+    Parameters
+    ----------
+    rig : SeatedRig
+    subject : SeatedSubject
+    n : int
+        Periods.
+    rng : numpy.random.Generator
+
+    Returns
+    -------
+    ndarray, shape (n,)
+        [rad]
+    """
+    swing, fs = rig["swing"], rig["instruments"]["rate"]
+    pace, forward, backward = (wander(n, swing["memory"], fs, rng) for _ in range(3))
+    frequency = subject.frequency * (1.0 + swing["pace"] * (2.0 * pace - 1.0))
+    front = swing["forward"][0] + np.diff(swing["forward"]) * forward
+    back = swing["backward"][0] + np.diff(swing["backward"]) * backward
+    phase = 2.0 * np.pi * np.cumsum(frequency) / fs
+    begin = np.clip(np.arange(n) / (2.0 * fs), 0.0, 1.0)
+    middle, size = 0.5 * (front - back), 0.5 * (front + back)
+    return (middle + size * np.sin(phase)) * begin**2 * (3.0 - 2.0 * begin)
+
+
+class Nerves:
+    """Excitations of all muscles, period by period, and the activations they become.
+
+    Parameters
+    ----------
+    rig : SeatedRig
+    subject : SeatedSubject
+    n : int
+        Periods.
+    path : ndarray, shape (n,), or None
+        Positions to go through [rad]; None: relaxed.
+    start : float
+        Position at the beginning [rad].
+    rng : numpy.random.Generator
+    """
+
+    def __init__(
+        self,
+        rig: SeatedRig,
+        subject: SeatedSubject,
+        n: int,
+        path: np.ndarray | None,
+        start: float,
+        rng: np.random.Generator,
+    ) -> None:
+        self._subject, self._period = subject, rig.period
+        fs, muscles, wearer = rig["instruments"]["rate"], rig["muscles"], rig["wearer"]
+        count = len(subject.muscles)
+        shares = np.array([m.share for m in subject.muscles])
+        unseen = noise((count, n), muscles["unseen"], muscles["unseen_memory"], fs, rng)
+        self._share = (shares[:, None] * np.maximum(1.0 + unseen, 0.1)).T
+        waver = noise((count, n), muscles["variability"], muscles["variability_memory"], fs, rng)
+        self._waver = np.maximum(1.0 + waver, 0.0).T
+        idle = noise((count, n), wearer["spontaneous"], wearer["spontaneous_memory"], fs, rng)
+        self._idle = np.abs(idle).T
+        self.late = max(1, round(subject.delay * fs))
+        self._reflex = max(1, round(wearer["reflex_delay"] * fs))
+        self._stiffness, self._damping = wearer["stiffness"], wearer["damping"]
+        self._extending = len(subject.extensors)
+        self.excitation = np.zeros((n, count))
+        self.activation = np.zeros((n + self.late, count))
+        self._positions, self._velocities = [start] * self._reflex, [0.0] * self._reflex
+        self._path = None
+        if path is not None:
+            self._extensors = DriveMap(subject.extensors, subject.hip, subject.rest)
+            self._flexors = DriveMap(subject.flexors, subject.hip, subject.rest)
+            self._weakening = wearer["weakening"]
+            ahead = self.late + round(wearer["activation_foresight"] * fs)
+            self._path, self._rate = path.tolist(), (np.gradient(path) * fs).tolist()
+            self._plan = np.append(self._planned(rig, path)[ahead:], np.full(ahead, 0.0)).tolist()
+            self._toward = np.append(path[ahead:], np.full(ahead, path[-1])).tolist()
+            self._moving = np.append(self._rate[ahead:], np.zeros(ahead)).tolist()
+
+    def _planned(self, rig: SeatedRig, path: np.ndarray) -> np.ndarray:
+        """Torque that the subject believes a path to take, shape (n,) [N m]."""
+        fs, subject, motor = rig["instruments"]["rate"], self._subject, rig["actuator"]
+        velocity = np.gradient(path) * fs
+        acceleration = np.gradient(velocity) * fs
+        sine, cosine = rig.exoskeleton_gravity
+        body = (subject.inertia + rig.exoskeleton_inertia) * acceleration
+        body += GRAVITY * subject.moment * np.sin(path - subject.ahead) + sine * np.sin(path) + cosine * np.cos(path)
+        dry = 0.5 * (motor["coulomb_positive"] + motor["coulomb_negative"]) * np.tanh(velocity / 0.2)
+        friction = dry + (motor["viscous"] + subject.viscous) * velocity
+        tissue = self._extensors.passive(subject.rest + path) - self._flexors.passive(subject.rest + path)
+        return (1.0 + subject.belief) * body + rig["wearer"]["friction_belief"] * friction - tissue
+
+    def step(self, k: int, position: float, velocity: float) -> list[float]:
+        """One period: what is felt goes in, the activations of this period come out.
+
+        Parameters
+        ----------
+        k : int
+        position, velocity : float
+            Of the shank [rad], [rad/s].
+
+        Returns
+        -------
+        list of float
+            A number per muscle [1].
+        """
+        self._positions.append(position)
+        self._velocities.append(velocity)
+        if self._path is None:
+            self.excitation[k] = self._idle[k]
+        else:
+            felt, speed = self._positions[k], self._velocities[k]
+            past = max(0, k - self._reflex)
+            wanted = self._plan[k]
+            wanted += self._stiffness * (self._path[past] - felt) + self._damping * (self._rate[past] - speed)
+            self._send(k, wanted)
+        if (k + 1) % self.late == 0:
+            self._arrive(k + 1 - self.late, k + 1)
+        return self.activation[k].tolist()
+
+    def _send(self, k: int, torque: float) -> None:
+        """Excite both groups so that `torque` [N m] is what is left of their pulling against each other."""
+        subject, both = self._subject, self._subject.cocontraction
+        # Groups hand over smoothly: each pulls a little when the other ends.
+        extend = 0.5 * (torque + (torque * torque + 0.25) ** 0.5) + both
+        knee, shortening = subject.rest + self._toward[k], self._weakening * self._moving[k]
+        drives = (
+            self._extensors.drive(extend / _force_velocity(-shortening), knee),
+            self._flexors.drive((extend - torque) / _force_velocity(shortening), knee),
+        )
+        drive = np.repeat(drives, (self._extending, len(subject.muscles) - self._extending)) * self._share[k]
+        bend = np.expm1(subject.shape)
+        excitation = np.log1p(np.clip(drive, 0.0, 1.0) * bend) / subject.shape
+        self.excitation[k] = np.clip(excitation * self._waver[k] + self._idle[k], 0.0, 1.0)
+
+    def _arrive(self, begin: int, end: int) -> None:
+        """Activations of later periods, from excitations that reach the muscles then."""
+        late = self.late
+        made = activations(self._subject, self.excitation[begin:end], self.activation[begin + late - 1], self._period)
+        self.activation[begin + late : end + late] = made
+
+
+def _force_velocity(velocity: float) -> float:
+    """What is left of a muscle's force at a velocity, lengthening positive, both relative; Hill's as in the core."""
+    if velocity > 0.0:
+        return (1.5 * velocity + 0.1) / (velocity + 0.1)
+    return max((1.0 + velocity) / (1.0 - 4.0 * velocity), 0.2)
+
+
+def activations(subject: SeatedSubject, excitation: np.ndarray, start: np.ndarray, period: float) -> np.ndarray:
+    """From excitations that have arrived at the muscles to activations.
+
+    Parameters
+    ----------
+    subject : SeatedSubject
+    excitation : ndarray, shape (n, muscles)
+        [1]
+    start : ndarray, shape (muscles,)
+        Activation before.
+    period : float
+        [s]
+
+    Returns
+    -------
+    ndarray, shape (n, muscles)
+    """
+    drive = np.expm1(subject.shape * np.clip(excitation, 0.0, 1.0)) / np.expm1(subject.shape)
+    made = [
+        _core.activation_dynamics(
+            column, period=period, activation_time=subject.activation_time,
+            deactivation_time=subject.deactivation_time, start=float(a),
+        )
+        for column, a in zip(np.ascontiguousarray(drive.T), start, strict=True)
+    ]  # fmt: skip
+    return np.array(made).T
+
+
+def maximal_excitation(rig: SeatedRig, subject: SeatedSubject, n: int, rng: np.random.Generator) -> np.ndarray:
+    """Excitations of somebody who extends twice with all their might against a clamp.
+
+    Parameters
+    ----------
+    rig : SeatedRig
+    subject : SeatedSubject
+    n : int
+        Periods.
+    rng : numpy.random.Generator
+
+    Returns
+    -------
+    ndarray, shape (n, muscles)
+        [1]
+    """
+    muscles, fs = rig["muscles"], rig["instruments"]["rate"]
+    t = np.arange(n) / n
+    shown = sum(np.clip(np.minimum(t - a, b - t) / 0.03, 0.0, 1.0) for a, b in ((0.12, 0.42), (0.60, 0.90)))
+    count, extending = len(subject.muscles), len(subject.extensors)
+    level = np.full(count, 0.08)
+    # In an attempt at the maximum every synergist is driven as much as it can be.
+    level[:extending] = subject.maximal * rng.uniform(0.96, 1.0, extending)
+    waver = 1.0 + noise((count, n), muscles["variability"], muscles["variability_memory"], fs, rng)
+    return np.clip(shown[:, None] * level * waver.T, 0.0, 1.0)

@@ -1,0 +1,1 @@
+"""The ABLE elbow exoskeleton: direction-dependent identification, and how transparent its laws are."""

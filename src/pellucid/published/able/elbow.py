@@ -1,0 +1,240 @@
+r"""An exoskeleton's elbow as its paper prints it: Table II evaluated, and nothing corrected.
+
+Eq. 3 and 4 of the paper, with one set of numbers for each direction of motion:
+
+.. math::
+   \tau &= g\,(m x(s) \cos q_4 + m y \sin q_4) + \nu \dot q_4 + J(s)\,\ddot q_4 + \tau_C\,\mathrm{sign}\,\dot q_4 \\
+   m x(s) &= c_1 s + c_0, \qquad J(s) = a_0 + a_1 s + a_2 s^2, \qquad k_t\,i = \tau / r_4
+
+s is the slider's position. The numbers do not describe a joint that can exist (`able_coherence.inconsistencies`,
+``docs/errata.md``): this model is for comparing with the paper, never a plant or a compensation.
+
+The paper measures the angle from the horizontal; the rest of Pellucid from hanging. `published_angle` converts.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..._errors import PellucidError
+from ...models.joint import GRAVITY
+from ..printed import printed
+
+DIRECTIONS = ("down", "static", "up")
+
+
+@dataclass(frozen=True)
+class DirectionSet:
+    """The parameters of one direction; None where the table is empty.
+
+    Parameters
+    ----------
+    m_x_slope : float
+        c_1: first moment along the forearm per metre of slider [kg].
+    m_x_offset : float
+        c_0 [kg*m].
+    m_y : float
+        First moment across the forearm [kg*m].
+    adherence, coulomb : float or None
+        [N*m]; at rest, and in motion.
+    viscous : float or None
+        [N*m*s/rad]; the paper prints another unit.
+    inertia : tuple of float or None
+        a_0 [kg*m^2], a_1 [kg*m], a_2 [kg].
+    """
+
+    m_x_slope: float
+    m_x_offset: float
+    m_y: float
+    adherence: float | None = None
+    coulomb: float | None = None
+    viscous: float | None = None
+    inertia: tuple[float, float, float] | None = None
+
+
+@dataclass(frozen=True)
+class PublishedElbow:
+    """A direction-dependent elbow with a slider, in the paper's own angle: 0 is horizontal [rad].
+
+    Parameters
+    ----------
+    source : str
+        Where its numbers are printed.
+    sets : mapping of str to DirectionSet
+        By direction, one of `DIRECTIONS`.
+    """
+
+    source: str
+    sets: Mapping[str, DirectionSet]
+
+    def direction(self, name: str) -> DirectionSet:
+        """The set of a direction.
+
+        Raises
+        ------
+        PellucidError
+            If it is none of "down", "static", "up".
+        """
+        if name not in self.sets:
+            raise PellucidError(f"direction {name!r}; expected one of {', '.join(self.sets)}")
+        return self.sets[name]
+
+    def first_moment(self, direction: str, slider: float | np.ndarray) -> float | np.ndarray:
+        """m x(s) [kg*m], of the shape of `slider` [m]; `direction` is one of `DIRECTIONS`."""
+        found = self.direction(direction)
+        return found.m_x_slope * np.asarray(slider, float) + found.m_x_offset
+
+    def gravity(self, direction: str, slider: float | np.ndarray, angle: float | np.ndarray) -> float | np.ndarray:
+        """The gravity term, with the paper's plus sign before the sine.
+
+        Parameters
+        ----------
+        direction : str
+            One of `DIRECTIONS`.
+        slider : float or ndarray, any shape
+            [m].
+        angle : float or ndarray, of a shape that goes with the slider's
+            From the horizontal [rad].
+
+        Returns
+        -------
+        float or ndarray, of the shape both have together
+            Torque at the joint [N*m].
+        """
+        m_y = self.direction(direction).m_y
+        return GRAVITY * (self.first_moment(direction, slider) * np.cos(angle) + m_y * np.sin(angle))
+
+    def inertia(self, direction: str, slider: float | np.ndarray) -> float | np.ndarray:
+        """J(s), negative where the table makes it so.
+
+        Parameters
+        ----------
+        direction : {"down", "up"}
+        slider : float or ndarray, any shape
+            [m].
+
+        Returns
+        -------
+        float or ndarray, of the slider's shape
+            [kg*m^2].
+
+        Raises
+        ------
+        PellucidError
+            If the table gives no inertia for the direction.
+        """
+        found = self.direction(direction).inertia
+        if found is None:
+            raise PellucidError(f"{self.source} gives no inertia for direction {direction!r}")
+        slider = np.asarray(slider, float)
+        return found[0] + found[1] * slider + found[2] * slider**2
+
+    def friction(self, direction: str, velocity: float | np.ndarray) -> float | np.ndarray:
+        """Coulomb and viscous friction, or at rest the adherence as printed, sign included.
+
+        Parameters
+        ----------
+        direction : str
+            One of `DIRECTIONS`.
+        velocity : float or ndarray, any shape
+            [rad/s]; of no account at rest.
+
+        Returns
+        -------
+        float or ndarray, of the velocity's shape
+            [N*m].
+        """
+        found = self.direction(direction)
+        velocity = np.asarray(velocity, float)
+        if found.coulomb is None or found.viscous is None:
+            return np.full(velocity.shape, found.adherence if found.adherence is not None else 0.0)
+        return found.coulomb * np.sign(velocity) + found.viscous * velocity
+
+    def torque(
+        self,
+        direction: str,
+        slider: float | np.ndarray,
+        angle: float | np.ndarray,
+        velocity: float | np.ndarray,
+        acceleration: float | np.ndarray,
+    ) -> float | np.ndarray:
+        """Torque at the joint: gravity, friction, and but for the static set inertia.
+
+        Parameters
+        ----------
+        direction : str
+            One of `DIRECTIONS`.
+        slider, angle, velocity, acceleration : float or ndarray, of shapes that go together
+            [m], [rad] from the horizontal, [rad/s], [rad/s^2].
+
+        Returns
+        -------
+        float or ndarray, of the shape all have together
+            [N*m].
+        """
+        total = self.gravity(direction, slider, angle) + self.friction(direction, velocity)
+        if self.direction(direction).inertia is None:
+            return total
+        return total + self.inertia(direction, slider) * np.asarray(acceleration, float)
+
+    def current(self, torque: float | np.ndarray, *, torque_constant: float, reduction: float) -> float | np.ndarray:
+        """Motor current for a torque at the joint; the paper gives neither constant, so neither has a default.
+
+        Parameters
+        ----------
+        torque : float or ndarray, any shape
+            At the joint [N*m].
+        torque_constant : float
+            k_t [N*m/A], > 0.
+        reduction : float
+            r_4, motor turns per turn of the joint, > 0.
+
+        Returns
+        -------
+        float or ndarray, of the torque's shape
+            [A].
+
+        Raises
+        ------
+        PellucidError
+            If a constant is not positive.
+        """
+        if not torque_constant > 0.0 or not reduction > 0.0:
+            raise PellucidError(f"torque constant {torque_constant}, reduction {reduction}: both must be positive")
+        return np.asarray(torque, float) / (torque_constant * reduction)
+
+
+def published_angle(position: float | np.ndarray) -> float | np.ndarray:
+    """The paper's angle for Pellucid's: both grow while the forearm rises, by eq. 2 with Y upward.
+
+    Parameters
+    ----------
+    position : float or ndarray, any shape
+        0 hangs along gravity, positive lifts [rad].
+
+    Returns
+    -------
+    float or ndarray, of the same shape
+        0 is horizontal [rad].
+    """
+    return np.asarray(position, float) - 0.5 * np.pi
+
+
+def direction_of(velocity: float) -> str:
+    """Which set the paper's switch takes at a velocity [rad/s], with positive upward: there is no band around zero."""
+    return "up" if velocity > 0.0 else "down" if velocity < 0.0 else "static"
+
+
+def able_elbow() -> PublishedElbow:
+    """Table II of the paper ``able``."""
+    paper = printed("able")
+    table = paper.tables["elbow"]
+    sets = {}
+    for name in DIRECTIONS:
+        cells = {column: cell.value for column, cell in table[name].items()}
+        inertia = tuple(cells.pop(a) for a in ("a0", "a1", "a2")) if "a0" in cells else None
+        sets[name] = DirectionSet(**cells, inertia=inertia)
+    return PublishedElbow(f"{paper.authors}, {paper.journal} {paper.year}, {table.where}", sets)

@@ -1,0 +1,1 @@
+"""The three-step calibration of a Hill model from EMG."""

@@ -1,0 +1,283 @@
+"""What the thesis left for later: the residual impedance of a worn orthosis cancelled, beside the alternatives.
+
+A wearer is recorded and identified, every controller is built from the cards and from constants chosen on other
+wearers, and all of them go through the same swings. The truth is used to judge alone.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..._errors import PellucidError
+from ...lab.knee.drawn import drawn_rig
+from ...lab.knee.instruments import Session
+from ...lab.knee.protocol import Faults
+from ...lab.knee.rig import KneeRig, changed
+from ...lab.knee.study import sessions_of
+from ...lab.knee.trial import Controller
+from .cards import Identified, WearerCard, identify_wearer_of, mistaken, weakened
+from .controllers import NAMES, Built, Chosen, chosen, controllers
+from .swings import driven_back, holds_margins, root_mean_square, swing, without_control
+
+TUNING, FRESH = tuple(range(101, 107)), tuple(range(201, 207))
+"""Seeds of drawn wearers: on whom constants were chosen, and on whom they were judged."""
+
+SWINGS, DURATION = (31, 32, 33), 20.0
+"""Seeds of the judged swings, and how long one lasts [s]."""
+
+REPRODUCED = ("S1", "S2", "S3", f"D{FRESH[0]}")
+"""Who is judged in a reproduction, whose time is short; the others are judged by `main` of `residual_rows`."""
+
+RECORDED = 5
+"""Seed of the recordings that the rig's own subjects are identified from; a drawn wearer's is their own."""
+
+
+@dataclass(frozen=True)
+class ControllerRow:
+    """One controller on one wearer, in one swing.
+
+    Attributes
+    ----------
+    controller : str
+        Of `NAMES`.
+    subject : str
+    seed : int
+        Of the swing.
+    mismatch : float
+        RMS of the angle between limb and orthosis [rad].
+    strap_torque : float
+        RMS of the interaction torque [N m].
+    ratio : float
+        Of that to zero-impedance mode alone, on the same swing [1].
+    gain_db, delay : float or None
+        Smallest margins with the strap as identified and 30 % off [dB], [s], infinite beyond 40 dB and 100 ms; None
+        where the controller has no linear form.
+    holds : bool or None
+        Whether, in the simulation, neither twice the command nor one 20 ms late makes a relaxed leg or a swing sway;
+        None where it was not tried.
+    fault : str
+        Of its gate at the end.
+    """
+
+    controller: str
+    subject: str
+    seed: int
+    mismatch: float
+    strap_torque: float
+    ratio: float
+    gain_db: float | None = None
+    delay: float | None = None
+    holds: bool | None = None
+    fault: str = "none"
+
+
+def session_of(identified: Identified) -> Session:
+    """How the instruments sat while a wearer was identified: electrodes stay on for the swings."""
+    return sessions_of(identified.rig, identified.seed)[identified.name]
+
+
+def compare(
+    identified: Identified,
+    seeds: Sequence[int] = SWINGS,
+    *,
+    only: Sequence[str] = tuple(NAMES),
+    constants: Chosen | None = None,
+    card: WearerCard | None = None,
+    rig: KneeRig | None = None,
+    session: Session | None = None,
+    faults: Faults | None = None,
+    duration: float = DURATION,
+    stability: bool = True,
+) -> list[ControllerRow]:
+    """Controllers on one wearer, on the same swings.
+
+    Parameters
+    ----------
+    identified : Identified
+    seeds : sequence of int
+        One swing each.
+    only : sequence of str
+        Of `NAMES`.
+    constants : Chosen, optional
+        Those of the file if None.
+    card : WearerCard, optional
+        In place of the one identified.
+    rig : KneeRig, optional
+        In place of the one that was identified: something has changed since.
+    session : Session, optional
+        In place of electrodes that stay on.
+    faults : Faults, optional
+        What goes wrong in every swing.
+    duration : float
+        Of a swing [s].
+    stability : bool
+        Whether margins are computed and tried.
+
+    Returns
+    -------
+    list of ControllerRow
+        Seed by seed.
+    """
+    constants, rig = constants or chosen(), rig or identified.rig
+    card, session = card or identified.card(constants.emg), session or session_of(identified)
+    name, pace = identified.name, rig["swing"]
+    built = controllers(card, rig.period, (pace["centre"], np.pi * sum(pace["frequency"])), constants, only)
+    if "no_control" in only:
+        built["no_control"] = Built(lambda: None)
+    margins, held = {}, {}
+    plain = without_control(rig, name) if stability else None
+    for kind, one in built.items() if stability else ():
+        margins[kind] = one.margins() if one.margins else None
+        if kind not in ("zero_impedance", "no_control"):
+            held[kind] = holds_margins(rig, name, one.build, plain)
+    rows = []
+    for seed in seeds:
+
+        def judge(where: KneeRig, controller: Controller | None, seed: int = seed) -> tuple[float, float]:
+            taken = swing(where, name, seed, controller, duration=duration, session=session, faults=faults)
+            return root_mean_square(taken)
+
+        alone = judge(rig, None)
+        for kind, one in built.items():
+            controller = one.build()
+            if kind == "zero_impedance":
+                mismatch, torque = alone
+            else:
+                mismatch, torque = judge(driven_back(rig) if kind == "no_control" else rig, controller)
+            left = margins.get(kind)
+            gain, delay = (left.gain_db, left.delay) if left else (None, None)
+            fault = getattr(controller, "fault", "none")
+            rows.append(
+                ControllerRow(kind, name, seed, mismatch, torque, torque / alone[1], gain, delay, held.get(kind), fault)
+            )
+    return rows
+
+
+# ---------------------------------------------------------------------------------------------- who is judged, and how
+
+
+def wearer(rig: KneeRig, name: str) -> Identified:
+    """Record and identify one of the rig's own subjects, or a drawn wearer ``D<seed>``.
+
+    Parameters
+    ----------
+    rig : KneeRig
+    name : str
+
+    Returns
+    -------
+    Identified
+
+    Raises
+    ------
+    PellucidError
+        If there is nobody of that name, or they cannot be identified.
+    """
+    if name in rig.subjects:
+        return identify_wearer_of(rig, name, RECORDED)
+    if not (name.startswith("D") and name[1:].isdigit()):
+        raise PellucidError(f"found the wearer {name!r}, expected one of {', '.join(rig.subjects)} or D<seed>")
+    seed = int(name[1:])
+    return identify_wearer_of(drawn_rig(rig, seed), name, seed)
+
+
+def judge_wearer(rig: KneeRig, name: str, seeds: Sequence[int] = SWINGS[:2]) -> tuple[ControllerRow, ...]:
+    """Everything about one wearer, from recordings to rows.
+
+    Parameters
+    ----------
+    rig : KneeRig
+    name : str
+        As in `wearer`.
+    seeds : sequence of int
+        Of the swings.
+
+    Returns
+    -------
+    tuple of ControllerRow
+    """
+    return tuple(compare(wearer(rig, name), seeds))
+
+
+def changes(identified: Identified, card: WearerCard, duration: float) -> dict[str, dict]:
+    """What is not as it was identified, each as arguments of `compare`.
+
+    Parameters
+    ----------
+    identified : Identified
+    card : WearerCard
+        As identified.
+    duration : float
+        Of a swing [s].
+
+    Returns
+    -------
+    dict of str to dict
+    """
+    rig, half = identified.rig, duration / 2
+    muscles, foresight = rig["muscles"]["delay"], rig["wearer"]["foresight"]
+    anew = sessions_of(rig, identified.seed + 5000)[identified.name]
+    made: dict[str, dict] = {"nothing": {}}
+    for k, b in ((0.7, 0.7), (0.7, 1.3), (1.3, 0.7), (1.3, 1.3)):
+        made[f"strap taken for k x {k:g}, b x {b:g}"] = {"card": mistaken(card, strap_stiffness=k, strap_damping=b)}
+    for late in (-0.020, 0.020):
+        values = {"muscles.delay": muscles + late, "wearer.foresight": foresight + late}
+        made[f"EMG leads by {1e3 * late:+.0f} ms more"] = {"rig": changed(rig, values)}
+    for factor in (0.8, 1.25):
+        # A tired muscle sends more EMG for its torque, a drying electrode less.
+        made[f"EMG gain drifts to {factor:g}"] = {"card": weakened(card, {0: factor, 1: factor})}
+    made["electrodes put on anew"] = {"session": anew}
+    made["slack of 0.05 rad"] = {"rig": changed(rig, {"strap.slack": 0.05})}
+    made["slip of 0.1 rad in mid-swing"] = {"faults": Faults(slip=(half, 0.1))}
+    made["both electrodes off from mid-swing"] = {"faults": Faults(emg_detached={0: half, 1: half})}
+    return made
+
+
+def robustness(
+    identified: Identified,
+    seeds: Sequence[int] = SWINGS[:1],
+    *,
+    only: Sequence[str] = ("residual", "residual_strap_learnt", "residual_no_emg"),
+    constants: Chosen | None = None,
+    duration: float = DURATION,
+) -> dict[str, list[ControllerRow]]:
+    """The residual compensator where something is not as it was identified.
+
+    Parameters
+    ----------
+    identified, seeds, only, constants, duration
+        As `compare` takes them.
+
+    Returns
+    -------
+    dict of str to list of ControllerRow
+        By what has changed; "nothing" first.
+    """
+    constants = constants or chosen()
+    card = identified.card(constants.emg)
+    return {
+        what: compare(
+            identified, seeds, only=only, constants=constants, duration=duration, stability=False,
+            **{"card": card, **arguments},
+        )
+        for what, arguments in changes(identified, card, duration).items()
+    }  # fmt: skip
+
+
+def judge_changes(rig: KneeRig, name: str) -> dict[str, list[ControllerRow]]:
+    """`robustness` of one wearer, from recordings to rows.
+
+    Parameters
+    ----------
+    rig : KneeRig
+    name : str
+        As in `wearer`.
+
+    Returns
+    -------
+    dict of str to list of ControllerRow
+    """
+    return robustness(wearer(rig, name))
