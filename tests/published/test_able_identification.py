@@ -11,7 +11,7 @@ from pellucid.identification.slider.three_steps import all_at_once, three_steps
 from pellucid.lab.elbow import study as elbow_study
 from pellucid.lab.elbow.instruments import record
 from pellucid.lab.elbow.protocol import fitted_sliders, trials
-from pellucid.lab.elbow.rig import able_elbow, changed
+from pellucid.lab.elbow.rig import able_elbow
 from pellucid.models.energy import cycle_energy
 from pellucid.models.joint import GRAVITY
 from pellucid.recordings.study import open_study
@@ -224,7 +224,7 @@ def test_without_friction_all_models_are_one(rig):
     ]  # fmt: skip
     changes = {f"transmission.{name}": 0.0 for name in none}
     changes |= {"bearing.coulomb": 0.0, "bearing.viscous": 0.0, "motor.ripple_amplitude": 0.0}
-    ideal = changed(rig, "frictionless", changes)
+    ideal = rig.changed(changes, "frictionless")
     some = tuple(t for t in trials(ideal) if t.use == "fit")
     config, recordings, _ = elbow_study.record_in_memory(ideal, some, seed=2, threads=THREADS)
     fit = fit_slider(config, recordings)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 import re
 import time
-import tomllib
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -23,11 +22,12 @@ from .knee.study import write_knee_study
 from .pointing.people import KIND as PEOPLE
 from .pointing.people import parse_pointing_rig
 from .pointing.study import write_pointing_study
+from .rig_file import parse_tables
 from .seated.protocol import seated_trials
 from .seated.rig import KIND as SEATED
 from .seated.rig import parse_seated_rig
 from .seated.study import write_seated_study
-from .virtual_joint import VirtualJoint, parse_rig, write_study
+from .virtual_joint import parse_rig, write_study
 
 TRUTH_FILE = "lab/truth.json"
 
@@ -84,10 +84,7 @@ def simulate(
     if (folder / STUDY_FILE).exists() and not (folder / TRUTH_FILE).exists():
         raise StudyError(f"{folder}: found a study that was not simulated, which simulate would overwrite")
     text = path.read_text(encoding="utf-8")
-    try:
-        kind = tomllib.loads(text).get("kind")
-    except tomllib.TOMLDecodeError as error:
-        raise StudyError(f"{path}: not valid TOML: {error}") from error
+    kind = parse_tables(text, str(path)).get("kind")
     name = study_name(folder)
     begun = time.perf_counter()
     if kind == KIND:
@@ -118,7 +115,7 @@ def simulate(
         )
         joint_time = sum(float(recording.time[-1]) for recording in study.recordings())
     elif kind is None:
-        joint = _bench(text, path)
+        joint = parse_rig(text, name)
         tell("moving the virtual joint", 0.1)
         study = write_study(folder, joint, name=name, seed=seed)
         joint_time = joint.duration * len(study.config.recordings)
@@ -133,10 +130,3 @@ def simulate(
 def study_name(folder: Path) -> str:
     """A folder's name as a study's, with what such a name may not hold replaced by a hyphen."""
     return re.sub(r"[^A-Za-z0-9_-]+", "-", folder.absolute().name).lstrip("_-") or "study"
-
-
-def _bench(text: str, path: Path) -> VirtualJoint:
-    try:
-        return parse_rig(text)
-    except KeyError as error:
-        raise StudyError(f"{path}: found no {error.args[0]}, which a virtual joint needs") from error

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import tomllib
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -11,6 +10,7 @@ import numpy as np
 
 from .. import _core
 from .._atomic import write_text_atomically
+from .._errors import StudyError
 from ..models.joint import INDEX, NAMES
 from ..models.simulate import substeps_for
 from ..protocols.excitation import multisine, point_to_point
@@ -18,6 +18,19 @@ from ..recordings.recording import Channel
 from ..recordings.study import Study, open_study
 from ..recordings.writers import write_csv
 from .init import rig_text
+from .rig_file import checked_tables
+
+NEEDED = {
+    "": ("motion", "lifts"),
+    "joint": (),
+    "drive": ("torque_constant", "gear_ratio", "ripple_amplitude", "ripple_wave_number", "current_limit",
+              "current_noise", "current_noise_memory"),
+    "encoder": ("counts_per_turn", "noise"),
+    "loop": ("kind", "kp", "kv", "velocity_span"),
+    "motion_range": ("low", "high", "velocity", "acceleration"),
+    "sampling": ("rate", "duration"),
+}  # fmt: skip
+"""What a rig file must say, table by table; a constant of the joint that it leaves out is zero."""
 
 
 @dataclass(frozen=True)
@@ -71,16 +84,18 @@ class VirtualJoint:
 
 def bench_joint() -> VirtualJoint:
     """The joint of ``lab/rigs/bench-joint.toml``."""
-    return parse_rig(rig_text("bench-joint"))
+    return parse_rig(rig_text("bench-joint"), "bench-joint")
 
 
-def parse_rig(text: str) -> VirtualJoint:
+def parse_rig(text: str, name: str) -> VirtualJoint:
     """A virtual joint from the text of a rig file.
 
     Parameters
     ----------
     text : str
         TOML, SI units.
+    name : str
+        Of the rig.
 
     Returns
     -------
@@ -88,13 +103,14 @@ def parse_rig(text: str) -> VirtualJoint:
 
     Raises
     ------
-    KeyError
-        If a constant is missing.
+    StudyError
+        If the file is not TOML, lacks a table or a constant, or the joint has one that no joint has.
     """
-    table = tomllib.loads(text)
-    vector = np.zeros(len(NAMES))
-    for name, value in table["joint"].items():
-        vector[INDEX[name]] = value
+    table = checked_tables(text, name, None, NEEDED)
+    strange = [key for key in table["joint"] if key not in INDEX]
+    if strange:
+        raise StudyError(f"rig {name}: [joint] found {', '.join(strange)}, expected some of {', '.join(NAMES)}")
+    vector = np.array([table["joint"].get(key, 0.0) for key in NAMES], float)
     drive, encoder = table["drive"], table["encoder"]
     return VirtualJoint(
         vector=vector,

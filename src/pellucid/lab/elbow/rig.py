@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-import tomllib
-from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
 from ... import _core
-from ..._errors import StudyError
 from ...models.joint import GRAVITY
 from ..init import rig_text
+from ..rig_file import Rig, checked_tables
 
 NAMES: tuple[str, ...] = tuple(_core.GEARED_PARAMETER_NAMES)
 """The plant's parameters, in the core's order."""
@@ -40,22 +38,8 @@ NEEDED = {
 
 
 @dataclass(frozen=True)
-class ElbowRig:
-    """Everything the virtual elbow is made of: the tables of its rig file, SI.
-
-    Parameters
-    ----------
-    name : str
-        "able-elbow", or that of a drawn one.
-    tables : mapping of str to mapping
-        As in ``lab/rigs/able-elbow.toml``.
-    """
-
-    name: str
-    tables: Mapping[str, Mapping]
-
-    def __getitem__(self, table: str) -> Mapping:
-        return self.tables[table]
+class ElbowRig(Rig):
+    """The virtual elbow: the tables of a file like ``lab/rigs/able-elbow.toml``, or of a drawn one."""
 
     @property
     def gain(self) -> float:
@@ -153,46 +137,7 @@ def parse_elbow_rig(text: str, name: str) -> ElbowRig:
     StudyError
         If the file is not TOML, is of another kind, or lacks a table or a constant.
     """
-    try:
-        tables = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
-        raise StudyError(f"rig {name}: not valid TOML: {error}") from error
-    if tables.get("kind") != KIND:
-        raise StudyError(f'rig {name}: found kind = {tables.get("kind")!r}, expected "{KIND}"')
-    for table, keys in NEEDED.items():
-        missing = [key for key in keys if key not in tables.get(table, {})]
-        if missing:
-            raise StudyError(f"rig {name}: [{table}] lacks {', '.join(missing)}")
-    return ElbowRig(name, tables)
-
-
-def changed(rig: ElbowRig, name: str, values: Mapping[str, float]) -> ElbowRig:
-    """The same rig with some constants changed.
-
-    Parameters
-    ----------
-    rig : ElbowRig
-    name : str
-        Of the new rig.
-    values : mapping of str to float
-        By "table.key", SI.
-
-    Returns
-    -------
-    ElbowRig
-
-    Raises
-    ------
-    StudyError
-        If the rig has no such constant.
-    """
-    tables = {key: dict(value) if isinstance(value, Mapping) else value for key, value in rig.tables.items()}
-    for path, value in values.items():
-        table, key = path.split(".")
-        if table not in tables or key not in tables[table]:
-            raise StudyError(f"rig {rig.name} has no constant {path}")
-        tables[table][key] = value
-    return ElbowRig(name, tables)
+    return ElbowRig(name, checked_tables(text, name, KIND, NEEDED))
 
 
 def drawn_rigs(rig: ElbowRig, count: int = 5, seed: int = 20261121) -> tuple[ElbowRig, ...]:
@@ -211,6 +156,6 @@ def drawn_rigs(rig: ElbowRig, count: int = 5, seed: int = 20261121) -> tuple[Elb
     rng = np.random.default_rng(seed)
     ranges = rig["drawn"]
     return tuple(
-        changed(rig, f"drawn-{i + 1}", {path: float(rng.uniform(*ends)) for path, ends in ranges.items()})
+        rig.changed({path: float(rng.uniform(*ends)) for path, ends in ranges.items()}, f"drawn-{i + 1}")
         for i in range(count)
     )

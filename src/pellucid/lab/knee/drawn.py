@@ -11,7 +11,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from ...models.anthropometry import shank_length, winter
-from .rig import EXTENSOR, FLEXOR, KneeRig, changed
+from .rig import EXTENSOR, FLEXOR, KneeRig
 
 BODY: Mapping[str, tuple[float, float]] = {
     "age": (20.0, 60.0),
@@ -104,7 +104,7 @@ def drawn_rig(rig: KneeRig, seed: int) -> KneeRig:
     muscles = rig["muscles"]
     # People plan as early as their own muscles are late.
     values["wearer.foresight"] = rig["wearer"]["foresight"] + values["muscles.delay"] - muscles["delay"]
-    made = changed(rig, values, f"{rig.name}-{seed}")
+    made = rig.changed(values, f"{rig.name}-{seed}")
     return KneeRig(made.name, {**made.tables, "subjects": {f"D{seed}": subject}})
 
 

@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
 from ... import _core
-from ..._errors import StudyError
 from ...models.joint import GRAVITY
 from ..init import rig_text
+from ..rig_file import Rig, checked_tables
 
 NAMES: tuple[str, ...] = tuple(_core.COUPLED_PARAMETER_NAMES)
 """The plant's parameters, in the core's order."""
@@ -48,10 +47,9 @@ NEEDED = {
             "accelerometer_noise", "accelerometer_bias", "gyroscope_noise", "gyroscope_bias", "gyroscope_drift",
             "gyroscope_memory", "magnetometer_noise", "magnetometer_bias", "disturbance", "disturbance_memory",
             "field", "dip", "sway", "sway_memory", "quanta", "clock_offset", "clock_offset_spread", "clock_drift"),
+    "subjects.*": ("sex", "age", "weight", "height", "shank_length", "limb", "strap", "strength", "emg_gain"),
 }  # fmt: skip
-"""What a rig file must say, table by table; and of each of its subjects:"""
-
-SUBJECT_NEEDS = ("sex", "age", "weight", "height", "shank_length", "limb", "strap", "strength", "emg_gain")
+"""What a rig file must say, table by table, and of each of its subjects."""
 
 
 @dataclass(frozen=True)
@@ -92,21 +90,8 @@ class Subject:
 
 
 @dataclass(frozen=True)
-class KneeRig:
-    """Everything the virtual orthosis and its wearers are made of: the tables of the rig file, SI.
-
-    Parameters
-    ----------
-    name : str
-    tables : mapping of str to mapping
-        As in ``lab/rigs/knee-orthosis.toml``.
-    """
-
-    name: str
-    tables: Mapping[str, Mapping]
-
-    def __getitem__(self, table: str) -> Mapping:
-        return self.tables[table]
+class KneeRig(Rig):
+    """The virtual orthosis and its wearers: the tables of a file like ``lab/rigs/knee-orthosis.toml``."""
 
     @property
     def period(self) -> float:
@@ -204,56 +189,4 @@ def parse_knee_rig(text: str, name: str) -> KneeRig:
     StudyError
         If the file is not TOML, is of another kind, or lacks a table, a subject or a constant.
     """
-    try:
-        tables = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
-        raise StudyError(f"rig {name}: not valid TOML: {error}") from error
-    if tables.get("kind") != KIND:
-        raise StudyError(f'rig {name}: found kind = {tables.get("kind")!r}, expected "{KIND}"')
-    wanted = dict(NEEDED) | {f"subjects.{key}": SUBJECT_NEEDS for key in tables.get("subjects", {})}
-    for table, keys in wanted.items():
-        found = tables
-        for part in table.split("."):
-            found = found.get(part, {})
-        missing = [key for key in keys if key not in found]
-        if missing:
-            raise StudyError(f"rig {name}: [{table}] lacks {', '.join(missing)}")
-    if not tables.get("subjects"):
-        raise StudyError(f"rig {name}: found no [subjects.NAME], expected at least one wearer")
-    return KneeRig(name, tables)
-
-
-def changed(rig: KneeRig, values: Mapping[str, object], name: str | None = None) -> KneeRig:
-    """The same rig with some constants changed.
-
-    Parameters
-    ----------
-    rig : KneeRig
-    values : mapping of str to float
-        By dotted path, ``"imu.magnetometer"`` or ``"subjects.S1.strap.stiffness"``, SI.
-    name : str, optional
-        Of the new rig; the old one's if left out.
-
-    Returns
-    -------
-    KneeRig
-
-    Raises
-    ------
-    StudyError
-        If the rig has no such constant.
-    """
-    tables = _copied(rig.tables)
-    for path, value in values.items():
-        *parts, key = path.split(".")
-        table = tables
-        for part in parts:
-            table = table.get(part, {})
-        if key not in table:
-            raise StudyError(f"rig {rig.name} has no constant {path}")
-        table[key] = value
-    return KneeRig(name or rig.name, tables)
-
-
-def _copied(tables: Mapping) -> dict:
-    return {key: _copied(value) if isinstance(value, Mapping) else value for key, value in tables.items()}
+    return KneeRig(name, checked_tables(text, name, KIND, NEEDED))

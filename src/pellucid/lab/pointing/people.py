@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-import tomllib
-from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 from scipy.special import ndtri
 
 from ... import _core
-from ..._errors import StudyError
 from ...models.anthropometry import ELBOW_TO_WRIST, Segment, forearm
 from ..elbow.rig import ElbowRig, parse_elbow_rig
 from ..init import rig_text
+from ..rig_file import Rig, checked_tables
 
 KIND = "elbow-participants"
 
@@ -37,23 +35,17 @@ NEEDED = {
 
 
 @dataclass(frozen=True)
-class PointingRig:
-    """The tables of a file of people, SI, and the robot that they wear.
+class PointingRig(Rig):
+    """The tables of a file like ``lab/rigs/elbow-participants.toml``, and the robot that its people wear.
 
     Parameters
     ----------
     name : str
     tables : mapping of str to mapping
-        As in ``lab/rigs/elbow-participants.toml``.
     robot : ElbowRig
     """
 
-    name: str
-    tables: Mapping[str, Mapping]
     robot: ElbowRig
-
-    def __getitem__(self, table: str) -> Mapping:
-        return self.tables[table]
 
     @property
     def period(self) -> float:
@@ -166,16 +158,7 @@ def parse_pointing_rig(text: str, name: str, robot: ElbowRig | None = None) -> P
     StudyError
         If the file is not TOML, is of another kind, or lacks a table or a constant.
     """
-    try:
-        tables = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
-        raise StudyError(f"rig {name}: not valid TOML: {error}") from error
-    if tables.get("kind") != KIND:
-        raise StudyError(f'rig {name}: found kind = {tables.get("kind")!r}, expected "{KIND}"')
-    for table, keys in NEEDED.items():
-        missing = [key for key in keys if key not in tables.get(table, {})]
-        if missing:
-            raise StudyError(f"rig {name}: [{table}] lacks {', '.join(missing)}")
+    tables = checked_tables(text, name, KIND, NEEDED)
     if robot is None:
         worn = tables["robot"]["rig"]
         robot = parse_elbow_rig(rig_text(worn), worn)

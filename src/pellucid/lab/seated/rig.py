@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import tomllib
-from collections.abc import Mapping
 from dataclasses import dataclass
 
 from ..._errors import StudyError
 from ...models.joint import GRAVITY
 from ...models.muscle_geometry import muscle_table
 from ..init import rig_text
+from ..rig_file import Rig, checked_tables
 
 KIND = "knee-seated"
 
@@ -35,28 +34,14 @@ NEEDED = {
     "emg": ("muscles", "leaking", "leak_gain", "rate", "band", "median_frequency", "baseline", "hum", "hum_frequency",
             "harmonics", "artefact", "artefact_band", "crosstalk", "gain_spread", "gain", "quantum", "full_range",
             "clock_drift"),
+    "subjects.*": ("sex", "age", "height", "weight", "frequency"),
 }  # fmt: skip
-"""What a rig file must say, table by table; and of each of its subjects:"""
-
-SUBJECT_NEEDS = ("sex", "age", "height", "weight", "frequency")
+"""What a rig file must say, table by table, and of each of its subjects."""
 
 
 @dataclass(frozen=True)
-class SeatedRig:
-    """Everything the virtual exoskeleton and its wearers are made of: the tables of the rig file, SI.
-
-    Parameters
-    ----------
-    name : str
-    tables : mapping of str to mapping
-        As in ``lab/rigs/knee-seated.toml``.
-    """
-
-    name: str
-    tables: Mapping[str, Mapping]
-
-    def __getitem__(self, table: str) -> Mapping:
-        return self.tables[table]
+class SeatedRig(Rig):
+    """The virtual exoskeleton and its wearers: the tables of a file like ``lab/rigs/knee-seated.toml``."""
 
     @property
     def period(self) -> float:
@@ -94,21 +79,7 @@ def parse_seated_rig(text: str, name: str) -> SeatedRig:
     StudyError
         If it is not TOML, not of a seated knee, or something is missing.
     """
-    try:
-        tables = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
-        raise StudyError(f"rig {name}: not valid TOML: {error}") from error
-    if tables.get("kind") != KIND:
-        raise StudyError(f'rig {name}: found kind = {tables.get("kind")!r}, expected "{KIND}"')
-    people = tables.get("subjects", {})
-    wanted = {key: (tables.get(key, {}), keys) for key, keys in NEEDED.items()}
-    wanted |= {f"subjects.{key}": (table, SUBJECT_NEEDS) for key, table in people.items()}
-    for table, (found, keys) in wanted.items():
-        missing = [key for key in keys if key not in found]
-        if missing:
-            raise StudyError(f"rig {name}: [{table}] lacks {', '.join(missing)}")
-    if not people:
-        raise StudyError(f"rig {name}: found no [subjects.NAME], expected at least one")
+    tables = checked_tables(text, name, KIND, NEEDED)
     known = muscle_table().geometry
     strange = [m for m in (*tables["muscles"]["extensors"], *tables["muscles"]["flexors"]) if m not in known]
     if strange:

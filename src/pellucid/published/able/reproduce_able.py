@@ -11,7 +11,7 @@ import numpy as np
 
 from ...identification.slider.slider_fit import SliderFit
 from ...lab.elbow.protocol import trials
-from ...lab.elbow.rig import ElbowRig, able_elbow, changed, drawn_rigs
+from ...lab.elbow.rig import ElbowRig, able_elbow, drawn_rigs
 from ...lab.elbow.study import excitation
 from ...recordings.results import ResultRow, write_rows
 from ..paired_test import paired_test
@@ -122,7 +122,7 @@ def reproduce_able(
 def _with_load(rig: ElbowRig, factor: float) -> ElbowRig:
     t = rig["transmission"]
     values = {f"transmission.{n}": factor * t[n] for n in ("load_motoring", "load_generating")}
-    return changed(rig, f"load-{100.0 * factor:.0f}-percent", values)
+    return rig.changed(values, f"load-{100.0 * factor:.0f}-percent")
 
 
 def _split(row: str) -> str:

@@ -15,7 +15,7 @@ from ..._errors import PellucidError
 from ...lab.knee.drawn import drawn_rig
 from ...lab.knee.instruments import Session
 from ...lab.knee.protocol import Faults
-from ...lab.knee.rig import KneeRig, changed
+from ...lab.knee.rig import KneeRig
 from ...lab.knee.study import sessions_of
 from ...lab.knee.trial import Controller
 from .cards import Identified, WearerCard, identify_wearer_of, mistaken, weakened
@@ -225,12 +225,12 @@ def changes(identified: Identified, card: WearerCard, duration: float) -> dict[s
         made[f"strap taken for k x {k:g}, b x {b:g}"] = {"card": mistaken(card, strap_stiffness=k, strap_damping=b)}
     for late in (-0.020, 0.020):
         values = {"muscles.delay": muscles + late, "wearer.foresight": foresight + late}
-        made[f"EMG leads by {1e3 * late:+.0f} ms more"] = {"rig": changed(rig, values)}
+        made[f"EMG leads by {1e3 * late:+.0f} ms more"] = {"rig": rig.changed(values)}
     for factor in (0.8, 1.25):
         # A tired muscle sends more EMG for its torque, a drying electrode less.
         made[f"EMG gain drifts to {factor:g}"] = {"card": weakened(card, {0: factor, 1: factor})}
     made["electrodes put on anew"] = {"session": anew}
-    made["slack of 0.05 rad"] = {"rig": changed(rig, {"strap.slack": 0.05})}
+    made["slack of 0.05 rad"] = {"rig": rig.changed({"strap.slack": 0.05})}
     made["slip of 0.1 rad in mid-swing"] = {"faults": Faults(slip=(half, 0.1))}
     made["both electrodes off from mid-swing"] = {"faults": Faults(emg_detached={0: half, 1: half})}
     return made

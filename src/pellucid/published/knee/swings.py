@@ -10,7 +10,7 @@ import numpy as np
 
 from ...lab.knee.instruments import Session
 from ...lab.knee.protocol import Faults, KneeTrial, swing_trial
-from ...lab.knee.rig import KneeRig, changed
+from ...lab.knee.rig import KneeRig
 from ...lab.knee.trial import Controller, KneeTaken, run_trial
 from ...lab.knee.wearer import relaxed
 from .controllers import DELAY, GAIN_DB
@@ -105,7 +105,7 @@ def swing(
 
 def driven_back(rig: KneeRig) -> KneeRig:
     """The same orthosis without any control: the motor has no current, and the wearer drives it back."""
-    return changed(rig, {f"torque_loop.{gain}": 0.0 for gain in ("kp", "ki", "kd")})
+    return rig.changed({f"torque_loop.{gain}": 0.0 for gain in ("kp", "ki", "kd")})
 
 
 def root_mean_square(taken: KneeTaken) -> tuple[float, float]:

@@ -23,7 +23,7 @@ from ..._atomic import write_text_atomically
 from ..._errors import PellucidError
 from ...controllers.residual_compensator import Law, Noise, ResidualDesign
 from ...controllers.worn import WornCompensator
-from ...lab.knee.rig import changed, knee_orthosis
+from ...lab.knee.rig import knee_orthosis
 from ...lab.knee.trial import KneeTaken
 from .cards import EmgSettings, Identified, WearerCard, mistaken
 from .controllers import Chosen, controllers, for_wearer
@@ -123,7 +123,7 @@ def _card(seed: int, settings: EmgSettings) -> WearerCard:
 def _plain(seed: int, slack: float = 0.0) -> float:
     """Strap torque of zero-impedance mode [N m]."""
     one = _wearer(seed)
-    rig = changed(one.rig, {"strap.slack": slack})
+    rig = one.rig.changed({"strap.slack": slack})
     return root_mean_square(swing(rig, one.name, SWING, None, duration=DURATION, session=session_of(one)))[1]
 
 
@@ -156,7 +156,7 @@ def left_to_strap(kind: str, constants: Chosen, seed: int) -> float:
             built = controllers(known, one.rig.period, (0.0, 1.0), constants, (kind,))[kind]
         except PellucidError:
             return float("inf")
-        controller, rig = built.build(), changed(one.rig, {"strap.slack": slack})
+        controller, rig = built.build(), one.rig.changed({"strap.slack": slack})
         taken = swing(rig, one.name, SWING, controller, duration=DURATION, session=session_of(one))
         if controller.fault != "none":
             return float("inf")
