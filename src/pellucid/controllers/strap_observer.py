@@ -1,0 +1,149 @@
+"""The strap's torque, observed from encoder and spring alone, and the front of every law that lives on it."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from .coupling import Coupling
+from .limits import Limits
+
+
+@dataclass
+class StrapTorqueObserver:
+    """What must have acted on the orthosis besides spring, gravity and friction: its momentum observer.
+
+    p' = tau_e - b v - G sin q - F tanh(v/w) + tau,  tau = a (I v - p): the strap's torque behind a low-pass of
+    bandwidth a. The velocity is a difference of angles behind a low-pass, v' = c (dq/dt - v).
+
+    Attributes
+    ----------
+    coupling : Coupling
+        Of which only the orthosis is used.
+    period : float
+        [s].
+    bandwidth, velocity_bandwidth : float
+        a and c [rad/s].
+    width : float
+        w [rad/s].
+    """
+
+    coupling: Coupling
+    period: float
+    bandwidth: float = 40.0
+    velocity_bandwidth: float = 120.0
+    width: float = 0.05
+    velocity: float = field(default=0.0, init=False)
+    raw_velocity: float = field(default=0.0, init=False)
+    torque: float = field(default=0.0, init=False)
+    _momentum: float = field(default=0.0, init=False)
+    _position: float | None = field(default=None, init=False)
+
+    def step(self, position: float, torque: float) -> None:
+        """One period. What is not finite leaves the observer where it is.
+
+        Parameters
+        ----------
+        position, torque : float
+            Encoder [rad] and spring [N m].
+        """
+        if not (np.isfinite(position) and np.isfinite(torque)):
+            return
+        m, before = self.coupling, position if self._position is None else self._position
+        self._position = position
+        self.raw_velocity = (position - before) / self.period
+        self.velocity += self.velocity_bandwidth * self.period * (self.raw_velocity - self.velocity)
+        friction = m.orthosis_viscous * self.velocity + m.coulomb * np.tanh(self.velocity / self.width)
+        known = torque - friction - m.orthosis_gravity * np.sin(position)
+        self._momentum += self.period * (known + self.torque)
+        self.torque = float(self.bandwidth * (m.orthosis_inertia * self.velocity - self._momentum))
+
+    def linear(self, slope: float) -> tuple[np.ndarray, np.ndarray]:
+        """Near the hanging place, with friction as a viscous coefficient.
+
+        Parameters
+        ----------
+        slope : float
+            [N m s/rad].
+
+        Returns
+        -------
+        following : ndarray, shape (4, 6)
+            Next last angle, velocity, momentum and torque, by those states, the angle and the spring's torque.
+        now : ndarray, shape (2, 6)
+            Velocity and torque of this period, by the same.
+        """
+        m, (last, v, p, x, q, spring) = self.coupling, np.eye(6)
+        v = v + self.velocity_bandwidth * ((q - last) - self.period * v)
+        known = spring - (m.orthosis_viscous + slope) * v - m.orthosis_gravity * q
+        p = p + self.period * (known + x)
+        x = self.bandwidth * (m.orthosis_inertia * v - p)
+        return np.array([q, v, p, x]), np.array([v, x])
+
+
+@dataclass
+class StrapLaw(ABC):
+    """A law without EMG: each period it observes the strap, says what it wants, and passes the gate.
+
+    Attributes
+    ----------
+    coupling : Coupling
+        Of which only the orthosis is used.
+    period : float
+        [s].
+    limits : Limits
+        Of the gate.
+    """
+
+    coupling: Coupling
+    period: float
+    limits: Limits = field(default_factory=Limits, kw_only=True)
+
+    def __post_init__(self):
+        self.observer = StrapTorqueObserver(self.coupling, self.period)
+        self._gate = self.limits.gate(self.period)
+        self._count = 0
+
+    @property
+    def fault(self) -> str:
+        """As of the gate."""
+        return self._gate.fault
+
+    @abstractmethod
+    def wanted(self, position: float, torque: float) -> float:
+        """What the law asks for, with the observer up to date.
+
+        Parameters
+        ----------
+        position, torque : float
+            Output encoder [rad], spring [N m]; NaN where they failed.
+
+        Returns
+        -------
+        float
+            Torque wanted from the spring, before the gate [N m].
+        """
+
+    def step(self, time: float, position: float, torque: float, emg: Sequence[tuple[float, float]] = ()) -> float:
+        """One control period.
+
+        Parameters
+        ----------
+        time, position, torque : float
+            [s], output encoder [rad], spring [N m].
+        emg : sequence
+            Not used.
+
+        Returns
+        -------
+        float
+            Torque wanted from the spring [N m].
+        """
+        self.observer.step(position, torque)
+        wanted = float(self.wanted(position, torque))
+        self._count += 1
+        sound = float(position) if np.isfinite(torque) else float("nan")
+        return self._gate.step(wanted, sound, self.observer.raw_velocity, time, self._count)
