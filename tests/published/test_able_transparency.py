@@ -1,5 +1,7 @@
 """Laws compared with virtual people: control as published, our own laws, energy, what would slow people."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -8,7 +10,16 @@ from pellucid.lab.elbow.rig import able_elbow
 from pellucid.lab.pointing.conditions import SENSED_BODY, identified_cards, interaction_rms, own_laws, published_laws
 from pellucid.lab.pointing.people import draw_people, elbow_participants
 from pellucid.lab.pointing.session import hold_still, point_all
-from pellucid.published.able.transparency import changes, injected_energy, required_resistance, session_means
+from pellucid.published.able.transparency import (
+    FIRST_REST,
+    PUBLISHED_RULE,
+    VirtualStudy,
+    hold_study,
+    injected_energy,
+    patient,
+    required_resistance,
+    taken,
+)
 
 LIFTS = np.deg2rad([12, 24, 36, 48, 60])
 
@@ -33,9 +44,10 @@ def test_without_a_robot_people_are_as_quick_as_those_of_the_paper(seed):
     people = draw_people(rig, rng)
     lifts = np.deg2rad(np.repeat([12, 24, 36, 48, 60], 4))
     made = point_all([(rig, p, "Ctrl", None, g, lifts) for p, g in zip(people, rng.spawn(6), strict=True)], threads=2)
-    means = [session_means(s) for s in made]
-    assert np.mean([m["duration"] for m in means]) == pytest.approx(0.957, rel=0.05)
-    assert np.mean([m["vmax"] for m in means]) == pytest.approx(1.416, rel=0.05)
+    study = VirtualStudy(seed, tuple(taken(s) for s in made))
+    assert study.values("duration", "Ctrl").mean() == pytest.approx(0.957, rel=0.05)
+    assert study.values("vmax", "Ctrl").mean() == pytest.approx(1.416, rel=0.05)
+    assert study.values("up", "Ctrl").mean() > 0.9
 
 
 def test_a_force_sensor_halves_the_torque_and_nothing_drives(cards):
@@ -52,7 +64,9 @@ def test_a_force_sensor_halves_the_torque_and_nothing_drives(cards):
     assert energy["best"] < 0.0
     assert energy["best_sensed"] < 0.0
     assert energy["FC"] > energy["best"]
-    assert abs(changes(made)["duration"]["best_sensed"]) < 15.0
+    study = VirtualStudy(3, tuple(taken(s) for s in made))
+    assert abs(study.change("duration", "best_sensed")) < 15.0
+    assert study.conditions == ("Ctrl", "FC", "best", "best_sensed")
     assert all(s.fault == "none" for s in made)
 
 
@@ -73,3 +87,21 @@ def test_what_would_slow_people_by_a_fifth():
     assert 0.1 < needed["viscous"] < 1.0
     half = required_resistance(rig, people, 0.1)
     assert half["inertia"] < needed["inertia"]
+
+
+def test_a_study_keeps_what_its_sessions_came_to(cards):
+    rig = elbow_participants()
+    few = replace(rig, tables={**rig.tables, "pointing": {**rig["pointing"], "repetitions": 1}})
+    few = replace(few, tables={**few.tables, "people": {**few["people"], "count": 2}})
+    conditions = {"Ctrl": None, "CLPC": published_laws(cards, (0.0, -0.5))["CLPC"]}
+    study = hold_study(few, conditions, seed=4)
+    assert study.conditions == ("Ctrl", "CLPC")
+    assert [t.movements for t in study.taken] == [10] * 4
+    assert study.change("duration", "Ctrl") == 0.0
+    # Corrections at the target come after the first rest.
+    for condition in study.conditions:
+        longer, shorter = (study.values("duration", condition, rule) for rule in (PUBLISHED_RULE, FIRST_REST))
+        assert np.all(longer >= shorter)
+    content = hold_study(patient(few), conditions, seed=4)
+    assert patient(few)["vision"]["tolerance"] == few["pointing"]["tolerance"]
+    assert content.values("duration", "CLPC").mean() < study.values("duration", "CLPC").mean()

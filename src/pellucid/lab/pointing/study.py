@@ -121,6 +121,37 @@ class Block:
     emg: np.ndarray
 
 
+def appointments(
+    rig: PointingRig, conditions: Conditions, *, seed: int, people: Sequence[Person] | None = None
+) -> list[tuple[PointingRig, Person, str, Law | None, np.random.Generator]]:
+    """Who points when, under which law, with which draws: the arguments of `session.point` for each session.
+
+    Parameters
+    ----------
+    rig : PointingRig
+    conditions : mapping
+        As `Conditions`.
+    seed : int
+        Of every random draw.
+    people : sequence of Person, optional
+        Six drawn with the seed if left out.
+
+    Returns
+    -------
+    list of tuple
+    """
+    root = np.random.default_rng(seed)
+    people = draw_people(rig, root) if people is None else people
+    jobs = []
+    for person in people:
+        # Learning starts anew in each: two minutes' pause and another law lie in between, and nobody is told which.
+        for name in root.permutation(list(conditions)):
+            make = conditions[str(name)]
+            law = None if make is None else make(person, person.slider(rig))
+            jobs.append((rig, person, str(name), law, root.spawn(1)[0]))
+    return jobs
+
+
 def take_part(
     rig: PointingRig,
     conditions: Conditions,
@@ -146,16 +177,7 @@ def take_part(
     -------
     list of Session
     """
-    root = np.random.default_rng(seed)
-    people = draw_people(rig, root) if people is None else people
-    jobs = []
-    for person in people:
-        # Learning starts anew in each: two minutes' pause and another law lie in between, and nobody is told which.
-        for name in root.permutation(list(conditions)):
-            make = conditions[str(name)]
-            law = None if make is None else make(person, person.slider(rig))
-            jobs.append((rig, person, str(name), law, root.spawn(1)[0]))
-    return point_all(jobs, threads=threads)
+    return point_all(appointments(rig, conditions, seed=seed, people=people), threads=threads)
 
 
 def blocks(rig: PointingRig, session: Session, rng: np.random.Generator) -> list[Block]:

@@ -8,30 +8,129 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
-from statistics import NormalDist
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from ..._errors import RecordingError
 from ...assessment.assess import assess_recordings
 from ...assessment.assessment_findings import AssessmentFindings
-from ...controllers.elbow_laws import ElbowLaw
-from ...controllers.law_fuzz import fuzz
-from ...lab.elbow.rig import ElbowRig
-from ...lab.pointing.conditions import Cards, chosen_exponents, interaction_rms, own_laws, published_laws
+from ...assessment.indices import affine
+from ...lab.pointing.conditions import Cards, chosen_exponents, published_laws
 from ...lab.pointing.movement_choice import preferred_duration
-from ...lab.pointing.people import Person, PointingRig, draw_people, elbow_participants
-from ...lab.pointing.session import Session
-from ...lab.pointing.study import CONTROL, pointing_config, record_pointing, study_text, take_part
-from ...recordings.results import ResultRow
-from ...signals.movements import MovementRule, Stretch, kinematics, movements
+from ...lab.pointing.people import Person, PointingRig, draw_people
+from ...lab.pointing.session import Session, point
+from ...lab.pointing.study import (
+    CONTROL,
+    Conditions,
+    appointments,
+    pointing_config,
+    record_pointing,
+    study_text,
+)
+from ...signals.movements import Movement, MovementRule, Stretch, kinematics, movements
 
-PUBLISHED = {
-    "duration": {"FC": 2.4, "PCFr": 20.2, "CLPC": 18.6},
-    "vmax": {"FC": -5.0, "PCFr": -19.1, "CLPC": -21.2},
-}
-"""Change from control in the means of Tables III and IV [%]; of EMG/Acc only the order is printed, FC < PCFr < CLPC."""
+LAWS = ("FC", "PCFr", "CLPC")
+"""Conditions of the paper beside control, in its order."""
+
+PUBLISHED_RULE, FIRST_REST = "published", "first_rest"
+
+RULES: Mapping[str, MovementRule] = {PUBLISHED_RULE: MovementRule(), FIRST_REST: MovementRule(ends="peak")}
+"""When a movement has ended: after the last sample above 5 % of its largest speed, as published, which counts every
+correction at the target; or where the speed first falls below."""
+
+
+@dataclass(frozen=True)
+class Means:
+    """Published indices of one session, means over its movements.
+
+    Attributes
+    ----------
+    duration : float
+        [s]
+    vmax : float
+        [rad/s]
+    emg_per_acc : float
+        RMS of the agonists' excitation over the largest acceleration, upward movements [s^2/rad].
+    r2 : dict of str to float
+        "up", "down": of the straight line through amplitude and mean velocity [1].
+    left_out : float
+        Share of movements that the rule cannot use [1].
+    """
+
+    duration: float
+    vmax: float
+    emg_per_acc: float
+    r2: dict[str, float]
+    left_out: float
+
+
+@dataclass(frozen=True)
+class Taken:
+    """What one session came to.
+
+    Attributes
+    ----------
+    person, condition : str
+    movements : int
+    means : dict of str to Means
+        By rule, as `RULES`.
+    given : ndarray, shape (n,)
+        Energy that the robot gave over each movement there and back [J].
+    fault : str
+        Of the law's gate.
+    """
+
+    person: str
+    condition: str
+    movements: int
+    means: dict[str, Means]
+    given: np.ndarray
+    fault: str
+
+
+@dataclass(frozen=True)
+class VirtualStudy:
+    """Everybody in every condition, from their true motion and excitation: no instrument stands in between.
+
+    Attributes
+    ----------
+    seed : int
+    taken : tuple of Taken
+    """
+
+    seed: int
+    taken: tuple[Taken, ...]
+
+    @property
+    def conditions(self) -> tuple[str, ...]:
+        """Control first."""
+        found = dict.fromkeys(t.condition for t in self.taken)
+        return (CONTROL, *sorted((c for c in found if c != CONTROL), key=_order))
+
+    def of(self, condition: str) -> list[Taken]:
+        """Of every person, in their order."""
+        return sorted((t for t in self.taken if t.condition == condition), key=lambda t: t.person)
+
+    def values(self, index: str, condition: str, rule: str = PUBLISHED_RULE) -> np.ndarray:
+        """Of every person, shape (people,): an attribute of `Means`, or "up", "down" for the line's R2."""
+        means = [t.means[rule] for t in self.of(condition)]
+        return np.array([m.r2[index] if index in m.r2 else getattr(m, index) for m in means])
+
+    def change(self, index: str, condition: str, rule: str = PUBLISHED_RULE) -> float:
+        """From control [%]: of the mean over people; of EMG/Acc the mean of each person's own."""
+        over, under = self.values(index, condition, rule), self.values(index, CONTROL, rule)
+        ratio = np.mean(over / under) if index == "emg_per_acc" else np.mean(over) / np.mean(under)
+        return float(100.0 * (ratio - 1.0))
+
+    def given(self, condition: str) -> float:
+        """The most energy that the robot gave over a closed cycle, of 99 % of cycles [J]."""
+        return float(np.quantile(np.concatenate([t.given for t in self.of(condition)]), 0.99))
+
+
+def _order(condition: str) -> tuple[int, str]:
+    return (LAWS.index(condition) if condition in LAWS else len(LAWS), condition)
 
 
 def injected_energy(session: Session) -> np.ndarray:
@@ -39,6 +138,92 @@ def injected_energy(session: Session) -> np.ndarray:
     flow = -session.signals["interaction"] * session.signals["link"] / session.fs
     pairs = zip(session.movements[::2], session.movements[1::2], strict=True)
     return np.array([flow[there.begin : back.end].sum() for there, back in pairs])
+
+
+def taken(session: Session) -> Taken:
+    """What a session came to, by every rule.
+
+    Parameters
+    ----------
+    session : Session
+
+    Returns
+    -------
+    Taken
+    """
+    seconds = np.arange(len(session.target)) / session.fs
+    stretches = [Stretch(m.begin / session.fs, m.end / session.fs, m.amplitude) for m in session.movements]
+    motion = kinematics(seconds, session.signals["position"], MovementRule())
+    means = {}
+    for name, rule in RULES.items():
+        found, without = movements(motion, stretches, rule)
+        means[name] = Means(
+            float(np.mean([m.duration for m in found])),
+            float(np.mean([m.peak_velocity for m in found])),
+            float(np.mean([_emg_per_acceleration(session, m) for m in found if m.direction > 0])),
+            {word: _line(found, sign) for word, sign in (("up", 1), ("down", -1))},
+            len(without) / len(stretches),
+        )
+    return Taken(
+        session.person.name, session.condition, len(session.movements), means, injected_energy(session), session.fault
+    )
+
+
+def _emg_per_acceleration(session: Session, movement: Movement) -> float:
+    advance = round(0.1 * session.fs)
+    part = slice(max(movement.first - advance, 0), max(movement.last - advance, 0) + 1)
+    return float(np.sqrt(np.mean(session.signals["flexor"][part] ** 2)) / movement.peak_acceleration)
+
+
+def _line(found: Sequence[Movement], direction: int) -> float:
+    """R2 of the straight line through the mean velocities of each amplitude."""
+    by_amplitude: dict[float, list[float]] = {}
+    for m in found:
+        if m.direction == direction:
+            by_amplitude.setdefault(round(m.amplitude or 0.0, 6), []).append(m.mean_velocity)
+    amplitudes = sorted(by_amplitude)
+    if len(amplitudes) < 3:
+        return float("nan")
+    return affine(np.array(amplitudes), np.array([np.mean(by_amplitude[a]) for a in amplitudes]))[2]
+
+
+def hold_study(rig: PointingRig, conditions: Conditions, *, seed: int, threads: int = 2) -> VirtualStudy:
+    """Everybody in every condition; of each session only what it came to is kept.
+
+    Parameters
+    ----------
+    rig : PointingRig
+    conditions : mapping
+        As `record_pointing` takes them.
+    seed : int
+        Draws people, orders and noise.
+    threads : int
+
+    Returns
+    -------
+    VirtualStudy
+    """
+    with ThreadPoolExecutor(threads) as pool:
+        found = pool.map(lambda job: taken(point(*job)), appointments(rig, conditions, seed=seed))
+        return VirtualStudy(seed, tuple(found))
+
+
+def patient(rig: PointingRig) -> PointingRig:
+    """The same people, content as soon as they are on the target; as drawn, they aim at its middle more finely.
+
+    How finely people correct hardly shows without a robot, so that the control condition cannot tell. It decides how
+    long they struggle with one that sticks.
+
+    Parameters
+    ----------
+    rig : PointingRig
+
+    Returns
+    -------
+    PointingRig
+    """
+    vision = {**rig["vision"], "tolerance": rig["pointing"]["tolerance"]}
+    return replace(rig, tables={**rig.tables, "vision": vision})
 
 
 def required_resistance(rig: PointingRig, people: Sequence[Person], slower: float = 0.2) -> dict[str, float]:
@@ -87,262 +272,123 @@ def required_resistance(rig: PointingRig, people: Sequence[Person], slower: floa
     return found
 
 
-def session_means(session: Session) -> dict[str, float]:
-    """Published indices of one session, from its true motion and excitation: no instrument stands in between.
-
-    Parameters
-    ----------
-    session : Session
-
-    Returns
-    -------
-    dict of str to float
-        duration [s], vmax [rad/s], emg_per_acc [s^2/rad] upwards, and left_out [1], the share of movements that the
-        rule cannot use.
-    """
-    seconds = np.arange(len(session.target)) / session.fs
-    motion = kinematics(seconds, session.signals["position"], MovementRule())
-    stretches = [Stretch(m.begin / session.fs, m.end / session.fs, m.amplitude) for m in session.movements]
-    found, without = movements(motion, stretches, MovementRule())
-    advance = round(0.1 * session.fs)
-    ratios = []
-    for one in found:
-        if one.direction > 0:
-            part = slice(max(one.first - advance, 0), max(one.last - advance, 0) + 1)
-            level = np.sqrt(np.mean(session.signals["flexor"][part] ** 2))
-            ratios.append(level / one.peak_acceleration)
-    return {
-        "duration": float(np.mean([one.duration for one in found])),
-        "vmax": float(np.mean([one.peak_velocity for one in found])),
-        "emg_per_acc": float(np.mean(ratios)),
-        "left_out": len(without) / len(stretches),
-    }
-
-
-def changes(sessions: Sequence[Session], control: str = CONTROL) -> dict[str, dict[str, float]]:
-    """Change from control of every condition, by index [%]; EMG/Acc is the mean of each person's own.
-
-    Parameters
-    ----------
-    sessions : sequence of Session
-        Everybody in every condition.
-    control : str
-
-    Returns
-    -------
-    dict of str to dict of str to float
-        duration, vmax, emgacc; then by condition.
-    """
-    means = {(s.person.name, s.condition): session_means(s) for s in sessions}
-    people = sorted({person for person, _ in means})
-    found: dict[str, dict[str, float]] = {"duration": {}, "vmax": {}, "emgacc": {}}
-    for condition in dict.fromkeys(s.condition for s in sessions):
-        if condition == control:
-            continue
-        for index in ("duration", "vmax"):
-            over, under = (np.mean([means[p, c][index] for p in people]) for c in (condition, control))
-            found[index][condition] = float(100.0 * (over / under - 1.0))
-        ratios = [means[p, condition]["emg_per_acc"] / means[p, control]["emg_per_acc"] for p in people]
-        found["emgacc"][condition] = float(100.0 * (np.mean(ratios) - 1.0))
-    return found
-
-
 @dataclass(frozen=True)
-class Comparison:
-    """One study of the published conditions and the toolkit's own.
+class Recorded:
+    """One study as a lab would record and assess it.
 
     Attributes
     ----------
-    seed : int
-    changes : dict
-        As `changes` gives them.
+    study : VirtualStudy
+        What was true of it.
     findings : AssessmentFindings or None
-        As any lab would assess the recordings; None where the assessment refuses them.
+        Of its recordings; None where the assessment refuses them.
     refused : str
         Why it does.
-    exponents : tuple of float
     seconds : float
         That people, robots and instruments took [s].
-    movements : int
-    energy : dict of str to float
-        By condition, the most that the robot gave over a closed cycle [J], of 99 % of cycles.
     """
 
-    seed: int
-    changes: dict[str, dict[str, float]]
+    study: VirtualStudy
     findings: AssessmentFindings | None
     refused: str
-    exponents: tuple[float, float]
     seconds: float
-    movements: int
-    energy: dict[str, float]
 
 
-def compare_laws(
-    cards: Cards,
-    exponents: tuple[float, float],
-    *,
-    seed: int,
-    rig: PointingRig | None = None,
-    threads: int = 2,
-    laws: Mapping[str, Callable[[Person, float], ElbowLaw] | None] | None = None,
-) -> Comparison:
-    """Six people in every condition, assessed as any lab's recordings are.
+def record_study(rig: PointingRig, conditions: Conditions, *, seed: int, threads: int = 2) -> Recorded:
+    """Everybody in every condition through markers, encoder and EMG, assessed as any lab's recordings are.
 
     Parameters
     ----------
-    cards : mapping
-        Of the robot, by method.
-    exponents : tuple of float
-        Of equation 8.
+    rig : PointingRig
+    conditions : mapping
+        As `record_pointing` takes them.
     seed : int
         Draws people, orders and noise.
-    rig : PointingRig, optional
-        The package's if left out.
     threads : int
-    laws : mapping, optional
-        Conditions; the paper's four if left out.
 
     Returns
     -------
-    Comparison
+    Recorded
     """
-    rig = rig or elbow_participants()
-    conditions = published_laws(cards, exponents) if laws is None else laws
     begun = time.perf_counter()
     recordings, sessions = record_pointing(rig, conditions, seed=seed, threads=threads)
     seconds = time.perf_counter() - begun
-    people = [s.person for s in sessions[:: len(conditions)]]
+    people = list({s.person.name: s.person for s in sessions}.values())
+    study = VirtualStudy(seed, tuple(taken(s) for s in sessions))
+    del sessions
     spec = pointing_config(study_text(rig, people, (), "virtual-able")).assessment
-    energy = {}
-    for name, law in conditions.items():
-        if law is not None:
-            given = np.concatenate([injected_energy(s) for s in sessions if s.condition == name])
-            energy[name] = float(np.quantile(given, 0.99))
-    made = sum(len(s.movements) for s in sessions)
-    findings, refused = None, ""
     try:
-        findings = assess_recordings("virtual-able", recordings, spec)
+        return Recorded(study, assess_recordings("virtual-able", recordings, spec), "", seconds)
     except RecordingError as error:
         # People who cannot hold a robot still end where no target is, and their recordings are not fit to be used.
-        refused = str(error)
-    return Comparison(seed, changes(sessions), findings, refused, exponents, seconds, made, energy)
+        return Recorded(study, None, str(error), seconds)
 
 
-def torque_ratios(
-    robots: Sequence[tuple[ElbowRig, Cards]], *, seed: int, count: int = 3, threads: int = 2
-) -> dict[str, np.ndarray]:
-    """Interaction torque of the toolkit's laws over that of FC, on robots that they were not chosen on.
+@dataclass(frozen=True)
+class Transparency:
+    """The comparison of the paper's laws, held with virtual people.
+
+    Attributes
+    ----------
+    exponents : tuple of float
+        k of equation 8, upwards and downwards, ...
+    torques : dict of float to tuple of float
+        ... and the interaction torque by k upon which five other people chose them [N*m].
+    recorded : Recorded
+        The first seed's, through instruments.
+    studies : tuple of VirtualStudy
+        Of every seed.
+    patient : VirtualStudy
+        The first seed's people, content as soon as they are on the target.
+    required : dict of str to float
+        As `required_resistance` gives it.
+    """
+
+    exponents: tuple[float, float]
+    torques: dict[float, tuple[float, float]]
+    recorded: Recorded
+    studies: tuple[VirtualStudy, ...]
+    patient: VirtualStudy
+    required: dict[str, float]
+
+
+def compare_laws(
+    rig: PointingRig,
+    cards: Cards,
+    *,
+    seeds: Sequence[int],
+    threads: int = 2,
+    on_progress: Callable[[str, float], None] | None = None,
+) -> Transparency:
+    """The paper's four conditions with six people, several times over.
 
     Parameters
     ----------
-    robots : sequence of (ElbowRig, mapping)
-        Each with what its own identification found.
-    seed : int
-    count : int
-        People who try each.
+    rig : PointingRig
+    cards : mapping
+        Of the robot, by method.
+    seeds : sequence of int
+        Each draws people, orders and noise.
     threads : int
+    on_progress : callable, optional
+        Called with a text and the share done, 0 to 1.
 
     Returns
     -------
-    dict of str to ndarray, shape (robots,)
-        By law.
+    Transparency
     """
-    found: dict[str, list[float]] = {}
-    for robot, cards in robots:
-        rig = elbow_participants(robot)
-        people = draw_people(rig, np.random.default_rng(seed), count=count)
-        exponents = chosen_exponents(rig, cards, threads=threads)[0]
-        laws = {"FC": published_laws(cards, exponents)["FC"], **own_laws(cards)}
-        torque = {}
-        for name, make in laws.items():
-            sessions = take_part(rig, {name: make}, seed=seed, people=people, threads=threads)
-            torque[name] = float(np.mean([interaction_rms(s) for s in sessions]))
-        for name in laws:
-            found.setdefault(name, []).append(torque[name] / torque["FC"])
-    return {name: np.array(ratios) for name, ratios in found.items()}
-
-
-def mean_interval(values: Sequence[float]) -> tuple[float, float, float]:
-    """Mean of several studies and its 95 % interval by a normal law."""
-    x = np.asarray(values, float)
-    half = NormalDist().inv_cdf(0.975) * x.std(ddof=1) / np.sqrt(len(x)) if len(x) > 1 else float("nan")
-    return float(x.mean()), float(x.mean() - half), float(x.mean() + half)
-
-
-def transparency_rows(made: Sequence[Comparison], note: str) -> list[ResultRow]:
-    """Rows of results.json: mean change from control of every published law over several studies.
-
-    Parameters
-    ----------
-    made : sequence of Comparison
-    note : str
-        How it was made.
-
-    Returns
-    -------
-    list of ResultRow
-    """
-    rows = []
-    for index in ("duration", "vmax", "emgacc"):
-        for condition in ("FC", "PCFr", "CLPC"):
-            drawn = [one.changes[index][condition] for one in made]
-            mean, low, high = mean_interval(drawn)
-            printed = PUBLISHED.get(index, {}).get(condition)
-            beside = f"; the paper {printed:+.1f} %" if printed is not None else ""
-            text = f"mean of {len(made)} virtual studies, 95 % interval {low:.1f} to {high:.1f} %{beside}; {note}"
-            rows.append(
-                ResultRow(f"transparency.{index}.{condition.lower()}", mean, "%", "reproduce", "simulated", None, text)
-            )
-    seconds = float(np.median([one.seconds for one in made]))
-    rows.append(
-        ResultRow(
-            "study.seconds", seconds, "s", "reproduce", "simulated", None, f"{made[0].movements} movements; {note}"
-        )
-    )
-    return rows
-
-
-def torque_rows(ratios: Mapping[str, np.ndarray], note: str) -> list[ResultRow]:
-    """Rows of results.json: interaction torque of the toolkit's laws over that of FC.
-
-    Parameters
-    ----------
-    ratios : mapping of str to ndarray, shape (robots,)
-        From `torque_ratios`.
-    note : str
-        How it was made.
-
-    Returns
-    -------
-    list of ResultRow
-    """
-    rows = []
-    for law, name in (("best", "best_over_fc"), ("best_sensed", "best_over_fc.force_sensor")):
-        drawn = ratios[law]
-        text = f"median of {len(drawn)} robots, from {drawn.min():.3f} to {drawn.max():.3f}; {note}"
-        rows.append(
-            ResultRow(f"transparency.torque.{name}", float(np.median(drawn)), "1", "reproduce", "simulated", None, text)
-        )
-    return rows
-
-
-def safety_row(laws: Mapping[str, ElbowLaw], *, cycles: int = 10_000_000, seed: int = 1) -> ResultRow:
-    """Row of results.json: unsafe commands of all laws together among nonsense.
-
-    Parameters
-    ----------
-    laws : mapping of str to ElbowLaw
-        By condition.
-    cycles : int
-        Of each.
-    seed : int
-
-    Returns
-    -------
-    ResultRow
-    """
-    found = {name: fuzz(law, cycles, seed=seed) for name, law in laws.items()}
-    faults, slowest = sum(f.faults for f in found.values()), max(f.slowest for f in found.values())
-    text = f"{cycles} cycles of each of {', '.join(found)}; {faults} faults, safe after at most {slowest} cycle"
-    return ResultRow("safety.unsafe", sum(f.unsafe for f in found.values()), "1", "reproduce", "simulated", None, text)
+    tell = on_progress or (lambda text, share: None)
+    tell("five people choose the exponents of equation 8", 0.0)
+    exponents, torques = chosen_exponents(rig, cards, threads=threads)
+    conditions = published_laws(cards, exponents)
+    steps = len(seeds) + 1
+    tell(f"{len(conditions)} conditions, recorded and assessed", 0.05)
+    recorded = record_study(rig, conditions, seed=seeds[0], threads=threads)
+    studies = [recorded.study]
+    for i, seed in enumerate(seeds[1:], 1):
+        tell(f"the same with other people, {i + 1} of {len(seeds)}", 0.05 + 0.95 * i / steps)
+        studies.append(hold_study(rig, conditions, seed=seed, threads=threads))
+    tell("people who are content on the target", 0.05 + 0.95 * len(seeds) / steps)
+    content = hold_study(patient(rig), conditions, seed=seeds[0], threads=threads)
+    people = draw_people(rig, np.random.default_rng(seeds[0]))
+    return Transparency(exponents, torques, recorded, tuple(studies), content, required_resistance(rig, people))
