@@ -10,7 +10,10 @@ from ...lab.elbow.rig import ElbowRig
 from ...lab.pointing.conditions import Cards, chosen_exponents, interaction_rms, own_laws, published_laws
 from ...lab.pointing.people import draw_people, elbow_participants
 from ...lab.pointing.study import take_part
-from ...recordings.results import ResultRow
+from ..reproduction import Reproduced, spread
+
+TORQUE_SEED = 77
+"""Of the people who try each robot."""
 
 
 def torque_ratios(
@@ -47,25 +50,26 @@ def torque_ratios(
     return {name: np.array(ratios) for name, ratios in found.items()}
 
 
-def torque_rows(ratios: Mapping[str, np.ndarray], note: str) -> list[ResultRow]:
-    """Rows of results.json: interaction torque of the toolkit's laws over that of FC.
+def torque_rows(ratios: Mapping[str, np.ndarray]) -> tuple[Reproduced, ...]:
+    """Interaction torque of the toolkit's laws over that of FC, as rows of the reproduction.
 
     Parameters
     ----------
     ratios : mapping of str to ndarray, shape (robots,)
         From `torque_ratios`.
-    note : str
-        How it was made.
 
     Returns
     -------
-    list of ResultRow
+    tuple of Reproduced
+        Medians over robots.
     """
+    said = "Interaction torque (RMS) over that of FC, the best law"
     rows = []
-    for law, name in (("best", "best_over_fc"), ("best_sensed", "best_over_fc.force_sensor")):
-        drawn = ratios[law]
-        text = f"median of {len(drawn)} robots, from {drawn.min():.3f} to {drawn.max():.3f}; {note}"
-        rows.append(
-            ResultRow(f"transparency.torque.{name}", float(np.median(drawn)), "1", "reproduce", "simulated", None, text)
-        )
-    return rows
+    for law, name, more in (
+        ("best", "best_over_fc", ""),
+        ("best_sensed", "best_over_fc.force_sensor", " with a force sensor"),
+    ):
+        ours, low, high = spread(ratios[law])
+        note = f"{len(ratios[law])} drawn robots that it was not chosen on"
+        rows.append(Reproduced(f"transparency.torque.{name}", said + more, "1", None, ours, low, high, note=note))
+    return tuple(rows)

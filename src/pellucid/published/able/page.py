@@ -16,6 +16,7 @@ from ...report.quantities import unit_text
 from ...report.tables import Row, Table
 from ..reproduction import Reproduced
 from .reproduce_able import LOAD_FACTORS, AbleReproduction
+from .transparency_sections import transparency_sections
 
 SHORT = {
     "pooled": "without dissociation",
@@ -78,6 +79,7 @@ def write_able_page(out: Path, made: AbleReproduction) -> Path:
             _needed(made, rows),
             _body(made),
             _energy(made),
+            *transparency_sections(made.transparency, rows),
             _print_errors(made),
             _all_rows(made),
         ),

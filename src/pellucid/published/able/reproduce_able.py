@@ -1,4 +1,4 @@
-"""The ABLE paper's identification, reproduced: Table I on virtual elbows, and what can be recomputed from print."""
+"""The ABLE paper reproduced: its identification on virtual elbows, its laws with virtual people, what print allows."""
 
 from __future__ import annotations
 
@@ -9,10 +9,13 @@ from pathlib import Path
 
 import numpy as np
 
+from ...controllers.elbow_laws import ElbowLaw
 from ...identification.slider.slider_fit import SliderFit
 from ...lab.elbow.protocol import trials
 from ...lab.elbow.rig import ElbowRig, able_elbow, drawn_rigs
 from ...lab.elbow.study import excitation
+from ...lab.pointing.conditions import Cards, identified_cards, own_laws, published_laws
+from ...lab.pointing.people import PointingRig, draw_people, elbow_participants
 from ...recordings.results import ResultRow, write_rows
 from ..paired_test import paired_test
 from ..parameter_count import chain_parameters
@@ -21,10 +24,19 @@ from ..reproduction import Reproduced, spread, write_reproduction
 from .card import write_published_card
 from .coherence import inconsistencies
 from .elbow import able_elbow as published_elbow
+from .law_comparison import TORQUE_SEED, torque_ratios, torque_rows
 from .statistics import statistics_rows
+from .transparency import Transparency, compare_laws
+from .transparency_rows import safety_rows, transparency_rows
 from .trials import Comparison, compare_many, compare_models
 
 SEEDS = tuple(range(1, 11))
+
+STUDY_SEEDS = tuple(range(1, 6))
+"""Of the virtual people, their order of conditions and their noise."""
+
+FUZZED = 10_000_000
+"""Control cycles of every law among nonsense."""
 
 LOAD_FACTORS = (0.0, 0.5, 1.0, 2.0, 3.0, 4.0)
 """By which the rig's load friction is multiplied, to see which would give the paper's ratio."""
@@ -33,7 +45,7 @@ SPLITS = {
     "fitted": (".published_protocol.", ".friction_needed.", ".implied_friction."),
     "simulated": (
         ".gravity_error", ".inertia_error", ".slider_error", ".recomputed.", ".parameter_count", ".table2.",
-        ".statistics.",
+        ".statistics.", "transparency.", "safety.", "study.",
     ),
 }  # fmt: skip
 """What a row is judged on, by a part of its id: rows not named here, on trials never fitted. A rig's own constants, and
@@ -58,6 +70,8 @@ class AbleReproduction:
         The committed rig's, first seed.
     rig : ElbowRig
     paper : PrintedPaper
+    transparency : Transparency
+        The paper's laws with virtual people, on the committed rig.
     """
 
     rows: tuple[Reproduced, ...]
@@ -67,6 +81,7 @@ class AbleReproduction:
     fit: SliderFit
     rig: ElbowRig
     paper: PrintedPaper
+    transparency: Transparency
 
 
 def reproduce_able(
@@ -74,10 +89,13 @@ def reproduce_able(
     *,
     seeds: Sequence[int] = SEEDS,
     rigs: int = 5,
+    people: PointingRig | None = None,
+    studies: Sequence[int] = STUDY_SEEDS,
+    fuzzed: int = FUZZED,
     workers: int | None = None,
     on_progress: Callable[[str, float], None] | None = None,
 ) -> AbleReproduction:
-    """Reproduce the identification, and write results.json, reproduction.json and the published model's card.
+    """Reproduce the paper, and write results.json, reproduction.json and the published model's card.
 
     Parameters
     ----------
@@ -87,8 +105,14 @@ def reproduce_able(
         Of the noise.
     rigs : int
         Drawn rigs beside the committed one.
+    people : PointingRig, optional
+        Who points, wearing the committed rig; the package's if left out.
+    studies : sequence of int
+        Seeds of the virtual studies.
+    fuzzed : int
+        Control cycles of every law among nonsense.
     workers : int, optional
-        Processes; as many as there are processors if left out.
+        Processes, or threads; as many as there are processors if left out.
     on_progress : callable, optional
         Called with a text and the share done, 0 to 1.
 
@@ -98,25 +122,43 @@ def reproduce_able(
     """
     tell = on_progress or (lambda text, share: None)
     rig, paper = able_elbow(), printed("able")
+    threads = workers or os.cpu_count() or 1
     jobs = [(r, seed) for r in (rig, *drawn_rigs(rig, rigs)) for seed in seeds]
     stronger = [(_with_load(rig, factor), seeds[0]) for factor in LOAD_FACTORS]
     found = compare_many(
         [*jobs, *stronger],
-        workers=workers or os.cpu_count() or 1,
-        on_progress=lambda text, share: tell(text, 0.9 * share),
+        workers=workers,
+        on_progress=lambda text, share: tell(text, 0.4 * share),
     )
     comparisons, by_factor = tuple(found[: len(jobs)]), tuple(found[len(jobs) :])
-    tell("the committed rig once more, to be drawn", 0.92)
+    tell("the committed rig once more, to be drawn", 0.4)
     reference = excitation(rig)
     _, fit = compare_models(rig, seeds[0], trials(rig, lambda _: reference))
     rows = (*_compared(rig, comparisons, paper), *_by_factor(by_factor, paper), *_recomputed(paper))
     rows += statistics_rows(paper)
+    people = people or elbow_participants(rig)
+    cards = identified_cards(rig)
+    transparency = compare_laws(
+        people, cards, seeds=studies, threads=threads, on_progress=lambda text, share: tell(text, 0.42 + 0.43 * share)
+    )
+    rows += tuple(transparency_rows(transparency, paper))
+    tell("laws on robots they were not chosen on", 0.85)
+    robots = [(robot, identified_cards(robot)) for robot in drawn_rigs(rig, rigs)]
+    rows += torque_rows(torque_ratios(robots, seed=TORQUE_SEED, threads=threads))
+    tell("laws among nonsense", 0.95)
+    rows += tuple(safety_rows(_all_laws(people, cards, transparency.exponents), cycles=fuzzed))
     out.mkdir(parents=True, exist_ok=True)
     results = tuple(ResultRow(row.id, row.ours, row.unit, COMMAND, _split(row.id), note=_note(row)) for row in rows)
     write_rows(out / "results.json", COMMAND, results)
     write_reproduction(out / "reproduction.json", rows)
     write_published_card(out / "table2-as-published.json", published_elbow())
-    return AbleReproduction(rows, results, comparisons, by_factor, fit, rig, paper)
+    return AbleReproduction(rows, results, comparisons, by_factor, fit, rig, paper, transparency)
+
+
+def _all_laws(people: PointingRig, cards: Cards, exponents: tuple[float, float]) -> dict[str, ElbowLaw]:
+    one = draw_people(people, np.random.default_rng(0), count=1)[0]
+    made = {**published_laws(cards, exponents), **own_laws(cards)}
+    return {name: make(one, one.slider(people)) for name, make in made.items() if make is not None}
 
 
 def _with_load(rig: ElbowRig, factor: float) -> ElbowRig:

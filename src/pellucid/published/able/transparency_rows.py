@@ -1,0 +1,191 @@
+"""Rows of the reproduction from the virtual comparison of laws: Tables III to V and changes from control."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+
+import numpy as np
+
+from ...controllers.elbow_laws import ElbowLaw
+from ...controllers.law_fuzz import fuzz
+from ..printed import PrintedPaper, PrintedTable
+from ..reproduction import Reproduced, spread
+from .transparency import CONTROL, FIRST_REST, LAWS, PUBLISHED_RULE, Transparency
+
+INDICES: Mapping[str, tuple[str, str, str]] = {
+    "duration": ("duration", "Duration", "duration"),
+    "vmax": ("vmax", "Peak velocity", "velocity"),
+    "emgacc": ("emg_per_acc", "EMG/Acc", ""),
+}
+"""By name in ids: which of a session's means, in words, and which printed table has it."""
+
+STATISTICS = ("mean", "sd", "min", "median", "max")
+
+TESTED = {"duration": "duration", "vmax": "velocity", "emgacc": "emg_acc"}
+"""Which printed statistic an index's test has."""
+
+
+def transparency_rows(made: Transparency, paper: PrintedPaper) -> list[Reproduced]:
+    """Everything that the virtual comparison says, beside what is printed.
+
+    Parameters
+    ----------
+    made : Transparency
+    paper : PrintedPaper
+        ``printed("able")``.
+
+    Returns
+    -------
+    list of Reproduced
+        Medians over studies, with the smallest and the largest.
+    """
+    rows = _changes(made, paper)
+    for name, table, index, unit in (
+        ("table3", "duration", "duration", "s"),
+        ("table4", "velocity", "vmax", "rad/s"),
+    ):
+        for condition in (CONTROL, *LAWS):
+            drawn = [study.values(index, condition) for study in made.studies]
+            rows += _described(f"transparency.{name}.{condition.lower()}", condition, unit, drawn, paper.tables[table])
+    for condition in (CONTROL, *LAWS):
+        for way in ("up", "down"):
+            drawn = [study.values(way, condition) for study in made.studies]
+            head, label = f"transparency.table5.{condition.lower()}_{way}", f"R2 of isochrony, {condition} {way}"
+            rows += _described(head, label, "1", drawn, paper.tables["isochrony"])
+    rows += _statistics(made, paper)
+    rows += _circumstances(made, paper)
+    return rows
+
+
+def printed_change(table: PrintedTable, law: str) -> float:
+    """Change from control in the means of a printed table [%].
+
+    Parameters
+    ----------
+    table : PrintedTable
+    law : str
+
+    Returns
+    -------
+    float
+    """
+    return 100.0 * (table[law.lower()]["mean"].value / table["ctrl"]["mean"].value - 1.0)
+
+
+def _changes(made: Transparency, paper: PrintedPaper) -> list[Reproduced]:
+    rows = []
+    first, content = made.studies[0], made.patient
+
+    def add(head: str, said: str, drawn: Iterable[float], printed: float | None, note: str):
+        rows.append(_row(f"transparency.{head}", said, "%", drawn, printed, note))
+
+    for name, (index, words, table) in INDICES.items():
+        if table:
+            control = paper.tables[table]["ctrl"]["mean"].value
+            errors = (100.0 * (study.values(index, CONTROL).mean() / control - 1.0) for study in made.studies)
+            add(f"control.{name}", f"{words} in control, over print", errors, None, "what people were set by")
+        for law in LAWS:
+            printed = printed_change(paper.tables[table], law) if table else None
+            said, key = f"{words} under {law}, change from control", law.lower()
+            order = "" if table else "the paper prints the order FC < PCFr < CLPC alone"
+            add(f"{name}.{key}", said, (s.change(index, law) for s in made.studies), printed, order)
+            rest = (s.change(index, law, FIRST_REST) for s in made.studies)
+            add(f"{name}.first_rest.{key}", f"{said}, up to the first rest", rest, printed, "without later corrections")
+            drawn = (content.change(index, law),)
+            note = (
+                f"one study; {first.change(index, law):+.1f} % with the people as drawn; found after they were frozen"
+            )
+            add(f"{name}.content.{key}", f"{said}, people content on the target", drawn, printed, note)
+    return rows
+
+
+def _described(head: str, said: str, unit: str, drawn: Sequence[np.ndarray], table: PrintedTable) -> list[Reproduced]:
+    printed = table[head.rsplit(".", 1)[-1]]
+    of = {"mean": np.mean, "sd": lambda x: np.std(x, ddof=1), "min": np.min, "median": np.median, "max": np.max}
+    words = said if unit == "1" else f"{'Duration' if unit == 's' else 'Peak velocity'}, {said}"
+    return [
+        _row(f"{head}.{name}", f"{words}, {name} over people", unit, (of[name](x) for x in drawn), printed[name].value)
+        for name in STATISTICS
+    ]
+
+
+def _statistics(made: Transparency, paper: PrintedPaper) -> list[Reproduced]:
+    found = made.recorded.findings
+    if found is None:
+        return []
+    rows = []
+    for index, printed in TESTED.items():
+        test = found.assessed[index].comparison.friedman
+        words = found.assessed[index].table.index.words
+        for name, said, value in (("chi2", "chi-squared", test.statistic), ("p", "p", test.p_value)):
+            rows.append(
+                _row(
+                    f"transparency.friedman.{index}.{name}", f"Friedman's {said}, {words}", "1", (value,),
+                    paper[f"{printed}_{name}"], "the first study's recordings, assessed",
+                )
+            )  # fmt: skip
+    return rows
+
+
+def _circumstances(made: Transparency, paper: PrintedPaper) -> list[Reproduced]:
+    rows = []
+    for k, way in zip(made.exponents, ("up", "down"), strict=True):
+        rows.append(
+            _row(
+                f"transparency.exponent.{way}", f"k of eq. 8, {way}", "1", (k,), paper[f"inertia_exponent_{way}"],
+                "smallest interaction torque of five people who take no other part",
+            )
+        )  # fmt: skip
+    for law in LAWS:
+        given = [study.given(law) for study in made.studies]
+        note = "of 99 % of cycles; above 0 the robot drives"
+        rows.append(
+            _row(
+                f"transparency.energy.{law.lower()}", f"Energy that {law} gives over a closed cycle", "J", given, None,
+                note,
+            )
+        )  # fmt: skip
+        without = [100.0 * np.mean([t.means[PUBLISHED_RULE].left_out for t in s.of(law)]) for s in made.studies]
+        rows.append(_row(f"transparency.left_out.{law.lower()}", f"Movements without a clear end, {law}", "%", without))
+    units = {"coulomb": "N*m", "viscous": "N*m*s/rad", "inertia": "kg*m^2"}
+    for name, unit in units.items():
+        said = f"Additional {'Coulomb friction' if name == 'coulomb' else name} that makes control 20 % slower"
+        rows.append(_row(f"transparency.required.{name}", said, unit, (made.required[name],), None, "alone"))
+    count = sum(t.movements for t in made.studies[0].taken)
+    note = f"{count} movements with markers, encoder and EMG, durations chosen; this machine, two threads"
+    rows.append(_row("study.seconds", "The whole virtual study", "s", (made.recorded.seconds,), None, note))
+    return rows
+
+
+def safety_rows(laws: Mapping[str, ElbowLaw], *, cycles: int, seed: int = 1) -> list[Reproduced]:
+    """Unsafe commands of all laws together among nonsense, and how late a fault is answered.
+
+    Parameters
+    ----------
+    laws : mapping of str to ElbowLaw
+        By condition.
+    cycles : int
+        Of each.
+    seed : int
+
+    Returns
+    -------
+    list of Reproduced
+    """
+    found = {name: fuzz(law, cycles, seed=seed) for name, law in laws.items()}
+    note = f"{cycles} cycles of each of {', '.join(found)}; {sum(f.faults for f in found.values())} faults"
+    unsafe, slowest = sum(f.unsafe for f in found.values()), max(f.slowest for f in found.values())
+    return [
+        _row("safety.unsafe", "Commands outside limits among fuzzed inputs", "1", (unsafe,), None, note),
+        _row("safety.slowest", "Cycles from a fault to a safe output", "1", (slowest,), None, note),
+    ]
+
+
+def _row(
+    name: str, said: str, unit: str, drawn: Iterable[float], printed: float | None = None, note: str = ""
+) -> Reproduced:
+    drawn = list(drawn)
+    ours, low, high = spread(drawn)
+    verdict = "ours only" if printed is None else "agrees" if low <= printed <= high else "differs"
+    between = (low, high) if len(drawn) > 1 else (None, None)
+    return Reproduced(name, said, unit, printed, ours, *between, verdict, note)

@@ -1,0 +1,183 @@
+"""The second half of the reproduction's page: how transparent the laws are to virtual people."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from ...report import assessment_figures
+from ...report.drawing import draw
+from ...report.page import Section
+from ...report.quantities import number
+from ...report.tables import Row, Table
+from ...report.transparency_figures import LawChange, change_figure
+from ..reproduction import Reproduced
+from .transparency import CONTROL, LAWS, Transparency
+from .transparency_rows import STATISTICS
+
+MARKS = {"the paper": "measured", "as published": "fitted", "to first rest": "heldout", "content": "directional"}
+"""What is drawn of each law, and in which colour."""
+
+
+def transparency_sections(made: Transparency, rows: Mapping[str, Reproduced]) -> tuple[Section, ...]:
+    """Changes from control, Tables III to V, Figs. 6 to 8, and what is behind them.
+
+    Parameters
+    ----------
+    made : Transparency
+    rows : mapping of str to Reproduced
+        By id.
+
+    Returns
+    -------
+    tuple of Section
+    """
+    sections = [_changes(made, rows), _tables(made, rows), _circumstances(made, rows)]
+    if made.recorded.findings is not None:
+        sections.insert(2, _figures(made))
+    return tuple(sections)
+
+
+def _changes(made: Transparency, rows: Mapping[str, Reproduced]) -> Section:
+    panels = {}
+    table = []
+    for name, title in (("duration", "Duration"), ("vmax", "Peak velocity"), ("emgacc", "EMG/Acc")):
+        laws = []
+        for law in LAWS:
+            found = {
+                "as published": rows[f"transparency.{name}.{law.lower()}"],
+                "to first rest": rows[f"transparency.{name}.first_rest.{law.lower()}"],
+                "content": rows[f"transparency.{name}.content.{law.lower()}"],
+            }
+            marks = {kind: _times(row) for kind, row in found.items()}
+            printed = found["as published"].published
+            if printed is not None:
+                marks["the paper"] = (1.0 + printed / 100.0,) * 3
+            laws.append(LawChange(law, marks))
+            cells = (f"{row.ours:+.1f}" for row in found.values())
+            between = f"{found['as published'].lower:+.1f} to {found['as published'].upper:+.1f}"
+            ours, *others = cells
+            table.append(Row((title, law, "–" if printed is None else f"{printed:+.1f}", ours, between, *others)))
+        panels[title] = laws
+    studies = len(made.studies)
+    return Section(
+        "laws",
+        "Do the laws change how people move?",
+        (
+            f"Six virtual people reach for five amplitudes up and down, without a robot and under the paper's three "
+            f"laws, {studies} times with other people. They were set by how they move without a robot; each law is "
+            "built from an identification of the robot. What they do in it is therefore a prediction.",
+            "The published rule ends a movement after the last sample above 5 % of its largest speed, and so counts "
+            "every correction at the target. Where friction holds the robot, people correct again and again: most of "
+            "the change in duration is that, and not slower movement, as the same movements up to their first rest "
+            "show. How finely people correct hardly shows without a robot. As drawn they aim more finely than the "
+            "target is wide; people who are content as soon as they are on the target were tried after the others had "
+            "been frozen, and are shown apart.",
+        ),
+        (
+            Table(
+                ("Index", "Law", "Paper (%)", "Ours (%)", "Over studies", "To first rest", "Content"),
+                tuple(table),
+                frozenset({2, 3, 5, 6}),
+                caption="Change from control in the mean",
+                wide=True,
+            ),
+        ),
+        (
+            draw(
+                change_figure, panels, "changes", roles=MARKS,
+                caption="Every index under every law, times its value in control; bars reach over the studies. The "
+                "paper prints no change of EMG/Acc, only the order FC < PCFr < CLPC.",
+            ),
+        ),
+    )  # fmt: skip
+
+
+def _times(row: Reproduced) -> tuple[float, float, float]:
+    values = (row.ours, row.ours if row.lower is None else row.lower, row.ours if row.upper is None else row.upper)
+    return tuple(1.0 + value / 100.0 for value in values)
+
+
+def _tables(made: Transparency, rows: Mapping[str, Reproduced]) -> Section:
+    tables = []
+    conditions = (CONTROL, *LAWS)
+    for name, caption, keys in (
+        ("table3", "Table III: duration of movements over people (s)", conditions),
+        ("table4", "Table IV: largest velocity over people (rad/s)", conditions),
+        (
+            "table5",
+            "Table V: R² of mean velocity over amplitude",
+            [f"{c}_{w}" for c in conditions for w in ("up", "down")],
+        ),
+    ):
+        shown = []
+        for key in keys:
+            of = [rows[f"transparency.{name}.{key.lower()}.{statistic}"] for statistic in STATISTICS]
+            said = key.replace("_", ", ")
+            shown.append(Row((said, "paper", *(f"{row.published:.3f}" for row in of))))
+            shown.append(Row((said, "ours", *(f"{row.ours:.3f}" for row in of)), True))
+        heads = ("", "", "Mean", "SD", "Min", "Median", "Max")
+        tables.append(Table(heads, tuple(shown), frozenset(range(2, 7)), caption=caption, wide=True))
+    control = ", ".join(
+        f"{word} {rows[f'transparency.control.{name}'].ours:+.1f} % "
+        f"({rows[f'transparency.control.{name}'].lower:+.1f} to {rows[f'transparency.control.{name}'].upper:+.1f})"
+        for name, word in (("duration", "duration"), ("vmax", "peak velocity"))
+    )
+    return Section(
+        "tables",
+        "Tables III to V",
+        (f"Ours are medians over {len(made.studies)} studies. Without a robot, against the paper: {control}.",),
+        tuple(tables),
+    )
+
+
+def _figures(made: Transparency) -> Section:
+    found = made.recorded.findings
+    shown = {name: found.assessed[name] for name in ("duration", "vmax", "emgacc") if name in found.assessed}
+    return Section(
+        "figures",
+        "Figs. 6 to 8, from recordings",
+        (
+            "The first study went through markers, encoder and EMG, and was assessed as any lab's recordings are.",
+            found.paragraph,
+        ),
+        (),
+        (
+            draw(assessment_figures.profile_figure, found.profiles, found.profile_of, found.conditions),
+            draw(assessment_figures.isochrony_figure, found.isochrony, found.conditions),
+            draw(assessment_figures.index_figure, shown, found.conditions),
+        ),
+    )
+
+
+def _circumstances(made: Transparency, rows: Mapping[str, Reproduced]) -> Section:
+    required = {name: rows[f"transparency.required.{name}"].ours for name in ("inertia", "viscous", "coulomb")}
+    needed = ", or ".join(
+        f"{number(value, digits=2)} {unit}"
+        for value, unit in zip(
+            required.values(), ("kg·m² of inertia", "N·m·s/rad", "N·m of Coulomb friction"), strict=True
+        )
+        if np.isfinite(value)
+    )
+    energy = "; ".join(f"{law} {rows[f'transparency.energy.{law.lower()}'].ours:+.2f} J" for law in LAWS)
+    said = [
+        f"The change of 20 % that the paper found under CLPC and PCFr would take, by the choice of durations alone, "
+        f"{needed} more than an arm has.",
+        f"Energy given over a closed cycle, the largest of 99 %: {energy}. A law that compensates friction in full by "
+        "the sign of a delayed velocity drives where the sign is wrong.",
+    ]
+    if made.recorded.refused:
+        said.append(f"The assessment refused the first study's recordings: {made.recorded.refused.splitlines()[0]}")
+    k = Table(
+        ("k of eq. 8", "Up (N·m)", "Down (N·m)"),
+        tuple(
+            Row((f"{k:g}", f"{up:.3f}", f"{down:.3f}"), k in made.exponents)
+            for k, (up, down) in sorted(made.torques.items())
+        ),
+        frozenset({0, 1, 2}),
+        caption="Interaction torque (RMS) of the five people who chose k; it takes "
+        f"{made.exponents[0]:g} up and {made.exponents[1]:g} down (the paper's people: "
+        f"{rows['transparency.exponent.up'].published:g} and {rows['transparency.exponent.down'].published:g})",
+    )
+    return Section("behind", "What is behind it", tuple(said), (k,))
