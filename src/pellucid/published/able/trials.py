@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import dataclass
-from multiprocessing import get_context
 
 import numpy as np
 from scipy.stats import ttest_rel
@@ -15,6 +13,7 @@ from ...identification.slider.slider_fit import METHODS, SliderFit
 from ...lab.elbow.protocol import Trial, trials
 from ...lab.elbow.rig import ElbowRig
 from ...lab.elbow.study import record_in_memory
+from ..processes import finished
 
 SETS = {
     "published": ("constant_", "sweep_", "slow_"),
@@ -150,15 +149,15 @@ def _one(rig: ElbowRig, seed: int) -> Comparison:
 
 
 def compare_many(
-    jobs: Sequence[tuple[ElbowRig, int]], *, workers: int, on_progress: Callable[[str, float], None]
+    jobs: Sequence[tuple[ElbowRig, int]], *, workers: int | None, on_progress: Callable[[str, float], None]
 ) -> list[Comparison]:
     """The same for many rigs and seeds, in processes of their own.
 
     Parameters
     ----------
     jobs : sequence of (ElbowRig, int)
-    workers : int
-        1 stays in this process.
+    workers : int or None
+        As of `finished`.
     on_progress : callable
         Called with a text and the share done.
 
@@ -167,16 +166,8 @@ def compare_many(
     list of Comparison
         In the order of `jobs`.
     """
-    if workers <= 1:
-        made = []
-        for i, (rig, seed) in enumerate(jobs):
-            on_progress(f"{rig.name}, seed {seed}", i / len(jobs))
-            made.append(_one(rig, seed))
-        return made
-    with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
-        waiting = {pool.submit(_one, rig, seed): i for i, (rig, seed) in enumerate(jobs)}
-        found: dict[int, Comparison] = {}
-        for done in as_completed(waiting):
-            found[waiting[done]] = done.result()
-            on_progress(f"{len(found)} of {len(jobs)} identifications", len(found) / len(jobs))
+    found: dict[int, Comparison] = {}
+    for i, comparison in finished([(_one, *job) for job in jobs], workers):
+        found[i] = comparison
+        on_progress(f"{len(found)} of {len(jobs)} identifications", len(found) / len(jobs))
     return [found[i] for i in range(len(jobs))]

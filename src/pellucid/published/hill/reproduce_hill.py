@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import dataclass
-from multiprocessing import get_context
 from pathlib import Path
 
 from ...lab.seated.protocol import SeatedTrial, seated_trials
@@ -14,8 +11,8 @@ from ...lab.seated.rig import SeatedRig, load_seated_rig
 from ...lab.seated.study import record_seated, seated_recording
 from ...lab.seated.subject import subjects
 from ...recordings.results import ResultRow, write_rows
-from ..one_thread_each import one_thread_each
 from ..printed import PrintedPaper, printed
+from ..processes import finished
 from ..reproduction import Reproduced, write_reproduction
 from .recomputed import recomputed
 from .rows import step_rows, torque_rows, training_rows
@@ -116,12 +113,9 @@ def reproduce_hill(
         }
     )
     found = {}
-    context = get_context("spawn")
-    with one_thread_each(), ProcessPoolExecutor(min(workers or os.cpu_count() or 1, len(chosen)), context) as pool:
-        jobs = {pool.submit(_subject, rig, made, empty, name, seed): name for name in chosen}
-        for done in as_completed(jobs):
-            found[jobs[done]] = done.result()
-            tell(f"subject {jobs[done]}", 0.05 + 0.9 * len(found) / len(chosen))
+    for i, subject in finished([(_subject, rig, made, empty, name, seed) for name in chosen], workers):
+        found[chosen[i]] = subject
+        tell(f"subject {chosen[i]}", 0.05 + 0.9 * len(found) / len(chosen))
     people = {name: found[name] for name in chosen}
     rows = (
         *step_rows(empty, {n: s.leg for n, s in people.items()}, paper),

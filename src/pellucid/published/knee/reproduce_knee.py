@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -107,7 +106,7 @@ def reproduce_knee(
     bench = identify_bench(rig, seeds[0])
     published_time = paper["step_time"] * len(paper.values["torque_steps"])
     work = KneeWork(rig, bench, seeds, estimators, published_time=published_time, compared=compared)
-    work.run(workers or os.cpu_count() or 1, tell)
+    work.run(workers, tell)
     rows = (
         *orthosis_rows(bench, paper),
         *limbs_rows(rig, work.wearers, work.drawn, paper),

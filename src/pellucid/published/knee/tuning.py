@@ -25,6 +25,7 @@ from ...controllers.residual_compensator import Law, Noise, ResidualDesign
 from ...controllers.worn import WornCompensator
 from ...lab.knee.rig import knee_orthosis
 from ...lab.knee.trial import KneeTaken
+from ..processes import one_thread_each
 from .cards import EmgSettings, Identified, WearerCard, mistaken
 from .controllers import Chosen, controllers, for_wearer
 from .residual import TUNING, session_of, wearer
@@ -322,7 +323,11 @@ def main() -> None:
     """Choose, and write the file."""
     spawn = get_context("spawn")
     # Each process keeps its own wearers: identifying one takes longer than a swing.
-    with ProcessPoolExecutor(1, mp_context=spawn) as even, ProcessPoolExecutor(1, mp_context=spawn) as odd:
+    with (
+        one_thread_each(),
+        ProcessPoolExecutor(1, mp_context=spawn) as even,
+        ProcessPoolExecutor(1, mp_context=spawn) as odd,
+    ):
 
         def mapped(make: Callable, seeds: Sequence[int]) -> list:
             return [one.result() for one in [(odd if seed % 2 else even).submit(make, seed) for seed in seeds]]

@@ -3,17 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from concurrent.futures import FIRST_COMPLETED, ProcessPoolExecutor, wait
-from multiprocessing import get_context
 
 from ...lab.knee.rig import KneeRig
-from ..one_thread_each import one_thread_each
+from ..processes import Job, finished
 from .residual import ControllerRow, judge_wearer
 from .torque import AS_PUBLISHED, PROTOCOLS, TorqueMap, TorqueSteps, judge_map, published_steps, torque_steps
 from .wearers import Bench, Drawn, WearerFound, drawn_from, identify_straps, identify_subject
-
-Job = tuple
-"""A function and its arguments."""
 
 
 class KneeWork:
@@ -54,38 +49,23 @@ class KneeWork:
         self.drawn: list[Drawn] = []
         self.compared: list[ControllerRow] = []
 
-    def run(self, workers: int, tell: Callable[[str, float], None]) -> None:
+    def run(self, workers: int | None, tell: Callable[[str, float], None]) -> None:
         """Do everything.
 
         Parameters
         ----------
-        workers : int
-            Processes; 1 stays in this one.
+        workers : int or None
+            As of `finished`.
         tell : callable
             Called with a text and the share done.
         """
         total = len(self.names) * (1 + len(self._maps)) + len(self.judged) + len(self.seeds) - 1
-        count = 0
-
-        def done(result) -> list[Job]:
-            nonlocal count
-            count += 1
-            tell(f"{count} of {total} parts", 0.05 + 0.9 * count / total)
-            return self._keep(result)
-
         jobs: list[Job] = [(_whole, self.rig, name, self.seeds[0], self.bench) for name in self.names]
         jobs += [(judge_wearer, self.rig, name) for name in self.judged]
         jobs += [(_drawn, self.rig, seed) for seed in self.seeds[1:]]
-        if workers <= 1:
-            while jobs:
-                make, *arguments = jobs.pop(0)
-                jobs += done(make(*arguments))
-        else:
-            with one_thread_each(), ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
-                waiting = {pool.submit(*job) for job in jobs}
-                while waiting:
-                    ready, waiting = wait(waiting, return_when=FIRST_COMPLETED)
-                    waiting |= {pool.submit(*job) for one in ready for job in done(one.result())}
+        for count, (_, result) in enumerate(finished(jobs, workers), 1):
+            tell(f"{count} of {total} parts", 0.05 + 0.9 * count / total)
+            jobs += self._keep(result)
         self._sort()
 
     def _keep(self, result) -> list[Job]:
