@@ -71,7 +71,9 @@ def _able(out: Path, on_progress: Progress) -> tuple[tuple[Reproduced, ...], Pat
 
     made = reproduce_able(out, on_progress=on_progress)
     main = "table1.", "consistent.ratio", "load.ratio", "load.torque_error", "friction_needed.factor"
-    return made.rows, write_able_page(out, made), tuple(f"able.{name}" for name in main)
+    laws = *(f"transparency.duration.{law}" for law in ("fc", "pcfr", "clpc")), "transparency.torque.best_over_fc"
+    shown = *(f"able.{name}" for name in main), *laws, "safety.unsafe", "study.seconds"
+    return made.rows, write_able_page(out, made), shown
 
 
 def _knee(out: Path, on_progress: Progress) -> tuple[tuple[Reproduced, ...], Path, tuple[str, ...]]:

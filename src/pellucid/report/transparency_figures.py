@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.ticker import FixedLocator, FuncFormatter, NullLocator
 
-from .drawing import Drawing, key, tidy
+from .drawing import Drawing, tidy
 from .style import FIGURE_WIDTH, colour
 
 TICKS = (0.5, 0.7, 0.8, 0.9, 1.0, 1.1, 1.2, 1.3, 1.5, 2.0, 3.0, 5.0, 8.0)
@@ -59,19 +59,29 @@ def change_figure(
         axis.set_xscale("log")
         axis.axvline(1.0, color=colour("muted"), linewidth=1.0, zorder=1)
         tidy(axis, first=True, text="")
-        low, high = axis.get_xlim()
-        low, high = min(low, 0.93), max(high, 1.07)
-        axis.set_xlim(low, high)
-        shown = [t for t in TICKS if low <= t <= high]
-        axis.xaxis.set_major_locator(FixedLocator(shown[:: -(-len(shown) // 5)] if 1.0 not in shown else _some(shown)))
+        reached = [value for one in laws for marks in one.marks.values() for value in marks]
+        low, high = min(*reached, 0.95), max(*reached, 1.05)
+        margin = (high / low) ** 0.06
+        axis.set_xlim(low / margin, high * margin)
+        axis.xaxis.set_major_locator(FixedLocator(_some([t for t in TICKS if low <= t <= high])))
         axis.xaxis.set_minor_locator(NullLocator())
         axis.xaxis.set_major_formatter(FuncFormatter(lambda x, _: f"{x:g}"))
         axis.set_yticks(range(len(laws)), [one.law for one in laws] if i == 0 else [""] * len(laws))
         axis.set_ylim(len(laws) - 0.5, -0.9)
         axis.set_title(title, fontweight="bold")
         axis.set_xlabel("times control")
-    key(axes[-1], [(kind, colour(tone)) for kind, tone in roles.items()])
+    _key(axes[0], roles)
     return Drawing(name, figure, caption)
+
+
+def _key(axis, roles: Mapping[str, str]) -> None:
+    """Names in their colours, in a row above all panels."""
+    at = {"xycoords": "axes fraction", "xy": (0.0, 1.0), "xytext": (0.0, 24.0)}
+    for kind, tone in roles.items():
+        shown = axis.annotate(
+            kind, **at, textcoords="offset points", color=colour(tone), fontweight="bold", va="bottom"
+        )
+        at = {"xycoords": shown, "xy": (1.0, 0.0), "xytext": (14.0, 0.0)}
 
 
 def _mark(axis, values: tuple[float, float, float], height: float, tone: str) -> None:

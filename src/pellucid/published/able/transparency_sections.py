@@ -9,7 +9,7 @@ import numpy as np
 from ...report import assessment_figures
 from ...report.drawing import draw
 from ...report.page import Section
-from ...report.quantities import number
+from ...report.quantities import number, prose
 from ...report.tables import Row, Table
 from ...report.transparency_figures import LawChange, change_figure
 from ..reproduction import Reproduced
@@ -140,7 +140,7 @@ def _figures(made: Transparency) -> Section:
         "Figs. 6 to 8, from recordings",
         (
             "The first study went through markers, encoder and EMG, and was assessed as any lab's recordings are.",
-            found.paragraph,
+            prose(found.paragraph),
         ),
         (),
         (
