@@ -11,12 +11,13 @@ from tempfile import TemporaryDirectory
 
 from pellucid import _core
 from pellucid.controllers.coupling import Coupling
+from pellucid.controllers.elbow_controllers import ELBOW_CONTROLLERS
 from pellucid.controllers.residual_compensator import design
 from pellucid.deployment.c_folder import write_c_folder
 from pellucid.deployment.controller_values import ControllerValues
 from pellucid.deployment.deployed_law import LAWS
-from pellucid.deployment.elbow_values import ELBOW_CONTROLLERS
 from pellucid.deployment.microcontroller import measure, missing_tools
+from pellucid.models.anthropometry import forearm
 from pellucid.models.card import CardParameter
 from pellucid.models.slider_card import SliderCard
 
@@ -61,8 +62,9 @@ def controllers() -> dict[str, ControllerValues]:
     """Every controller that can be exported, by its name."""
     worn = dict(zip(_core.RESIDUAL_PARAMETER_NAMES, map(float, design(WORN, 0.002).parameters()), strict=True))
     made = {law: ControllerValues(law, numbers, {}, (), {}) for law, numbers in (("joint", JOINT), ("worn", worn))}
-    for name, (card, build) in ELBOW_CONTROLLERS.items():
-        law = build(elbow_card(card.split(".")[1]), 0.2)
+    for name, controller in ELBOW_CONTROLLERS.items():
+        limb = {"limb": forearm(70.0, 1.75)} if controller.wearer else {}
+        law = controller.build(elbow_card(controller.method), 0.2, **limb)
         made[name] = ControllerValues(law.kind, law.values, {}, (), {})
     return made
 

@@ -275,10 +275,15 @@ def export(
     folder: Folder,
     to: Annotated[str, typer.Option("--to", metavar="LANGUAGE", help="c: C interface, C++17 inside.")] = "c",
     out: Annotated[Path | None, typer.Option("--out", metavar="FOLDER", help="Folder to make.")] = None,
-    participant: Annotated[str | None, typer.Option(metavar="NAME", help="Whose cards, for an orthosis.")] = None,
+    participant: Annotated[str | None, typer.Option(metavar="NAME", help="Who wears it.")] = None,
     card: Annotated[str | None, typer.Option(metavar="FILE", help="Card in models/, for a joint.")] = None,
     slider: Annotated[float | None, typer.Option(metavar="M", help="Where the carriage is [m].")] = None,
-    controller: Annotated[str | None, typer.Option(metavar="NAME", help="clpc, pcfr, fc, transparent ...")] = None,
+    controller: Annotated[
+        str | None, typer.Option(metavar="NAME", help="For a carriage: fc, transparent, force_sensor ...")
+    ] = None,
+    exponents: Annotated[
+        tuple[float, float] | None, typer.Option(metavar="UP DOWN", help="Of fc and pcfr, as people chose them.")
+    ] = None,
     period: Annotated[float | None, typer.Option(metavar="S", help="Of the controller [s].")] = None,
 ) -> None:
     """Write the controller as source for a microcontroller."""
@@ -289,8 +294,8 @@ def export(
     study = open_study(folder)
     with _progress() as tell:
         tell("building the controller", 0.1)
-        asked = {"participant": participant, "card": card, "slider": slider, "controller": controller, "period": period}
-        made = run(study, to, out, **asked)
+        asked = {"participant": participant, "card": card, "slider": slider, "controller": controller}
+        made = run(study, to, out, **asked, exponents=exponents, period=period)
         tell("running it on a Cortex-M4F in QEMU", 0.7)
         absent = missing_tools()
         found = None if absent else measure(made)
@@ -298,7 +303,7 @@ def export(
     if found is None:
         _say(console, f"Not run on a Cortex-M4F: {', '.join(absent)} not installed.")
     else:
-        save_measured(study, made, found)
+        save_measured(study, made, found, controller=controller)
         _say(console, f"On a Cortex-M4F in QEMU: {found.text}.")
     _say(console, f"{made}: read README.md there. Next: make -C {made} check")
 

@@ -5,9 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from pellucid.controllers.elbow_controllers import SENSED_BODY
 from pellucid.controllers.elbow_laws import with_force_sensor
 from pellucid.lab.elbow.rig import able_elbow
-from pellucid.lab.pointing.conditions import SENSED_BODY, identified_cards, interaction_rms, own_laws, published_laws
+from pellucid.lab.pointing.conditions import identified_cards, interaction_rms, own_laws, published_laws
 from pellucid.lab.pointing.people import draw_people, elbow_participants
 from pellucid.lab.pointing.session import hold_still, point_all
 from pellucid.published.able.transparency import (

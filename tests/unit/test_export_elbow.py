@@ -9,11 +9,16 @@ from exported import Loaded, nonsense
 
 import pellucid
 from pellucid._errors import PellucidError
+from pellucid.controllers.elbow_controllers import ELBOW_CONTROLLERS
+from pellucid.controllers.elbow_laws import PUBLISHED_EXPONENTS
 from pellucid.deployment.deployed_law import LAWS
-from pellucid.deployment.elbow_values import ELBOW_CONTROLLERS, elbow_values
+from pellucid.deployment.elbow_values import elbow_values
 from pellucid.deployment.microcontroller import measure, missing_tools
+from pellucid.lab.pointing.conditions import own_laws
+from pellucid.lab.pointing.people import draw_people, elbow_participants
+from pellucid.models.anthropometry import forearm
 from pellucid.models.card import CardParameter, write_card
-from pellucid.models.slider_card import SliderCard
+from pellucid.models.slider_card import SliderCard, read_slider_card
 
 compiled = pytest.mark.skipif(
     not all(map(shutil.which, ("make", "cc", "c++", "nm"))), reason="make, cc, c++ or nm is not installed"
@@ -27,8 +32,16 @@ joint = "elbow"
 motion = "rotary"
 lifts = "flexion"
 limits = { position_min = "-10 deg", position_max = "130 deg", effort = "6 N*m" }
+[rig.slider]
+low = "0.12 m"
+high = "0.27 m"
 [rig.drive]
 kind = "torque"
+[participants.P1]
+mass = "63 kg"
+height = "1.75 m"
+[participants.P2]
+mass = "70 kg"
 [channels]
 time = { column = "t", unit = "s" }
 position = { column = "q", unit = "rad" }
@@ -75,10 +88,15 @@ def study(tmp_path):
     return pellucid.open(tmp_path)
 
 
+def worn_by(controller):
+    """What `export` must be told beyond the controller's name."""
+    return {"participant": "P1"} if ELBOW_CONTROLLERS[controller].wearer else {}
+
+
 @compiled
 @pytest.mark.parametrize("controller", ELBOW_CONTROLLERS)
 def test_each_compiles_without_a_warning_and_needs_no_heap(study, controller):
-    folder = pellucid.export(study, controller=controller)
+    folder = pellucid.export(study, controller=controller, **worn_by(controller))
     subprocess.run(["make", "-s", "check"], cwd=folder, check=True, capture_output=True)
     listed = subprocess.run(["nm", "-u", "build/controller.o"], cwd=folder, capture_output=True, text=True, check=True)
     allowed = {"memcpy", "memmove", "memset", "sqrtf", "_GLOBAL_OFFSET_TABLE_", "__stack_chk_fail"}
@@ -87,9 +105,9 @@ def test_each_compiles_without_a_warning_and_needs_no_heap(study, controller):
 
 @compiled
 @on_m4
-@pytest.mark.parametrize("controller", ["clpc", "fc", "force_sensor", "oscillator"])
+@pytest.mark.parametrize("controller", ["clpc", "fc", "force_sensor", "emg", "oscillator"])
 def test_a_cortex_m4_answers_bit_by_bit_as_the_host(study, controller):
-    found = measure(pellucid.export(study, controller=controller))
+    found = measure(pellucid.export(study, controller=controller, **worn_by(controller)))
     assert found.wrong == 0
     assert found.steps > 500
     assert 100 < found.instructions <= found.most < 5000
@@ -123,7 +141,8 @@ def test_what_full_compensation_gives_is_the_printed_law(study, speed):
 
 def test_every_number_of_a_law_is_there_and_the_study_limits_it(study):
     for controller in ELBOW_CONTROLLERS:
-        values = elbow_values(study, controller)
+        values = elbow_values(study, controller, **worn_by(controller))
+        assert set(values.remarks) == set(values.numbers)
         assert set(values.numbers) == set(LAWS[values.law].parameters)
         assert values.numbers["effort_limit"] == 6.0
         assert values.numbers["position_max"] == pytest.approx(2.2689, abs=1e-4)
@@ -135,6 +154,46 @@ def test_what_cannot_be_exported_is_told(study):
         pellucid.export(study, controller="pid")
     with pytest.raises(PellucidError, match=r"found the carriage at 0.5 m, expected 0.12 to 0.27 m"):
         pellucid.export(study, controller="fc", slider=0.5)
+    for given, said in (
+        ({"controller": "emg"}, "found the participant none, expected one of .participants.: P1, P2"),
+        ({"controller": "emg", "participant": "P2"}, "lacks height"),
+        ({"controller": "clpc", "participant": "P1"}, "is the same for everybody"),
+        ({"controller": "clpc", "exponents": (0.0, 0.0)}, '"clpc" has none'),
+        ({"exponents": (0.0, 0.0)}, "found exponents without a controller"),
+        ({"controller": "clpc", "card": "slider.load.json"}, "found a card and a controller"),
+    ):
+        with pytest.raises(PellucidError, match=said):
+            pellucid.export(study, **given)
     (study.models_dir / "slider.pooled.json").unlink()
     with pytest.raises(PellucidError, match="no such model card"):
         pellucid.export(study, controller="clpc")
+
+
+def test_a_law_of_torques_wants_a_card_of_torques(study):
+    path = study.models_dir / "slider.load.json"
+    path.write_text(path.read_text(encoding="utf-8").replace('"N*m"', '"A"', 1), encoding="utf-8")
+    with pytest.raises(PellucidError, match=r"found efforts in A, expected N\*m"):
+        pellucid.export(study, controller="transparent")
+
+
+def test_the_exponents_are_told_to_be_another_robots_until_they_are_given(study):
+    plain, own = elbow_values(study, "fc"), elbow_values(study, "pcfr", exponents=(0.5, -0.5))
+    assert (plain.numbers["exponent_up"], plain.numbers["exponent_down"]) == PUBLISHED_EXPONENTS
+    assert (own.numbers["exponent_up"], own.numbers["exponent_down"]) == (0.5, -0.5)
+    assert any("another robot" in note for note in plain.notes)
+    assert not any("another robot" in note for note in own.notes)
+
+
+def test_what_is_exported_is_what_virtual_people_wear(study):
+    """The same numbers under the same name, but for the limits that the study sets."""
+    person = draw_people(elbow_participants(), np.random.default_rng(1), count=1)[0]
+    cards = {c.method: read_slider_card(study.models_dir / c.card) for c in ELBOW_CONTROLLERS.values()}
+    ours = own_laws(cards)
+    for controller, condition in (("transparent", "best"), ("force_sensor", "best_sensed")):
+        there = elbow_values(study, controller, slider=0.2).numbers
+        here = ours[condition](person, 0.2).values
+        differ = {name for name in here if here[name] != there[name]}
+        assert differ <= {"effort_limit", "position_min", "position_max", "stop_margin"}
+    emg = elbow_values(study, "emg", participant="P1").numbers
+    assert emg["limb_gravity"] == pytest.approx(forearm(63.0, 1.75).gravity())
+    assert emg["emg_share"] > 0.0

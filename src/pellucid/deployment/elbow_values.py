@@ -2,41 +2,39 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Iterator, Mapping
 from hashlib import sha256
 
 from .._errors import PellucidError
-from ..controllers.elbow_laws import (
-    ELBOW_LIMITS,
-    ElbowLaw,
-    full_compensation,
-    partial_compensation,
-    position_control,
-    sensitivity_amplification,
-    transparent,
-    with_force_sensor,
-    with_oscillator,
-)
-from ..models.slider_card import read_slider_card
+from ..controllers.elbow_controllers import ELBOW_CONTROLLERS, ElbowController
+from ..controllers.elbow_laws import ELBOW_LIMITS, PUBLISHED_EXPONENTS, ElbowLaw
+from ..models.anthropometry import Segment, forearm
+from ..models.slider_card import SliderCard, read_slider_card
 from ..recordings.study import Study
 from .controller_values import ControllerValues
-from .joint_values import PERIOD, SLIDER_SPEED
+from .joint_values import PERIOD, SLIDER_SPEED, drive_notes, place_on_rail
 from .study_limits import limits_of
 
-ELBOW_CONTROLLERS: Mapping[str, tuple[str, Callable[..., ElbowLaw]]] = {
-    "clpc": ("slider.pooled.json", position_control),
-    "pcfr": ("slider.dissociated.json", partial_compensation),
-    "fc": ("slider.dissociated.json", full_compensation),
-    "transparent": ("slider.load.json", transparent),
-    "force_sensor": ("slider.load.json", lambda *card, **settings: with_force_sensor(transparent(*card, **settings))),
-    "oscillator": ("slider.load.json", lambda *card, **settings: with_oscillator(transparent(*card, **settings))),
-    "amplification": ("slider.load.json", sensitivity_amplification),
+BY_CARD = ("inertia", "gravity", "coulomb", "viscous", "stribeck", "load", "offset", "stiffness", "energy_store")
+"""What the names of parameters begin with that follow from the card; all others are chosen."""
+
+LIMITED = {
+    "effort_limit": "effort",
+    "velocity_limit": "velocity",
+    "position_min": "position_min",
+    "position_max": "position_max",
 }
-"""By the name that `--controller` takes: the card that it needs, and what makes it of that card."""
+"""Parameters of the gate, by the key of [rig.limits] that sets them."""
 
 
 def elbow_values(
-    study: Study, controller: str, *, slider: float | None = None, period: float | None = None
+    study: Study,
+    controller: str,
+    *,
+    slider: float | None = None,
+    participant: str | None = None,
+    exponents: tuple[float, float] | None = None,
+    period: float | None = None,
 ) -> ControllerValues:
     """A law of a worn elbow robot for one study.
 
@@ -48,6 +46,10 @@ def elbow_values(
         A name of `ELBOW_CONTROLLERS`.
     slider : float or None
         Where the carriage is [m]; None: the middle of its rail.
+    participant : str or None
+        Who wears it, for a law that is led by EMG: study.toml says mass and height.
+    exponents : tuple of float or None
+        k of equation 8, upwards and downwards, for laws that have them; None: the paper's.
     period : float or None
         Of the controller [s]; None: 1 ms.
 
@@ -58,26 +60,108 @@ def elbow_values(
     Raises
     ------
     PellucidError
-        If there is no such controller or card, or the carriage is off its rail.
+        If there is no such controller or card, the carriage is off its rail, the card's efforts are no torques, or the
+        law lacks what it needs or is given what it does not take.
     """
     if controller not in ELBOW_CONTROLLERS:
         known = ", ".join(ELBOW_CONTROLLERS)
         raise PellucidError(f'export of {study.name}: found the controller "{controller}", expected one of {known}')
-    name, build = ELBOW_CONTROLLERS[controller]
-    path = study.models_dir / name
+    named = ELBOW_CONTROLLERS[controller]
+    if exponents is not None and not named.exponents:
+        raise PellucidError(f'export of {study.name}: found exponents, expected none: "{controller}" has none')
+    path = study.models_dir / named.card
+    if study.rig.slider is None and not path.is_file():
+        raise PellucidError(
+            f'export of {study.name}: found the controller "{controller}", expected none: this joint has no carriage'
+        )
     card = read_slider_card(path)
-    low, high = card.rail
-    place = 0.5 * (low + high) if slider is None else slider
-    if not low <= place <= high:
-        raise PellucidError(f"{name}: found the carriage at {place:g} m, expected {low:g} to {high:g} m")
+    if card.effort_unit != "N*m":
+        raise PellucidError(
+            f"{path}: found efforts in {card.effort_unit}, expected N*m: this law's limits are torques; "
+            "give [rig.drive] its torque_constant and identify again"
+        )
+    place = place_on_rail(card, slider, path)
     limits, notes = limits_of(study, ELBOW_LIMITS)
-    law = build(card, place, limits=limits, period=PERIOD if period is None else period)
+    settings: dict[str, object] = {"limits": limits, "period": PERIOD if period is None else period}
+    if named.wearer or participant is not None:
+        settings |= _limb(study, controller, named, participant)
+    if exponents is not None:
+        settings["exponents"] = exponents
+    law = named.build(card, place, **settings)
+    remarks = _remarks(study, law, named.card)
+    if named.wearer:
+        remarks |= {name: f"of {participant}, by mass and height" for name in ("limb_inertia", "limb_gravity")}
+    if named.exponents:
+        said = "chosen" if exponents else "chosen by five people on another robot"
+        remarks |= dict.fromkeys(("exponent_up", "exponent_down"), said)
+    notes += tuple(_notes(law, named, card, controller, exponents, place))
     return ControllerValues(
         law=law.kind,
         numbers={key: float(value) for key, value in law.values.items()},
-        remarks=dict.fromkeys(law.values, f"by the law {controller} from {name}"),
-        cards=(name,),
-        checksums={name: sha256(path.read_bytes()).hexdigest()},
+        remarks=remarks,
+        cards=(named.card,),
+        checksums={named.card: sha256(path.read_bytes()).hexdigest()},
         speed=SLIDER_SPEED,
-        notes=(*notes, f"The carriage is at {place:.4g} m: inertia and gravity hold there only."),
+        notes=notes,
     )
+
+
+def _limb(study: Study, controller: str, named: ElbowController, participant: str | None) -> dict[str, Segment]:
+    if not named.wearer:
+        raise PellucidError(
+            f'export of {study.name}: found a participant, expected none: "{controller}" is the same for everybody'
+        )
+    people = study.config.participants
+    if participant not in people:
+        found = "none" if participant is None else repr(participant)
+        raise PellucidError(
+            f"export of {study.name}: found the participant {found}, expected one of [participants]: "
+            f"{', '.join(people) or 'nobody'}; {controller} needs their mass and height"
+        )
+    who = people[participant]
+    missing = [key for key in ("mass", "height") if getattr(who, key) is None]
+    if missing:
+        raise PellucidError(f"{study.name}: [participants.{participant}] lacks {' and '.join(missing)}")
+    return {"limb": forearm(who.mass, who.height)}
+
+
+def _remarks(study: Study, law: ElbowLaw, card: str) -> Mapping[str, str]:
+    given = study.rig.limits
+    remarks = {}
+    for name, value in law.values.items():
+        if name.startswith(BY_CARD) and not name.endswith("_share"):
+            remarks[name] = f"from {card}"
+        elif name in LIMITED and getattr(given, LIMITED[name]) == value:
+            remarks[name] = "from [rig.limits]"
+        else:
+            remarks[name] = "chosen"
+    return remarks
+
+
+def _notes(
+    law: ElbowLaw,
+    named: ElbowController,
+    card: SliderCard,
+    controller: str,
+    exponents: tuple[float, float] | None,
+    place: float,
+) -> Iterator[str]:
+    yield f"{controller}: {named.title}."
+    yield f"The carriage is at {place:.4g} m: inertia and gravity hold there only."
+    if law.kind == "transparent":
+        used = [name for name, has in (("interaction", law.sensed), ("muscle", law.emg)) if has]
+        yield f"Of its optional inputs it uses {' and '.join(used) or 'none'}; leave the others not valid."
+    if law.emg:
+        yield "muscle is the output of your EMG chain: the torque of the wearer's muscles at the joint."
+    if named.exponents and exponents is None:
+        up, down = PUBLISHED_EXPONENTS
+        yield (
+            f"k of equation 8 is {up:g} up and {down:g} down, which five people chose on another robot: "
+            "let people choose on yours, and export again with --exponents."
+        )
+    if controller == "fc":
+        yield (
+            "Two gravities that differ by more than friction are a friction that drives: on the virtual robot this law "
+            "gives its wearer energy in every movement. transparent and force_sensor take some."
+        )
+    yield from drive_notes(card)

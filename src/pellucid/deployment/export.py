@@ -24,6 +24,7 @@ def export(
     slider: float | None = None,
     participant: str | None = None,
     controller: str | None = None,
+    exponents: tuple[float, float] | None = None,
     period: float | None = None,
 ) -> Path:
     """Write the controller that the study's model cards make possible, ready to be compiled for a robot.
@@ -44,9 +45,11 @@ def export(
     slider : float or None
         Where the carriage is, for a joint that has one [m]; None: the middle of its rail.
     participant : str or None
-        Whose cards, for an orthosis; None where there is one only.
+        Whose cards, for an orthosis, None where there is one only; who wears it, for a controller led by EMG.
     controller : str or None
         For a joint with a carriage, a name of `ELBOW_CONTROLLERS`; None: gravity and friction alone.
+    exponents : tuple of float or None
+        k of equation 8, upwards and downwards, for "fc" and "pcfr"; None: the paper's.
     period : float or None
         Of the controller [s]; None: 1 ms, or that of the recordings of an orthosis.
 
@@ -61,8 +64,9 @@ def export(
         If `to` is no language known, a card is missing, or the study has no controller that can be exported.
     """
     values = values_for(
-        study, to, card=card, slider=slider, participant=participant, controller=controller, period=period
-    )
+        study, to, card=card, slider=slider, participant=participant, controller=controller, exponents=exponents,
+        period=period,
+    )  # fmt: skip
     return write_c_folder(study.name, values, study.folder / "controller" if out is None else Path(out))
 
 
@@ -74,13 +78,14 @@ def values_for(
     slider: float | None = None,
     participant: str | None = None,
     controller: str | None = None,
+    exponents: tuple[float, float] | None = None,
     period: float | None = None,
 ) -> ControllerValues:
     """The numbers that `export` writes.
 
     Parameters
     ----------
-    study, to, card, slider, participant, controller, period
+    study, to, card, slider, participant, controller, exponents, period
         As `export` takes them.
 
     Returns
@@ -97,12 +102,17 @@ def values_for(
     if period is not None and not 0.0 < period <= 0.1:
         raise PellucidError(f"export: found a period of {period:g} s, expected one above 0 and up to 0.1 s")
     if study.config.coupling is not None:
-        if card is not None or slider is not None or controller is not None:
+        if any(given is not None for given in (card, slider, controller, exponents)):
             raise PellucidError(f"export of {study.name}: found a joint's card, carriage or controller, expected none")
         return worn_values(study, participant=participant, period=period)
+    if controller is not None:
+        if card is not None:
+            raise PellucidError(f"export of {study.name}: found a card and a controller, expected one of them")
+        asked = {"slider": slider, "participant": participant, "exponents": exponents}
+        return elbow_values(study, controller, **asked, period=period)
     if participant is not None:
         raise PellucidError(f"export of {study.name}: found a participant, expected none: nobody wears this joint")
-    if controller is not None:
-        return elbow_values(study, controller, slider=slider, period=period)
+    if exponents is not None:
+        raise PellucidError(f"export of {study.name}: found exponents without a controller, expected fc or pcfr")
     given = {} if period is None else {"period": period}
     return joint_values(study, card=card, slider=slider, **given)

@@ -34,6 +34,9 @@ RISE = 0.02
 CARDS = ("joint.json", "slider.consistent.json", "slider.load.json")
 """Cards that can be compensated, the first that is there first."""
 
+SLIDER_SPEED = 3.0
+"""Of a joint with a carriage, whose card names no range of speeds [rad/s]."""
+
 RESISTING = ("coulomb", "viscous", "stribeck", "load")
 """What the names of friction begin with."""
 
@@ -109,9 +112,7 @@ def joint_values(
     }
     if not (np.isfinite(numbers["position_min"]) and np.isfinite(numbers["position_max"])):
         notes += ("The study names no stops: set position_min, position_max and stop_margin before switching on.",)
-    drive = found.drive.get("gain", 1.0)
-    if drive != 1.0 and found.effort_unit in ("N*m", "N"):
-        notes += (f"The effort is the joint's. The drive gives {drive:.6g} {found.effort_unit} per unit of command.",)
+    notes += drive_notes(found)
     return ControllerValues(
         law="joint",
         numbers={name: float(value) for name, value in numbers.items()},
@@ -125,8 +126,49 @@ def joint_values(
     )
 
 
-SLIDER_SPEED = 3.0
-"""Of a joint with a carriage, whose card names no range of speeds [rad/s]."""
+def place_on_rail(card: SliderCard, slider: float | None, path: Path) -> float:
+    """Where the carriage is.
+
+    Parameters
+    ----------
+    card : SliderCard
+    slider : float or None
+        As asked for [m]; None: the middle of the rail.
+    path : Path
+        Of the card, for messages.
+
+    Returns
+    -------
+    float
+        [m]
+
+    Raises
+    ------
+    PellucidError
+        If it is off the rail.
+    """
+    low, high = card.rail
+    place = 0.5 * (low + high) if slider is None else slider
+    if not low <= place <= high:
+        raise PellucidError(f"{path.name}: found the carriage at {place:g} m, expected {low:g} to {high:g} m")
+    return place
+
+
+def drive_notes(card: ModelCard | SliderCard) -> tuple[str, ...]:
+    """What turns the effort into the drive's command, if that is known.
+
+    Parameters
+    ----------
+    card : ModelCard or SliderCard
+
+    Returns
+    -------
+    tuple of str
+    """
+    gain = card.drive.get("gain", 1.0)
+    if gain == 1.0 or card.effort_unit not in ("N*m", "N"):
+        return ()
+    return (f"The effort is the joint's. The drive gives {gain:.6g} {card.effort_unit} per unit of command.",)
 
 
 def _joint_body(path: Path, slider: float | None) -> tuple[Card, dict[str, float], tuple[str, ...]]:
@@ -148,10 +190,7 @@ def _slider_body(path: Path, slider: float | None) -> tuple[Card, dict[str, floa
             f"{path.name}: found one set of parameters for each direction, which is no body; "
             "expected slider.consistent.json or slider.load.json"
         )
-    low, high = card.rail
-    place = 0.5 * (low + high) if slider is None else slider
-    if not low <= place <= high:
-        raise PellucidError(f"{path.name}: found the carriage at {place:g} m, expected {low:g} to {high:g} m")
+    place = place_on_rail(card, slider, path)
     body = model.vector(np.array([_carried(p) for p in card.parameters]), place, 1.0)
     note = f"The carriage is at {place:.4g} m: inertia and gravity hold there only."
     return card, dict(zip(NAMES, map(float, body), strict=True)), (note,)

@@ -106,7 +106,9 @@ def measure(folder: Path) -> OnCortexM4:
     )
 
 
-def save_measured(study: Study, folder: Path, found: OnCortexM4 | None) -> list[ResultRow]:
+def save_measured(
+    study: Study, folder: Path, found: OnCortexM4 | None, *, controller: str | None = None
+) -> list[ResultRow]:
     """Write the figures to results.json, in place of those of an earlier export.
 
     Parameters
@@ -116,25 +118,28 @@ def save_measured(study: Study, folder: Path, found: OnCortexM4 | None) -> list[
         The exported controller.
     found : OnCortexM4 or None
         None where it could not be measured: no figures then.
+    controller : str or None
+        Which was asked for, if one was.
 
     Returns
     -------
     list of ResultRow
     """
     checksum = sha256((folder / "pellucid_constants.h").read_bytes()).hexdigest()
-    rows = [] if found is None else list(_rows(study.name, found, checksum))
+    rows = [] if found is None else list(_rows(study.name, found, checksum, controller))
     if rows or study.results_path.exists():
         write_rows(study.results_path, COMMAND, rows)
     return rows
 
 
-def _rows(study: str, found: OnCortexM4, checksum: str) -> Iterator[ResultRow]:
+def _rows(study: str, found: OnCortexM4, checksum: str, controller: str | None) -> Iterator[ResultRow]:
     def row(name: str, value: float, unit: str, note: str) -> ResultRow:
         return ResultRow(f"{study}.export.m4.{name}", value, unit, COMMAND, "simulated", checksum, note)
 
-    how = "QEMU, Cortex-M4F, -icount shift=0, SysTick; mean over the test vector's motion"
+    which = f"controller {controller}; " if controller else ""
+    how = f"{which}QEMU, Cortex-M4F, -icount shift=0, SysTick; mean over the test vector's motion"
     yield row("instructions_per_step", found.instructions, "1", f"{how}; the costliest step {found.most}")
-    yield row("bytes", found.bytes, "B", f"code {found.code}, configuration {found.constants}; -O2")
+    yield row("bytes", found.bytes, "B", f"{which}code {found.code}, configuration {found.constants}; -O2")
     yield row("memory", found.memory, "B", "one context")
     yield row("wrong", found.wrong, "1", f"of {found.steps} steps, those that differ from the host's in any bit")
 

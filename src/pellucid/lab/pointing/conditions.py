@@ -10,14 +10,8 @@ from collections.abc import Callable, Mapping
 
 import numpy as np
 
-from ...controllers.elbow_laws import (
-    ElbowLaw,
-    full_compensation,
-    partial_compensation,
-    position_control,
-    transparent,
-    with_force_sensor,
-)
+from ...controllers.elbow_controllers import ELBOW_CONTROLLERS
+from ...controllers.elbow_laws import ElbowLaw, full_compensation
 from ...identification.slider.identify_slider import fit_slider
 from ...identification.slider.save_slider import slider_card
 from ...models.slider_card import SliderCard
@@ -40,16 +34,6 @@ TUNING_SEED = 900
 Cards = Mapping[str, SliderCard]
 
 
-SENSED_BODY: Mapping[str, float] = {
-    "friction_share": 0.5,
-    "inertia_share": 0.0,
-    "velocity_width": 0.05,
-    "bandwidth": 90.0,
-}
-"""What of the body is compensated where a force sensor sees to the rest. Chosen, as the other gains of `own_laws` were,
-by the smallest interaction torque of five people on three robots that are not those it is judged on."""
-
-
 def identified_cards(robot: ElbowRig, *, seed: int = 1) -> Cards:
     """What an identification of a robot finds, as cards by method.
 
@@ -68,6 +52,32 @@ def identified_cards(robot: ElbowRig, *, seed: int = 1) -> Cards:
     config, recordings, _ = record_in_memory(robot, made, seed=seed)
     fit = fit_slider(config, recordings)
     return {method: slider_card(config, fit, estimate) for method, estimate in fit.estimates.items()}
+
+
+def worn(cards: Cards, controller: str, **settings) -> Callable[[Person, float], ElbowLaw]:
+    """A controller of a robot, for whoever wears it.
+
+    Parameters
+    ----------
+    cards : mapping
+        Of the robot, by method.
+    controller : str
+        A name of `ELBOW_CONTROLLERS`.
+    **settings
+        As its law takes them.
+
+    Returns
+    -------
+    callable
+        Takes a person and the place of the carriage [m].
+    """
+    named = ELBOW_CONTROLLERS[controller]
+
+    def build(person: Person, place: float) -> ElbowLaw:
+        limb = {"limb": person.forearm} if named.wearer else {}
+        return named.build(cards[named.method], place, **limb, **settings)
+
+    return build
 
 
 def published_laws(
@@ -89,9 +99,9 @@ def published_laws(
     """
     return {
         CONTROL: None,
-        "FC": lambda person, place: full_compensation(cards["dissociated"], place, exponents=exponents),
-        "PCFr": lambda person, place: partial_compensation(cards["dissociated"], place, exponents=exponents),
-        "CLPC": lambda person, place: position_control(cards["pooled"], place),
+        "FC": worn(cards, "fc", exponents=exponents),
+        "PCFr": worn(cards, "pcfr", exponents=exponents),
+        "CLPC": worn(cards, "clpc"),
     }
 
 
@@ -108,10 +118,7 @@ def own_laws(cards: Cards) -> dict[str, Callable[[Person, float], ElbowLaw]]:
     dict
         By condition.
     """
-    return {
-        "best": lambda person, place: transparent(cards["load"], place),
-        "best_sensed": lambda person, place: with_force_sensor(transparent(cards["load"], place, **SENSED_BODY)),
-    }
+    return {"best": worn(cards, "transparent"), "best_sensed": worn(cards, "force_sensor")}
 
 
 def interaction_rms(session: Session, direction: int = 0) -> float:
