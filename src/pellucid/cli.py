@@ -235,23 +235,23 @@ def compare(
 def demo(
     out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder for the demo's studies.")] = Path("demo"),
 ) -> None:
-    """Identify and report example joints, in about a minute."""
+    """The whole story on examples, in about a minute."""
     from .demonstration.demo import demo as run
+    from .demonstration.story import told
 
     with _progress() as tell:
         made = run(out, on_progress=tell)
     console = _console()
-    for study, fit, _ in made.studies:
-        _print_fit(console, study, fit)
-    if made.coverages:
-        table = _table("residuals", ">repetitions", ">lowest coverage %", ">textbook intervals %")
-        for c in made.coverages:
-            table.add_row(c.colour, str(c.repetitions), f"{c.lowest:.1f}", f"{c.textbook:.1f}")
-        _say(console, "How often 95 % intervals hold the truth, known for a virtual joint:")
-        console.print(table)
+    for chapter, said in told(made):
+        console.print(f"\n{chapter}")
+        _list(console, [("good", said)])
+    table = _table("residuals", ">repetitions", ">lowest coverage %", ">textbook intervals %")
+    for c in made.coverages:
+        table.add_row(c.colour, str(c.repetitions), f"{c.lowest:.1f}", f"{c.textbook:.1f}")
+    _say(console, "\nHow often 95 % intervals hold the truth, known for a virtual joint:")
+    console.print(table)
     _list(console, [("note", note) for note in made.notes])
-    for study, _, page in made.studies:
-        _say(console, f"Report of {study.name}: {page}")
+    _say(console, f"The story, with pictures and every report: {made.page}")
 
 
 @app.command()

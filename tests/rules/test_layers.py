@@ -32,7 +32,8 @@ ALLOWED = {
     "report": UP_TO_SIGNALS | PHYSICS - {"_core"} | {"identification", "estimators", "controllers", "assessment"},
     "published": UP_TO_SIGNALS | PHYSICS - {"_core"} | {"identification", "lab", "estimators", "controllers"}
     | {"assessment", "report"},
-    "demonstration": UP_TO_SIGNALS | PHYSICS - {"_core"} | {"identification", "lab", "report"},
+    "demonstration": UP_TO_SIGNALS | PHYSICS - {"_core"} | {"identification", "lab", "controllers", "assessment"}
+    | {"deployment", "report"},
     "cli": UP_TO_SIGNALS | PHYSICS - {"_core"} | {"identification", "lab", "estimators", "controllers", "assessment"}
     | {"report", "published", "demonstration", "deployment"},
 }  # fmt: skip

@@ -152,26 +152,24 @@ def test_identified_studies_compare(bench):
     assert "No parameter changed" in result.output
 
 
-def test_demo_prints_every_study(fit, tmp_path, monkeypatch):
-    study = fabricate.study(tmp_path / "demo" / "bench", fit)
+def test_demo_prints_its_story(tmp_path, monkeypatch):
     coverage = SimpleNamespace(colour="white", repetitions=200, lowest=94.5, textbook=94.0)
-    made = SimpleNamespace(
-        studies=((study, fit, study.report_dir / "index.html"),), coverages=(coverage,), notes=("no network",)
-    )
+    page = tmp_path / "demo" / "index.html"
+    made = SimpleNamespace(page=page, coverages=(coverage,), notes=("no network",))
     asked = []
 
     def demo(out, *, on_progress=None):
         asked.append(out)
         return made
 
-    module = SimpleNamespace(demo=demo)
-    monkeypatch.setitem(sys.modules, "pellucid.demonstration.demo", module)
+    monkeypatch.setitem(sys.modules, "pellucid.demonstration.demo", SimpleNamespace(demo=demo))
+    story = SimpleNamespace(told=lambda made: [("Worn", "People wore it.")])
+    monkeypatch.setitem(sys.modules, "pellucid.demonstration.story", story)
     result = run(cli.app, ["demo", "--out", str(tmp_path / "demo")])
     assert result.exit_code == 0, result.output
     assert asked == [tmp_path / "demo"]
-    assert "94.5" in result.output
-    assert "no network" in result.output
-    assert str(study.report_dir / "index.html") in result.output
+    for said in ("People wore it.", "94.5", "no network", str(page)):
+        assert said in result.output
 
 
 def test_init_needs_a_data_set(monkeypatch, capsys, tmp_path):

@@ -372,7 +372,9 @@ def test_the_command_writes_what_it_measured(study):
 
 
 def test_a_study_without_a_joint_is_told_what_there_is_for_it(study):
-    text = STUDY.replace('[rig.drive]\nkind = "torque"\n', "").replace('torque = { column = "u", unit = "N*m" }\n', "")
+    asked = '[assessment]\ncontrol = "Ctrl"\nangle = "position"\n'
+    text = STUDY.replace('[rig.drive]\nkind = "torque"\n', asked)
+    text = text.replace('use = "fit"', 'participant = "P1"\ncondition = "Ctrl"') + "[participants.P1]\n"
     (study.folder / "study.toml").write_text(text, encoding="utf-8")
     with pytest.raises(PellucidError, match=r"found no \[rig.drive\].*pellucid assess"):
         pellucid.export(pellucid.open(study.folder))

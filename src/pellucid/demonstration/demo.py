@@ -1,40 +1,112 @@
-"""One minute: a virtual joint recorded, identified and judged, then a real machine's recording if one is at hand."""
+"""The whole story in a minute: a virtual robot identified, people who wear it, its controller off the PC; a real joint.
+
+Each chapter is an ordinary study in a folder of its own, made and read as a user's would be, so that every command can
+be tried on it afterwards.
+"""
 
 from __future__ import annotations
 
 import shutil
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from .._errors import DatasetError, PellucidError
+from ..assessment.assess import assess
+from ..assessment.assessment_findings import AssessmentFindings
+from ..controllers.elbow_controllers import ELBOW_CONTROLLERS
 from ..datasets import init
 from ..datasets.registry import names
+from ..deployment.c_folder import check_here
+from ..deployment.export import export
+from ..deployment.microcontroller import OnCortexM4, measure, missing_tools, save_measured
+from ..identification.findings import save_findings
 from ..identification.fit import JointFit
 from ..identification.identify import identify
 from ..identification.save import save
-from ..lab.virtual_joint import bench_joint, write_study
+from ..identification.slider.slider_fit import SliderFit
+from ..lab.elbow.protocol import Trial, trials
+from ..lab.elbow.rig import ElbowRig, able_elbow
+from ..lab.elbow.study import write_elbow_study
+from ..lab.pointing.conditions import worn
+from ..lab.pointing.people import PointingRig, elbow_participants
+from ..lab.pointing.study import CONTROL, write_pointing_study
+from ..lab.virtual_joint import bench_joint
+from ..models.slider_card import read_slider_card
 from ..recordings.results import ResultRow, write_rows
 from ..recordings.study import STUDY_FILE, Study
 from ..report.document import write_report
 from .coverage import Coverage, coverage
+from .story import EXPORTED, write_story
 
 COMMAND = "demo"
 SEED = 11
-VIRTUAL = "virtual"
+
+ELBOW, PEOPLE = "elbow", "people"
+"""Folders of the virtual chapters, and names of their studies."""
+
+WORN = ("clpc", "transparent", "force_sensor")
+"""Controllers that people wear: the maker's as published, the toolkit's own without and with a force sensor."""
+
+COUNT, REPETITIONS = 3, 2
+"""People, and how often each makes every movement: enough to show, far too few to prove."""
+
+RECORDED = 100
+"""Times that a joint is identified to see how often intervals hold the truth."""
+
+JUDGED_PLACES = 2
+"""Of the carriage, at which trials are recorded that are never fitted."""
+
+Tell = Callable[[str, float], None]
 
 
 @dataclass(frozen=True)
 class Demonstration:
-    """What `demo` made: identified studies and their reports, the intervals' coverage, and what it left out."""
+    """What `demo` made.
 
-    studies: tuple[tuple[Study, JointFit, Path], ...]
+    Attributes
+    ----------
+    page : Path
+        That tells it in order.
+    robot : ElbowRig
+        The virtual robot as it truly is.
+    elbow : Study
+    fit : SliderFit
+        What was identified of it.
+    people : Study
+    findings : AssessmentFindings
+        What its controllers do to them.
+    controller : Path
+        Folder of the exported one.
+    cost : OnCortexM4 or None
+        None where tools are missing.
+    played : tuple of int or None
+        Steps of the test vector on this machine and those that were wrong; None without a compiler.
+    coverages : tuple of Coverage
+    real : Study or None
+        None where the real recording could not be had.
+    real_fit : JointFit or None
+    notes : tuple of str
+        What was left out, and why.
+    """
+
+    page: Path
+    robot: ElbowRig
+    elbow: Study
+    fit: SliderFit
+    people: Study
+    findings: AssessmentFindings
+    controller: Path
+    cost: OnCortexM4 | None
+    played: tuple[int, int] | None
     coverages: tuple[Coverage, ...]
+    real: Study | None
+    real_fit: JointFit | None
     notes: tuple[str, ...]
 
 
-def demo(out: Path | str, *, on_progress: Callable[[str, float], None] | None = None) -> Demonstration:
-    """Run the whole flow into a folder.
+def demo(out: Path | str, *, on_progress: Tell | None = None) -> Demonstration:
+    """Run the whole story into a folder.
 
     Parameters
     ----------
@@ -53,44 +125,123 @@ def demo(out: Path | str, *, on_progress: Callable[[str, float], None] | None = 
         If `out` holds something that no demo made.
     """
     tell = on_progress or (lambda text, share: None)
-    out = Path(out)
-    notes: list[str] = []
-    studies = []
-    tell("recording a virtual joint", 0.0)
-    virtual = write_study(_cleared(out / VIRTUAL), bench_joint(), name=VIRTUAL, seed=SEED)
-    studies.append(_identified(virtual, tell, 0.05, 0.35))
-    rows, coverages = [], []
+    out, robot, notes = Path(out), able_elbow(), []
+    real_name = names()[0]
+    folders = {name: out / name for name in (ELBOW, PEOPLE, real_name)}
+    _cleared(tuple(folders.values()))
+    elbow, fit = _identified_elbow(folders[ELBOW], robot, _part(tell, 0.0, 0.2))
+    people, findings = _assessed_people(folders[PEOPLE], robot, elbow, _part(tell, 0.2, 0.58))
+    tell(f"its controller {EXPORTED} leaves the PC", 0.58)
+    controller = export(elbow, controller=EXPORTED)
+    played, absent = check_here(controller), missing_tools()
+    cost = None if absent else measure(controller)
+    save_measured(elbow, controller, cost, controller=EXPORTED)
+    if absent:
+        notes.append(f"The exported controller was not run on a Cortex-M4F: {', '.join(absent)} not installed.")
+    coverages = []
     for i, colour in enumerate(("white", "coloured")):
-        tell(f"200 virtual recordings with {colour} noise: do intervals hold the truth?", 0.35 + 0.1 * i)
-        found = coverage(bench_joint(), colour)
-        coverages.append(found)
-        rows.append(_coverage_row(found))
-    write_rows(virtual.results_path, COMMAND, rows)
-    name = names()[0]
-    tell(f"a real machine: {name}", 0.55)
+        tell(f"{RECORDED} virtual recordings with {colour} noise: do intervals hold the truth?", 0.64 + 0.05 * i)
+        coverages.append(coverage(bench_joint(), colour, repetitions=RECORDED))
+    write_rows(out / "results.json", COMMAND, [_coverage_row(found) for found in coverages])
+    real, real_fit = None, None
+    tell(f"a real machine: {real_name}", 0.74)
     try:
-        folder = _cleared(out / name)
-        real = init(folder, dataset=name)
+        real = init(folders[real_name], dataset=real_name)
     except DatasetError as error:
-        notes.append(f"The real recording '{name}' is not here and could not be fetched: {error}")
+        notes.append(f"The real recording '{real_name}' is not here and could not be fetched: {error}")
     else:
-        studies.append(_identified(real, tell, 0.55, 1.0))
+        real_fit = identify(real, on_progress=lambda text, share: tell(f"{real_name}: {text}", 0.74 + 0.1 * share))
+        save(real, real_fit)
+        tell(f"{real_name}: report", 0.84)
+        write_report(real, real_fit)
+    tell("the page that tells it all", 0.96)
+    made = Demonstration(
+        page=out, robot=robot, elbow=elbow, fit=fit, people=people, findings=findings, controller=controller, cost=cost,
+        played=played, coverages=tuple(coverages), real=real, real_fit=real_fit, notes=tuple(notes),
+    )  # fmt: skip
+    made = replace(made, page=write_story(out, made))
     tell("done", 1.0)
-    return Demonstration(tuple(studies), tuple(coverages), tuple(notes))
+    return made
 
 
-def _identified(
-    study: Study, tell: Callable[[str, float], None], start: float, stop: float
-) -> tuple[Study, JointFit, Path]:
-    fit = identify(study, on_progress=lambda text, share: tell(f"{study.name}: {text}", start + share * (stop - start)))
+def elbow_trials(robot: ElbowRig) -> tuple[Trial, ...]:
+    """What the robot is asked to do: constant velocities and sweeps to fit; both and slow movements to judge.
+
+    Parameters
+    ----------
+    robot : ElbowRig
+
+    Returns
+    -------
+    tuple of Trial
+    """
+    made = [trial for trial in trials(robot) if trial.protocol in ("constant_velocity", "swept_sine", "slow")]
+    unseen = [t for t in made if t.name.startswith("unseen")]
+    places = sorted({t.slider for t in unseen})[:: -(-len({t.slider for t in unseen}) // JUDGED_PLACES)]
+    return tuple(t for t in made if t.use == "fit" or (t in unseen and t.slider in places))
+
+
+def few_people(robot: ElbowRig) -> PointingRig:
+    """The virtual people, fewer of them and with fewer repetitions; nothing that moves them is another.
+
+    Parameters
+    ----------
+    robot : ElbowRig
+        That they wear.
+
+    Returns
+    -------
+    PointingRig
+    """
+    whole = elbow_participants(robot)
+    fewer = {
+        "people": {**whole["people"], "count": COUNT},
+        "pointing": {**whole["pointing"], "repetitions": REPETITIONS},
+    }
+    return replace(whole, tables={**whole.tables, **fewer})
+
+
+def _identified_elbow(folder: Path, robot: ElbowRig, tell: Tell) -> tuple[Study, SliderFit]:
+    tell("a virtual elbow exoskeleton moves", 0.0)
+    study = write_elbow_study(folder, robot, name=ELBOW, seed=SEED, made=elbow_trials(robot))
+    fit = identify(study, on_progress=lambda text, share: tell(f"{ELBOW}: {text}", 0.25 + 0.4 * share))
     save(study, fit)
-    return study, fit, write_report(study, fit)
+    tell(f"{ELBOW}: report", 0.65)
+    write_report(study, fit)
+    return study, fit
+
+
+def _assessed_people(folder: Path, robot: ElbowRig, elbow: Study, tell: Tell) -> tuple[Study, AssessmentFindings]:
+    """People point without the robot and under controllers that are built of the cards on disk."""
+    needed = {controller.method: controller.card for controller in map(ELBOW_CONTROLLERS.get, WORN)}
+    cards = {method: read_slider_card(elbow.models_dir / card) for method, card in needed.items()}
+    conditions = {CONTROL: None, **{name: worn(cards, name) for name in WORN}}
+    tell(f"{COUNT} virtual people point, without the robot and with it", 0.0)
+    study = write_pointing_study(
+        folder,
+        few_people(robot),
+        conditions,
+        name=PEOPLE,
+        seed=SEED,
+        threads=2,
+        on_progress=lambda text, share: tell(text, 0.5 * share),
+    )
+    findings = assess(study, on_progress=lambda text, share: tell(f"{PEOPLE}: {text}", 0.5 + 0.3 * share))
+    save_findings(study, findings, "assess")
+    tell(f"{PEOPLE}: report", 0.8)
+    write_report(study, findings)
+    return study, findings
+
+
+def _part(tell: Tell, start: float, stop: float) -> Tell:
+    """A progress function whose 0 to 1 is `start` to `stop` of another's."""
+    return lambda text, share: tell(text, start + share * (stop - start))
 
 
 def _coverage_row(found: Coverage) -> ResultRow:
     each = ", ".join(f"{name} {share:.1f}" for name, share in found.by_parameter.items())
     return ResultRow(
-        id=f"{VIRTUAL}.symmetric.coverage.{found.colour}",
+        id=f"virtual.symmetric.coverage.{found.colour}",
         value=found.lowest,
         unit="%",
         command=COMMAND,
@@ -103,11 +254,13 @@ def _coverage_row(found: Coverage) -> ResultRow:
     )
 
 
-def _cleared(folder: Path) -> Path:
-    """The folder, with what an earlier demo left there removed; anything else is refused, not deleted."""
-    if folder.exists():
-        if any(folder.iterdir()) and not (folder / STUDY_FILE).is_file():
+def _cleared(folders: Sequence[Path]) -> None:
+    """Remove what an earlier demo left in them; where one holds anything else, it is refused and none is touched."""
+    found = [folder for folder in folders if folder.exists()]
+    for folder in found:
+        if not folder.is_dir() or (any(folder.iterdir()) and not (folder / STUDY_FILE).is_file()):
             raise PellucidError(f"{folder}: not empty and not a study; name another folder with --out")
+    for folder in found:
         shutil.rmtree(folder)
-    folder.parent.mkdir(parents=True, exist_ok=True)
-    return folder
+    for folder in folders:
+        folder.parent.mkdir(parents=True, exist_ok=True)

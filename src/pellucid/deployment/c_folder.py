@@ -30,6 +30,9 @@ TEMPLATES = {
 }
 """What is rendered, and the folder that it goes to."""
 
+COMPILERS = ("make", "cc", "c++")
+"""What `record` and `check_here` need."""
+
 LARGEST = "3.40282347e+38f"
 """The largest float, which stands for no limit."""
 
@@ -145,7 +148,7 @@ def record(folder: Path, motion: int = 0) -> bool:
     PellucidError
         If they are there and the folder does not compile, or the motion meets a fault.
     """
-    if not all(map(shutil.which, ("make", "cc", "c++"))):
+    if not all(map(shutil.which, COMPILERS)):
         return False
     run = subprocess.run(["make", "-s", "record"], cwd=folder, capture_output=True, text=True)
     if run.returncode:
@@ -157,6 +160,34 @@ def record(folder: Path, motion: int = 0) -> bool:
     if wrong:
         raise PellucidError(f"{folder}: found fault {wrong} in the test vector's motion, expected none: see its README")
     return True
+
+
+def check_here(folder: Path) -> tuple[int, int] | None:
+    """Play the test vector on this machine, as ``make check`` does.
+
+    Parameters
+    ----------
+    folder : Path
+        From `write_c_folder`. Its `build` is gone afterwards.
+
+    Returns
+    -------
+    tuple of int, or None
+        Steps, and those whose answer is not the recorded one; None where there is no compiler.
+
+    Raises
+    ------
+    PellucidError
+        If it does not compile, or says nothing.
+    """
+    if not (folder / "test" / "vector_outputs.h").is_file() or not all(map(shutil.which, COMPILERS)):
+        return None
+    run = subprocess.run(["make", "-s", "check"], cwd=folder, capture_output=True, text=True)
+    shutil.rmtree(folder / "build", ignore_errors=True)
+    said = dict(line.split() for line in run.stdout.splitlines() if len(line.split()) == 2)
+    if not {"steps", "wrong"} <= set(said):
+        raise PellucidError(f"{folder}: make check failed:\n{run.stderr.strip()}")
+    return int(said["steps"]), int(said["wrong"])
 
 
 def _render(template: str, **content: object) -> str:

@@ -26,9 +26,9 @@ class Tile:
 
 @dataclass(frozen=True)
 class Section:
-    """A part of a page: paragraphs, then drawings, then tables, then muted notes; all text is plain.
+    """A part of a page: paragraphs, then drawings, then tables, then links, then muted notes; all text is plain.
 
-    `id` is the anchor; the `heading` stands in the navigation too.
+    `id` is the anchor; the `heading` stands in the navigation too; `links` are words and where they lead.
     """
 
     id: str
@@ -37,6 +37,7 @@ class Section:
     tables: tuple[Table, ...] = ()
     drawings: tuple[Drawing, ...] = ()
     notes: tuple[str, ...] = ()
+    links: tuple[tuple[str, str], ...] = ()
 
 
 @dataclass(frozen=True)

@@ -470,10 +470,13 @@ def write_pointing_study(
         "seed": seed,
         "robot": rig.robot.name,
         "people": [asdict(person) for person in people.values()],
+        "order": {name: [s.condition for s in sessions if s.person.name == name] for name in people},
         "faults": {f"{s.person.name}_{s.condition}": s.fault for s in sessions},
     }
+    # As they were named, not as each person met them: tables and figures follow study.toml.
+    named = sorted(made, key=lambda block: list(conditions).index(block.session.condition))
     write_text_atomically(folder / "lab" / "truth.json", json.dumps(truth, indent=1) + "\n")
-    write_text_atomically(folder / "study.toml", study_text(rig, list(people.values()), made, name))
+    write_text_atomically(folder / "study.toml", study_text(rig, list(people.values()), named, name))
     return open_study(folder)
 
 

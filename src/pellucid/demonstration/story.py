@@ -1,0 +1,312 @@
+"""The page of the demo: what each chapter did and found, in the order in which a lab would go, with ways into each."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from importlib.metadata import version
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ..assessment.assessment_findings import AssessmentFindings
+from ..controllers.elbow_controllers import ELBOW_CONTROLLERS
+from ..report import assessment_figures, direction_figures, figures
+from ..report.drawing import draw
+from ..report.page import Page, Section, Tile, write_page
+from ..report.quantities import number, parameter_interval, percent, prose, unit_text
+from ..report.slider_document import DRAWN, PROTOCOLS, ROLES, SHORT
+from ..report.tables import Row, Table
+
+if TYPE_CHECKING:
+    from .demo import Demonstration
+
+LEVEL = 0.95
+EXPORTED = "force_sensor"
+"""The controller that leaves the PC."""
+
+SHOWN = ("duration", "torque_rms", "emg_level")
+"""Indices that the page draws."""
+
+
+def write_story(out: Path, made: Demonstration) -> Path:
+    """Write index.html and its figures.
+
+    Parameters
+    ----------
+    out : Path
+    made : Demonstration
+
+    Returns
+    -------
+    Path
+        The page.
+    """
+    sections = [_identified(made), _controllers(made), _people(made), _exported(made), _coverage(made)]
+    if made.real_fit is not None:
+        sections.append(_real(made))
+    sections.append(_next(made))
+    page = Page(
+        title="Pellucid, from a recording to a transparent robot",
+        kicker="pellucid demo",
+        headline="A robot is identified from its recordings, what was found makes controllers, people wear them and "
+        "are assessed, one controller leaves the PC; then a real machine is identified the same way. One command did "
+        "it, and each chapter leads to its full report.",
+        tiles=_tiles(made),
+        sections=tuple(sections),
+        footer=f"Written by pellucid {version('pellucid')}; every random draw is seeded. Each chapter is a folder "
+        "beside this page, with its recordings, study.toml, model cards, results.json and report.",
+    )
+    return write_page(out, page)
+
+
+def told(made: Demonstration) -> list[tuple[str, str]]:
+    """The story in a sentence a chapter, as page and command line tell it.
+
+    Parameters
+    ----------
+    made : Demonstration
+
+    Returns
+    -------
+    list of (str, str)
+        Chapter and sentence.
+    """
+    off, error = percent(100.0 * _gravity_error(made)), 1e3 * made.fit.judged_error("load") * made.fit.gain
+    found = (
+        f"A virtual elbow exoskeleton was identified from {_minutes(made):.0f} minutes of recordings: its gravity to "
+        f"{off} % of the truth, the torque in trials never fitted to {number(error, digits=2)} mN·m."
+    )
+    torque, slower = _means(made.findings, "torque_rms"), _changes(made.findings)
+    pulled = ", ".join(f"{number(x, digits=2)} under {c}" for c, x in torque.items())
+    lasted = ", ".join(_signed(slower[c]) for c in torque)
+    worn = (
+        f"{len(made.findings.participants)} virtual people pointed without it and with it: the torque between robot "
+        f"and person was, in N·m, {pulled}; against no robot their movements lasted {lasted}."
+    )
+    said = [("Identified", found), ("Worn", worn), ("Exported", _left(made))]
+    if made.real_fit is not None:
+        best = made.real_fit.families[made.real_fit.best]
+        real = (
+            f"One recording of a real machine ({made.real.name}) predicts another, disturbed by pulses, with an effort "
+            f"error of {percent(best.heldout_effort_error)} %."
+        )
+        said.append(("Real", real))
+    return said
+
+
+def _left(made: Demonstration) -> str:
+    head, cost = f"The controller {EXPORTED} left the PC as C", made.cost
+    if cost is not None:
+        same = f"and {cost.wrong} answers differ from here" if cost.wrong else "with the same bits as here"
+        return f"{head}: on a Cortex-M4F in QEMU a step takes {cost.instructions:.0f} instructions, {same}."
+    if made.played is not None:
+        return f"{head}: compiled on this machine it played {made.played[0]} steps, {made.played[1]} of them wrong."
+    return f"{head}; no compiler is here to prove it."
+
+
+def _minutes(made: Demonstration) -> float:
+    return sum(float(m.time[-1] - m.time[0]) for m in made.fit.motions) / 60.0
+
+
+def _gravity_error(made: Demonstration) -> float:
+    return abs(made.fit["load"]["gravity"].value / made.robot.gravity(0.0)[0] - 1.0)
+
+
+def _means(findings: AssessmentFindings, index: str) -> dict[str, float]:
+    table = findings.assessed[index].table
+    return {c: float(table.column(c).mean()) for c in table.conditions}
+
+
+def _changes(findings: AssessmentFindings) -> Mapping[str, float]:
+    """Of the mean duration against control, by condition [%]."""
+    found = findings.assessed["duration"].comparison.against_control
+    return {one.condition: 100.0 * (one.relative or 0.0) for one in found}
+
+
+def _signed(share: float) -> str:
+    return f"{share:+.0f} %".replace("-", "−")
+
+
+def _tiles(made: Demonstration) -> tuple[Tile, ...]:
+    torque = _means(made.findings, "torque_rms")
+    others = ", ".join(f"{c} {number(x, digits=2)}" for c, x in torque.items() if c != EXPORTED)
+    tiles = [
+        Tile("Gravity against the truth", percent(100.0 * _gravity_error(made)), "% off", "a virtual elbow"),
+        Tile(f"Interaction torque, {EXPORTED}", number(torque[EXPORTED], digits=2), "N·m RMS", others),
+    ]
+    if made.cost is not None:
+        count, size = f"{made.cost.instructions:.0f}", f"Cortex-M4F, {made.cost.bytes} bytes"
+        tiles.append(Tile("Control step", count, "instructions", size))
+    if made.real_fit is not None:
+        best = made.real_fit.families[made.real_fit.best]
+        tiles.append(Tile(f"{made.real.name}, pulses", percent(best.heldout_effort_error), "% error", "a real machine"))
+    return tuple(tiles)
+
+
+def _identified(made: Demonstration) -> Section:
+    fit, robot = made.fit, made.robot
+    sine, cosine = robot.gravity(0.0)
+    rows = []
+    for name, true in (("gravity", sine), ("gravity_cosine", cosine), ("inertia", robot.inertia(0.0))):
+        p = fit["load"][name]
+        low, high = p.interval(LEVEL)
+        found = (number(p.value, p.standard_error), parameter_interval(p, LEVEL), number(true, p.standard_error))
+        off = percent(100.0 * abs(p.value / true - 1.0))
+        words = name.replace("_", ", ")
+        rows.append(Row((words, unit_text(p.unit), *found, off, "yes" if low <= true <= high else "no")))
+    heads = ("Parameter", "Unit", "Found", "95 % interval", "Truth", "Off by (%)", "Interval holds it")
+    table = Table(heads, tuple(rows), frozenset({2, 3, 4, 5}), "With the carriage at 0.", True)
+    judged = {m: {e.recording: e for e in fit.judged(m)} for m in DRAWN}
+    trials = list(judged["pooled"])
+    errors = {SHORT[m]: np.array([judged[m][t].current for t in trials]) for m in DRAWN}
+    kinds = [PROTOCOLS.get(judged["pooled"][t].protocol, judged["pooled"][t].protocol) for t in trials]
+    places = len({round(m.slider, 3) for m in fit.motions if m.split == "fitted"})
+    return Section(
+        "identified",
+        "1. A robot is identified",
+        (
+            f"An elbow exoskeleton with a carriage on its forearm moved for {_minutes(made):.0f} minutes, the carriage "
+            f"at {places} places. It is virtual, so that the truth is known, and richer than any model: friction that "
+            "follows load, speed and direction, stiction, backlash, a cable that gives, cameras on their own clock. "
+            "What identifies it sees files alone: time, encoder counts, current, markers.",
+            "An interval speaks of noise and of what the motions show, not of what a model leaves out: where the truth "
+            "lies beside it, the model does too.",
+        ),
+        (table,),
+        (draw(direction_figures.paired_errors, errors, kinds, roles=ROLES),),
+        links=(("Full report", "elbow/report/index.html"), ("Model card", "elbow/models/slider.load.json")),
+    )
+
+
+def _controllers(made: Demonstration) -> Section:
+    worn = [c for c in made.findings.conditions if c in ELBOW_CONTROLLERS]
+    rows = tuple(Row((name, ELBOW_CONTROLLERS[name].title, ELBOW_CONTROLLERS[name].card)) for name in worn)
+    return Section(
+        "controllers",
+        "2. Its cards make controllers",
+        (
+            "Each controller takes its numbers from a model card and the place of the carriage, nothing else, and ends "
+            "in the same safety gate: limits on torque, rate, speed and position, and faults that latch. clpc and "
+            "transparent have the encoder alone; force_sensor also reads the torque at the strap, with the sensor's "
+            "noise, offset, drift and delay.",
+        ),
+        (Table(("Controller", "What it does", "Card"), rows, wide=True),),
+    )
+
+
+def _people(made: Demonstration) -> Section:
+    findings = made.findings
+    n, left = len(findings.participants), sum(findings.left_out.values())
+    least = number(min(1.0, 2.0 ** (1 - n)), digits=2)
+    torque, changes = _means(findings, "torque_rms"), _changes(findings)
+    rows = tuple(Row((c, _signed(changes[c]), number(x, digits=3)), c == EXPORTED) for c, x in torque.items())
+    heads = ("Condition", f"Duration against {findings.control}", "Interaction torque, RMS (N·m)")
+    drawn = {name: findings.assessed[name] for name in SHOWN if name in findings.assessed}
+    return Section(
+        "people",
+        "3. People wear it, and point",
+        (
+            f"{n} virtual people pointed up and down over five distances, without the robot ({findings.control}) and "
+            f"under each controller: {findings.movements} movements, and {left} left out. They choose their pace, "
+            "plan, feel the load and learn it, and move through muscles with noise and delays. They were set by how "
+            "people move without a robot and then frozen: what the robot does to them is a prediction.",
+            f"{n} people show how a study goes and prove nothing: a signed-rank test of one controller against "
+            f"{findings.control} cannot give less than p = {least}, whatever it does. The whole experiment has six "
+            "people and 400 movements of each: pellucid init DIR --rig elbow-participants.",
+            "Where a robot sticks and lets go, people hunt about the target, and a movement's duration counts that; "
+            "the report shows what other rules would say.",
+        ),
+        (Table(heads, rows, frozenset({1, 2}), "Means over people."),),
+        (
+            draw(assessment_figures.profile_figure, findings.profiles, findings.profile_of, findings.conditions),
+            draw(assessment_figures.index_figure, drawn, findings.conditions),
+        ),
+        tuple(prose(v.text) for v in findings.verdicts if v.kind == "warning"),
+        links=(("Full report", "people/report/index.html"), ("The study", "people/study.toml")),
+    )
+
+
+def _exported(made: Demonstration) -> Section:
+    cost, tables = made.cost, ()
+    said = [
+        f"The controller {EXPORTED} as a folder of C and C++: the core's own headers, the identified constants, three "
+        "functions to call, and a test vector with a motion and every fault."
+    ]
+    if cost is not None:
+        rows = (
+            ("Steps of the test vector", cost.steps),
+            ("Answers that differ from this machine's in any bit", cost.wrong),
+            ("Instructions a step, mean", round(cost.instructions)),
+            ("Instructions, the costliest step", cost.most),
+            ("Code and constants (bytes)", cost.bytes),
+            ("Memory (bytes)", cost.memory),
+        )
+        cells = tuple(Row((words, f"{count}")) for words, count in rows)
+        tables = (Table(("On a Cortex-M4F in QEMU", ""), cells, frozenset({1})),)
+    elif made.played is not None:
+        said.append(f"Compiled on this machine, it played {made.played[0]} steps; {made.played[1]} were wrong.")
+    return Section(
+        "exported",
+        "4. The controller leaves the PC",
+        tuple(said),
+        tables,
+        links=(
+            ("Read before switching on", "elbow/controller/README.md"),
+            ("Constants", "elbow/controller/pellucid_constants.h"),
+        ),
+    )
+
+
+def _coverage(made: Demonstration) -> Section:
+    rows = tuple(Row((c.colour, f"{c.repetitions}", f"{c.lowest:.1f}", f"{c.textbook:.1f}")) for c in made.coverages)
+    heads = ("Residuals", "Repetitions", "Lowest of all parameters (%)", "Textbook intervals (%)")
+    return Section(
+        "coverage",
+        "5. Are the intervals honest?",
+        (
+            "A virtual joint that the model describes exactly was identified again and again, with new noise each "
+            "time. How often did a 95 % interval hold the truth? Textbook intervals, which take residuals for white, "
+            "fail where they are coloured, as filters and friction make them.",
+        ),
+        (Table(heads, rows, frozenset({1, 2, 3}), wide=True),),
+    )
+
+
+def _real(made: Demonstration) -> Section:
+    fit, name = made.real_fit, made.real.name
+    best = fit.families[fit.best]
+    rows = []
+    for p in best.estimate.parameters:
+        words = (p.name.replace("_", " "), number(p.value, p.standard_error), parameter_interval(p, LEVEL))
+        rows.append(Row((*words, unit_text(p.unit))))
+    heads = ("Parameter", "Value", "95 % interval", "Unit")
+    return Section(
+        "real",
+        "6. A real machine",
+        (
+            f"The same on {name}, a public recording of a motor and a ball screw: of {len(fit.families)} friction "
+            f"families, {best.family} was chosen. One recording was fitted; on the other, disturbed by pulses, the "
+            f"effort error is {percent(best.heldout_effort_error)} %.",
+        ),
+        (Table(heads, tuple(rows), frozenset({1, 2})),),
+        (draw(figures.friction, fit),),
+        links=(("Full report", f"{name}/report/index.html"),),
+    )
+
+
+def _next(made: Demonstration) -> Section:
+    rows = (
+        ("recordings of a joint", "pellucid identify DIR"),
+        ("an orthosis and its wearer, EMG", "pellucid init my-knee --rig knee-orthosis"),
+        ("people who move under conditions", "pellucid assess DIR"),
+        ("no robot", "pellucid init my-elbow --rig able-elbow"),
+        ("this demo's robot, another controller", f"pellucid export {made.elbow.folder} --controller transparent"),
+    )
+    return Section(
+        "next",
+        f"{7 if made.real_fit is not None else 6}. Yours",
+        ("Each chapter is a study like any other: try pellucid check, identify, assess and report on its folder.",),
+        (Table(("You have", "Begin with"), tuple(map(Row, rows)), wide=True),),
+        notes=made.notes,
+    )

@@ -1,0 +1,121 @@
+"""The demo: a whole story from one command, each chapter a study, and a page that leads to all of it."""
+
+import json
+import re
+from dataclasses import asdict
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from pellucid._errors import DatasetError, PellucidError
+from pellucid.controllers.elbow_controllers import ELBOW_CONTROLLERS
+from pellucid.demonstration import demo as module
+from pellucid.demonstration.story import EXPORTED, told
+from pellucid.lab.elbow.rig import able_elbow
+from pellucid.lab.pointing.people import draw_people, elbow_participants
+from pellucid.models.slider_card import read_slider_card
+from pellucid.recordings.study import open_study
+
+
+@pytest.fixture(scope="module")
+def shown():
+    """What it said while it ran."""
+    return []
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory, shown):
+    """The demo with fewer movements, and without the real recording."""
+
+    def nowhere(folder, dataset):
+        raise DatasetError("no network")
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(module, "REPETITIONS", 1)
+        patch.setattr(module, "RECORDED", 25)
+        patch.setattr(module, "init", nowhere)
+        yield module.demo(tmp_path_factory.mktemp("demo"), on_progress=lambda *said: shown.append(said))
+
+
+def test_progress_goes_forward_to_its_end(made, shown):
+    shares = [share for _, share in shown]
+    assert shares[0] == 0.0
+    assert shares[-1] == 1.0
+    assert np.all(np.diff(shares) >= 0.0)
+
+
+def test_every_link_of_the_page_leads_to_a_file(made):
+    text = made.page.read_text(encoding="utf-8")
+    links = [to for to in re.findall(r'href="([^"]+)"', text) if not to.startswith(("#", "data:"))]
+    assert {"elbow/report/index.html", "people/report/index.html", "elbow/controller/README.md"} <= set(links)
+    assert [to for to in links if not (made.page.parent / to).is_file()] == []
+    assert "no network" in text
+
+
+def test_the_page_says_what_few_people_cannot_show(made):
+    text = made.page.read_text(encoding="utf-8")
+    assert "3 people show how a study goes and prove nothing" in text
+    smallest = min(one.p_value for each in made.findings.assessed.values() for one in each.comparison.against_control)
+    assert smallest >= 0.25
+    assert "cannot give less than p = 0.25" in text
+
+
+def test_people_wear_what_the_cards_say_and_that_is_exported(made):
+    assert made.findings.conditions == ("Ctrl", *module.WORN)
+    named = ELBOW_CONTROLLERS[EXPORTED]
+    law = named.build(read_slider_card(made.elbow.models_dir / named.card), sum(made.fit.rail) / 2)
+    constants = (made.controller / "pellucid_constants.h").read_text(encoding="utf-8")
+    for name in ("gravity_sine", "coulomb_positive", "proportional"):
+        line = next(line for line in constants.splitlines() if f"/* {name} [" in line)
+        assert float(line.split("f,")[0]) == pytest.approx(law.values[name], rel=1e-6)
+
+
+def test_the_story_is_told_with_its_figures(made):
+    said = dict(told(made))
+    assert list(said) == ["Identified", "Worn", "Exported"]
+    torque = made.findings.assessed["torque_rms"].table
+    for condition in module.WORN:
+        assert f"{torque.column(condition).mean():.2g} under {condition}" in said["Worn"]
+    assert torque.column("force_sensor").mean() < torque.column("clpc").mean()
+    if made.cost is not None:
+        assert made.cost.wrong == 0
+        assert "the same bits" in said["Exported"]
+    none = SimpleNamespace(**{**vars(made), "cost": None, "played": None})
+    assert "no compiler" in dict(told(none))["Exported"]
+
+
+def test_chapters_are_studies_with_figures(made):
+    for folder, command in ((made.elbow.folder, "identify"), (made.people.folder, "assess")):
+        figures = json.loads((folder / "results.json").read_text(encoding="utf-8"))["figures"]
+        assert command in {row["command"] for row in figures}
+        assert open_study(folder).recordings()
+    rows = json.loads((made.page.parent / "results.json").read_text(encoding="utf-8"))["figures"]
+    assert [row["id"] for row in rows] == [f"virtual.symmetric.coverage.{c}" for c in ("white", "coloured")]
+
+
+def test_what_judges_the_robot_was_never_fitted(made):
+    fitted = {round(m.slider, 3) for m in made.fit.motions if m.split == "fitted"}
+    held = {round(m.slider, 3) for m in made.fit.motions if m.split == "heldout"}
+    assert len(fitted) == 6
+    assert len(held) == module.JUDGED_PLACES
+    assert not fitted & held
+
+
+def test_fewer_people_are_no_other_people():
+    few, whole = module.few_people(able_elbow()), elbow_participants()
+    same = {name for name in whole.tables if few.tables[name] == whole.tables[name]}
+    assert same == set(whole.tables) - {"people", "pointing"}
+    drawn = (draw_people(rig, np.random.default_rng(3), count=3) for rig in (few, whole))
+    assert len({json.dumps([asdict(p) for p in people]) for people in drawn}) == 1
+
+
+def test_what_is_no_demo_is_not_deleted(tmp_path):
+    (tmp_path / "elbow").mkdir()
+    (tmp_path / "elbow" / "study.toml").write_text("", encoding="utf-8")
+    (tmp_path / "people").mkdir()
+    (tmp_path / "people" / "thesis.tex").write_text("years of work", encoding="utf-8")
+    with pytest.raises(PellucidError, match="not empty and not a study"):
+        module.demo(tmp_path)
+    assert (tmp_path / "people" / "thesis.tex").is_file()
+    assert (tmp_path / "elbow" / "study.toml").is_file()
