@@ -305,6 +305,9 @@ def export(
     else:
         save_measured(study, made, found, controller=controller)
         _say(console, f"On a Cortex-M4F in QEMU: {found.text}.")
+    if not (made / "test" / "vector_outputs.h").is_file():
+        _say(console, f"{made}: read README.md there. Not compiled: that needs make, a C and a C++ compiler.")
+        return
     _say(console, f"{made}: read README.md there. Next: make -C {made} check")
 
 

@@ -369,3 +369,10 @@ def test_the_command_writes_what_it_measured(study):
     assert found["bench.export.m4.wrong"] == 0
     assert "2.0e-03f, /* period" in (study.folder / "controller" / "pellucid_constants.h").read_text(encoding="utf-8")
     assert asdict(joint_values(study, period=0.002))["numbers"]["max_age"] == pytest.approx(0.01)
+
+
+def test_a_study_without_a_joint_is_told_what_there_is_for_it(study):
+    text = STUDY.replace('[rig.drive]\nkind = "torque"\n', "").replace('torque = { column = "u", unit = "N*m" }\n', "")
+    (study.folder / "study.toml").write_text(text, encoding="utf-8")
+    with pytest.raises(PellucidError, match=r"found no \[rig.drive\].*pellucid assess"):
+        pellucid.export(pellucid.open(study.folder))

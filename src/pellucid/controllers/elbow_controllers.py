@@ -130,7 +130,9 @@ ELBOW_CONTROLLERS: Mapping[str, ElbowController] = {
         "compensation by direction with friction, as published", "dissociated", full_compensation, exponents=True
     ),
     "transparent": ElbowController("one coherent body compensated", "load", transparent),
-    "force_sensor": ElbowController("the same, and the measured interaction torque driven to zero", "load", sensed),
+    "force_sensor": ElbowController(
+        "one coherent body compensated, the measured interaction torque driven to zero", "load", sensed
+    ),
     "emg": ElbowController("one coherent body compensated, led by EMG", "load", led_by_emg, wearer=True),
     "oscillator": ElbowController(
         "one coherent body compensated, led by an oscillator where motion is periodic", "load", led_by_oscillator

@@ -12,7 +12,7 @@ from ..models.anthropometry import Segment, forearm
 from ..models.slider_card import SliderCard, read_slider_card
 from ..recordings.study import Study
 from .controller_values import ControllerValues
-from .joint_values import PERIOD, SLIDER_SPEED, drive_notes, place_on_rail
+from .joint_values import PERIOD, SLIDER_SPEED, drive_notes, identified_remarks, place_on_rail
 from .study_limits import limits_of
 
 BY_CARD = ("inertia", "gravity", "coulomb", "viscous", "stribeck", "load", "offset", "stiffness", "energy_store")
@@ -89,6 +89,8 @@ def elbow_values(
         settings["exponents"] = exponents
     law = named.build(card, place, **settings)
     remarks = _remarks(study, law, named.card)
+    if law.kind == "transparent":
+        remarks |= {name: said for name, said in identified_remarks(card).items() if name in law.values}
     if named.wearer:
         remarks |= {name: f"of {participant}, by mass and height" for name in ("limb_inertia", "limb_gravity")}
     if named.exponents:

@@ -101,6 +101,11 @@ def values_for(
         raise PellucidError(f'export: found to = "{to}", expected "{LANGUAGES[0]}"')
     if period is not None and not 0.0 < period <= 0.1:
         raise PellucidError(f"export: found a period of {period:g} s, expected one above 0 and up to 0.1 s")
+    if study.config.procedure is None and study.rig.drive is None:
+        raise PellucidError(
+            f"export of {study.name}: found no [rig.drive], expected the study of a joint or of an orthosis; "
+            f"for this one there is: pellucid {study.config.beyond_identify} {study.folder}"
+        )
     if study.config.coupling is not None:
         if any(given is not None for given in (card, slider, controller, exponents)):
             raise PellucidError(f"export of {study.name}: found a joint's card, carriage or controller, expected none")

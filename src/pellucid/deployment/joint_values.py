@@ -31,7 +31,7 @@ BANDWIDTH = 200.0
 RISE = 0.02
 """In which the effort may go from 0 to its limit [s]."""
 
-CARDS = ("joint.json", "slider.consistent.json", "slider.load.json")
+CARDS = ("joint.json", "slider.load.json", "slider.consistent.json")
 """Cards that can be compensated, the first that is there first."""
 
 SLIDER_SPEED = 3.0
@@ -66,7 +66,7 @@ def joint_values(
     PellucidError
         If there is no such card, it is of a model that is no coherent body, or the carriage is off its rail.
     """
-    name = card or next((n for n in CARDS if (study.models_dir / n).is_file()), CARDS[0])
+    name = card or next((n for n in CARDS if (study.models_dir / n).is_file()), CARDS[study.rig.slider is not None])
     path = study.models_dir / name
     table = read_table(path)
     found, body, notes = (_slider_body if table.get("kind") == "slider" else _joint_body)(path, slider)
@@ -75,7 +75,7 @@ def joint_values(
         raise PellucidError(f"{path}: found a velocity range of {speed:g}, expected the speed it was fitted on")
     limits, body = study.rig.limits, {**body, "velocity_width": WIDTH_SHARE * speed}
     largest = _largest_effort(body, speed)
-    remarks = _remarks(found)
+    remarks = identified_remarks(found)
     remarks["inertia"] += "; not carried"
     remarks |= {
         "velocity_width": f"{WIDTH_SHARE:.0%} of the largest speed seen",
@@ -203,13 +203,26 @@ def _carried(parameter: CardParameter) -> float:
     return max(parameter.interval[0], 0.0)
 
 
-def _remarks(card: Card) -> dict[str, str]:
+def identified_remarks(card: Card) -> dict[str, str]:
+    """What a card says of the parameters of a body.
+
+    Parameters
+    ----------
+    card : Card
+
+    Returns
+    -------
+    dict of str to str
+        By the core's name of the parameter; of a joint with a carriage, what depends on its place is only said to.
+    """
     remarks = {}
     for p in card.parameters:
         low, high = p.interval
         said = f"identified as {p.value:.6g}, {low:.6g} to {high:.6g}"
         if _carried(p) != p.value:
             said += "; the lower end is carried"
+        if isinstance(card, SliderCard) and not p.name.startswith(RESISTING):
+            said = "identified, at the place of the carriage"
         for target in SYMBOLS[p.name].targets if p.name in SYMBOLS else ():
             remarks[target] = said
     return remarks
