@@ -18,6 +18,7 @@ FORMATS = {
     ".sto": "sto",
     ".mot": "sto",
     ".c3d": "c3d",
+    ".xdf": "xdf",
 }
 """File ending -> module of this package that reads it."""
 
