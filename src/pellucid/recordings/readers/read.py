@@ -19,6 +19,8 @@ FORMATS = {
     ".mot": "sto",
     ".c3d": "c3d",
     ".xdf": "xdf",
+    ".edf": "edf",
+    ".bdf": "edf",
 }
 """File ending -> module of this package that reads it."""
 
