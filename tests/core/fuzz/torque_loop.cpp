@@ -20,6 +20,7 @@ template <class S> void run(Bytes& bytes) {
     const S out = p::step(c, state, in.muscle, p::measured_torque(c, in.position, S(1.2) + in.interaction));
     ++tally().cycles;
     tally().moving += out != S(0);
+    if (!c.sound) continue;
     require(std::isfinite(out), "the command is a number");
     require(std::fabs(out) <= c.motor_limit, "within the motor's limit");
     for (const S torque : state.torques) require(std::isfinite(torque), "what is no number does not stay");
