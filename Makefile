@@ -7,7 +7,7 @@ BIN    := $(VENV)/bin
 PYTEST := OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 $(BIN)/python -m pytest -n auto --dist loadfile
 CORE   := $(wildcard include/pellucid/*.hpp bindings/*.cpp bindings/*.hpp) CMakeLists.txt pyproject.toml
 
-.PHONY: demo test core-test python-test bench clean
+.PHONY: demo test core-test python-test fuzz bench clean
 
 demo: $(VENV)/.installed
 	$(BIN)/pellucid demo --out $(DEMO)
@@ -23,6 +23,12 @@ core-test: $(VENV)/.installed
 	$(BIN)/cmake -G Ninja -S tests/core -B build/core -DCMAKE_MAKE_PROGRAM=$(abspath $(BIN))/ninja >/dev/null
 	$(BIN)/cmake --build build/core
 	$(BIN)/ctest --test-dir build/core --output-on-failure
+
+# Needs clang++; FUZZ_SECONDS for each controller.
+fuzz: $(VENV)/.installed
+	$(BIN)/cmake -G Ninja -S tests/core -B build/fuzz -DCMAKE_MAKE_PROGRAM=$(abspath $(BIN))/ninja \
+	  -DCMAKE_CXX_COMPILER=clang++ -DFUZZ=ON -DFUZZ_SECONDS=$(or $(FUZZ_SECONDS),10) >/dev/null
+	$(BIN)/cmake --build build/fuzz --target fuzz
 
 bench: $(VENV)/.installed
 	$(BIN)/uv pip install --python $(BIN)/python -q -e '.[benchmark]'

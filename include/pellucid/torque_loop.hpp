@@ -3,7 +3,8 @@
 //   u = tau_d + k_p (tau_d - tau) + k_i integral(tau_d - tau) - k_d d tau/dt,   tau = K (q_m - q_e)
 //
 // with limits on what is asked for and on what the motor gives, an integral that waits while it would push further into
-// the motor's limit, and a command that reaches the motor whole periods late.
+// the motor's limit, and a command that reaches the motor whole periods late. A sample that is no number does not stay: a
+// desired torque counts as none, a measured one as the last, a command as 0. A gain that is none shows in every command.
 #pragma once
 
 #include "math.hpp"
@@ -35,6 +36,7 @@ template <class S> struct TorqueLoopCoefficients {
   S motor_limit{};                ///< of |u| [N m], infinite where there is none
   S stiffness{};                  ///< K as calibrated [N m/rad]
   S period{};                     ///< [s]
+  mask_t<S> sound{};              ///< whether the gains are numbers
   std::uint32_t delay = 0;        ///< [samples]
   std::uint32_t torque_span = 1;  ///< [samples]
 };
@@ -53,6 +55,7 @@ template <class S> TorqueLoopCoefficients<S> coefficients(const TorqueLoopParams
   c.motor_limit = select(params.motor_limit > S(0), params.motor_limit, infinity);
   c.stiffness = params.stiffness;
   c.period = params.period;
+  c.sound = both(is_finite(c.kp + c.ki), is_finite(c.rate_gain + c.period + c.stiffness));
   return c;
 }
 
@@ -84,16 +87,19 @@ S measured_torque(const TorqueLoopCoefficients<S>& c, const S& motor_position, c
 template <class S>
 S step(const TorqueLoopCoefficients<S>& c, TorqueLoopState<S>& state, const S& desired, const S& measured) noexcept {
   constexpr std::uint32_t wrap = max_torque_span - 1;
-  const S wanted = clamp(desired, -c.torque_limit, c.torque_limit);
-  const S error = wanted - measured;
-  const S rate = measured - state.torques[(state.next - c.torque_span) & wrap];
+  const auto lost = [&c](const S& x) { return both(c.sound, !is_finite(x)); };
+  const S wanted = clamp(select(lost(desired), S(0), desired), -c.torque_limit, c.torque_limit);
+  const S torque = select(lost(measured), state.torques[(state.next - 1) & wrap], measured);
+  const S error = wanted - torque;
+  const S rate = torque - state.torques[(state.next - c.torque_span) & wrap];
   const S proportional = wanted + c.kp * error - c.rate_gain * rate;
   const S integral = state.integral + error * c.period;
   const S whole = proportional + c.ki * integral;
   const mask_t<S> waits = both(abs(whole) > c.motor_limit, same_sign(c.ki * error, whole));
-  state.integral = select(waits, state.integral, integral);
-  state.torques[state.next] = measured;
-  state.commands[state.next] = clamp(proportional + c.ki * state.integral, -c.motor_limit, c.motor_limit);
+  state.integral = select(waits, state.integral, select(lost(integral), S(0), integral));
+  state.torques[state.next] = torque;
+  const S command = clamp(proportional + c.ki * state.integral, -c.motor_limit, c.motor_limit);
+  state.commands[state.next] = select(lost(command), S(0), command);
   const S given = state.commands[(state.next - c.delay) & wrap];
   state.next = (state.next + 1) & wrap;
   return given;

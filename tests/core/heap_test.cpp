@@ -1,5 +1,6 @@
 // The core asks for no memory: every allocation is counted while it runs.
 #include "example.hpp"
+#include "law_numbers.hpp"
 
 #include <cstdlib>
 #include <new>
@@ -29,6 +30,65 @@ void operator delete(void* p) noexcept { std::free(p); }
 void operator delete(void* p, std::size_t) noexcept { std::free(p); }
 
 namespace p = pellucid;
+
+/// A law over a swing, with samples that are none, faults and resets among them.
+template <class S, class C, class State> void swing(const C& c, State& state) {
+  check(c.gate.valid, "the law makes sense");
+  long moving = 0, faults = 0;
+  for (std::uint32_t k = 0; k < 100000; ++k) {
+    const S q = S(1.2) + S(0.6) * static_cast<S>(reference_at(k));
+    p::LawInput<S> in{q, q, q, k % 3 == 0, k % 5 == 0, k % 997 != 0, 1000 * static_cast<std::int64_t>(k), k};
+    if (k % 1499 == 0) in.position = std::numeric_limits<S>::quiet_NaN();
+    moving += p::step(c, state, in) != S(0);
+    faults += state.gate.fault != p::SafetyFault::none;
+    if (k % 100 == 0) p::reset(state);
+  }
+  check(moving > 50000 && faults > 1000, "the law moved, and was shut");
+}
+
+template <class S> void laws() {
+  const auto a = p::coefficients(p::law_params(position_prediction_numbers<S>));
+  p::PositionPredictionState<S> sa;
+  swing<S>(a, sa);
+  const auto b = p::coefficients(p::law_params(directional_numbers<S>));
+  p::DirectionalCompensationState<S> sb;
+  swing<S>(b, sb);
+  const auto c = p::coefficients(p::law_params(transparent_numbers<S>));
+  p::TransparentCompensationState<S> sc;
+  swing<S>(c, sc);
+  const auto d = p::coefficients(p::joint_compensation_params(joint_compensation_numbers<S>));
+  const auto e = p::coefficients(p::residual_params(residual_numbers<S>));
+  check(d.gate.valid && e.gate.valid, "the compensators make sense");
+  p::JointCompensationState<S> sd;
+  p::ResidualState<S> se;
+  p::StrapEstimatorParams<S> worn{e.params.bodies, S(30), S(1), S(5), S(0.02), S(0.01), S(7), S(21), S(0.2), S(0.8), S(0.002)};
+  const auto f = p::coefficients(worn);
+  check(f.valid, "the strap's estimator makes sense");
+  p::StrapEstimatorState<S> sf;
+  p::EmgTorqueParams<S> emg;
+  emg.muscles = p::max_muscles;
+  emg.torque_limit = S(30);
+  for (S& most : emg.ceiling) most = S(1);
+  const auto g = p::coefficients(emg);
+  p::EmgTorqueState<S> sg;
+  const auto h = p::coefficients(p::TorqueLoopParams<S>{S(2), S(20), S(0.01), S(25), S(30), S(170), 2, 1, S(0.002)});
+  p::TorqueLoopState<S> sh;
+  p::SampleState front;
+  for (std::uint32_t k = 0; k < 100000; ++k) {
+    const S q = S(1.2) + S(0.6) * static_cast<S>(reference_at(k));
+    const std::int64_t time = 2000 * static_cast<std::int64_t>(k);
+    p::examine(p::sample_rules(d.gate), front, p::Sample<S>{q, time, k, k % 997 != 0}, time + 100);
+    p::step(d, sd, p::JointCompensationInput<S>{q, time, k, k % 997 != 0});
+    p::listen(g, sg, {q, q, q, q});
+    const p::ResidualInput<S> in{q, S(0.1) * q, p::emg_torque(g, sg, q), k % 7 != 0, time};
+    p::step(h, sh, p::step(e, se, in), S(0.1) * q);
+    p::step(f, sf, in);
+    if (k % 100 == 0) {
+      p::reset(sd);
+      p::reset(se);
+    }
+  }
+}
 
 int main() {
   delete new volatile int(1);
@@ -64,20 +124,14 @@ int main() {
   }
   const auto h = p::coefficients<64>(muscles);
   p::HillTorqueState<double, 3, 64> hs;
-  p::ResidualParams<double> carrying;
-  carrying.bodies = {0.05, 0.01, 1.5, 0.02, 0.05, 0.3, 0.2, 8, 14, 0.4, 0};
-  carrying.innovation_limit = carrying.trust_time = carrying.swing_rate = carrying.assist_width = 1;
-  carrying.emg_limit = 40;
-  carrying.gate = {10, 500, 1e9, -100, 100, 0.2, 0.01, 3, 2e-3};
-  const auto rc = p::coefficients(carrying);
-  check(rc.gate.valid, "the compensator makes sense");
-  p::ResidualState<double> rs;
   p::PlantState<double> cs;
   p::PlantState<float> fs;
   p::PlantState<p::Dual<double, 8>> ds;
   p::PlantState<p::Lanes<double, 8>> ls;
   p::SafetyState<double> gs;
   p::BiquadState<double> bs;
+  laws<double>();
+  laws<float>();
   for (std::size_t k = 0; k < 100000; ++k) {
     const double r = reference_at(k);
     const double q = p::step<p::Friction::stiction>(c, cs, p::PlantInput<double>{r, 0, 0, 0}).measured_position;
@@ -85,7 +139,6 @@ int main() {
     p::step(m, ms, p::PlantInput<double>{r, 0, 0, 0});
     p::step(w, ws, p::CoupledPlantInput<double>{r, 1, 0});
     p::step(h, hs, {{r, r, r}, {0.2, 0.2, 0.2}, {r, r, r}, {0.04, 0.04, 0.04}});
-    p::step(rc, rs, p::ResidualInput<double>{q, r, r, true, static_cast<std::int64_t>(k) * 2000});
     if (k % 100 == 0) {
       p::step<p::Friction::smooth>(d, ds, {p::Dual<double, 8>(r), {}, {}, {}});
       p::step<p::Friction::smooth>(

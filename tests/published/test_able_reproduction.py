@@ -2,10 +2,12 @@
 
 import json
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
+from pellucid.lab.pointing.people import elbow_participants
 from pellucid.published.able.page import write_able_page
 from pellucid.published.able.reproduce_able import LOAD_FACTORS, reproduce_able
 from pellucid.published.reproduce import reproduce
@@ -13,10 +15,17 @@ from pellucid.published.reproduction import VERDICTS
 from pellucid.recordings.results import read_rows
 
 
+def few():
+    """Three people who make every movement twice."""
+    rig = elbow_participants()
+    pointing, people = {**rig["pointing"], "repetitions": 2}, {**rig["people"], "count": 3}
+    return replace(rig, tables={**rig.tables, "pointing": pointing, "people": people})
+
+
 @pytest.fixture(scope="module")
 def made(tmp_path_factory):
     out = tmp_path_factory.mktemp("able")
-    found = reproduce_able(out, seeds=(1, 2), rigs=1, workers=1)
+    found = reproduce_able(out, seeds=(1, 2), rigs=1, people=few(), studies=(1, 2), fuzzed=20_000, workers=1)
     write_able_page(out, found)
     return out, found
 
@@ -53,6 +62,8 @@ def test_rows_say_what_they_were_judged_on(made):
         "able.drawn-1.consistent.inertia_error": "simulated",
         "able.slider_error": "simulated",
         "able.recomputed.p": "simulated",
+        "transparency.duration.fc": "simulated",
+        "safety.unsafe": "simulated",
     }
     assert {name: split[name] for name in wanted} == wanted
 
@@ -101,12 +112,35 @@ def test_the_body_with_load_friction_is_the_rig(made):
         assert c.slider_error < 1e-3
 
 
+def test_laws_stand_beside_the_printed_changes(made):
+    """Changes follow from Tables III and IV; of EMG/Acc nothing but an order is printed."""
+    _, found = made
+    rows = {r.id: r for r in found.rows}
+    printed = {"fc": (2.4, -5.0), "pcfr": (20.2, -19.1), "clpc": (18.6, -21.2)}
+    for law, (duration, vmax) in printed.items():
+        assert rows[f"transparency.duration.{law}"].published == pytest.approx(duration, abs=0.05)
+        assert rows[f"transparency.vmax.{law}"].published == pytest.approx(vmax, abs=0.05)
+        assert rows[f"transparency.emgacc.{law}"].published is None
+        assert np.isfinite(rows[f"transparency.emgacc.{law}"].ours)
+        # What comes after the first rest only adds.
+        assert rows[f"transparency.duration.first_rest.{law}"].ours < rows[f"transparency.duration.{law}"].ours
+        assert rows[f"transparency.table3.{law}.mean"].ours > rows["transparency.table3.ctrl.mean"].ours
+    assert rows["transparency.table3.ctrl.mean"].published == 0.957
+    assert rows["transparency.table5.ctrl_up.median"].published == 0.990
+    assert rows["transparency.energy.pcfr"].ours < 0.0 < rows["transparency.energy.fc"].ours
+    assert rows["transparency.torque.best_over_fc"].ours < 1.0
+    assert rows["safety.unsafe"].ours == 0.0
+    assert rows["safety.slowest"].ours <= 1.0
+    assert rows["study.seconds"].ours > 0.0
+
+
 def test_the_page_stands_alone(made):
     out, _ = made
     page = (out / "index.html").read_text(encoding="utf-8")
     assert not re.findall(r'(?:src|href)="(?:https?:)?//', page)
     assert "Table I" in page
-    assert len(list(out.glob("*.svg"))) >= 8
+    assert "Table V" in page
+    assert len(list(out.glob("*.svg"))) >= 12
     card = json.loads((out / "table2-as-published.json").read_text(encoding="utf-8"))
     assert card["kind"] == "as_published"
 

@@ -91,16 +91,17 @@ def test_a_straight_line_is_scipys():
 def test_the_paragraph_says_what_was_found_and_what_was_not(whole):
     said = whole.found.paragraph
     assert "6 participants made 480 movements in 4 conditions (Ctrl, FC, PCFr, CLPC; control: Ctrl)" in said
-    assert "Ctrl and PCFr (p = 0.0" in said
-    assert "Not told apart from Ctrl is not equal to it" in said
-    assert "FC -" in said or "FC +" in said
+    assert "Nemenyi's test tells Ctrl from PCFr (p = 0.0" in said
+    assert "s in FC (+" in said
+    assert "95 % interval" in said
+    assert "A condition that no test tells from Ctrl is not thereby equal to it" in said
     assert "cannot give less than p = 0.094" in said  # 3 comparisons, 2^-5 each
 
 
 def test_another_filter_is_told(whole):
     found = whole.found
     words = {s.words for s in found.sensitivity}
-    assert words == {"3 Hz", "6 Hz", "12 Hz", "3 Hz, first rest"}
+    assert words == {"3 Hz", "1.5 Hz", "6 Hz", "12 Hz", "2.5 %", "10 %", "first rest"}
     by = {s.words: s for s in found.sensitivity if (s.index, s.condition) == ("acceleration", "PCFr")}
     assert by["6 Hz"].control > by["3 Hz"].control  # a 3 Hz filter lowers peaks
 
@@ -108,6 +109,11 @@ def test_another_filter_is_told(whole):
 def test_participants_needed_grow_as_changes_shrink(whole):
     need = {each.change: each.participants for each in whole.found.needed if each.index == "duration"}
     assert need[0.05] > need[0.1] >= need[0.2] == 7  # fewer cannot pass a level divided by three
+    generic = [each.participants for each in whole.found.needed if each.change is None]
+    assert generic == sorted(generic, reverse=True)
+    # A change of one standard deviation is as hard to find whatever the index.
+    own = next(each for each in whole.found.needed if each.index == "vmax" and each.effect > 1.0)
+    assert own.participants <= dict((e.effect, e.participants) for e in whole.found.needed if not e.index)[1.0]
 
 
 def test_the_same_study_gives_the_same_rows(whole):

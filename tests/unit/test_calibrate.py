@@ -95,8 +95,10 @@ def orthosis(folder, *, cards=True, spoil=None):
     """A wearer who holds an orthosis's torque at three angles, three times."""
     (folder / "recordings").mkdir(parents=True)
     rng = np.random.default_rng(9)
-    text = STEPS
     t, fast = np.arange(3000) / 500.0, np.arange(int(6 * FS)) / FS
+    # A study begins with the orthosis alone, on which nobody's EMG is.
+    table(folder / "recordings" / "bench.csv", time=t, q=np.sin(t), torque=np.cos(t))
+    text = STEPS + '[[recordings]]\nname = "bench"\nfile = "recordings/bench.csv"\nprotocol = "response"\n'
     for angle in (0, 45, 90):
         for repetition in (1, 2, 3):
             name = f"S1_torque_{angle}_{repetition}"

@@ -80,7 +80,7 @@ def test_muscles_are_passed_over_where_nothing_is_known_of_them():
     names = estimators_for([bare], "knee", found)
     assert "hill" not in names
     assert "ridge" in names
-    assert "no geometry of muscles across the knee" in found.passed_over["knee"]
+    assert "no lengths of muscles across the knee" in found.passed_over["knee"]
 
 
 def test_envelopes_in_volts_are_told():

@@ -73,7 +73,7 @@ def test_more_participants_find_smaller_changes():
 @pytest.mark.slow
 def test_large_runs_use_every_core():
     small = power_curve(pilot(8), (90,), change=0.05, studies=1000)
-    large = power_curve(pilot(8), (90, 2300), change=0.05, studies=1000)
+    large = power_curve(pilot(8), (90, 6000), change=0.05, studies=1000)
     assert large.power[0] == small.power[0]
 
 

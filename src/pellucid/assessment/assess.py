@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -21,29 +22,31 @@ from .assessment_rows import result_rows
 from .assessment_tables import tables
 from .comparison import compare_conditions
 from .indices import INDICES, index_table, isochrony
-from .power import participants_needed
+from .power import EFFECTS, needed_for_effects
 from .session import UP, Measured, Session, activities, joined, measure
 from .statements import headline, paragraph, verdicts
 
 SEED = 1
 """Of the bootstraps and of the simulated studies."""
 
-WATCHED = ("duration", "vmax", "acceleration", "emgacc")
-"""Indices that are computed again with other filters and rules."""
+WATCHED = ("duration", "vmax", "vmean", "acceleration", "peak_time_up", "peak_time_down", "emgacc")
+"""Indices that are computed again with other filters and rules: the published ones."""
 
-PLANNED = ("duration", "vmax")
+PLANNED = ("duration", "vmax", "peak_time_up", "peak_time_down", "end_absolute", "emg_level", "emgacc")
 """Indices for which the participants needed are told ..."""
 
-CHANGES = (0.05, 0.1, 0.2)
+CHANGES = (0.05, 0.1, 0.2, 0.3)
 """... to find changes from control of these shares."""
 
 STUDIES = 1000
-"""Simulated for each number of participants."""
+"""Simulated for each number of participants, unless more are asked for."""
 
 Progress = Callable[[str, float], None]
 
 
-def assess(study: Study, on_progress: Progress | None = None) -> AssessmentFindings:
+def assess(
+    study: Study, on_progress: Progress | None = None, *, studies: int = STUDIES, executor: Any = None
+) -> AssessmentFindings:
     """Compare a study's conditions.
 
     Parameters
@@ -52,6 +55,10 @@ def assess(study: Study, on_progress: Progress | None = None) -> AssessmentFindi
         With a table ``[assessment]``, and recordings that name participants and conditions.
     on_progress : callable, optional
         Called with a text and the share done, 0 to 1.
+    studies : int
+        To simulate for each number of participants, to tell how many are needed.
+    executor : object, optional
+        On which they are simulated, as for `power.power_curve`.
 
     Returns
     -------
@@ -71,11 +78,19 @@ def assess(study: Study, on_progress: Progress | None = None) -> AssessmentFindi
         )
     tell = on_progress or (lambda text, share: None)
     tell("reading recordings", 0.05)
-    return assess_recordings(study.name, study.recordings(), spec, on_progress=on_progress)
+    return assess_recordings(
+        study.name, study.recordings(), spec, on_progress=on_progress, studies=studies, executor=executor
+    )
 
 
 def assess_recordings(
-    name: str, recordings: Sequence[Recording], spec: Assessment, *, on_progress: Progress | None = None
+    name: str,
+    recordings: Sequence[Recording],
+    spec: Assessment,
+    *,
+    on_progress: Progress | None = None,
+    studies: int = STUDIES,
+    executor: Any = None,
 ) -> AssessmentFindings:
     """Compare conditions of recordings that need not be files.
 
@@ -89,6 +104,8 @@ def assess_recordings(
         What ``[assessment]`` says.
     on_progress : callable, optional
         Called with a text and the share done, 0 to 1.
+    studies, executor
+        As for `assess`.
 
     Returns
     -------
@@ -125,7 +142,7 @@ def assess_recordings(
     found = _assessed(session.movements, participants, conditions, spec)
     sensitivity = _sensitivity(sessions, spec, participants, conditions)
     tell("participants needed", 0.85)
-    needed = _needed(found, spec, len(conditions) - 1)
+    needed = _needed(found, spec, len(conditions) - 1, studies, executor)
     lines = isochrony(session.movements, participants, conditions)
     profiles, profile_of = _profiles(session, participants, conditions)
     left_out = Counter()
@@ -220,7 +237,10 @@ def _assessed(
         # A stream of its own for each index: leaving one out does not move another's interval.
         rng = np.random.default_rng([SEED, list(INDICES).index(name)])
         control = spec.control if spec.control in table.conditions else None
-        compared = compare_conditions(table.values, table.conditions, control, confidence=spec.confidence, rng=rng)
+        compared = compare_conditions(
+            table.values, table.conditions, control, against_zero=table.index.over_control,
+            confidence=spec.confidence, rng=rng,
+        )  # fmt: skip
         found[name] = Assessed(table, compared)
     return found
 
@@ -229,10 +249,12 @@ def _rules(records: Sequence[PointingRecord], spec: Assessment) -> dict[str, Mov
     """The study's rule, first, and those it is compared with."""
     rules = {}
     rates = [1.0 / float(np.median(np.diff(record.time))) for record in records]
-    for cutoff in dict.fromkeys((spec.lowpass, *spec.cutoffs)):
+    for cutoff in dict.fromkeys((spec.lowpass, *sorted(spec.cutoffs))):
         if cutoff == spec.lowpass or 2.0 * cutoff < 0.95 * min(rates):
             rules[f"{cutoff:g} Hz"] = with_rule(spec, lowpass=cutoff)
-    rules[f"{spec.lowpass:g} Hz, first rest"] = with_rule(spec, ends="peak")
+    for share in sorted(set(spec.thresholds) - {spec.threshold}):
+        rules[f"{100 * share:g} %"] = with_rule(spec, threshold=share)
+    rules["first rest"] = with_rule(spec, ends="peak")
     return rules
 
 
@@ -251,35 +273,29 @@ def _sensitivity(
 def _sensitive(words: str, each: Assessed, condition: str, control: str) -> Sensitivity:
     own = float(each.table.column(condition).mean())
     base = float(each.table.column(control).mean()) if control in each.table.conditions else float("nan")
-    test = each.comparison.friedman
-    p = float("nan") if test is None else test.p_value if test.exact_p_value is None else test.exact_p_value
+    p = float("nan") if each.comparison.p_value is None else each.comparison.p_value
     change = own if each.table.index.over_control else own / base - 1.0
     return Sensitivity(words, each.name, condition, base, change, p)
 
 
-def _needed(found: Mapping[str, Assessed], spec: Assessment, comparisons: int) -> tuple[Needed, ...]:
-    made = []
+def _needed(
+    found: Mapping[str, Assessed], spec: Assessment, comparisons: int, studies: int, executor: Any
+) -> tuple[Needed, ...]:
+    wanted: list[tuple[str, float | None, float]] = [("", None, effect) for effect in EFFECTS]
     for name in PLANNED:
         each = found.get(name)
         if each is None or len(each.table.participants) < 3 or not each.comparison.against_control:
             continue
         # The condition in which people differ most: the plan should do for all of them.
-        widest = max(each.comparison.against_control, key=lambda a: a.deviation)
-        control = each.table.conditions.index(spec.control)
-        for change in CHANGES:
-            n = participants_needed(
-                each.table.values,
-                test="signed_rank",
-                control=control,
-                compared=each.table.conditions.index(widest.condition),
-                change=change * float(each.table.column(spec.control).mean()),
-                comparisons=comparisons,
-                alpha=1.0 - spec.confidence,
-                studies=STUDIES,
-                seed=SEED,
-            )
-            made.append(Needed(name, change, n))
-    return tuple(made)
+        deviation = max(a.deviation for a in each.comparison.against_control)
+        share = each.share_of_control(spec.control)
+        if share is not None and deviation > 0.0:
+            wanted += [(name, change, change * share / deviation) for change in CHANGES]
+    effects = [effect for _, _, effect in wanted]
+    people = needed_for_effects(
+        effects, comparisons=comparisons, alpha=1.0 - spec.confidence, studies=studies, seed=SEED, executor=executor
+    )
+    return tuple(Needed(*each, n) for each, n in zip(wanted, people, strict=True))
 
 
 def _profiles(

@@ -24,6 +24,14 @@ class Assessed:
         """Of the index."""
         return self.table.index.name
 
+    def share_of_control(self, control: str) -> float | None:
+        """What a change is to be divided by to become a share of control's mean; None where shares say little."""
+        if self.table.index.over_control:
+            return 1.0
+        if not self.table.index.scaled or control not in self.table.conditions:
+            return None
+        return float(self.table.column(control).mean())
+
 
 @dataclass(frozen=True)
 class Sensitivity:
@@ -77,14 +85,18 @@ class Needed:
     Attributes
     ----------
     index : str
-    change : float
+        ``""`` where the effect stands for that of any index.
+    change : float or None
         As a share of control's mean.
+    effect : float
+        The change over the standard deviation of participants' changes (d of pairs).
     participants : int or None
         None where more than were tried.
     """
 
     index: str
-    change: float
+    change: float | None
+    effect: float
     participants: int | None
 
 

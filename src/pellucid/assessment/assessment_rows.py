@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import hashlib
+import re
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ..recordings.results import ResultRow
-from .indices import NEGATIVE
 
 if TYPE_CHECKING:
     from .assessment_findings import Assessed, AssessmentFindings
@@ -19,8 +19,9 @@ COMMAND = "assess"
 def result_rows(found: AssessmentFindings) -> tuple[ResultRow, ...]:
     """Every figure of an assessment.
 
-    ``<study>.transparency.<index>.<condition>`` is the change of the mean from control in % (SPARC and LDLJ: in their
-    own unit; interaction: the mean itself); ``<study>.assess.<index>.<condition>.<what>`` the rest.
+    ``<study>.transparency.<index>.<condition>`` is the change of the mean from control in % (SPARC, LDLJ and the signed
+    end-point error: in their own unit; interaction: the mean itself); ``<study>.assess.<index>.<condition>.<what>`` the
+    rest.
 
     Parameters
     ----------
@@ -53,11 +54,13 @@ def result_rows(found: AssessmentFindings) -> tuple[ResultRow, ...]:
         add(f"{head}.duration.slope", line.duration_slope, "s/rad", "duration over amplitude, means of participants")
         add(f"{head}.duration.intercept", line.duration_intercept, "s")
     for s in found.sensitivity:
-        rule = s.words.replace(" Hz", "hz").replace(", first rest", "_first_rest").replace(".", "_")
+        rule = re.sub(r"[^a-z0-9]+", "_", s.words.replace(" Hz", "hz").replace("%", "percent").lower())
         add(f"assess.sensitivity.{rule}.{s.index}.{s.condition.lower()}", 100.0 * s.change, "%", s.words)
     for each in found.needed:
-        note = "signed ranks against control, power 0.8" + ("" if each.participants else "; more than were tried")
-        add(f"assess.needed.{each.index}.{100 * each.change:g}_percent", each.participants, "1", note)
+        note = f"signed ranks against control, power 0.8, d of pairs {each.effect:.3g}"
+        note += "" if each.participants else "; more than were tried"
+        what = f"d_{each.effect:g}" if each.change is None else f"{each.index}.{100 * each.change:g}_percent"
+        add(f"assess.needed.{what.replace('.', '_') if each.change is None else what}", each.participants, "1", note)
     return tuple(rows)
 
 
@@ -73,7 +76,7 @@ def _index_rows(found: AssessmentFindings, each: Assessed, add) -> None:
         own = against.get(condition)
         if index.over_control:
             add(headline, 100.0 * float(column.mean()), "%", "over control, mean of participants")
-        elif own is not None and own.relative is not None and index.name not in NEGATIVE:
+        elif own is not None and own.relative is not None and index.scaled:
             add(headline, 100.0 * own.relative, "%", "change of the mean from control")
         elif own is not None:
             add(headline, own.change, index.unit, "change of the mean from control")

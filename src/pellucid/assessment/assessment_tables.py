@@ -2,22 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ..identification.findings import FigureTable
-from .indices import INDICES, NEGATIVE
+from .indices import INDICES
+from .power import SIZES
 
 if TYPE_CHECKING:
-    from .assessment_findings import Assessed, AssessmentFindings
+    from .assessment_findings import Assessed, AssessmentFindings, Needed
 
 MINUS = "\N{MINUS SIGN}"
 UNITS = {"rad/s": "rad/s", "rad/s^2": "rad/s²", "N*m": "N·m", "1": ""}
 
-
-SHOWN = ("duration", "vmax", "emg_level", "emgacc", "torque_rms")
+SHOWN = ("duration", "vmax", "end_absolute", "emg_level", "emgacc", "torque_rms")
 """Indices with a table of their own among an assessment's tables; a report has one for each."""
 
 
@@ -40,9 +39,8 @@ def tables(found: AssessmentFindings) -> tuple[FigureTable, ...]:
     if found.isochrony:
         made.append(isochrony_table(found))
     if found.sensitivity:
-        made.append(sensitivity_table(found))
-    if found.needed:
-        made.append(needed_table(found))
+        made.append(range_table(found))
+    made += [table for table in (needed_table(found), effect_size_table(found)) if table.rows]
     return tuple(made)
 
 
@@ -59,7 +57,8 @@ def summary_table(found: AssessmentFindings) -> FigureTable:
     """
     rows = []
     for each in found.assessed.values():
-        rows.append((_words(each, short=True), *(_mean_cell(found, each, condition) for condition in found.conditions)))
+        cells = (_mean_cell(found, each, condition) for condition in found.conditions)
+        rows.append((words(each, short=True), *cells))
     n = len(found.participants)
     title = f"Mean ± SD over {n} participant{'s' if n != 1 else ''}; * differs from {found.control} (Nemenyi)"
     return FigureTable(title, ("Index", *found.conditions), tuple(rows))
@@ -68,21 +67,33 @@ def summary_table(found: AssessmentFindings) -> FigureTable:
 def _mean_cell(found: AssessmentFindings, each: Assessed, condition: str) -> str | None:
     if condition not in each.table.conditions:
         return None
-    column = each.table.column(condition)
+    column = each.table.index.shown[0] * each.table.column(condition)
     # Three digits of a mean are what a reader compares; its SD has as many decimals.
-    mean = float(column.mean())
-    decimals = min(max(2 - int(f"{mean:.2e}".split("e")[1]), 0), 3) if mean else 3
+    mean, sd = float(column.mean()), float(np.std(column, ddof=1)) if len(column) > 1 else 0.0
+    decimals = min(max(2 - int(f"{max(abs(mean), sd):.2e}".split("e")[1]), 0), 3) if mean or sd else 3
     shown = _fixed(mean, decimals)
     if len(column) > 1:
-        shown += f"±{_fixed(float(np.std(column, ddof=1)), decimals)}"
+        shown += f"±{_fixed(sd, decimals)}"
     known = found.control in each.table.conditions and condition != found.control
     differs = known and each.comparison.pair(found.control, condition) < 1.0 - found.confidence
     return shown + ("*" if differs else "")
 
 
-def _words(each: Assessed, *, short: bool = False) -> str:
+def words(each: Assessed, *, short: bool = False) -> str:
+    """An index with its unit, as tables call it.
+
+    Parameters
+    ----------
+    each : Assessed
+    short : bool
+        As narrow tables do.
+
+    Returns
+    -------
+    str
+    """
     index = each.table.index
-    unit = UNITS.get(index.unit, index.unit)
+    unit = UNITS.get(index.shown[1], index.shown[1])
     return (index.short if short else index.words) + (f" ({unit})" if unit else "")
 
 
@@ -115,7 +126,7 @@ def test_table(found: AssessmentFindings) -> FigureTable:
 
 
 def needed_table(found: AssessmentFindings) -> FigureTable:
-    """Participants needed to find changes from control.
+    """Participants needed to find changes from control, by index.
 
     Parameters
     ----------
@@ -125,12 +136,42 @@ def needed_table(found: AssessmentFindings) -> FigureTable:
     -------
     FigureTable
     """
-    rows = tuple(
-        (INDICES[each.index].words, f"{100 * each.change:g} %", each.participants or "more than 96")
-        for each in found.needed
+    changes = sorted({each.change for each in found.needed if each.change is not None})
+    cells = {(each.index, each.change): each for each in found.needed}
+    rows = []
+    for name in dict.fromkeys(each.index for each in found.needed if each.index):
+        # What people differ by is the same behind every change.
+        spread = 100.0 * changes[0] / cells[name, changes[0]].effect
+        rows.append((INDICES[name].short, _short(spread), *(_people(cells[name, change]) for change in changes)))
+    heads = ("Index", "SD of changes %", *(f"{100 * change:g} %" for change in changes))
+    return FigureTable(
+        f"Participants who would show a change from {found.control} in 8 of 10 studies", heads, tuple(rows)
     )
-    heads = ("Index", "Change", "Participants")
-    return FigureTable("Participants who would show a change in 8 of 10 studies", heads, rows)
+
+
+def effect_size_table(found: AssessmentFindings) -> FigureTable:
+    """Participants needed against effect size, whatever the index.
+
+    Parameters
+    ----------
+    found : AssessmentFindings
+
+    Returns
+    -------
+    FigureTable
+    """
+    generic = [each for each in found.needed if each.change is None]
+    m = len(found.conditions) - 1
+    title = (
+        f"Participants needed against effect size: signed ranks, {m} comparison{'s' if m != 1 else ''} with "
+        f"{found.control}, power 0.8"
+    )
+    row = ("Participants", *(_people(each) for each in generic))
+    return FigureTable(title, ("d of pairs", *(f"{each.effect:g}" for each in generic)), (row,) if generic else ())
+
+
+def _people(needed: Needed) -> str | int:
+    return f">{SIZES[-1]}" if needed.participants is None else needed.participants
 
 
 def description_table(found: AssessmentFindings, each: Assessed) -> FigureTable:
@@ -147,25 +188,25 @@ def description_table(found: AssessmentFindings, each: Assessed) -> FigureTable:
     """
     index = each.table.index
     against = {a.condition: a for a in each.comparison.against_control}
-    percent = index.name not in NEGATIVE
-    decimals = _decimals(each.table.values)
+    share, factor = each.share_of_control(found.control), index.shown[0]
+    decimals = _decimals(factor * each.table.values)
     rows = []
     for condition in each.table.conditions:
-        column = each.table.column(condition)
+        column = factor * each.table.column(condition)
         sd = float(np.std(column, ddof=1)) if len(column) > 1 else None
         row: list = [column.mean(), sd, column.min(), np.median(column), column.max()]
         row = [None if x is None else _fixed(float(x), decimals) for x in row]
         own = against.get(condition)
         if own is not None:
-            scale = 100.0 / float(each.table.column(found.control).mean()) if percent else 1.0
+            scale = factor if share is None else 100.0 / share
             row += [_short(scale * own.change), _range(scale, own.interval), _p(own.holm)]
         elif against:
             row += [None, None, None]
         rows.append((condition, *row))
     heads = ("", "Mean", "SD", "Min", "Median", "Max")
     if against:
-        heads += ("Δ %" if percent else "Δ", f"{100 * found.confidence:g} %", "p")
-    return FigureTable(_words(each), heads, tuple(rows))
+        heads += ("Δ" if share is None else "Δ %", f"{100 * found.confidence:g} %", "p")
+    return FigureTable(words(each), heads, tuple(rows))
 
 
 def effect_table(found: AssessmentFindings) -> FigureTable:
@@ -183,17 +224,19 @@ def effect_table(found: AssessmentFindings) -> FigureTable:
     for each in found.assessed.values():
         for a in each.comparison.against_control:
             sizes = a.standardised, a.rank_biserial, a.cliff
-            told = _short(a.change), _range(1.0, a.interval), *sizes, _p(a.p_value), _p(a.holm)
-            rows.append((_words(each, short=True), a.condition, *told))
+            factor = each.table.index.shown[0]
+            told = _short(factor * a.change), _range(factor, a.interval), *sizes, _p(a.p_value), _p(a.holm)
+            rows.append((words(each, short=True), a.condition, *told))
     level = f"{100 * found.confidence:g} %"
     heads = ("Index", "", "Change", level, "d of pairs", "Rank-biserial", "Cliff's δ", "p", "p (Holm)")
     return FigureTable(f"Changes from {found.control}", heads, tuple(rows))
 
 
 def _decimals(values: np.ndarray) -> int:
-    """As many decimals as two digits of the largest standard deviation need, and one more; at most four."""
+    """As many decimals as two digits of the largest standard deviation need, and one more; three digits will do."""
     sd = float(np.std(values, axis=0, ddof=1).max()) if len(values) > 1 else 0.0
-    return min(max(2 - int(f"{sd:.1e}".split("e")[1]), 0), 4) if sd > 0.0 else 3
+    most = 3 if np.abs(values).max() >= 0.1 else 4
+    return min(max(2 - int(f"{sd:.1e}".split("e")[1]), 0), most) if sd > 0.0 else 3
 
 
 def _fixed(value: float, decimals: int) -> str:
@@ -206,31 +249,29 @@ def _range(scale: float, interval: tuple[float, float]) -> str | None:
 
 
 def _short(value: float, digits: int = 3) -> str:
-    return f"{value:.{digits}g}".replace("-", MINUS)
+    text = f"{value:.0f}" if abs(value) >= 10.0**digits else f"{value:.{digits}g}"
+    return (f"{value:.0f}" if "e+" in text else text).replace("-", MINUS)
 
 
-def pair_table(found: AssessmentFindings, names: Sequence[str] = SHOWN) -> FigureTable:
-    """Nemenyi's p of every pair of conditions.
+def pair_table(found: AssessmentFindings) -> FigureTable:
+    """Nemenyi's p of every pair of conditions; the time of the peak is compared in each direction by itself.
 
     Parameters
     ----------
     found : AssessmentFindings
-    names : sequence of str
-        Indices.
 
     Returns
     -------
     FigureTable
     """
-    tested = [found.assessed[name] for name in names if name in found.assessed]
-    tested = [each for each in tested if each.comparison.nemenyi is not None]
+    pairs = [(one, other) for i, one in enumerate(found.conditions) for other in found.conditions[i + 1 :]]
     rows = []
-    for i, one in enumerate(found.conditions):
-        for other in found.conditions[i + 1 :]:
-            has = [{one, other} <= set(each.table.conditions) for each in tested]
-            cells = (_p(e.comparison.pair(one, other)) if h else None for e, h in zip(tested, has, strict=True))
-            rows.append((f"{one}, {other}", *cells))
-    heads = ("", *(each.table.index.short for each in tested))
+    for each in found.assessed.values():
+        if each.comparison.nemenyi is not None:
+            has = ({*pair} <= set(each.table.conditions) for pair in pairs)
+            cells = (_p(each.comparison.pair(*pair)) if h else None for pair, h in zip(pairs, has, strict=True))
+            rows.append((each.table.index.short, *cells))
+    heads = ("Index", *(f"{one}, {other}" for one, other in pairs))
     return FigureTable("Which conditions differ (Nemenyi's p)", heads, tuple(rows))
 
 
@@ -257,7 +298,7 @@ def isochrony_table(found: AssessmentFindings) -> FigureTable:
 
 
 def sensitivity_table(found: AssessmentFindings) -> FigureTable:
-    """Changes from control by other filters and other ends of movements.
+    """Changes from control, and Friedman's p, by other filters, thresholds and ends of movements.
 
     Parameters
     ----------
@@ -267,14 +308,38 @@ def sensitivity_table(found: AssessmentFindings) -> FigureTable:
     -------
     FigureTable
     """
-    conditions = found.conditions[1:]
+    rules = tuple(dict.fromkeys(s.words for s in found.sensitivity))
     cells = {(s.words, s.index, s.condition): s for s in found.sensitivity}
+    rows: list[tuple] = []
+    for index, condition in dict.fromkeys((s.index, s.condition) for s in found.sensitivity):
+        own = [cells.get((rule, index, condition)) for rule in rules]
+        changes = (None if s is None or np.isnan(s.change) else _fixed(100.0 * s.change, 1) for s in own)
+        rows.append((INDICES[index].short, f"{condition} %", *changes))
+        last = [c for i, c in dict.fromkeys((s.index, s.condition) for s in found.sensitivity) if i == index][-1]
+        if condition == last:
+            rows.append((INDICES[index].short, "p", *(None if s is None else _p(s.p_value) for s in own)))
+    title = f"Change from {found.control} by other filters, thresholds and ends of movements (first column: as chosen)"
+    return FigureTable(title, ("Index", "", *rules), tuple(rows))
+
+
+def range_table(found: AssessmentFindings) -> FigureTable:
+    """How far changes from control move with filters, thresholds and ends of movements; `sensitivity_table` has all.
+
+    Parameters
+    ----------
+    found : AssessmentFindings
+
+    Returns
+    -------
+    FigureTable
+    """
     rows = []
-    for words, index in dict.fromkeys((s.words, s.index) for s in found.sensitivity):
-        own = [cells.get((words, index, condition)) for condition in conditions]
-        first = next(s for s in own if s is not None)
-        base = None if np.isnan(first.control) else first.control
-        changes = (None if s is None else 100.0 * s.change for s in own)
-        rows.append((INDICES[index].short, words, base, *changes, _p(first.p_value)))
-    heads = ("Index", "Rule", found.control, *(f"{condition} %" for condition in conditions), "p")
-    return FigureTable("What other filters and ends would say", heads, tuple(rows))
+    for index, condition in dict.fromkeys((s.index, s.condition) for s in found.sensitivity):
+        own = [s for s in found.sensitivity if (s.index, s.condition) == (index, condition) and np.isfinite(s.change)]
+        changes = [100.0 * s.change for s in own]
+        p = [s.p_value for s in own if np.isfinite(s.p_value)]
+        told = (_p(min(p)), _p(max(p))) if p else (None, None)
+        cells = (_fixed(each, 1) for each in (changes[0], min(changes), max(changes)))
+        rows.append((INDICES[index].short, condition, *cells, *told))
+    title = f"Change from {found.control} (%) as chosen, and over all filters, thresholds and ends tried"
+    return FigureTable(title, ("Index", "", "Chosen", "Least", "Most", "p from", "to"), tuple(rows))

@@ -90,6 +90,14 @@ class Comparison:
     nemenyi: np.ndarray | None
     against_control: tuple[AgainstControl, ...]
 
+    @property
+    def p_value(self) -> float | None:
+        """Friedman's p, counted where it can be; None without a test."""
+        if self.friedman is None:
+            return None
+        exact = self.friedman.exact_p_value
+        return self.friedman.p_value if exact is None else exact
+
     def pair(self, one: str, other: str) -> float:
         """Nemenyi's p of two conditions; NaN without a test."""
         if self.nemenyi is None:
@@ -102,6 +110,7 @@ def compare_conditions(
     conditions: Sequence[str],
     control: str | None = None,
     *,
+    against_zero: bool = False,
     confidence: float = 0.95,
     rng: np.random.Generator,
 ) -> Comparison:
@@ -115,6 +124,8 @@ def compare_conditions(
         Of the columns.
     control : str, optional
         The one to compare the others with.
+    against_zero : bool
+        Values are changes from a control that is not among them, and are held against 0.
     confidence : float
         Of the intervals.
     rng : numpy.random.Generator
@@ -143,11 +154,10 @@ def compare_conditions(
             test = friedman(values)
         pairs, kendall = nemenyi(values), test.statistic / (n * (k - 1))
     found = []
-    if control in conditions and n > 1:
-        at = conditions.index(control)
-        found = [
-            _against(values[:, j], values[:, at], name, confidence, rng) for j, name in enumerate(conditions) if j != at
-        ]
+    if (against_zero or control in conditions) and n > 1:
+        base = np.zeros(n) if against_zero else values[:, conditions.index(control)]
+        others = [(j, name) for j, name in enumerate(conditions) if against_zero or name != control]
+        found = [_against(values[:, j], base, name, confidence, rng) for j, name in others]
         corrected = holm([each[1] for each in found])
         found = [
             AgainstControl(name, *rest[:3], p, c, *rest[3:])

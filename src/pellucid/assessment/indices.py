@@ -30,6 +30,8 @@ class Index:
         ``"up"`` or ``"down"``; ``""`` for both.
     over_control : bool
         Whether it is a share of control's ratio less 1, and thus 0 for control.
+    spread : bool
+        Whether it is the standard deviation of movements that are alike, in place of their mean.
     """
 
     name: str
@@ -39,6 +41,17 @@ class Index:
     of: str
     direction: str = ""
     over_control: bool = False
+    spread: bool = False
+
+    @property
+    def scaled(self) -> bool:
+        """Whether a change in % says something: its values are above 0."""
+        return self.name not in ("sparc", "ldlj", "end_error") and not self.over_control
+
+    @property
+    def shown(self) -> tuple[float, str]:
+        """Factor and unit with which tables and figures show it."""
+        return (float(np.degrees(1.0)), "deg") if self.unit == "rad" else (1.0, self.unit)
 
 
 INDICES = {
@@ -48,21 +61,21 @@ INDICES = {
         Index("vmax", "Peak velocity", "Peak vel.", "rad/s", "vmax"),
         Index("vmean", "Mean velocity", "Mean vel.", "rad/s", "vmean"),
         Index("acceleration", "Peak acceleration", "Acc.", "rad/s^2", "acceleration"),
-        Index("peak_time_up", "Relative time to peak velocity, up", "Peak time, up", "1", "peak_time", UP),
-        Index("peak_time_down", "Relative time to peak velocity, down", "Peak time, down", "1", "peak_time", DOWN),
+        Index("peak_time_up", "Relative time to peak velocity upwards", "Peak time, up", "1", "peak_time", UP),
+        Index("peak_time_down", "Relative time to peak velocity downwards", "Peak time, down", "1", "peak_time", DOWN),
+        Index("end_error", "Signed end-point error", "End bias", "rad", "end_error"),
+        Index("end_absolute", "Absolute end-point error", "End error", "rad", "end_absolute"),
+        Index("end_spread", "Variable end-point error", "End spread", "rad", "end_error", spread=True),
         Index("sparc", "Spectral arc length", "SPARC", "1", "sparc"),
         Index("ldlj", "Log dimensionless jerk", "LDLJ", "1", "ldlj"),
         Index("emg_level", "EMG level", "EMG level", "1", "emg_level"),
         Index("emgacc", "EMG/Acc", "EMG/Acc", "1", "emg_per_acc", UP, True),
-        Index("torque_rms", "Interaction torque, RMS", "Torque RMS", "N*m", "torque_rms"),
-        Index("torque_peak", "Interaction torque, peak", "Torque peak", "N*m", "torque_peak"),
+        Index("torque_rms", "RMS interaction torque", "Torque RMS", "N*m", "torque_rms"),
+        Index("torque_peak", "Peak interaction torque", "Torque peak", "N*m", "torque_peak"),
         Index("work", "Work against the robot", "Work", "J", "work"),
     )
 }
 """All indices, in the order of tables."""
-
-NEGATIVE = ("sparc", "ldlj")
-"""Indices whose values are below 0, of which a change in % says little."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,8 +100,10 @@ class IndexTable:
         return self.values[:, self.conditions.index(condition)]
 
 
-def cell_means(movements: Sequence[Measured], of: str, direction: str = "") -> dict[tuple, float]:
-    """Means of one value over movements that are alike.
+def cell_means(
+    movements: Sequence[Measured], of: str, direction: str = "", *, spread: bool = False
+) -> dict[tuple, float]:
+    """Means of one value over movements that are alike, or their standard deviations.
 
     Parameters
     ----------
@@ -96,6 +111,8 @@ def cell_means(movements: Sequence[Measured], of: str, direction: str = "") -> d
     of : str
     direction : str
         ``"up"``, ``"down"``, or ``""`` for both.
+    spread : bool
+        Standard deviations (n - 1); a single movement has none.
 
     Returns
     -------
@@ -107,6 +124,8 @@ def cell_means(movements: Sequence[Measured], of: str, direction: str = "") -> d
         value = m.values.get(of, np.nan)
         if np.isfinite(value) and direction in ("", m.cell[1]):
             sums.setdefault((m.participant, m.condition, m.cell), []).append(value)
+    if spread:
+        return {key: float(np.std(each, ddof=1)) for key, each in sums.items() if len(each) > 1}
     return {key: float(np.mean(each)) for key, each in sums.items()}
 
 
@@ -130,7 +149,7 @@ def index_table(
     IndexTable or None
         None where nobody has the index.
     """
-    means = cell_means(movements, index.of, index.direction)
+    means = cell_means(movements, index.of, index.direction, spread=index.spread)
     recorded = [c for c in conditions if any(key[1] == c for key in means)]
     # Without a robot there is no interaction: a condition that nobody has it in is no column.
     if not recorded or (index.over_control and (control not in recorded or len(recorded) < 2)):

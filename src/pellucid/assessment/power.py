@@ -12,8 +12,8 @@ an executor of the standard library's kind; without one, small runs stay in this
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
-from concurrent.futures import ProcessPoolExecutor
+from collections.abc import Callable, Sequence
+from concurrent.futures import Future, ProcessPoolExecutor
 from contextlib import nullcontext
 from dataclasses import dataclass
 from multiprocessing import get_context
@@ -28,7 +28,7 @@ from .signed_rank import sign_distribution
 PART = 500
 """Studies drawn in one part."""
 
-INLINE = 200_000
+INLINE = 5_000_000
 """Participants drawn in all below which starting processes takes longer than drawing them."""
 
 Test = Literal["friedman", "nemenyi", "signed_rank"]
@@ -131,8 +131,9 @@ def power_curve(
         (mean, factor, n, min(PART, studies - i * PART), (seed, n, i), test, control, compared, alpha / comparisons)
         for n, i in parts
     ]
+    counts = _run(_significant, arguments, executor, studies * sum(participants))
     hits = dict.fromkeys(participants, 0)
-    for (n, _), count in zip(parts, _run(arguments, executor, studies * sum(participants)), strict=True):
+    for (n, _), count in zip(parts, counts, strict=True):
         hits[n] += count
     share = tuple(hits[n] / studies for n in participants)
     spread = tuple(float(np.sqrt(max(p * (1.0 - p), 1.0 / studies) / studies)) for p in share)
@@ -140,7 +141,13 @@ def power_curve(
 
 
 SIZES = (4, 6, 8, 12, 16, 24, 32, 48, 64, 96)
-"""Numbers of participants that `participants_needed` tries first; more than the last are not looked for."""
+"""Numbers of participants that are tried first; more than the last are not looked for."""
+
+TRIED = 60
+"""Participants that a search draws a study, about: it stops at the first size that is enough."""
+
+EFFECTS = (0.5, 0.8, 1.0, 1.25, 1.5, 2.0, 3.0)
+"""Changes over the standard deviation of changes for which participants needed are told whatever the index."""
 
 
 def participants_needed(pilot: np.ndarray, *, power: float = 0.8, **options) -> int | None:
@@ -176,13 +183,67 @@ def participants_needed(pilot: np.ndarray, *, power: float = 0.8, **options) -> 
     return None
 
 
-def _run(arguments: list[tuple], executor: Any, size: int) -> list[int]:
+def needed_for_effects(
+    effects: Sequence[float],
+    *,
+    comparisons: int = 1,
+    alpha: float = 0.05,
+    studies: int = 2000,
+    seed: int = 1,
+    executor: Any = None,
+) -> list[int | None]:
+    """The fewest participants in whom signed ranks find effects of these sizes in 8 of 10 studies.
+
+    How much people differ and how large the change is enter together, as their ratio.
+
+    Parameters
+    ----------
+    effects : sequence of float
+        Mean over standard deviation of the differences from control (d of pairs), not 0.
+    comparisons : int
+        Among which `alpha` is divided.
+    alpha : float
+        Chance of a false alarm.
+    studies : int
+        Drawn for each number of participants.
+    seed : int
+    executor : object, optional
+        As for `power_curve`; each effect is one task.
+
+    Returns
+    -------
+    list of int or None
+        None where more than the largest of `SIZES` are needed.
+    """
+    arguments = [(abs(effect), comparisons, alpha, studies, seed) for effect in effects]
+    return _run(_needed_for, arguments, executor, TRIED * studies * len(effects))
+
+
+def _needed_for(effect: float, comparisons: int, alpha: float, studies: int, seed: int) -> int | None:
+    # Three people whose differences have mean 0 and standard deviation 1.
+    pilot = np.array([[0.0, -1.0], [0.0, 0.0], [0.0, 1.0]])
+    return participants_needed(
+        pilot, test="signed_rank", compared=1, change=effect, comparisons=comparisons, alpha=alpha, studies=studies,
+        seed=seed, executor=_Here(),
+    )  # fmt: skip
+
+
+class _Here:
+    """An executor that runs what it is given at once: a task on a worker starts no others."""
+
+    def submit(self, function, *arguments):
+        outcome: Future = Future()
+        outcome.set_result(function(*arguments))
+        return outcome
+
+
+def _run(function: Callable, arguments: list[tuple], executor: Any, size: int) -> list:
     if executor is None and size <= INLINE:
-        return [_significant(*each) for each in arguments]
+        return [function(*each) for each in arguments]
     # Forked children would inherit locks of the numeric libraries' threads.
     pool = nullcontext(executor) if executor is not None else ProcessPoolExecutor(os.cpu_count(), get_context("spawn"))
     with pool as used:
-        return [future.result() for future in [used.submit(_significant, *each) for each in arguments]]
+        return [future.result() for future in [used.submit(function, *each) for each in arguments]]
 
 
 def _significant(mean, factor, n, studies, seed, test, control, compared, alpha) -> int:

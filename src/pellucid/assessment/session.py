@@ -11,18 +11,17 @@ import numpy as np
 from .._errors import RecordingError
 from ..recordings.quality import Fault
 from ..recordings.study_procedures import Assessment
+from ..signals.amplitude_check import RANDOM
 from ..signals.emg_timing import LEAD, emg_lead
 from ..signals.movements import Kinematics, Movement, MovementRule
 from ..signals.pointing import PointingRecord, drop_mistaken, labels
 from .emg_index import Activity, activity, emg_per_acceleration, maxima
+from .end_error import end_error, target_zero
 from .interaction import interaction
 from .smoothness import log_dimensionless_jerk, spectral_arc_length
 
 UP, DOWN = "up", "down"
 """Along the angle, which is 0 where the segment hangs, and back."""
-
-RANDOM = 12
-"""With more amplitudes than this they were random, and movements are pooled over them."""
 
 
 @dataclass(frozen=True)
@@ -177,25 +176,43 @@ def measure(
     made: list[Measured] = []
     left_out: dict[str, dict[str, int]] = {}
     motions: dict[str, Kinematics] = {}
+    movements: dict[str, list[Movement]] = {}
     for record in records:
-        recording = record.recording
-        motion, found, without = record.movements(rule)
-        motions[recording.name] = motion
+        name = record.recording.name
+        motions[name], found, without = record.movements(rule)
         reasons = Counter(each.kind for each in without)
-        if named:
-            found, mistaken = drop_mistaken(found, named) if not pooled else (found, 0)
+        # Who aimed at a target and missed it did so; a label without a target may be another movement's.
+        if named and not pooled and spec.target not in record.recording:
+            found, mistaken = drop_mistaken(found, named)
             if mistaken:
                 reasons["amplitude"] = mistaken
-        left_out[recording.name] = dict(reasons)
-        for movement in found:
+        left_out[name] = dict(reasons)
+        movements[name] = found
+    zeros = _target_zeros(records, motions, movements, spec.control)
+    for record in records:
+        recording = record.recording
+        motion = motions[recording.name]
+        for movement in movements[recording.name]:
             cell = (None if pooled else _degrees(movement.amplitude, named), UP if movement.direction > 0 else DOWN)
             values = _indices(record, motion, movement, spec, emg.get(recording.name), largest)
+            values |= end_error(motion, movement, zeros[recording.participant])
             if smoothness:
                 velocity = motion.velocity[movement.first : movement.last + 1]
                 values["sparc"] = spectral_arc_length(velocity, motion.fs)
                 values["ldlj"] = log_dimensionless_jerk(velocity, motion.fs)
             made.append(Measured(recording.participant, recording.condition, recording.name, movement, cell, values))
     return Session(rule, tuple(made), left_out, motions)
+
+
+def _target_zeros(records, motions, movements, control: str) -> dict[str, float]:
+    """By participant, the angle at which the control's movements end where the target says 0."""
+    people: dict[str, list[tuple[Kinematics, Movement]]] = {}
+    for record in records:
+        own = people.setdefault(record.recording.participant, [])
+        if record.recording.condition == control:
+            name = record.recording.name
+            own += [(motions[name], movement) for movement in movements[name]]
+    return {person: target_zero(own) for person, own in people.items()}
 
 
 def joined(parts: Sequence[Session]) -> Session:

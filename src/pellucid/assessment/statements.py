@@ -9,14 +9,16 @@ import numpy as np
 
 from ..identification.fit import Verdict
 from ..signals.pointing_check import REASONS
-from .indices import INDICES, NEGATIVE
+from .assessment_tables import UNITS
+from .indices import INDICES
 from .signed_rank import smallest_p
 
 if TYPE_CHECKING:
     from .assessment_findings import Assessed, AssessmentFindings
+    from .comparison import AgainstControl
 
-MAIN = ("duration", "vmax", "emgacc", "torque_rms", "emg_level")
-"""Indices that the paragraph goes through."""
+MAIN = ("duration", "vmax", "end_absolute", "emgacc", "torque_rms", "emg_level")
+"""Indices that the paragraph goes through; of the others it says whether conditions differ."""
 
 ISOCHRONOUS = 0.8
 """Mean R² of amplitude and mean velocity from which on the relation counts as kept."""
@@ -66,51 +68,93 @@ def paragraph(found: AssessmentFindings) -> str:
     for name in MAIN:
         if name in found.assessed:
             said += _index_sentences(found, found.assessed[name], alpha)
+    said += _other_indices(found, alpha)
+    if any(_told_apart(found, each, alpha) is False for each in found.assessed.values()):
+        said.append(
+            f"A condition that no test tells from {found.control} is not thereby equal to it: its interval says how "
+            "large the change may be."
+        )
     said += _isochrony_sentence(found)
     if n > 1:
         said.append(_limits(found, alpha))
     return " ".join(said)
 
 
+def _told_apart(found: AssessmentFindings, each: Assessed, alpha: float) -> bool | None:
+    """Whether Friedman's and Nemenyi's tests tell every condition from control; None without a test against it."""
+    if each.comparison.p_value is None or not each.comparison.against_control:
+        return None
+    if each.table.index.over_control:
+        return each.comparison.p_value < alpha
+    pairs = (each.comparison.pair(found.control, a.condition) for a in each.comparison.against_control)
+    return each.comparison.p_value < alpha and all(p < alpha for p in pairs)
+
+
 def _index_sentences(found: AssessmentFindings, each: Assessed, alpha: float) -> list[str]:
     index, compared = each.table.index, each.comparison
-    means = ", ".join(f"{c} {np.mean(each.table.column(c)):.3g}" for c in each.table.conditions)
-    unit = "" if index.unit == "1" else f" {index.unit}"
-    head = f"{index.words} was, in the mean, {means}{unit}"
+    factor, unit = index.shown
+    unit = UNITS.get(unit, unit)
+    against = {a.condition: a for a in compared.against_control}
+    parts = []
+    for condition in each.table.conditions:
+        mean = float(factor * np.mean(each.table.column(condition)))
+        own = against.get(condition)
+        change = "" if own is None else _change(found, each, own)
+        if index.over_control:
+            parts.append(f"{condition} {change or _percent(mean)}")
+            continue
+        parts.append(f"{mean:.3g}{' ' if unit else ''}{unit} in {condition}" + (f" ({change})" if change else ""))
+    said = [f"{_mean_of(index.words)} was {_listed(parts)}."]
+    if index.over_control:
+        said = [f"Activity over acceleration (EMG/Acc), against {found.control}: {_listed(parts)}."]
+    if compared.friedman is None:
+        return said
     test = compared.friedman
-    if test is None:
-        return [f"{head}."]
-    p = test.p_value if test.exact_p_value is None else test.exact_p_value
-    counted = "counted " if test.exact_p_value is not None else ""
-    result = f"χ²({test.degrees_of_freedom}) = {test.statistic:.3g}, {counted}{_p(p)}"
-    if p >= alpha:
-        said = [f"{head}; no difference between conditions was found ({result})."]
-    else:
-        pairs = [
-            (a, b, compared.pair(a, b))
-            for i, a in enumerate(compared.conditions)
-            for b in compared.conditions[i + 1 :]
-            if compared.pair(a, b) < alpha
-        ]
-        which = ", ".join(f"{a} and {b} ({_p(q)})" for a, b, q in pairs)
-        said = [
-            f"{head}; conditions differed ({result})"
-            + (f", by Nemenyi's test {which}." if pairs else ", but Nemenyi's test could not say which.")
-        ]
-    open_ones = [
-        a for a in compared.against_control
-        if (p >= alpha or compared.pair(found.control, a.condition) >= alpha) and np.isfinite(a.interval[0])
-    ]  # fmt: skip
-    if open_ones and index.name not in NEGATIVE:
-        base = 100.0 / float(each.table.column(found.control).mean())
-        ranges = ", ".join(
-            f"{a.condition} {_signed(base * a.interval[0])} to {_signed(base * a.interval[1])} %" for a in open_ones
-        )
-        said.append(
-            f"Not told apart from {found.control} is not equal to it: within {100 * found.confidence:g} % intervals "
-            f"the change may be {ranges}."
-        )
-    return said
+    counted = ", counted" if test.exact_p_value is not None else ""
+    result = f"χ²({test.degrees_of_freedom}) = {test.statistic:.3g}, {_p(compared.p_value)}{counted}"
+    if compared.p_value >= alpha:
+        return [*said, f"No difference between conditions was found ({result})."]
+    pairs = [
+        (a, b, compared.pair(a, b))
+        for i, a in enumerate(compared.conditions)
+        for b in compared.conditions[i + 1 :]
+        if compared.pair(a, b) < alpha
+    ]
+    which = _listed([f"{a} from {b} ({_p(q)})" for a, b, q in pairs])
+    told = f"Nemenyi's test tells {which}" if pairs else "Nemenyi's test cannot say which"
+    return [*said, f"Conditions differ ({result}); {told}."]
+
+
+def _mean_of(words: str) -> str:
+    """``Duration`` becomes ``Mean duration``; a name that begins with an abbreviation keeps its capitals."""
+    return f"Mean {words if words[:2].isupper() else words[:1].lower() + words[1:]}"
+
+
+def _change(found: AssessmentFindings, each: Assessed, own: AgainstControl) -> str:
+    """A change from control with its interval, in % where that says something."""
+    share = each.share_of_control(found.control)
+    scale, unit = (each.table.index.shown[0], "") if share is None else (100.0 / share, " %")
+    text = f"{_signed(scale * own.change)}{unit}"
+    if np.isnan(own.interval[0]):
+        return text
+    low, high = (scale * end for end in own.interval)
+    return f"{text}, {100 * found.confidence:g} % interval {_signed(low)} to {_signed(high)}{unit}"
+
+
+def _other_indices(found: AssessmentFindings, alpha: float) -> list[str]:
+    others = [e for e in found.assessed.values() if e.name not in MAIN and e.comparison.p_value is not None]
+    differ = [e for e in others if e.comparison.p_value < alpha]
+    same = [e for e in others if e.comparison.p_value >= alpha]
+
+    def named(each: Assessed) -> str:
+        return f"{_mean_of(each.table.index.words)[5:]} ({_p(each.comparison.p_value)})"
+
+    said = [f"Conditions also differ in {_listed(list(map(named, differ)))}."] if differ else []
+    return said + ([f"No difference was found in {_listed(list(map(named, same)))}."] if same else [])
+
+
+def _listed(parts: Sequence[str]) -> str:
+    return " and ".join([", ".join(parts[:-1]), parts[-1]] if len(parts) > 1 else parts)
 
 
 def _isochrony_sentence(found: AssessmentFindings) -> list[str]:
@@ -133,17 +177,22 @@ def _limits(found: AssessmentFindings, alpha: float) -> str:
             f"With {n} participants the signed-rank test against control cannot give less than p = {best:.2g} after "
             f"correction for {m} comparison{'s' if m != 1 else ''}, whatever the effect."
         )
-    short = [each for each in found.needed if each.participants is not None and each.participants > n]
+    planned = [each for each in found.needed if each.change is not None]
+    short = [each for each in planned if each.participants is not None and each.participants > n]
     if short:
         each = min(short, key=lambda e: e.participants)
         return (
             f"A change of {INDICES[each.index].words.lower()} by {100 * each.change:g} % would have needed about "
             f"{each.participants} participants to be found in 8 of 10 studies."
         )
-    smallest = min((each.change for each in found.needed), default=None)
-    if smallest is None:
+    enough = [each for each in planned if each.participants is not None]
+    if not enough:
         return "How many participants would be needed cannot be told from fewer than three."
-    return f"There were participants enough to find a change of {100 * smallest:g} % in 8 of 10 studies like this one."
+    each = min(enough, key=lambda e: (e.index != "duration", e.change))
+    return (
+        f"There were participants enough to find a change of {INDICES[each.index].words.lower()} by "
+        f"{100 * each.change:g} % in 8 of 10 studies like this one."
+    )
 
 
 def verdicts(found: AssessmentFindings, notes: Sequence[str] = ()) -> tuple[Verdict, ...]:
@@ -179,31 +228,18 @@ def verdicts(found: AssessmentFindings, notes: Sequence[str] = ()) -> tuple[Verd
 
 def _filter_verdicts(found: AssessmentFindings) -> list[Verdict]:
     """Does another filter or rule turn a result around?"""
-    said = []
     alpha = 1.0 - found.confidence
+    turned = []
     for index in dict.fromkeys(s.index for s in found.sensitivity):
-        own = [s for s in found.sensitivity if s.index == index]
-        p = {s.words: s.p_value for s in own if np.isfinite(s.p_value)}
-        if p and min(p.values()) < alpha <= max(p.values()):
-            yes, no = (", ".join(w for w, q in p.items() if (q < alpha) == found_) for found_ in (True, False))
-            said.append(
-                Verdict(
-                    "warning",
-                    f"{INDICES[index].words}: whether conditions differ hangs on the filter or the movement's end (yes "
-                    f"with {yes}; no with {no}).",
-                )
-            )
-        for condition in dict.fromkeys(s.condition for s in own):
-            changes = [100.0 * s.change for s in own if s.condition == condition]
-            if max(changes) - min(changes) > 5.0:
-                said.append(
-                    Verdict(
-                        "note",
-                        f"{INDICES[index].words}, {condition}: the change from {found.control} is {min(changes):.3g} "
-                        f"to {max(changes):.3g} %, depending on the filter and on where movements end.",
-                    )
-                )
-    return said
+        p = {s.words: s.p_value for s in found.sensitivity if s.index == index and np.isfinite(s.p_value)}
+        yes, no = ([words for words, q in p.items() if (q < alpha) == differs] for differs in (True, False))
+        if yes and no:
+            said = f"only with {_listed(yes)}" if len(yes) <= len(no) else f"not with {_listed(no)}"
+            turned.append(f"{_mean_of(INDICES[index].words)[5:]} ({said})")
+    if not turned:
+        return []
+    text = f"Whether conditions differ hangs on the filter or on where movements end: {'; '.join(turned)}."
+    return [Verdict("warning", text)]
 
 
 def _percent(share: float) -> str:

@@ -287,7 +287,8 @@ def _verdicts(study: Study, judged: Sequence[Judged], trials: Sequence[TorqueTri
             )
         )
     else:
-        stream = study.recordings()[0].streams.get(study.config.emg_torque.emg)
+        emg = study.config.emg_torque.emg
+        stream = next((r.streams[emg] for r in study.recordings() if emg in r.streams), None)
         if stream is not None:
             delay = emg_chain(chain).delay(stream.fs)
             said.append(

@@ -217,7 +217,7 @@ def muscle_verdicts_of(found: Calibrated) -> tuple[Verdict, ...]:
                     "95 % interval that was stated beforehand.",
                 )
             )
-    said += [Verdict("note", f"{what}: muscles were passed over. {why}.") for what, why in found.passed_over.items()]
+    said += [Verdict("note", f"{what}: muscles were passed over: {why}.") for what, why in found.passed_over.items()]
     return tuple(said)
 
 

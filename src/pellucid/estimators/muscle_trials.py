@@ -40,8 +40,8 @@ def driven_muscles(trials: Sequence[TorqueTrial]) -> tuple[HillMuscle, ...]:
     first = trials[0]
     if first.muscles is None:
         raise IdentificationError(
-            f"trial {first.name}: found no geometry of muscles across the {first.joint}, expected a knee or an ankle, "
-            "or streams length, lengthening and moment_arm"
+            f"trial {first.name}: found no lengths of muscles across the {first.joint}, expected streams length, "
+            "lengthening and moment_arm, or a joint of the leg's model"
         )
     found = [t.muscles.driven(t.joint, t.envelopes) for t in trials]
     if not found[0] or any(each != found[0] for each in found):
@@ -51,8 +51,8 @@ def driven_muscles(trials: Sequence[TorqueTrial]) -> tuple[HillMuscle, ...]:
         )
     if not first.muscles.relative:
         raise IdentificationError(
-            f"trial {first.name}: found envelopes in V, expected them relative to a maximal contraction: a chain that "
-            'normalises, and a recording with the protocol "mvc"'
+            f"trial {first.name}: found envelopes in V, expected them relative to a maximal contraction: a chain in "
+            '[emg_torque] that normalises, and a recording with the protocol "mvc"'
         )
     refuse_unfit(trials)
     return tuple(first.muscles.constants[name] for name in found[0])

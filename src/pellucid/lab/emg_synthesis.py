@@ -6,10 +6,13 @@ channel's cross-talk, mains hum, the cables' motion, the amplifier's own noise, 
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
+
+PIECE = 1 << 14
+"""Samples that are made at a time: as many as stay in a processor's cache."""
 
 
 @dataclass(frozen=True)
@@ -89,7 +92,13 @@ def motor_unit_noise(n: int, channels: int, fs: float, table: Mapping, rng: np.r
     if size % 2 == 0:
         weight[-1] = 1.0
     shape /= np.sqrt(np.sum(weight * shape**2) / size)
-    return irfft(shape * rfft(rng.standard_normal((channels, size)), axis=1), size, axis=1)[:, :n]
+    spectrum = rfft(rng.standard_normal((channels, size)), axis=1, overwrite_x=True)
+    spectrum *= shape
+    return irfft(spectrum, size, axis=1, overwrite_x=True)[:, :n]
+
+
+def _pieces(n: int) -> Iterator[slice]:
+    return (slice(first, min(first + PIECE, n)) for first in range(0, n, PIECE))
 
 
 class EmgSynthesis:
@@ -122,27 +131,32 @@ class EmgSynthesis:
         true = self.time * drift
         # A sample belongs to the period in which it is taken, and reaches the controller at that period's end.
         self._of_period = np.minimum((true / period + 1e-9).astype(int), periods - 1)
-        self._first = np.searchsorted(self._of_period, np.arange(periods + 1)).tolist()
-        carrier = np.asarray(electrodes.gains)[:, None] * motor_unit_noise(n, channels, fs, table, rng)
-        mains = np.zeros((channels, n))
-        for i, size in enumerate(table["harmonics"]):
-            phase = rng.uniform(0.0, 2.0 * np.pi, (channels, 1))
-            mains += size * np.sin(2.0 * np.pi * (i + 1) * table["hum_frequency"] * true + phase)
+        self._periods = periods
+        carrier = motor_unit_noise(n, channels, fs, table, rng)
+        carrier *= np.asarray(electrodes.gains)[:, None]
+        phases = [rng.uniform(0.0, 2.0 * np.pi, (channels, 1)) for _ in table["harmonics"]]
         # Every cable lies differently: in the mains' field, and in the way of the leg.
-        hum = table["hum"] * rng.uniform(0.5, 1.5, (channels, 1)) * mains
-        floor = table["baseline"] * rng.standard_normal((channels, n))
-        background = hum + floor
+        scale = table["hum"] * rng.uniform(0.5, 1.5, (channels, 1))
+        background = rng.standard_normal((channels, n))
+        background *= table["baseline"]
         cable = rng.uniform(0.6, 1.4, channels) * rng.choice([-1.0, 1.0], channels)
         self._cable = (table["artefact"] * cable).tolist()
         self._pole = 1.0 - float(np.exp(-2.0 * np.pi * table["artefact_band"] * period))
         self._swing = 0.0
         self._crosstalk = float(table["crosstalk"])
-        attached = np.ones((channels, n))
-        for channel, begin in electrodes.detached.items():
-            # An open input is an aerial: much mains, and no muscle.
-            off = true >= begin
-            attached[channel, off] = 0.0
-            background[channel, off] += 30.0 * hum[channel, off] + 5.0 * floor[channel, off]
+        attached = np.ones((channels, n)) if electrodes.detached else np.broadcast_to(1.0, (channels, n))
+        for part in _pieces(n):
+            mains = np.zeros((channels, len(true[part])))
+            for i, (size, phase) in enumerate(zip(table["harmonics"], phases, strict=True)):
+                mains += size * np.sin(2.0 * np.pi * (i + 1) * table["hum_frequency"] * true[part] + phase)
+            hum = scale * mains
+            whole = hum + background[:, part]
+            for channel, begin in electrodes.detached.items():
+                # An open input is an aerial: much mains, and no muscle.
+                off = true[part] >= begin
+                attached[channel, part][off] = 0.0
+                whole[channel, off] += 30.0 * hum[channel, off] + 5.0 * background[channel, part][off]
+            background[:, part] = whole
         ranges = np.full(channels, float(table["full_range"]))
         for channel, limit in electrodes.clipped.items():
             ranges[channel] = limit
@@ -168,6 +182,7 @@ class EmgSynthesis:
             [V], one tuple of all channels per sample.
         """
         if self._samples is None:
+            self._first = np.searchsorted(self._of_period, np.arange(self._periods + 1)).tolist()
             self._samples = list(zip(*(x.T.tolist() for x in self._ingredients), strict=True))
         self._swing = self._pole * acceleration + (1.0 - self._pole) * self._swing
         made = []
@@ -200,10 +215,15 @@ class EmgSynthesis:
         """
         from scipy.signal import lfilter
 
-        swing = lfilter([self._pole], [1.0, self._pole - 1.0], acceleration)[self._of_period]
+        swing = lfilter([self._pole], [1.0, self._pole - 1.0], acceleration)
         carrier, attached, background = self._ingredients
-        muscles = carrier * np.asarray(amplitude, float)[self._of_period].T
-        picked = (muscles + self._crosstalk * (muscles.sum(axis=0) - muscles)) * attached
-        volts = picked + background + np.array(self._cable)[:, None] * swing
+        amplitude, cable = np.asarray(amplitude, float), np.array(self._cable)[:, None]
         limit = np.array(self._limits)[:, None]
-        return np.clip(np.round(volts / self.quantum), -limit, limit).T
+        counts = np.empty(carrier.shape)
+        for part in _pieces(carrier.shape[1]):
+            when = self._of_period[part]
+            muscles = carrier[:, part] * amplitude[when].T
+            picked = (muscles + self._crosstalk * (muscles.sum(axis=0) - muscles)) * attached[:, part]
+            volts = picked + background[:, part] + cable * swing[when]
+            np.clip(np.round(volts / self.quantum), -limit, limit, out=counts[:, part])
+        return counts.T

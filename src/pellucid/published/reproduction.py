@@ -1,15 +1,16 @@
-"""A published figure beside ours, with a verdict."""
+"""A published figure beside ours, with a verdict; and the files that hold them all."""
 
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
 import numpy as np
 
 from .._atomic import write_text_atomically
+from ..recordings.results import ResultRow, write_rows
 
 VERDICTS = ("agrees", "differs", "recomputed", "ours only", "cannot be")
 
@@ -70,3 +71,35 @@ def write_reproduction(path: Path, rows: Iterable[Reproduced]) -> Path:
             plain[key] = None if value is None or not np.isfinite(value) else float(value)
         table.append(plain)
     return write_text_atomically(path, json.dumps({"rows": table}, indent=1, ensure_ascii=False) + "\n")
+
+
+def write_results(
+    out: Path, command: str, rows: Sequence[Reproduced], split: Callable[[str], str]
+) -> tuple[ResultRow, ...]:
+    """Write results.json and reproduction.json.
+
+    Parameters
+    ----------
+    out : Path
+        Folder, made if it is not there.
+    command : str
+        That made the figures.
+    rows : sequence of Reproduced
+    split : callable
+        What a row is judged on, by its id.
+
+    Returns
+    -------
+    tuple of ResultRow
+        Those of results.json.
+    """
+    out.mkdir(parents=True, exist_ok=True)
+    results = tuple(ResultRow(r.id, r.ours, r.unit, command, split(r.id), note=_note(r)) for r in rows)
+    write_rows(out / "results.json", command, results)
+    write_reproduction(out / "reproduction.json", rows)
+    return results
+
+
+def _note(row: Reproduced) -> str:
+    between = "" if row.lower is None else f"{row.lower:.4g} to {row.upper:.4g}"
+    return "; ".join(part for part in (between, row.note) if part)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
@@ -198,8 +198,8 @@ class Assessment(Table):
         Of one pass.
     threshold : float
         Share of the largest speed that begins and ends a movement.
-    cutoffs : tuple of float
-        With which the indices are computed again [Hz].
+    cutoffs, thresholds : tuple of float
+        With which the indices are computed again [Hz], [1].
     advance : float
         By which EMG is taken earlier than the motion [s].
     confidence : float
@@ -217,7 +217,8 @@ class Assessment(Table):
     lowpass: quantity("Hz", gt=0) = 3.0
     order: int = Field(4, ge=1, le=12)
     threshold: float = Field(0.05, gt=0, lt=0.5)
-    cutoffs: tuple[quantity("Hz", gt=0), ...] = (3.0, 6.0, 12.0)
+    cutoffs: tuple[quantity("Hz", gt=0), ...] = (1.5, 3.0, 6.0, 12.0)
+    thresholds: tuple[Annotated[float, Field(gt=0, lt=0.5)], ...] = (0.025, 0.05, 0.1)
     advance: quantity("s", ge=0) = 0.1
     confidence: float = Field(0.95, gt=0, lt=1)
 

@@ -23,6 +23,8 @@ SHOWN = 12.0
 """Seconds of a response or a swing that are drawn."""
 DOT = 5.0
 """Diameter of a hold, in points."""
+ROOM = 0.14
+"""Share of a panel's height that is kept free of curves for the names of its lines."""
 STRAP = (("stiffness", "Stiffness"), ("damping", "Damping"), ("inertia", "Inertia"))
 """What is known of a strap, and how it is called."""
 
@@ -50,7 +52,8 @@ def gravity_figure(fit: GravityFit) -> Drawing:
     dots(axis, np.degrees(angle), torque, colour("measured"), alpha=0.9, size=DOT)
     tidy(axis, first=True, text="Torque (N·m)")
     axis.set_xlabel("Angle from hanging (deg)")
-    key(axis, [("holds", colour("measured")), ("m g l sin", colour("fitted")), ("line", colour("stribeck"))])
+    names = [("holds", colour("measured")), ("m g l sin", colour("fitted")), ("line", colour("stribeck"))]
+    key(axis, names, room=ROOM)
     return Drawing(
         "gravity",
         figure,
@@ -84,7 +87,8 @@ def response_figure(pendulum: Response, linear: Response) -> Drawing:
         line(axis, pendulum.time[shown] - start, np.degrees(values[shown]), color=colour(role), linewidth=width)
     tidy(axis, first=True, text="Angle (deg)")
     axis.set_xlabel("Time (s)")
-    key(axis, [("measured", colour("measured")), ("pendulum", colour("heldout")), ("two poles", colour("stribeck"))])
+    names = [("measured", colour("measured")), ("pendulum", colour("heldout")), ("two poles", colour("stribeck"))]
+    key(axis, names, room=ROOM)
     rest = f"pendulum {pendulum.fit:.1f} %, two poles {linear.fit:.1f} %"
     heads([axis], [Head(pendulum.recording.replace("_", " "), rest, colour("heldout"))])
     return Drawing(
@@ -163,7 +167,7 @@ def mismatch_figure(who: str, swing: JudgedSwing) -> Drawing:
     entries.insert(1, ("strap", colour(role)))
     tidy(axis, first=True, text="Mismatch (deg)")
     axis.set_xlabel("Time (s)")
-    key(axis, entries)
+    key(axis, entries, room=ROOM)
     rest = f"{swing.fit['orthosis']:.1f} % of what the IMU saw"
     if np.isfinite(swing.ceiling):
         rest += f"; {swing.ceiling:.1f} % if the model were perfect"

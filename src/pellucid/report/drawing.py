@@ -187,8 +187,21 @@ def heads(axes: Sequence[Axes], texts: Sequence[Head]) -> None:
             artist.set_in_layout(False)
 
 
-def key(axis: Axes, entries: Sequence[tuple[str, str]]) -> None:
-    """Names in their colours, in the panel's upper right corner: no boxes, no samples of lines."""
+def key(axis: Axes, entries: Sequence[tuple[str, str]], *, room: float = 0.0) -> None:
+    """Names in their colours, in the panel's upper right corner: no boxes, no samples of lines.
+
+    Parameters
+    ----------
+    axis : matplotlib.axes.Axes
+        With everything on it that it will show.
+    entries : sequence of (str, str)
+        Each a name and its colour.
+    room : float
+        Share of the height that is added above, for the names to stand clear of the curves.
+    """
+    if room:
+        low, high = axis.get_ylim()
+        axis.set_ylim(low, high + room * (high - low))
     shift = 0.0
     for text, tone in reversed(entries):
         axis.annotate(
@@ -262,7 +275,7 @@ def dots(axis: Axes, x: np.ndarray, y: np.ndarray, tone: str, *, alpha: float, s
         x, y = x[chosen], y[chosen]
     if not len(x):
         return
-    tiny = 1e-4 * (np.ptp(x) or 1.0)
+    tiny = 1e-4 * np.ptp(x) or 1e-3 * abs(x[0]) or 1e-4
     for part in np.array_split(np.arange(len(x)), 4):
         if not len(part):
             continue

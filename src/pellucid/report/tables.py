@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 
@@ -22,3 +23,26 @@ class Table:
     numeric: frozenset[int] = frozenset()
     caption: str = ""
     wide: bool = False
+
+
+def figures(
+    heads: Sequence[str], rows: Iterable[Row | Sequence[str]], caption: str = "", *, words: int = 1, wide: bool = True
+) -> Table:
+    """A table of numbers behind a few columns of words.
+
+    Parameters
+    ----------
+    heads : sequence of str
+    rows : iterable of Row or sequence of str
+    caption : str
+    words : int
+        How many columns are words, the first ones.
+    wide : bool
+        Whether it fills the page.
+
+    Returns
+    -------
+    Table
+    """
+    made = tuple(row if isinstance(row, Row) else Row(tuple(row)) for row in rows)
+    return Table(tuple(heads), made, frozenset(range(words, len(heads))), caption, wide)

@@ -95,11 +95,13 @@ class Kinematics:
 
 @dataclass(frozen=True)
 class Stretch:
-    """Time with one movement in it: [begin, end) in seconds, and how far it was to go [rad], signed, where known."""
+    """Time with one movement in it: [begin, end) in seconds; how far it was to go, signed, and where to [rad], where
+    that is known."""
 
     begin: float
     end: float
     amplitude: float | None = None
+    goal: float | None = None
 
 
 @dataclass(frozen=True)
@@ -126,6 +128,8 @@ class Movement:
         When its velocity is largest, as a share of its duration.
     peak_acceleration : float
         Largest along its direction [rad/s^2].
+    goal : float or None
+        The target's angle [rad].
     """
 
     first: int
@@ -140,6 +144,7 @@ class Movement:
     mean_velocity: float
     peak_time: float
     peak_acceleration: float
+    goal: float | None = None
 
 
 @dataclass(frozen=True)
@@ -210,7 +215,7 @@ def target_stretches(time: np.ndarray, target: np.ndarray) -> list[Stretch]:
     Returns
     -------
     list of Stretch
-        Each with the step's signed height.
+        Each with the step's signed height and where it ends.
     """
     known = np.isfinite(target)
     time, target = time[known], target[known]
@@ -220,8 +225,9 @@ def target_stretches(time: np.ndarray, target: np.ndarray) -> list[Stretch]:
     groups = np.split(at, np.flatnonzero(np.diff(time[at]) > MERGED) + 1)
     begins = [float(time[group[0]]) for group in groups]
     heights = [float(target[group[-1]] - target[group[0] - 1]) for group in groups]
+    goals = [float(target[group[-1]]) for group in groups]
     ends = [*begins[1:], float(time[-1]) + 1e-9]
-    return [Stretch(b, e, h) for b, e, h in zip(begins, ends, heights, strict=True) if h != 0.0]
+    return [Stretch(*each) for each in zip(begins, ends, heights, goals, strict=True) if each[2] != 0.0]
 
 
 def rest_stretches(
@@ -354,6 +360,7 @@ def _movement(motion: Kinematics, stretch: Stretch, rule: MovementRule) -> Movem
         mean_velocity=float(travel / duration),
         peak_time=(peak - first) / (last - first),
         peak_acceleration=float(np.max(direction * motion.acceleration[low + first : low + last + 1])),
+        goal=stretch.goal,
     )
 
 

@@ -16,6 +16,7 @@ from .._errors import RecordingError
 from ..recordings.recording import Recording
 from ..recordings.study_procedures import Assessment
 from .alignment import align
+from .amplitude_check import OWN
 from .movements import (
     Kinematics,
     Movement,
@@ -41,9 +42,6 @@ COMPARED_AT = 50.0
 SAME = 0.005
 """Labels closer than this [rad] are one that was rounded."""
 
-OWN = 0.01
-"""A label is a movement's own within this [rad]: it may have been rounded."""
-
 
 @dataclass(frozen=True, eq=False)
 class PointingRecord:
@@ -57,6 +55,8 @@ class PointingRecord:
     stretches : tuple of Stretch
     delay : float or None
         By which the markers' clock is late, where that could be found [s].
+    source : str
+        Channel or markers of the angle, for messages.
     """
 
     recording: Recording
@@ -64,6 +64,7 @@ class PointingRecord:
     angle: np.ndarray
     stretches: tuple[Stretch, ...]
     delay: float | None = None
+    source: str = "angle"
 
     @property
     def where(self) -> str:
@@ -118,13 +119,14 @@ def pointing_record(recording: Recording, spec: Assessment) -> PointingRecord:
     where = f"{recording.path.name} (recording {recording.name})"
     delay = None
     if spec.segment and recording.optical is not None:
+        source = f"markers {' and '.join(spec.segment)}"
         angle = segment_angle(recording.optical, *spec.segment)
         time = recording.optical.time
         if "position" in recording:
             delay = _markers_delay(recording, time, angle, where)
             time = time - delay
     elif spec.angle in recording:
-        time, angle = recording.time, recording[spec.angle]
+        source, time, angle = spec.angle, recording.time, recording[spec.angle]
     else:
         wanted = f"optical with the markers {', '.join(spec.segment)}, or " if spec.segment else ""
         raise RecordingError(
@@ -142,7 +144,7 @@ def pointing_record(recording: Recording, spec: Assessment) -> PointingRecord:
         what = "no movement, expected some with rests in between"
     if not stretches:
         raise RecordingError(f"{where}: found {what}")
-    return PointingRecord(recording, time, angle, tuple(stretches), delay)
+    return PointingRecord(recording, time, angle, tuple(stretches), delay, source)
 
 
 def _markers_delay(recording: Recording, time: np.ndarray, angle: np.ndarray, where: str) -> float:

@@ -12,15 +12,16 @@ from ..recordings.quality import Fault
 from ..recordings.recording import Recording
 from ..recordings.study import Study
 from ..recordings.study_procedures import Assessment
+from .amplitude_check import MISTAKEN, strays
 from .emg_quality import inspect_emg
 from .movements import Movement, MovementRule
-from .pointing import OWN, PointingRecord, assessed, labels, pointing_record
+from .pointing import PointingRecord, assessed, labels, pointing_record
 
 SCALE = (0.75, 1.35)
-"""Measured over labelled amplitudes, in the median, beyond which labels or angle have another unit or zero."""
+"""Measured over labelled amplitudes, in the median, beyond which labels or angle have another unit or zero ..."""
 
-MISTAKEN = 0.1
-"""Share of a recording's movements that may end nearer to another label than to their own."""
+MISSED = (0.5, 2.0)
+"""... and where people aimed at targets with a robot on, which may keep them from getting there."""
 
 LEFT_OUT = 0.2
 """Share of a recording's movements that may be left out before it is told."""
@@ -89,15 +90,16 @@ def pointing_faults(record: PointingRecord, spec: Assessment, labels: Sequence[f
     Returns
     -------
     list of Fault
-        Of the kinds ``"amplitude"`` and ``"movements"`` (refused), ``"left_out"`` and ``"lost_marker"`` (noted).
+        Of the kinds ``"amplitude"`` and ``"movements"`` (refused), ``"left_out"``, ``"missed"`` and ``"lost_marker"``
+        (noted).
     """
     _, found, left_out = record.movements(MovementRule(spec.lowpass, spec.order, spec.threshold))
     faults = []
     total = len(found) + len(left_out)
 
     def add(severity: str, kind: str, what: str, expected: str) -> None:
-        message = f"{record.where}: found {what}, expected {expected}"
-        faults.append(Fault(severity, kind, record.recording.path.name, spec.angle, what, expected, message))
+        message = f"{record.where}, {record.source}: found {what}, expected {expected}"
+        faults.append(Fault(severity, kind, record.recording.path.name, record.source, what, expected, message))
 
     reasons = Counter(each.kind for each in left_out)
     if len(left_out) > 0.5 * total:
@@ -111,11 +113,21 @@ def pointing_faults(record: PointingRecord, spec: Assessment, labels: Sequence[f
     missing = ~np.isfinite(record.angle)
     if missing.any():
         share = 100.0 * float(missing.mean())
-        add("note", "lost_marker", f"an angle that is missing in {share:.2g} % of the samples", "all of them")
+        what = f"an angle that is missing in {share:.2g} % of the samples{_which_marker(record, spec)}"
+        add("note", "lost_marker", what, "all of them")
     named = [m for m in found if m.amplitude is not None]
     if named:
         faults += _label_faults(record, spec, named, np.asarray(labels))
     return faults
+
+
+def _which_marker(record: PointingRecord, spec: Assessment) -> str:
+    """Which of the segment's markers was lost how often, where the angle is one of markers."""
+    optical = record.recording.optical
+    if not spec.segment or optical is None:
+        return ""
+    gone = {name: float(np.mean(~np.isfinite(optical.markers[name][:, 0]))) for name in spec.segment}
+    return " (" + ", ".join(f"{name} lost in {100.0 * each:.2g} %" for name, each in gone.items() if each) + ")"
 
 
 REASONS = {
@@ -135,26 +147,29 @@ def _label_faults(
     reach = np.array([m.reach for m in named])
     label = np.array([m.amplitude for m in named])
     name = record.recording.path.name
+    aimed = spec.target in record.recording
 
-    def refuse(what: str, expected: str) -> list[Fault]:
-        message = f"{record.where}: found {what}, expected {expected}"
-        return [Fault("refuse", "amplitude", name, spec.target, what, expected, message)]
+    def fault(severity: str, kind: str, what: str, expected: str) -> list[Fault]:
+        channel = spec.target if aimed else "amplitude"
+        message = f"{record.where}, {channel}: found {what}, expected {expected}"
+        return [Fault(severity, kind, name, channel, what, expected, message)]
 
     scale = float(np.median(reach / label))
-    if not SCALE[0] <= scale <= SCALE[1]:
-        return refuse(
+    allowed = MISSED if aimed and record.recording.condition != spec.control else SCALE
+    if not allowed[0] <= scale <= allowed[1]:
+        return fault(
+            "refuse",
+            "amplitude",
             f"movements {scale:.3g} times as large as their labels say",
             "amplitudes as labelled: look at the units of angle and target, and at what the angle is an angle of",
         )
-    nearest = labels[np.argmin(np.abs(reach[:, None] - labels[None, :]), axis=1)]
-    wrong = np.abs(nearest - label) > OWN
-    if wrong.mean() > MISTAKEN:
-        (own, other), count = Counter(
-            zip(np.round(np.degrees(label[wrong]), 1), np.round(np.degrees(nearest[wrong]), 1), strict=True)
-        ).most_common(1)[0]
-        return refuse(
-            f"{int(wrong.sum())} of {len(named)} movements nearer to another amplitude than to their label ({count} "
-            f"labelled {own:g} deg go {other:g} deg)",
-            "movements that go as far as their labels say",
-        )
+    found = strays(reach, label, labels)
+    share = float(found.wrong.mean())
+    if found.mislabelled or (share > MISTAKEN and not aimed):
+        said = found.mislabelled or f"{int(found.wrong.sum())} of {len(named)} movements {found.commonest(label)}"
+        return fault("refuse", "amplitude", said, "movements that go as far as their labels say")
+    if share > MISTAKEN:
+        miss = np.degrees(float(np.median(np.abs(reach - label)[found.wrong])))
+        what = f"{int(found.wrong.sum())} of {len(named)} movements that missed by {miss:.2g} deg in the median"
+        return fault("note", "missed", f"{what}, nearer to another target", "targets that are reached; they are used")
     return []

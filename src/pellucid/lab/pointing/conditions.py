@@ -133,6 +133,7 @@ def interaction_rms(session: Session, direction: int = 0) -> float:
     Returns
     -------
     float
+        NaN where no movement came to an end.
     """
     found = []
     rule = MovementRule()
@@ -143,7 +144,7 @@ def interaction_rms(session: Session, direction: int = 0) -> float:
         if direction in (0, one.direction):
             part = slice(one.first, one.last + 1)
             found.append(np.sqrt(np.mean(session.signals["interaction"][part] ** 2)))
-    return float(np.mean(found))
+    return float(np.mean(found)) if found else float("nan")
 
 
 def chosen_exponents(
@@ -163,7 +164,7 @@ def chosen_exponents(
     exponents : tuple of float
         Upwards and downwards.
     torques : dict of float to tuple of float
-        By k, RMS upwards and downwards [N*m].
+        By k, RMS upwards and downwards [N*m]; infinite where somebody came to no end in a movement.
     """
     people = draw_people(rig, np.random.default_rng(seed), count=TUNERS)
     lifts = np.deg2rad(rig["pointing"]["amplitudes"])
@@ -174,7 +175,8 @@ def chosen_exponents(
             law = full_compensation(cards["dissociated"], person.slider(rig), exponents=(k, k))
             jobs.append((rig, person, "FC", law, rng, lifts))
         sessions = point_all(jobs, threads=threads)
-        torques[k] = tuple(float(np.mean([interaction_rms(s, d) for s in sessions])) for d in (1, -1))
+        mean = (float(np.mean([interaction_rms(s, direction) for s in sessions])) for direction in (1, -1))
+        torques[k] = tuple(np.inf if np.isnan(torque) else torque for torque in mean)
     return tuple(min(EXPONENTS, key=lambda k: torques[k][i]) for i in (0, 1)), torques
 
 

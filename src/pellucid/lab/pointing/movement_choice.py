@@ -16,6 +16,7 @@ torque would let a constant resistance shorten movements, since it grows with th
 from __future__ import annotations
 
 from collections.abc import Mapping
+from functools import cache
 
 import numpy as np
 
@@ -101,7 +102,7 @@ def preferred_duration(
     -------
     float
     """
-    grid = np.geomspace(choice["shortest"], choice["longest"], DURATIONS)
+    grid = _durations(choice["shortest"], choice["longest"])
     value = utility(grid, amplitude, dynamics, reward, choice, width)
     best = int(np.argmax(value))
     if best in (0, DURATIONS - 1):
@@ -109,3 +110,10 @@ def preferred_duration(
     low, middle, high = value[best - 1 : best + 2]
     step = 0.5 * (low - high) / (low - 2.0 * middle + high)
     return float(grid[best] * (grid[1] / grid[0]) ** step)
+
+
+@cache
+def _durations(shortest: float, longest: float) -> np.ndarray:
+    grid = np.geomspace(shortest, longest, DURATIONS)
+    grid.flags.writeable = False
+    return grid

@@ -168,7 +168,7 @@ def _bodies(paper: PrintedPaper) -> list[Reproduced]:
         torque = both["q"].value * GRAVITY
         rows += [
             _row(f"{subject}.mass", f"Least mass of leg and exoskeleton by Table 2, subject {number}", "kg", found.mass,
-                 wrong=found.mass > heaviest, note=f"C2: {heaviest:.1f} kg are many"),
+                 wrong=found.mass > heaviest, note=f"C2: {heaviest:.1f} kg with a heavy leg"),
             _row(f"{subject}.distance", f"Largest distance of its centre, subject {number}", "m", found.distance,
                  note="C2: below 0.2 m in the text, which takes it for agreement"),
             _row(f"{subject}.leg.p", f"p' - p, subject {number}", "kg*m^2", leg_p, wrong=leg_p < 0.0, note="C2"),

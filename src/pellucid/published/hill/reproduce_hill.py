@@ -10,10 +10,10 @@ from ...lab.seated.protocol import SeatedTrial, seated_trials
 from ...lab.seated.rig import SeatedRig, load_seated_rig
 from ...lab.seated.study import record_seated, seated_recording
 from ...lab.seated.subject import subjects
-from ...recordings.results import ResultRow, write_rows
+from ...recordings.results import ResultRow
 from ..printed import PrintedPaper, printed
 from ..processes import finished
-from ..reproduction import Reproduced, write_reproduction
+from ..reproduction import Reproduced, write_results
 from .recomputed import recomputed
 from .rows import step_rows, torque_rows, training_rows
 from .steps import BodyFound, LegFound, find_body, find_leg
@@ -123,10 +123,7 @@ def reproduce_hill(
         *training_rows(empty, {n: (s.leg, s.training, s.torque) for n, s in people.items()}, paper),
         *recomputed(paper),
     )
-    out.mkdir(parents=True, exist_ok=True)
-    results = tuple(ResultRow(r.id, r.ours, r.unit, COMMAND, _split(r.id), note=_note(r)) for r in rows)
-    write_rows(out / "results.json", COMMAND, results)
-    write_reproduction(out / "reproduction.json", rows)
+    results = write_results(out, COMMAND, rows, _split)
     return HillReproduction(rows, results, rig, paper, empty, people)
 
 
@@ -142,8 +139,3 @@ def _split(row: str) -> str:
     if row.startswith(SIMULATED):
         return "simulated"
     return "fitted" if row.startswith(FITTED) else "heldout"
-
-
-def _note(row: Reproduced) -> str:
-    between = "" if row.lower is None else f"{row.lower:.4g} to {row.upper:.4g}"
-    return "; ".join(part for part in (between, row.note) if part)

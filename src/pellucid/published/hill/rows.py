@@ -33,6 +33,10 @@ PRINTED_AS = {"nmco": "nm_co", "nmcoa": "nm_coa", "nmnc": "nm_nc", "mbp": "m_bp"
 """Table 5's rows, by ours."""
 
 
+def _words(quantity: str) -> str:
+    return quantity.replace("_", " ")
+
+
 def _subject_key(name: str) -> str:
     return f"subject_{name.removeprefix('S')}"
 
@@ -89,7 +93,7 @@ def step_rows(empty: BodyFound, legs: Mapping[str, LegFound], paper: PrintedPape
             _over(f"q.error.gravity.{swing}", f"q' - q beyond the leg's weight, {words}", "%", weight.values(),
                   note="tissue restores the leg as its weight does; printed values are 20 to 54 % beyond Winter's"),
         ]  # fmt: skip
-        rows += [_beside(f"p.error.{swing}.{n}", f"The same, {n}", "%", v) for n, v in p.items()]
+        rows += [_beside(f"p.error.{swing}.{n}", f"Error of p' - p, {n}, {words}", "%", v) for n, v in p.items()]
         rows += [_beside(f"q.error.{swing}.{n}", f"Error of q' - q, {n}, {words}", "%", v) for n, v in q.items()]
     two = [leg.body.corrected["two_sines"].correlation for leg in legs.values()]
     rich = [leg.body.corrected["rich"].correlation for leg in legs.values()]
@@ -200,7 +204,7 @@ def training_rows(
     )  # fmt: skip
     for quantity, letter in PAPERS.items():
         rows.append(
-            _over(f"order.{quantity}", f"Iteration from which {quantity} ({letter} of the paper) stays", "1",
+            _over(f"order.{quantity}", f"Iteration from which {_words(quantity)} ({letter} of the paper) stays", "1",
                   [t.converged[quantity] for t in trained.values()])
         )  # fmt: skip
     table = paper.tables["muscles"]
@@ -213,10 +217,9 @@ def training_rows(
         ):
             shown = printed.get(letter) if unit == "1" else None
             rows.append(
-                _beside(
-                    f"parameters.{name}.{quantity}", f"{quantity} of {name}, trained", unit, t.values[quantity], shown
-                )
-            )
+                _beside(f"parameters.{name}.{quantity}", f"{_words(quantity).capitalize()} of {name}, trained", unit,
+                        t.values[quantity], shown)
+            )  # fmt: skip
     inside = [f.hill.fit for _, _, f in found.values()]
     rows.append(
         _beside("parameters.outside", "Parameters outside physiological bounds", "1",

@@ -10,15 +10,15 @@ from ...report.descent_figures import Compared, Paths, compared, paths
 from ...report.drawing import draw
 from ...report.knee_figures import Traces, over_time
 from ...report.page import Section
-from ...report.quantities import MINUS
-from ...report.tables import Row, Table
+from ...report.quantities import number
+from ...report.tables import figures
 from .reproduce_hill import HillReproduction
 from .rows import ESTIMATOR_WORDS, PRINTED_AS
 from .torque import BASELINES, RECORDED
 from .training import PAPERS
 
 ROLES = {"true": "measured", "muscles": "fitted", "electrodes alone": "heldout", "eq. 12": "good",
-         "measured": "measured", "eq. 10": "fitted"}  # fmt: skip
+         "measured": "measured", "eq. 9": "fitted", "eq. 10": "fitted"}  # fmt: skip
 """Colours of lines, by their label."""
 
 SHOWN = (8.0, 20.0)
@@ -29,7 +29,7 @@ FASTEST_AND_SLOWEST = ("S2", "S4")
 
 
 def _cell(value: float) -> str:
-    return f"{value:.3g}".replace("-", MINUS) if np.isfinite(value) else "–"
+    return number(value, digits=3)
 
 
 def _both(ours: float, printed: float | None) -> str:
@@ -40,22 +40,18 @@ def _chosen(made: HillReproduction, wanted: Sequence[str]) -> list[str]:
     return [name for name in wanted if name in made.subjects] or list(made.subjects)[:2]
 
 
-def people(made: HillReproduction) -> Section:
-    """Who sat in it.
+def step_sections(made: HillReproduction) -> tuple[Section, ...]:
+    """Each table and figure of the paper, in its order."""
+    return tuple(make(made) for make in (_people, _swings, _legs, _training, _torque, _methods))
 
-    Parameters
-    ----------
-    made : HillReproduction
 
-    Returns
-    -------
-    Section
-    """
-    rows = tuple(
-        Row((name, str(s["age"]), f"{100 * s['height']:.0f}", f"{s['weight']:.0f}", f"{s['frequency']:.2f}"))
+def _people(made: HillReproduction) -> Section:
+    """Who sat in it."""
+    rows = [
+        (name, str(s["age"]), f"{100 * s['height']:.0f}", f"{s['weight']:.0f}", f"{s['frequency']:.2f}")
         for name, s in made.rig["subjects"].items()
         if name in made.subjects
-    )
+    ]
     return Section(
         "people",
         "Subjects",
@@ -64,21 +60,12 @@ def people(made: HillReproduction) -> Section:
             "muscles have elastic tendons, passive force and activation that is quick to rise and slow to fall; every "
             "constant and moment arm is 5 to 15 % off the anatomical model's that is calibrated. EMG is raw.",
         ),
-        (Table(("", "Age", "Height (cm)", "Weight (kg)", "Swings (Hz)"), rows, frozenset({1, 2, 3, 4})),),
+        (figures(("", "Age", "Height (cm)", "Weight (kg)", "Swings (Hz)"), rows, wide=False),),
     )
 
 
-def swings(made: HillReproduction) -> Section:
-    """Figs. 5 and 6.
-
-    Parameters
-    ----------
-    made : HillReproduction
-
-    Returns
-    -------
-    Section
-    """
+def _swings(made: HillReproduction) -> Section:
+    """Figs. 5 and 6."""
     name = next(iter(made.subjects))
     bodies = {"exoskeleton alone": made.empty, f"with the leg of {name}": made.subjects[name].leg.body}
     panels = [
@@ -92,11 +79,11 @@ def swings(made: HillReproduction) -> Section:
         for head, body in bodies.items()
     ]
     traces = []
-    for head, body in bodies.items():
+    for (head, body), equation in zip(bodies.items(), ("eq. 9", "eq. 10"), strict=True):
         shown = (body.swing.time >= 10.0) & (body.swing.time < 40.0)
         found = body.published.torque(body.swing)
         rest = f"residual {body.published.residual_rms:.2f} N·m"
-        lines = {"measured": body.swing.torque[shown], "eq. 10": found[shown]}
+        lines = {"measured": body.swing.torque[shown], equation: found[shown]}
         traces.append(Traces(head, rest, body.swing.time[shown], lines, "Torque (N·m)"))
     return Section(
         "swings",
@@ -112,42 +99,22 @@ def swings(made: HillReproduction) -> Section:
     )
 
 
-def legs(made: HillReproduction) -> Section:
-    """Table 2 and what is wrong with it.
-
-    Parameters
-    ----------
-    made : HillReproduction
-
-    Returns
-    -------
-    Section
-    """
+def _legs(made: HillReproduction) -> Section:
+    """Table 2 and what is wrong with it."""
     printed = made.paper.tables["swings"]
     more = [100.0 * (s.leg.q["rich"].value / s.leg.true_q - 1.0) for s in made.subjects.values()]
-    rows = [
-        Row(
-            (
-                "Empty",
-                _both(made.empty.published.p.value, printed["empty"]["p"].value),
-                _both(made.empty.published.q.value, printed["empty"]["q"].value),
-                "", "", "", "",
-            )
-        )
-    ]  # fmt: skip
+    empty = (_both(getattr(made.empty.published, n).value, printed["empty"][n].value) for n in ("p", "q"))
+    rows = [("Empty", *empty, "", "", "", "")]
     for name, found in made.subjects.items():
         leg, key = found.leg, f"subject_{name[1:]}"
         shown = {n: printed[key][n].value if key in printed.rows else None for n in ("p", "q")}
         rows.append(
-            Row(
-                (
-                    name,
-                    _both(leg.body.published.p.value, shown["p"]),
-                    _both(leg.body.published.q.value, shown["q"]),
-                    *(f"{leg.p[s].value:.3f} ± {1.96 * leg.p[s].standard_error:.3f}" for s in ("two_sines", "rich")),
-                    f"{leg.true_p:.3f}",
-                    f"{leg.q['rich'].value:.3f}, {leg.restoring_q:.3f}, {leg.true_q:.3f}",
-                )
+            (
+                name,
+                *(_both(getattr(leg.body.published, n).value, value) for n, value in shown.items()),
+                *(f"{leg.p[s].value:.3f} ± {1.96 * leg.p[s].standard_error:.3f}" for s in ("two_sines", "rich")),
+                f"{leg.true_p:.3f}",
+                f"{leg.q['rich'].value:.3f}, {leg.restoring_q:.3f}, {leg.true_q:.3f}",
             )
         )
     heads = ("", "p' eq. 10", "q' eq. 10", "p' − p, paper's swing", "p' − p, richer swing", "p' − p, true",
@@ -164,21 +131,12 @@ def legs(made: HillReproduction) -> Section:
             f"{min(more):.0f} to {max(more):.0f} % more than weight alone; the printed values exceed what shanks "
             "weigh by 20 to 54 %.",
         ),
-        (Table(heads, tuple(rows), frozenset(range(1, 7)), wide=True),),
+        (figures(heads, rows),),
     )
 
 
-def training(made: HillReproduction) -> Section:
-    """Table 3, Figs. 7 and 11.
-
-    Parameters
-    ----------
-    made : HillReproduction
-
-    Returns
-    -------
-    Section
-    """
+def _training(made: HillReproduction) -> Section:
+    """Table 3, Figs. 7 and 11."""
     panels = []
     for name in list(made.subjects)[:4]:
         t = made.subjects[name].training
@@ -208,28 +166,29 @@ def training(made: HillReproduction) -> Section:
     ]
     order = sorted(PAPERS, key=lambda q: np.mean([s.training.converged[q] for s in made.subjects.values()]))
     letters = ", ".join(PAPERS[q] for q in order)
-    rows = tuple(
-        Row((n, *(_cell(s.training.values[q]) for q in PAPERS), _cell(s.training.spread_ratio),
-             *(_cell(s.training.evaluations(w)) for w in ("adam", "swarm")), str(s.training.least_squares)))
+    stopped = " and ".join(PAPERS[q] for q in order if _stopped(made, q) > 0.5)
+    rows = [
+        (n, *(_cell(s.training.values[q]) for q in PAPERS), _cell(s.training.spread_ratio),
+         *(_cell(s.training.evaluations(w)) for w in ("adam", "swarm")), str(s.training.least_squares))
         for n, s in made.subjects.items()
-    )  # fmt: skip
+    ]  # fmt: skip
     spent = np.mean([s.training.least_squares for s in made.subjects.values()])
     heads = ("", *PAPERS.values(), "Fixed over falling", "Adam", "Swarm", "Least squares")
     return Section(
         "training",
         "Table 3, Figs. 7 and 11: ways down",
         (
-            f"Parameters settle in the order {letters}; the paper has k_r, A, λ, k_s, k_v. With a fixed rate they go "
-            "on wandering when each gradient rests on a part of the data; a rate that falls ends that. Bounded least "
-            f"squares with exact derivatives takes {spent:.0f} evaluations in the mean, three starts included.",
+            f"Parameters settle in the order {letters}; the paper has k_r, A, λ, k_s, k_v. "
+            + (f"Most of {stopped} stop at a bound of what muscles can be. " if stopped else "")
+            + "With a fixed rate they go on wandering when each gradient rests on a part of the data; a rate that "
+            f"falls ends that. Bounded least squares with exact derivatives takes {spent:.0f} evaluations in the mean, "
+            "three starts included.",
         ),
         (
-            Table(
+            figures(
                 heads,
                 rows,
-                frozenset(range(1, len(heads))),
-                "Evaluations until within 5 % of the lowest cost; – where Adam stays above it.",
-                wide=True,
+                "Means over muscles; evaluations to within 5 % of the lowest cost, – where never.",
             ),
         ),
         (
@@ -239,21 +198,23 @@ def training(made: HillReproduction) -> Section:
     )
 
 
+def _stopped(made: HillReproduction, quantity: str) -> float:
+    """Share of a quantity's parameters, over subjects and muscles, that a bound holds still in the end."""
+    still = [
+        spread < 1e-9
+        for s in made.subjects.values()
+        for name, spread in zip(s.training.names, s.training.whole.spread(), strict=True)
+        if name.split(".")[0] == quantity
+    ]
+    return float(np.mean(still))
+
+
 def _smooth(costs: np.ndarray, size: int = 25) -> np.ndarray:
     return np.convolve(costs, np.ones(size) / size, mode="valid")
 
 
-def torque(made: HillReproduction) -> Section:
-    """Table 4, Figs. 8 and 9.
-
-    Parameters
-    ----------
-    made : HillReproduction
-
-    Returns
-    -------
-    Section
-    """
+def _torque(made: HillReproduction) -> Section:
+    """Table 4, Figs. 8 and 9."""
     printed = made.paper.tables["errors"]
     rows = []
     for name, found in made.subjects.items():
@@ -262,8 +223,8 @@ def torque(made: HillReproduction) -> Section:
         paper = f.judged("hill.eq12", "eq12", truncated=True)
         shown = {m: printed[key][m].value if key in printed.rows else None for m in ("rmse", "maxe", "mae")}
         rows.append(
-            Row((name, *(_cell(getattr(full, m)) for m in shown), *(_cell(getattr(cut, m)) for m in shown),
-                 *(_both(getattr(paper, m), shown[m]) for m in shown)))
+            (name, *(_cell(getattr(full, m)) for m in shown), *(_cell(getattr(cut, m)) for m in shown),
+             *(_both(getattr(paper, m), shown[m]) for m in shown))
         )  # fmt: skip
     measures = ("RMSE", "largest", "mean")
     heads = ("", *(f"{m}" for m in measures), *(f"{m}, cut" for m in measures), *(f"{m}, eq. 12" for m in measures))
@@ -284,7 +245,7 @@ def torque(made: HillReproduction) -> Section:
             "Nobody records the flexors. As in hybrid models elsewhere, they are excited wherever the balance of leg "
             "and exoskeleton asks for bending; extension is the electrodes' alone.",
         ),
-        (Table(heads, tuple(rows), frozenset(range(1, 10)), "N·m", wide=True),),
+        (figures(heads, rows, "Errors of the torque of the held-out recording (N·m)."),),
         (
             draw(
                 over_time,
@@ -297,17 +258,8 @@ def torque(made: HillReproduction) -> Section:
     )
 
 
-def methods(made: HillReproduction) -> Section:
-    """Table 5 and Fig. 10.
-
-    Parameters
-    ----------
-    made : HillReproduction
-
-    Returns
-    -------
-    Section
-    """
+def _methods(made: HillReproduction) -> Section:
+    """Table 5 and Fig. 10."""
     table = made.paper.tables["methods"]
 
     def row(estimator: str, label: str, strong: bool = False) -> Compared:

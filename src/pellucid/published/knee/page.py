@@ -4,14 +4,13 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from ...report.page import Page, Section, Tile, write_page
-from ...report.quantities import number, unit_text
-from ...report.tables import Row, Table
+from ...report.page import Page, Tile, write_page
+from ...report.quantities import number
 from ..reproduction import Reproduced
-from . import sections
+from ..row_sections import row_sections
 from .reproduce_knee import KneeReproduction
 from .residual_rows import residual_section
-from .sections import cell
+from .sections import thesis_sections
 
 
 def write_knee_page(out: Path, made: KneeReproduction) -> Path:
@@ -51,15 +50,9 @@ def write_knee_page(out: Path, made: KneeReproduction) -> Path:
             *_torque_tiles(rows),
         ),
         sections=(
-            sections.subjects(made),
-            sections.orthosis(made),
-            sections.shanks(made),
-            sections.torque(made, rows),
-            sections.strap(made, rows),
-            sections.straps_over_seeds(made, rows),
+            *thesis_sections(made, rows),
             *((residual_section(made.compared),) if made.compared else ()),
-            _print_errors(made),
-            _all_rows(made),
+            *row_sections(made.rows, over="Range or interval", remarks=False),
         ),
         footer=f"{seeds} seeds of all noise; the rig was fixed before anything was identified on it. Errata B1 to B13.",
     )
@@ -79,43 +72,3 @@ def _torque_tiles(rows: dict[str, Reproduced]) -> tuple[Tile, ...]:
     if "knee.emg.rmse.boost" not in rows:
         return ()
     return (_tile(rows, "emg.rmse.boost", "Torque from EMG, boosting", "N·m"),)
-
-
-def _print_errors(made: KneeReproduction) -> Section:
-    rows = [r for r in made.rows if r.verdict in ("recomputed", "cannot be")]
-    table = Table(
-        ("What", "Printed", "Recomputed", "Unit", "Verdict", "Why"),
-        tuple(
-            Row(
-                (r.quantity, cell(r.published), cell(r.ours), unit_text(r.unit) or "–", r.verdict, r.note),
-                r.verdict == "cannot be",
-            )
-            for r in rows
-        ),
-        frozenset({1, 2}),
-        wide=True,
-    )
-    return Section("print", "What can be recomputed from print", (), (table,))
-
-
-def _all_rows(made: KneeReproduction) -> Section:
-    rows = [r for r in made.rows if r.verdict not in ("recomputed", "cannot be")]
-    table = Table(
-        ("Figure", "Published", "Ours", "Range or interval", "Unit", "Verdict"),
-        tuple(
-            Row(
-                (
-                    r.id,
-                    cell(r.published),
-                    cell(r.ours),
-                    "" if r.lower is None else f"{cell(r.lower)} to {cell(r.upper)}",
-                    unit_text(r.unit) or "–",
-                    r.verdict,
-                )
-            )
-            for r in rows
-        ),
-        frozenset({1, 2}),
-        wide=True,
-    )
-    return Section("rows", "Every figure", (), (table,))

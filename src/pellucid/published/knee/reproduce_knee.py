@@ -7,9 +7,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from ...lab.knee.rig import KneeRig, knee_orthosis
-from ...recordings.results import ResultRow, write_rows
+from ...recordings.results import ResultRow
 from ..printed import PrintedPaper, printed
-from ..reproduction import Reproduced, write_reproduction
+from ..reproduction import Reproduced, write_results
 from .recomputed import recomputed
 from .residual import REPRODUCED, ControllerRow
 from .residual_rows import residual_rows
@@ -115,10 +115,7 @@ def reproduce_knee(
         *residual_rows(work.compared),
         *recomputed(paper),
     )
-    out.mkdir(parents=True, exist_ok=True)
-    results = tuple(ResultRow(row.id, row.ours, row.unit, COMMAND, _split(row.id), note=_note(row)) for row in rows)
-    write_rows(out / "results.json", COMMAND, results)
-    write_reproduction(out / "reproduction.json", rows)
+    results = write_results(out, COMMAND, rows, _split)
     return KneeReproduction(
         rows, results, rig, paper, bench, work.wearers, work.steps, tuple(work.maps), tuple(work.drawn),
         tuple(work.compared),
@@ -129,8 +126,3 @@ def _split(row: str) -> str:
     if any(part in row for part in HELDOUT):
         return "heldout"
     return next((split for split, parts in SPLITS.items() if any(part in row for part in parts)), "heldout")
-
-
-def _note(row: Reproduced) -> str:
-    between = "" if row.lower is None else f"{row.lower:.4g} to {row.upper:.4g}"
-    return "; ".join(part for part in (between, row.note) if part)

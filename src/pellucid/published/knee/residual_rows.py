@@ -10,7 +10,8 @@ from ...lab.knee.rig import knee_orthosis
 from ...report.drawing import draw
 from ...report.page import Section
 from ...report.residual_figures import ControllerRatios, torque_ratios
-from ...report.tables import Row, Table
+from ...report.tables import Row, figures
+from ..processes import finished
 from ..reproduction import Reproduced, spread
 from .controllers import DELAY, GAIN_DB, NAMES
 from .residual import FRESH, SWINGS, ControllerRow, judge_changes, judge_wearer
@@ -144,7 +145,7 @@ def residual_section(compared: Sequence[ControllerRow]) -> Section:
         between = "" if row.lower is None else f" ({scale * row.lower:.3g} to {scale * row.upper:.3g})"
         return f"{scale * row.ours:.3g}{between}"
 
-    cells = tuple(
+    cells = [
         Row(
             (
                 NAMES[kind],
@@ -159,7 +160,7 @@ def residual_section(compared: Sequence[ControllerRow]) -> Section:
             kind == "residual",
         )
         for kind in kinds
-    )
+    ]
     heads = (
         "", "Share of torque, drawn wearers", "The same, the rig's own", "Torque (N·m)", "Mismatch (deg)",
         "Gain margin (dB)", "Delay margin (ms)", "No sway (%)",
@@ -189,10 +190,7 @@ def residual_section(compared: Sequence[ControllerRow]) -> Section:
         "The thesis's further work: the strap's torque compensated",
         (said,),
         (
-            Table(
-                heads, cells, frozenset(range(1, len(heads))), wide=True,
-                caption="Medians and ranges over wearers and swings; margins are the smallest of all.",
-            ),
+            figures(heads, cells, "Medians and ranges over wearers and swings; margins are the smallest of all."),
         ),
         (
             draw(
@@ -206,19 +204,15 @@ def residual_section(compared: Sequence[ControllerRow]) -> Section:
 
 def main() -> None:
     """Judge every wearer, and the compensator where something is not as it was identified; print what came out."""
-    from concurrent.futures import ProcessPoolExecutor
-    from multiprocessing import get_context
-
     rig = knee_orthosis()
-    names = [*rig.subjects, *(f"D{seed}" for seed in FRESH)]
-    with ProcessPoolExecutor(mp_context=get_context("spawn")) as pool:
-        judged = [pool.submit(judge_wearer, rig, name, SWINGS) for name in names]
-        for row in residual_rows([row for one in judged for row in one.result()]):
-            between = "" if row.lower is None else f" ({row.lower:.4g} to {row.upper:.4g})"
-            print(f"{row.id}: {row.ours:.4g}{between} {row.unit}")
-        wrong = [pool.submit(judge_changes, rig, f"D{seed}") for seed in FRESH]
-        for row in change_rows([one.result() for one in wrong]):
-            print(*row, sep="; ")
+    fresh = [f"D{seed}" for seed in FRESH]
+    judged = dict(finished([(judge_wearer, rig, name, SWINGS) for name in (*rig.subjects, *fresh)]))
+    for row in residual_rows([row for i in sorted(judged) for row in judged[i]]):
+        between = "" if row.lower is None else f" ({row.lower:.4g} to {row.upper:.4g})"
+        print(f"{row.id}: {row.ours:.4g}{between} {row.unit}")
+    wrong = dict(finished([(judge_changes, rig, name) for name in fresh]))
+    for row in change_rows([wrong[i] for i in sorted(wrong)]):
+        print(*row, sep="; ")
 
 
 if __name__ == "__main__":

@@ -10,9 +10,10 @@ from ...report.drawing import Drawing, draw
 from ...report.knee_figures import HeldTorques, StrapIntervals, Traces
 from ...report.page import Section
 from ...report.quantities import MINUS, number, unit_text
-from ...report.tables import Row, Table
+from ...report.tables import Row, figures
 from ..printed import Printed
 from ..reproduction import Reproduced
+from ..row_sections import cell
 from .recomputed import SUBJECTS
 from .reproduce_knee import KneeReproduction
 from .torque import ESTIMATORS
@@ -40,14 +41,6 @@ SHOWN = 12.0
 PRINTED = "In angular brackets, what the thesis prints."
 
 
-def cell(value: float | None) -> str:
-    """A number of a table, "–" where there is none."""
-    if value is None:
-        return "–"
-    text = f"{value:.4g}" if value == 0.0 or abs(value) >= 1e-4 else f"{value:.1e}"
-    return text.replace("-", MINUS)
-
-
 def _both(ours: str, printed: Printed | None) -> str:
     return ours if printed is None else f"{ours} ⟨{cell(printed.value)}⟩"
 
@@ -57,22 +50,28 @@ def _with_interval(parameter: Parameter) -> str:
     return f"{number(parameter.value, 0.5 * (high - low))} ± {number(0.5 * (high - low), digits=2)}"
 
 
-def subjects(made: KneeReproduction) -> Section:
-    """Table 3.1.
+def thesis_sections(made: KneeReproduction, rows: dict[str, Reproduced]) -> tuple[Section, ...]:
+    """Each table and figure of the thesis, in its order.
 
     Parameters
     ----------
     made : KneeReproduction
+    rows : dict of str to Reproduced
+        By id.
 
     Returns
     -------
-    Section
+    tuple of Section
     """
+    alone = (_subjects(made), _orthosis(made), _shanks(made))
+    return (*alone, _torque(made, rows), _strap(made, rows), _straps_over_seeds(made, rows))
+
+
+def _subjects(made: KneeReproduction) -> Section:
+    """Table 3.1."""
     table = made.paper.tables["subjects"]
-    rows = tuple(
-        Row((table.labels[s], *(cell(table[s][n].value) for n in ("age", "mass", "height", "shank_length"))))
-        for s in SUBJECTS
-    )
+    columns = ("age", "mass", "height", "shank_length")
+    rows = [(table.labels[s], *(cell(table[s][n].value) for n in columns)) for s in SUBJECTS]
     return Section(
         "subjects",
         "Table 3.1: subjects",
@@ -80,38 +79,27 @@ def subjects(made: KneeReproduction) -> Section:
             "The virtual subjects have these ages, weights, heights and lengths; their limbs, muscles and straps are "
             "not the thesis's, which it does not print.",
         ),
-        (Table(("", "Age", "Weight (kg)", "Height (m)", "Knee to heel (m)"), rows, frozenset({1, 2, 3, 4})),),
+        (figures(("", "Age", "Weight (kg)", "Height (m)", "Knee to heel (m)"), rows, wide=False),),
     )
 
 
-def orthosis(made: KneeReproduction) -> Section:
-    """Figs. 3.1 and 3.2, Table 3.2.
-
-    Parameters
-    ----------
-    made : KneeReproduction
-
-    Returns
-    -------
-    Section
-    """
+def _orthosis(made: KneeReproduction) -> Section:
+    """Figs. 3.1 and 3.2, Table 3.2."""
     bench, table = made.bench, made.paper.tables["orthosis"]
     found = {p.name: p for p in bench.fit.parameters} | {"stiffness": bench.fit.linear["stiffness"]}
     truth = {"gravity": bench.gravity, "inertia": bench.inertia, "damping": made.rig["orthosis"]["bearing_viscous"]}
     names = {"gravity": "m g l", "inertia": "Inertia", "damping": "Viscous damping", "stiffness": "Spring"}
-    rows = tuple(
-        Row(
-            (
-                words,
-                unit_text(found[n].unit),
-                cell(table["theoretical"][n].value if n in table["theoretical"] else None),
-                cell(table["experimental"][n].value),
-                _with_interval(found[n]),
-                cell(truth.get(n, 0.0)),
-            )
+    rows = [
+        (
+            words,
+            unit_text(found[n].unit),
+            cell(table["theoretical"][n].value if n in table["theoretical"] else None),
+            cell(table["experimental"][n].value),
+            _with_interval(found[n]),
+            cell(truth.get(n, 0.0)),
         )
         for n, words in names.items()
-    )
+    ]
     offset = bench.fit.gravity.offset.value
     short = 100.0 * abs(bench.as_published["line"] / bench.gravity - 1.0)
     holds = draw(
@@ -131,13 +119,12 @@ def orthosis(made: KneeReproduction) -> Section:
             f"{bench.fit.mean_fit():.1f} %.",
         ),
         (
-            Table(
+            figures(
                 ("", "Unit", "Thesis, theoretical", "Thesis, found", "Ours, 95 %", "Ours, truth"),
                 rows,
-                frozenset({2, 3, 4, 5}),
-                caption="Table 3.2. The virtual orthosis is not the thesis's: its truth is its own. The spring is that "
-                "of the two poles; there is none.",
-                wide=True,
+                "Table 3.2. The virtual orthosis is not the thesis's: its truth is its own. The spring is that of the "
+                "two poles; there is none.",
+                words=2,
             ),
         ),
         (holds, _response(made)),
@@ -183,17 +170,8 @@ def _response(made: KneeReproduction) -> Drawing:
     )  # fmt: skip
 
 
-def shanks(made: KneeReproduction) -> Section:
-    """Fig. 3.3, Table 3.3.
-
-    Parameters
-    ----------
-    made : KneeReproduction
-
-    Returns
-    -------
-    Section
-    """
+def _shanks(made: KneeReproduction) -> Section:
+    """Fig. 3.3, Table 3.3."""
     shank = made.paper.tables["shank"]
     panels, cells = [], []
     for (name, found), subject in zip(made.wearers.items(), SUBJECTS, strict=True):
@@ -227,33 +205,20 @@ def shanks(made: KneeReproduction) -> Section:
             "they miss the truth as the thesis's may have missed its subjects'.",
         ),
         (
-            Table(
+            figures(
                 ("", "Mass (kg)", "Centre (m)", "Inertia (kg·m²)", "m g l, heel (N·m)", "m g l, ankle (N·m)",
                  "m g l found, 95 % (N·m)", "Truth (N·m)"),
-                tuple(Row(c) for c in cells),
-                frozenset(range(1, 8)),
-                caption=f"Table 3.3, Winter's shares on the length from knee to heel as in the thesis. {PRINTED} Found "
-                "and true are the virtual subjects' own.",
-                wide=True,
+                cells,
+                f"Table 3.3, Winter's shares on the length from knee to heel as in the thesis. {PRINTED} Found and "
+                "true are the virtual subjects' own.",
             ),
         ),
         (drawing,),
     )  # fmt: skip
 
 
-def torque(made: KneeReproduction, rows: dict[str, Reproduced]) -> Section:
-    """Fig. 3.4, Table 3.4.
-
-    Parameters
-    ----------
-    made : KneeReproduction
-    rows : dict of str to Reproduced
-        By id.
-
-    Returns
-    -------
-    Section
-    """
+def _torque(made: KneeReproduction, rows: dict[str, Reproduced]) -> Section:
+    """Fig. 3.4, Table 3.4."""
     table, cells = made.paper.tables["regression"], []
     for estimator in dict.fromkeys(m.estimator for m in made.maps):
         mine = [m for m in made.maps if (m.estimator, m.protocol) == (estimator, "published")]
@@ -284,7 +249,7 @@ def torque(made: KneeReproduction, rows: dict[str, Reproduced]) -> Section:
             f"through the strap as identified it is off by {target.ours:.2g} N·m. The last column is of steps that "
             "go on to the same torques the other way.",
         ),
-        (Table(heads, tuple(cells), frozenset(range(1, len(heads))), caption="Table 3.4, RMSE in N·m.", wide=True),),
+        (figures(heads, cells, "Table 3.4, RMSE in N·m."),),
         (_torque_trace(made), *_torque_errors(made)),
     )
 
@@ -325,19 +290,8 @@ def _torque_trace(made: KneeReproduction) -> Drawing:
     )  # fmt: skip
 
 
-def strap(made: KneeReproduction, rows: dict[str, Reproduced]) -> Section:
-    """Figs. 3.5 to 3.7, Table 3.5.
-
-    Parameters
-    ----------
-    made : KneeReproduction
-    rows : dict of str to Reproduced
-        By id.
-
-    Returns
-    -------
-    Section
-    """
+def _strap(made: KneeReproduction, rows: dict[str, Reproduced]) -> Section:
+    """Figs. 3.5 to 3.7, Table 3.5."""
     table, drawings, cells = made.paper.tables["coupling"], [], []
     for number_, ((name, found), subject) in enumerate(zip(made.wearers.items(), SUBJECTS, strict=True), 5):
         printed, coupling = table[subject], found.stages.coupling
@@ -358,25 +312,15 @@ def strap(made: KneeReproduction, rows: dict[str, Reproduced]) -> Section:
             )
         )
         literal = coupling.published["two_poles"]
-        for what, ours, figures in (
-            ("strap", None, coupling.orthosis_side),
-            ("thesis's form", literal, None),
-        ):
-            values = [
-                _with_interval(getattr(figures, n)) if ours is None else cell(getattr(ours, n))
-                for n in ("inertia", "damping", "stiffness")
-            ]
-            fit = swing.fit("predicted" if ours is None else "published")
-            cells.append(
-                Row(
-                    (name, what, *values, f"{fit:.1f}".replace("-", MINUS), cell(swing.rmse()) if ours is None else ""),
-                    ours is None,
-                )
-            )
-        true = found.subject.strap
-        cells.append(Row((name, "truth", "0", cell(true["damping"]), cell(true["stiffness"]), "", "")))
-        cells.append(Row((name, "the thesis", *(cell(printed[n].value) for n in
-                                                ("inertia", "damping", "stiffness", "fit", "rmse")))))  # fmt: skip
+        fits = [f"{swing.fit(form):.1f}".replace("-", MINUS) for form in ("predicted", "published")]
+        names, true = ("inertia", "damping", "stiffness"), found.subject.strap
+        own = (_with_interval(getattr(coupling.orthosis_side, n)) for n in names)
+        cells += [
+            Row((name, "strap", *own, fits[0], cell(swing.rmse())), True),
+            (name, "thesis's form", *(cell(getattr(literal, n)) for n in names), fits[1], ""),
+            (name, "truth", "0", cell(true["damping"]), cell(true["stiffness"]), "", ""),
+            (name, "the thesis", *(cell(printed[n].value) for n in (*names, "fit", "rmse"))),
+        ]
     best = rows["knee.coupled.fit.published_form.true_torque.fitted"]
     return Section(
         "strap",
@@ -388,13 +332,12 @@ def strap(made: KneeReproduction, rows: dict[str, Reproduced]) -> Section:
             f"true torque, {best.ours:.1f} % of the data it is fitted to.",
         ),
         (
-            Table(
+            figures(
                 ("", "", "Inertia (kg·m²)", "Damping (N·m·s/rad)", "Stiffness (N·m/rad)", "Fit (%)", "Error (rad)"),
-                tuple(cells),
-                frozenset({2, 3, 4, 5, 6}),
-                caption="Table 3.5. Fits of ours are held out and against the true angle, the thesis's in sample and "
-                "against its sensor. Its straps are not ours.",
-                wide=True,
+                cells,
+                "Table 3.5. Fits of ours are held out and against the true angle, the thesis's in sample and against "
+                "its sensor. Its straps are not ours.",
+                words=2,
             ),
         ),
         tuple(drawings),
@@ -416,19 +359,8 @@ def _imu_note(rows: dict[str, Reproduced]) -> str:
     )
 
 
-def straps_over_seeds(made: KneeReproduction, rows: dict[str, Reproduced]) -> Section:
-    """Whether intervals hold the truth.
-
-    Parameters
-    ----------
-    made : KneeReproduction
-    rows : dict of str to Reproduced
-        By id.
-
-    Returns
-    -------
-    Section
-    """
+def _straps_over_seeds(made: KneeReproduction, rows: dict[str, Reproduced]) -> Section:
+    """Whether intervals hold the truth."""
     panels = []
     for what, unit, letter in (("stiffness", "N·m/rad", "k"), ("damping", "N·m·s/rad", "b")):
         row = []

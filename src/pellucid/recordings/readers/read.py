@@ -18,6 +18,9 @@ FORMATS = {
     ".sto": "sto",
     ".mot": "sto",
     ".c3d": "c3d",
+    ".xdf": "xdf",
+    ".edf": "edf",
+    ".bdf": "edf",
 }
 """File ending -> module of this package that reads it."""
 

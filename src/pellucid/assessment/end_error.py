@@ -1,0 +1,65 @@
+r"""How far from the target does a movement end?
+
+The end is the last sample of the movement by the study's rule; the error is signed along the movement, so that
+overshoot is positive. Angle and target need not have one zero: markers are glued on by hand. What a participant's
+movements without the robot end apart from their targets in the mean of both directions is taken for that difference of
+zeros; undershoot in either direction is left. Per participant, condition, amplitude and direction, the mean of the
+signed error is the constant error, its standard deviation the variable error [1]_.
+
+.. [1] R. A. Schmidt, T. D. Lee, "Motor control and learning", 5th ed., Human Kinetics, 2011, chapter 2.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from ..signals.movements import Kinematics, Movement
+
+
+def target_zero(made: Sequence[tuple[Kinematics, Movement]]) -> float:
+    """Angle of a target at 0, by where movements end.
+
+    Parameters
+    ----------
+    made : sequence of (Kinematics, Movement)
+        Of one participant in the control condition.
+
+    Returns
+    -------
+    float
+        Mean of the medians of both directions [rad]; 0 where one of them has no movement to a target.
+    """
+    ends: dict[int, list[float]] = {1: [], -1: []}
+    for motion, movement in made:
+        if movement.goal is not None:
+            ends[movement.direction].append(float(motion.angle[movement.last]) - movement.goal)
+    if not all(ends.values()):
+        return 0.0
+    return float(np.mean([np.median(own) for own in ends.values()]))
+
+
+def end_error(motion: Kinematics, movement: Movement, zero: float) -> dict[str, float]:
+    """Signed and absolute error of one movement's end.
+
+    Parameters
+    ----------
+    motion : Kinematics
+    movement : Movement
+        To a target, or labelled with an amplitude; otherwise there is no error.
+    zero : float
+        Angle of a target at 0 [rad].
+
+    Returns
+    -------
+    dict of str to float
+        ``end_error``, ``end_absolute`` [rad]; empty where nobody knows where the movement was to end.
+    """
+    if movement.goal is not None:
+        error = movement.direction * (float(motion.angle[movement.last]) - movement.goal - zero)
+    elif movement.amplitude is not None:
+        error = movement.reach - movement.amplitude
+    else:
+        return {}
+    return {"end_error": error, "end_absolute": abs(error)}

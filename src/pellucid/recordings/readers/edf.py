@@ -1,0 +1,66 @@
+"""EDF and BDF files of amplifiers: signals with units, at rates of their own.
+
+A signal keeps its name. Its times are the column ``time`` where all signals of the file have one rate, and NAME.time
+otherwise; time 0 is the file's first sample.
+"""
+
+from __future__ import annotations
+
+import warnings
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..._errors import RecordingError
+
+
+def read(path: Path) -> dict[str, np.ndarray]:
+    """Columns by name, in the file's own units, each shape (n,) with the n of its signal.
+
+    Raises
+    ------
+    RecordingError
+        If the file is no EDF or BDF file, is truncated, has gaps, or two of its signals have one name.
+    """
+    content = _content(path)
+    together = len({signal.sampling_frequency for signal in content.signals}) == 1
+    into: dict[str, np.ndarray] = {}
+    for signal in content.signals:
+        name = signal.label.strip()
+        if name in into:
+            raise RecordingError(f'{path.name}: found two signals named "{name}", expected each once')
+        times = "time" if together else f"{name}.time"
+        if times not in into:
+            into[times] = np.arange(len(signal.data)) / float(signal.sampling_frequency)
+        into[name] = np.ascontiguousarray(signal.data, dtype=np.float64)
+    return into
+
+
+def units(path: Path) -> dict[str, str]:
+    """Unit of every signal of which the file says one.
+
+    Raises
+    ------
+    RecordingError
+        As `read`.
+    """
+    said = {signal.label.strip(): signal.physical_dimension.strip() for signal in _content(path).signals}
+    return {name: unit for name, unit in said.items() if unit}
+
+
+def _content(path: Path) -> Any:
+    import edfio
+
+    opened = edfio.read_bdf if path.suffix.lower() == ".bdf" else edfio.read_edf
+    with warnings.catch_warnings():
+        # The library shortens a truncated file to what is whole of it, and only warns.
+        warnings.simplefilter("error")
+        try:
+            content = opened(path)
+        except Exception as error:  # the library raises whatever parsing bytes raises
+            kind = path.suffix[1:].upper()
+            raise RecordingError(f"{path.name}: not readable as {kind}, truncated or damaged: {error}") from error
+    if not content.is_continuous:
+        raise RecordingError(f"{path.name}: found a recording with gaps (EDF+D), expected one without")
+    return content

@@ -1,0 +1,112 @@
+"""XDF files of the lab streaming layer: every stream of a recording, on one clock.
+
+A channel C of a stream S becomes the column S.C, at the times of the column S.time; a stream without names of channels
+numbers them from 1. Clocks of other computers are brought onto the recorder's by the offsets that it measured, and
+times of evenly sampled streams are smoothed, as the layer's own reader does; time 0 is the first sample of the file.
+"""
+
+from __future__ import annotations
+
+import logging
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..._errors import RecordingError
+
+MAGIC = b"XDF:"
+
+SYMBOLS = {
+    "microvolts": "uV", "millivolts": "mV", "volts": "V", "degrees": "deg", "radians": "rad", "seconds": "s",
+    "meters": "m", "millimeters": "mm", "newtons": "N", "newtonmeters": "N*m", "amperes": "A", "celsius": "degC",
+}  # fmt: skip
+"""Units that streams write out, as study.toml writes them."""
+
+
+def read(path: Path) -> dict[str, np.ndarray | str]:
+    """Columns by name, in the file's own units, each shape (n,) with the n of its stream.
+
+    Raises
+    ------
+    RecordingError
+        If the file is no XDF file, a stream of it has no end (the recorder was cut off), no stream holds samples, or
+        two streams have one name.
+    """
+    into: dict[str, np.ndarray | str] = {}
+    streams = [stream for stream in _streams(path) if len(stream["time_stamps"])]
+    if not streams:
+        raise RecordingError(f"{path.name}: found no stream with samples")
+    start = min(float(stream["time_stamps"][0]) for stream in streams)
+    for stream in streams:
+        name, labels = _name(stream), _labels(stream)
+        if f"{name}.time" in into:
+            raise RecordingError(f'{path.name}: found two streams named "{name}", expected each once')
+        into[f"{name}.time"] = np.asarray(stream["time_stamps"], np.float64) - start
+        series = stream["time_series"]
+        for i, label in enumerate(labels):
+            if isinstance(series, np.ndarray):
+                into[f"{name}.{label}"] = np.ascontiguousarray(series[:, i], dtype=np.float64)
+            else:
+                into[f"{name}.{label}"] = f'the stream "{name}" holds text, expected numbers'
+    return into
+
+
+def units(path: Path) -> dict[str, str]:
+    """Unit of every column of which the file says one.
+
+    Raises
+    ------
+    RecordingError
+        As `read`.
+    """
+    found = {}
+    for stream in _streams(path):
+        for label, channel in zip(_labels(stream), _channels(stream), strict=False):
+            said = _text(channel, "unit")
+            if said:
+                found[f"{_name(stream)}.{label}"] = SYMBOLS.get(said.lower(), said)
+    return found
+
+
+def _streams(path: Path) -> list[Any]:
+    import pyxdf
+
+    with path.open("rb") as file:
+        if file.read(len(MAGIC)) != MAGIC:
+            raise RecordingError(f"{path.name}: not readable as an XDF file: found no header of such a file")
+    # The library tells of a damaged file in its log and goes on with what it could read.
+    logger = logging.getLogger("pyxdf.pyxdf")
+    before, logger.disabled = logger.disabled, True
+    try:
+        streams, _ = pyxdf.load_xdf(str(path))
+    except Exception as error:  # the library raises whatever parsing bytes raises
+        raise RecordingError(f"{path.name}: not readable as an XDF file, truncated or damaged: {error}") from error
+    finally:
+        logger.disabled = before
+    for stream in streams:
+        if not stream.get("footer"):
+            raise RecordingError(f'{path.name}: the stream "{_name(stream)}" has no end: the file is truncated')
+    return streams
+
+
+def _name(stream: Any) -> str:
+    return _text(stream["info"], "name") or str(stream["info"]["stream_id"])
+
+
+def _labels(stream: Any) -> list[str]:
+    count = int(_text(stream["info"], "channel_count"))
+    named = [_text(channel, "label") for channel in _channels(stream)][:count]
+    named += [""] * (count - len(named))
+    return [label or str(i) for i, label in enumerate(named, 1)]
+
+
+def _channels(stream: Any) -> list[Any]:
+    description = (stream["info"].get("desc") or [None])[0] or {}
+    table = (description.get("channels") or [None])[0] or {}
+    return [channel or {} for channel in table.get("channel", [])]
+
+
+def _text(node: Any, key: str) -> str:
+    found = (node.get(key) or [""])[0]
+    return found.strip() if isinstance(found, str) else ""

@@ -1,0 +1,125 @@
+"""XDF files: streams with their own rates and clocks, units, text, and what is no whole file."""
+
+import struct
+
+import numpy as np
+import pytest
+
+from pellucid._errors import RecordingError
+from pellucid.recordings.readers.read import read_columns
+from pellucid.recordings.study import open_study
+
+
+def chunk(tag: int, content: bytes) -> bytes:
+    """One chunk as the format's specification lays it out: length of length, length, tag, content."""
+    return struct.pack("<BIH", 4, len(content) + 2, tag) + content
+
+
+def stream(number, name, fs, times, samples, labels, units, kind="float32", offset=0.0, end=True):
+    """All chunks of a stream; its clock is `offset` behind the recorder's."""
+    channels = "".join(
+        f"<channel><label>{a}</label><unit>{b}</unit></channel>" for a, b in zip(labels, units, strict=True)
+    )
+    info = (
+        f"<info><name>{name}</name><type>EMG</type><channel_count>{len(labels)}</channel_count>"
+        f"<nominal_srate>{fs}</nominal_srate><channel_format>{kind}</channel_format>"
+        f"<desc><channels>{channels}</channels></desc></info>"
+    )
+    head = struct.pack("<I", number)
+    made = chunk(2, head + info.encode())
+    for at in (times[0], times[-1]):
+        made += chunk(4, head + struct.pack("<dd", at + offset, offset))
+    body = struct.pack("<BI", 4, len(times))
+    for t, row in zip(times, samples, strict=True):
+        body += struct.pack("<Bd", 8, t)
+        if kind == "string":
+            body += struct.pack("<BI", 4, len(row)) + row.encode()
+        else:
+            body += struct.pack(f"<{len(row)}f", *row)
+    made += chunk(3, head + body)
+    footer = f"<info><first_timestamp>{times[0]}</first_timestamp><sample_count>{len(times)}</sample_count></info>"
+    return made + (chunk(6, head + footer.encode()) if end else b"")
+
+
+def write(path, *streams):
+    path.write_bytes(
+        b"XDF:" + chunk(1, b"<?xml version='1.0'?><info><version>1.0</version></info>") + b"".join(streams)
+    )
+    return path
+
+
+def two(path, **options):
+    """A robot at 100 Hz and an amplifier at 1 kHz whose clock is 2 s behind."""
+    slow, fast = 50.0 + np.arange(200) / 100.0, 48.0 + np.arange(2000) / 1000.0
+    moved, emg = np.column_stack([np.sin(slow), np.cos(slow)]), np.column_stack([np.sin(fast), np.cos(fast)])
+    robot = stream(1, "robot", 100, slow, moved, ["angle", "current"], ["radians", "amperes"])
+    made = stream(2, "amp", 1000, fast, emg, ["biceps", "triceps"], ["microvolts", ""], offset=2.0, **options)
+    return write(path, robot, made), slow, fast, emg
+
+
+def test_streams_come_on_one_clock_with_their_names_and_units(tmp_path):
+    path, slow, fast, emg = two(tmp_path / "a.xdf")
+    found = read_columns(path)
+    assert list(found.values) == ["robot.time", "robot.angle", "robot.current", "amp.time", "amp.biceps", "amp.triceps"]
+    assert found.values["robot.time"] == pytest.approx(slow - slow[0], abs=1e-6)
+    # 48 s on a clock that is 2 s behind are the recorder's 50 s, at which the robot begins.
+    assert found.values["amp.time"] == pytest.approx(fast - fast[0], abs=1e-6)
+    assert found.values["amp.triceps"] == pytest.approx(emg[:, 1], abs=1e-6)
+    assert found.units == {"robot.angle": "rad", "robot.current": "A", "amp.biceps": "uV"}
+
+
+def test_a_stream_of_text_says_so(tmp_path):
+    words = stream(1, "events", 0, np.array([1.0, 2.0]), ["go", "rest"], ["marker"], [""], kind="string")
+    path, *_ = two(tmp_path / "a.xdf")
+    path.write_bytes(path.read_bytes() + words.replace(struct.pack("<I", 1), struct.pack("<I", 3)))
+    found = read_columns(path)
+    with pytest.raises(RecordingError, match='the stream "events" holds text, expected numbers'):
+        found.column("events.marker", "target")
+
+
+def test_what_is_no_whole_file_is_refused(tmp_path):
+    (tmp_path / "a.xdf").write_bytes(b"time,angle\n0,1\n")
+    with pytest.raises(RecordingError, match=r"a\.xdf: .*no header"):
+        read_columns(tmp_path / "a.xdf")
+    cut, *_ = two(tmp_path / "b.xdf", end=False)
+    with pytest.raises(RecordingError, match=r'b\.xdf: the stream "amp" has no end: the file is truncated'):
+        read_columns(cut)
+    whole = two(tmp_path / "c.xdf")[0].read_bytes()
+    for kept in (40, 700, len(whole) // 2, len(whole) - 10):
+        (tmp_path / "d.xdf").write_bytes(whole[:kept])
+        with pytest.raises(RecordingError, match=r"d\.xdf"):
+            read_columns(tmp_path / "d.xdf")
+    t = np.arange(10) / 10.0
+    one = stream(1, "amp", 10, t, t[:, None], ["a"], [""])
+    with pytest.raises(RecordingError, match='two streams named "amp"'):
+        read_columns(write(tmp_path / "e.xdf", one, one.replace(struct.pack("<I", 1), struct.pack("<I", 2))))
+
+
+def test_one_file_is_a_recording_and_its_stream(tmp_path):
+    _, slow, _, emg = two(tmp_path / "a.xdf")
+    (tmp_path / "study.toml").write_text(
+        """
+name = "streams"
+[rig]
+joint = "elbow"
+motion = "rotary"
+lifts = "flexion"
+[rig.drive]
+kind = "current"
+[channels]
+current = { column = "robot.current", unit = "A" }
+time = { column = "robot.time", unit = "s" }
+position = { column = "robot.angle", unit = "rad" }
+[streams.emg.channels]
+time = { column = "amp.time", unit = "s" }
+emg.biceps = { column = "amp.biceps", unit = "uV" }
+[[recordings]]
+name = "a"
+file = "a.xdf"
+streams = { emg = "a.xdf" }
+""",
+        encoding="utf-8",
+    )
+    (recording,) = open_study(tmp_path).recordings()
+    assert recording.channels["position"].samples == pytest.approx(np.sin(slow), abs=1e-6)
+    assert recording.streams["emg"].channels["emg.biceps"].samples == pytest.approx(1e-6 * emg[:, 0], abs=1e-12)
