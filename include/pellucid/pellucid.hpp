@@ -6,6 +6,8 @@
 #include "biquad.hpp"
 #include "coupled_plant.hpp"
 #include "directional_compensation.hpp"
+#include "disturbance_observer.hpp"
+#include "dither.hpp"
 #include "drive.hpp"
 #include "dual.hpp"
 #include "elastic_muscle.hpp"

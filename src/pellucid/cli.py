@@ -171,23 +171,30 @@ def calibrate(
 def assess(
     folder: Folder,
     json: Annotated[bool, typer.Option("--json", help="Print the figures as JSON instead of tables.")] = False,
+    studies: Annotated[int, typer.Option(metavar="N", min=100, help="Simulated to plan the next study.")] = 1000,
+    scheduler: Annotated[str | None, typer.Option(metavar="ADDRESS", help="Dask scheduler to simulate on.")] = None,
 ) -> None:
     """Do conditions change how people move? Indices and tests."""
+    from contextlib import nullcontext
+
     from .assessment.assess import assess as run
+    from .assessment.cluster import cluster
+    from .assessment.paper_tables import write_tables
     from .identification.findings import save_findings
     from .recordings.study import open_study
 
     study = open_study(folder)
-    with _progress() as tell:
-        found = run(study, on_progress=tell)
+    with (cluster(scheduler) if scheduler else nullcontext()) as executor, _progress() as tell:
+        found = run(study, tell, studies=studies, executor=executor)
     save_findings(study, found, "assess")
+    write_tables(study.folder / "tables", found)
     if json:
         _print_json(study, "assess")
         return
     out = _console()
     _print_findings(out, found)
     out.print(found.paragraph, markup=False)
-    _say(out, f"\nEvery figure in {study.results_path}.")
+    _say(out, f"\nEvery figure in {study.results_path}, tables for a paper in {study.folder / 'tables'}.")
     _say(out, f"Next: pellucid report {folder}")
 
 

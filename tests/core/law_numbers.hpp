@@ -24,6 +24,7 @@ template <class S> constexpr S transparent_numbers[pellucid::transparent_paramet
     S(1), S(5), S(0.5), S(300), S(0.02), S(3),                                    // force sensor
     S(0.08), S(2.4), S(0.1), S(0.5), S(25), S(0.5),                               // EMG
     S(4), S(1), S(16), S(8), S(8), S(2), S(0.02), S(0.5), S(0.02), S(0.01),       // oscillator, friction's lead
+    S(0.5), S(20), S(0.008), S(3), S(0.5), S(900),                                // disturbance observer, dither
     S(10), S(1000), S(8), S(0), S(2.6), S(0.1), S(0.005), S(2), S(0.001)};        // of the gate
 
 template <class S> constexpr S joint_compensation_numbers[pellucid::joint_compensation_parameter_count] = {

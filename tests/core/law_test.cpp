@@ -44,6 +44,8 @@ template <class S> p::TransparentCompensationParams<S> transparent() {
   t.oscillator = {S(4), S(1), S(16), S(8), S(8), S(2), S(0.02), S(0.001)};
   t.oscillator_share = S(0.5);
   t.oscillator_lead = S(0.02);
+  t.observer = {S(0.5), S(20), S(0.008), S(3)};
+  t.dither = {S(0.5), S(900)};
   t.gate = gate<S>();
   return t;
 }
@@ -136,10 +138,11 @@ template <class S> void estimator() {
 
 /// A robot pushed to and fro by hand, in series with what the law adds: over a closed cycle it takes energy.
 void does_not_drive() {
-  const double shares[] = {0.0, 0.9};
-  for (const double share : shares) {
+  const double shares[][2] = {{0.0, 0.0}, {0.9, 0.0}, {0.9, 1.0}};
+  for (const auto& [share, dither] : shares) {
     auto params = transparent<double>();
     params.friction_share = share;
+    params.dither.torque = dither;
     params.feedback.proportional = params.feedback.integral = 0;
     params.emg.share = params.oscillator_share = 0;
     const auto law = p::coefficients(params);
@@ -157,6 +160,125 @@ void does_not_drive() {
     check(work <= friction, "no more is put in than friction takes out");
     if (share > 0) check(work > 0.5 * friction, "and most of it is");
   }
+}
+
+/// Any body, any shares, any closed motion: beyond gravity no more is put in than friction takes and the store holds.
+void never_drives() {
+  Random random(71);
+  double share_left = 1;
+  for (int draw = 0; draw < 60; ++draw) {
+    auto params = transparent<double>();
+    auto& body = params.body;
+    body.inertia = random.uniform(0.01, 0.1);
+    body.gravity_sine = random.uniform(-4, 4), body.gravity_cosine = random.uniform(-1, 1);
+    const auto up_to = [&random](double most) { return random.uniform(0, most); };
+    body.friction = {up_to(0.6), up_to(0.6), up_to(0.3), up_to(0.3),  0,
+                     0,          up_to(0.4), up_to(0.4), std::pow(10, random.uniform(-2, 0))};
+    params.friction_share = draw % 10 == 0 ? 1 : random.uniform();
+    params.inertia_share = draw % 10 == 1 ? 0 : random.uniform();
+    params.friction_lead = random.uniform(0, 0.03);
+    params.estimator.bandwidth = random.uniform(50, 250);
+    params.energy_store = random.uniform(0, 0.3);
+    params.feedback.proportional = params.feedback.integral = params.emg.share = params.oscillator_share = 0;
+    params.dither = {draw % 2 ? random.uniform(0, 2) : 0, random.uniform(600, 1500)};
+    const auto law = p::coefficients(params);
+    check(law.gate.valid, "the drawn law makes sense");
+    p::TransparentCompensationState<double> state;
+    const double rate = random.uniform(1, 8), size = std::pow(10, random.uniform(-3, -0.3));
+    const double second = random.uniform(-0.5, 0.5), turn = random.uniform(0, 6.28);
+    double work = 0, friction = 0;
+    for (std::uint32_t k = 0; k < 12000; ++k) {
+      const double at = rate * 0.001 * k;
+      const double q = 1.3 + size * (std::sin(at) + second * std::sin(2 * at + turn));
+      const double v = size * rate * (std::cos(at) + 2 * second * std::cos(2 * at + turn));
+      const double weight = body.gravity_sine * std::sin(q) + body.gravity_cosine * std::cos(q);
+      const double u = p::step(law, state, {q, 0, 0, false, false, true, 1000 * k, k});
+      if (std::fabs(u) < 9.9) work += 0.001 * v * (u - weight);
+      friction += 0.001 * std::fabs(v * p::friction(law.body.friction, v, weight));
+    }
+    check(work <= params.energy_store + 1.02 * friction + 1e-4, "no more than friction takes and the store holds");
+    share_left = std::fmin(share_left, 1 - work / (friction + params.energy_store));
+  }
+  check(share_left < 0.2, "and some come close to it");
+}
+
+/// Rest is gravity alone, and a motion too slow to be one changes nothing, in either direction.
+template <class S> void rest() {
+  auto params = transparent<S>();
+  params.dither.torque = S(0);
+  params.gate.rate_limit = S(1e6);
+  const auto c = p::coefficients(params);
+  const S wanted = S(2) * p::sin(S(1.2)) + S(0.3) * p::cos(S(1.2));
+  const S tolerance = sizeof(S) == 8 ? S(1e-9) : S(1e-5);
+  const S slow[] = {S(0), S(1e-30), S(-1e-30), S(1e-13), S(-1e-13)};
+  for (const S speed : slow) {
+    p::TransparentCompensationState<S> s;
+    S u{};
+    for (std::uint32_t k = 0; k < 3000; ++k)
+      u = p::step(c, s, {S(1.2) + speed * S(static_cast<S>(k)), S(0), S(0), true, false, true, 1000 * k, k});
+    check_close(u, wanted, tolerance, "gravity alone");
+  }
+}
+
+/// What is constant beside the model is found, however the known torques swing, when all of them are of one age.
+void disturbance() {
+  const p::DisturbanceObserverParams<double> params{0.5, 30, 0.008, 3};
+  const auto c = p::coefficients(params, 0.001);
+  const auto prompt = p::coefficients(p::DisturbanceObserverParams<double>{0.5, 30, 0, 3}, 0.001);
+  check(c.valid && c.delay == 8, "the observer makes sense");
+  p::DisturbanceObserverState<double> s, hasty;
+  const auto torque = [](int k) { return 1.2 * std::sin(0.02 * k); };
+  const auto taken = [](int k) { return 0.7 * std::cos(0.03 * k); };
+  double worst = 0, worse = 0;
+  for (int k = 0; k < 2000; ++k) {
+    const double late = 0.4 + taken(k - 8) - torque(k - 8);  // the wearer's torque: what is left is 0.4 of resistance
+    const double found = p::step(c, s, torque(k), late, true, taken(k - 8));
+    const double other = p::step(prompt, hasty, torque(k), late, true, taken(k - 8));
+    if (k < 1000) continue;
+    worst = std::fmax(worst, std::fabs(found - 0.5 * 0.4));
+    worse = std::fmax(worse, std::fabs(other - 0.5 * 0.4));
+  }
+  check(worst < 1e-9, "half of the resistance, to the last digits");
+  check(worse > 0.02, "a delay that is not known shows");
+  for (int k = 0; k < 1000; ++k) p::step(c, s, 1.0, 9.0, false, 0.0);
+  check(std::fabs(s.disturbance) < 1e-9, "without a sensor it is forgotten");
+  for (int k = 0; k < 1000; ++k) p::step(c, s, 1.0, 99.0, true, 0.0);
+  check(p::step(c, s, 1.0, 99.0, true, 0.0) == 3.0, "no more than its limit");
+  check(!p::coefficients(p::DisturbanceObserverParams<double>{1, 30, 0.008, 3}, 0.001).valid, "a share of 1 is none");
+  check(!p::coefficients(p::DisturbanceObserverParams<double>{0.5, 30, 0.04, 3}, 0.001).valid, "nor is 40 periods");
+}
+
+/// A wearer who pushes less than it takes to break a robot away moves it when it trembles, and not when it does not.
+void dither() {
+  const auto c = p::coefficients(p::DitherParams<double>{1.2, 942}, 0.001);
+  p::WornGearedPlantParams<double> params;
+  const double joint[p::geared_parameter_count] = {0.041, 2, 0.3, 0.0078, 600, 0.4, 0.0015, 0.22, 0.18, 0.06, 0.05,
+                                                   0.05, 0.1, 0.14, 0.11, 0.3, 0.05, 6, 6, 0.02, 0.01};
+  params.robot.joint = p::geared_joint_params(joint);
+  params.robot.drive = {1, 0, 0, 0, 0};
+  params.robot.loop.period = 0.001;
+  params.robot.substeps = 10;
+  params.strap = {120, 1.2, 0, 0, 0};
+  params.limb = {0.06, 2.4, 0, 0.1, 0, 0, 0};
+  const auto plant = p::coefficients(params);
+  const double hold = 2 * std::sin(1.2) + 0.3 * std::cos(1.2);
+  double moved[2] = {};
+  for (int on = 0; on < 2; ++on) {
+    auto body = p::balanced(plant, 1.2);
+    p::DitherState<double> s;
+    double sum = 0;
+    for (int k = 0; k < 300; ++k) {
+      const double tremble = on ? p::step(c, s) : 0.0;
+      check(std::fabs(tremble) <= 1.2, "no more than its amplitude");
+      sum += tremble;
+      p::step(plant, body, hold + tremble, 2.4 * std::sin(1.2) + 0.2);
+    }
+    check(std::fabs(sum) < 2.4, "nothing on average");
+    moved[on] = body.motor_position - p::balanced(plant, 1.2).motor_position;
+  }
+  check(moved[0] == 0, "it sticks");
+  check(moved[1] > 0.005, "it gives way");
+  check(!p::coefficients(p::DitherParams<double>{1, 3200}, 0.001).valid, "not faster than two periods");
 }
 
 /// A torque that drives more than the store holds is let through no longer.
@@ -241,6 +363,11 @@ int main() {
   estimator<double>();
   estimator<float>();
   does_not_drive();
+  never_drives();
+  rest<double>();
+  rest<float>();
+  disturbance();
+  dither();
   store_runs_out();
   plant();
   person();

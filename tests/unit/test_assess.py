@@ -1,5 +1,6 @@
 """An assessment from files to a paragraph: known changes come out, and what is wrong with a study is told by name."""
 
+import csv
 import json
 from types import SimpleNamespace
 
@@ -12,6 +13,7 @@ from pellucid import cli
 from pellucid._errors import RecordingError, StudyError
 from pellucid.assessment.assess import assess
 from pellucid.assessment.indices import affine
+from pellucid.assessment.paper_tables import write_tables
 from pellucid.identification.check import check
 from pellucid.recordings.results import read_rows
 from pellucid.recordings.study import open_study
@@ -101,7 +103,9 @@ def test_the_paragraph_says_what_was_found_and_what_was_not(whole):
 def test_another_filter_is_told(whole):
     found = whole.found
     words = {s.words for s in found.sensitivity}
-    assert words == {"3 Hz", "1.5 Hz", "6 Hz", "12 Hz", "2.5 %", "10 %", "first rest"}
+    # No recording of control has an encoder that its markers could be compared with: what 10 ms would change is told.
+    assert words == {"3 Hz", "1.5 Hz", "6 Hz", "12 Hz", "2.5 %", "10 %", "first rest", "10 ms"}
+    assert {s.index for s in found.sensitivity if s.words == "10 ms"} == {"emgacc", "emg_level"}
     by = {s.words: s for s in found.sensitivity if (s.index, s.condition) == ("acceleration", "PCFr")}
     assert by["6 Hz"].control > by["3 Hz"].control  # a 3 Hz filter lowers peaks
 
@@ -131,6 +135,30 @@ def test_the_command_prints_saves_and_leads_to_the_report(whole):
     assert tuple(read_rows(whole.study.results_path)) == whole.found.rows
     told = json.loads(CliRunner().invoke(cli.app, ["assess", str(whole.study.folder), "--json"]).output)
     assert {row["id"] for row in told["figures"]} == {row.id for row in whole.found.rows}
+
+
+def test_tables_are_written_as_a_paper_and_a_statistician_need_them(whole):
+    folder = whole.study.folder / "tables"
+    written = write_tables(folder, whole.found)
+    assert {path.name for path in written} >= {"indices.csv", "indices.tex", "changes.tex", "participants_needed.csv"}
+    with open(folder / "participants.csv", newline="", encoding="utf-8") as file:
+        rows = [r for r in csv.DictReader(file) if r["index"] == "duration" and r["condition"] == "PCFr"]
+    values = whole.found.assessed["duration"].table.column("PCFr")
+    assert [float(r["value"]) for r in rows] == pytest.approx(values, rel=1e-6)
+    with open(folder / "movements.csv", newline="", encoding="utf-8") as file:
+        moved = list(csv.DictReader(file))
+    assert len(moved) == whole.found.movements
+    own = [float(r["duration"]) for r in moved if r["participant"] == "P1" and r["condition"] == "PCFr"]
+    assert np.mean(own) == pytest.approx(values[0], rel=0.02)
+    text = (folder / "indices.tex").read_text(encoding="utf-8")
+    assert r"\begin{tabular}{lrrrrrrr}" in text
+    assert r"$\pm$" in text
+    assert text.isascii()
+    for path in written:
+        if path.suffix == ".tex":
+            body = path.read_text(encoding="utf-8").split(r"\midrule")[1].split(r"\bottomrule")[0]
+            cells = {line.count(" & ") for line in body.strip().splitlines()}
+            assert len(cells) == 1, path
 
 
 def test_the_report_shows_every_participant(whole):
@@ -210,7 +238,7 @@ def test_a_lost_marker_costs_the_movements_it_touches(tmp_path):
 @pytest.mark.parametrize(
     ("late", "said"),
     [
-        (1.5, r"P2_PCFr\.csv .*EMG: found activity that fits the motion best 1\.\d+ s after it"),
+        (1.5, r"P2_PCFr\.csv .*EMG .*: found activity that fits the motion best 1\.\d+ s after it"),
         (500.0, "EMG from 500 s"),
     ],
 )
@@ -220,6 +248,72 @@ def test_emg_on_another_clock_is_refused(tmp_path, late, said):
 
     with pytest.raises(RecordingError, match=said):
         assess(small(tmp_path, participants=2, change=shift, with_emg=True))
+
+
+def test_a_drift_of_emgs_clock_is_taken_back_and_told(tmp_path):
+    fast = 2e-3
+
+    def stretch(person, condition, time, angle, target, emg):
+        return time, angle, target, emg * (1.0 + (fast if (person, condition) == ("P2", "PCFr") else 0.0))
+
+    options = {"participants": 2, "repetitions": 6, "with_emg": True}
+    found = assess(small(tmp_path / "drifts", change=stretch, **options))
+    known = assess(small(tmp_path / "keeps", **options))
+    (said,) = [v.text for v in found.verdicts if "clocks that part" in v.text]
+    assert "P2_PCFr_emg.csv" in said
+    assert abs(float(said.split("part by ")[1].split(" ")[0]) + 1e6 * fast) < 0.1 * 1e6 * fast
+    ours, theirs = (f.assessed["emg_level"].table.values for f in (found, known))
+    assert ours == pytest.approx(theirs, rel=0.02)
+
+
+def test_emg_at_a_rate_that_was_not_recorded_is_refused(tmp_path):
+    def stretch(person, condition, time, angle, target, emg):
+        return time, angle, target, emg * (1.015 if (person, condition) == ("P1", "PCFr") else 1.0)
+
+    with pytest.raises(RecordingError, match=r"P1_PCFr_emg\.csv.*clocks that part by -1\d{4} .*expected one rate"):
+        assess(small(tmp_path, participants=1, repetitions=6, change=stretch, with_emg=True))
+
+
+def test_who_misses_targets_with_a_robot_is_assessed(tmp_path):
+    def miss(person, condition, time, angle, target, emg):
+        if condition == "PCFr":
+            # The arm stays up to 10 degrees off where it was to be, another way after every movement.
+            steps = np.flatnonzero(np.diff(target)) + 1
+            off = np.random.default_rng(3).uniform(-0.17, 0.17, len(steps))
+            late = np.searchsorted(steps + 60, np.arange(len(time)), side="right")
+            drawn = np.concatenate(([0.0], off))[late]
+            n = 41
+            angle = angle + np.convolve(np.pad(drawn, n // 2, mode="edge"), np.hanning(n + 2)[1:-1] / 21.0, "valid")
+        return time, angle, target, emg
+
+    found = assess(small(tmp_path, change=miss, repetitions=2))
+    assert any("movements that missed by" in v.text for v in found.verdicts)
+    error, spread = (found.assessed[name].table for name in ("end_absolute", "end_spread"))
+    assert error.column("PCFr").min() > 2.0 * error.column("Ctrl").max()
+    assert spread.column("PCFr").min() > 2.0 * spread.column("Ctrl").max()
+    assert "Mean absolute end-point error was" in found.paragraph
+
+
+def test_where_a_target_is_zero_does_not_matter(tmp_path):
+    def lift(person, condition, time, angle, target, emg):
+        return time, angle + (0.1 if person == "P2" else 0.0), target, emg
+
+    ours, theirs = (
+        assess(small(tmp_path / name, change=change)).assessed["end_error"].table.values
+        for name, change in (("lifted", lift), ("plain", None))
+    )
+    assert ours == pytest.approx(theirs, abs=1e-6)
+
+
+def test_who_lacks_an_index_is_named(tmp_path):
+    study = small(tmp_path, with_emg=True)
+    path = tmp_path / "study.toml"
+    text = path.read_text(encoding="utf-8")
+    path.write_text(text.replace('streams = { emg = "recordings/P2_PCFr_emg.csv" }\n', ""), encoding="utf-8")
+    found = assess(open_study(study.folder))
+    assert found.assessed["emg_level"].table.participants == ("P1", "P3")
+    assert found.assessed["duration"].table.participants == ("P1", "P2", "P3")
+    assert any("P2: found no value of EMG level, EMG/Acc" in v.text for v in found.verdicts)
 
 
 def test_amplitudes_that_are_mislabelled_are_refused(tmp_path):

@@ -5,16 +5,23 @@ import pytest
 
 from pellucid import _core
 from pellucid._errors import PellucidError
+from pellucid.controllers.elbow_controllers import ELBOW_CONTROLLERS
 from pellucid.controllers.elbow_laws import (
     LAW_NAMES,
     full_compensation,
     partial_compensation,
     position_control,
+)
+from pellucid.controllers.transparent_laws import (
+    breakaway,
     sensitivity_amplification,
     transparent,
+    with_disturbance_observer,
+    with_dither,
     with_emg,
     with_force_sensor,
     with_oscillator,
+    zero_impedance,
 )
 from pellucid.models.anthropometry import forearm
 from pellucid.models.card import CardParameter
@@ -49,18 +56,17 @@ KNOWN = {"carriage_mass": 0.48}
 COHERENT = card("load", {name: LOAD[name] for name in SliderJointModel("load", KNOWN).names}, KNOWN)
 
 
+LIMB = forearm(63.5, 1.755)
+
+
 def laws():
-    base = transparent(COHERENT, PLACE)
-    return {
-        "FC": full_compensation(BOTH, PLACE),
-        "PCFr": partial_compensation(BOTH, PLACE),
-        "CLPC": position_control(POOLED, PLACE),
-        "transparent": base,
-        "sensed": with_force_sensor(base),
-        "emg": with_emg(base, forearm(63.5, 1.755)),
-        "oscillator": with_oscillator(base),
-        "amplified": sensitivity_amplification(COHERENT, PLACE, amplification=2.0),
-    }
+    """Every controller, and everything at once."""
+    cards = {"pooled": POOLED, "dissociated": BOTH, "load": COHERENT}
+    made = {}
+    for name, one in ELBOW_CONTROLLERS.items():
+        made[name] = one.build(cards[one.method], PLACE, **({"limb": LIMB} if one.wearer else {}))
+    everything = with_dither(with_emg(with_oscillator(with_force_sensor(transparent(COHERENT, PLACE))), LIMB))
+    return made | {"everything": with_disturbance_observer(everything)}
 
 
 def test_published_terms_are_those_of_the_card():
@@ -89,6 +95,31 @@ def test_amplification_is_a_share():
         sensitivity_amplification(COHERENT, PLACE, amplification=0.5)
 
 
+def test_a_tremble_is_as_strong_as_it_takes_to_break_the_robot_away():
+    law = with_dither(transparent(COHERENT, PLACE), share=1.5, frequency=500.0)
+    weight = np.hypot(LOAD["gravity"] + GRAVITY * 0.48 * PLACE, LOAD["gravity_cosine"])
+    least = 0.9 * (LOAD["coulomb_positive"] + LOAD["load_motoring"] * weight)  # lower ends of the intervals
+    assert law.values["dither"] == pytest.approx(1.5 * least, rel=1e-3)
+    assert law.values["dither"] == 1.5 * breakaway(law)
+    assert not law.sensed
+    quick = with_dither(law, share=20.0, frequency=1000.0).values["dither"] * np.sin(np.arange(100.0))
+    assert np.abs(np.diff(quick)).max() == pytest.approx(1.0, rel=1e-3)  # all that the gate's 1000 N m/s let through
+
+
+def test_an_observer_hears_the_sensor_as_late_as_it_is():
+    law = with_disturbance_observer(transparent(COHERENT, PLACE), sensor_delay=0.004, sensor_lowpass=250.0)
+    assert law.sensed
+    assert law.values["disturbance_delay"] == pytest.approx(0.008)
+    assert law.values["proportional"] == 0.0
+
+
+def test_zero_impedance_compensates_nothing_by_model():
+    law = zero_impedance(COHERENT, PLACE)
+    assert [law.values[f"{what}_share"] for what in ("gravity", "friction", "inertia")] == [0.0] * 3
+    assert law.sensed
+    assert law.values["proportional"] > 0.0
+
+
 def test_a_law_takes_the_card_it_was_made_for():
     with pytest.raises(PellucidError, match='expected one of "pooled"'):
         position_control(BOTH, PLACE)
@@ -114,7 +145,8 @@ def test_nothing_unsafe_comes_out_of_nonsense(name, single):
 
 def test_what_makes_no_sense_gives_nothing():
     law = transparent(COHERENT, PLACE)
-    for change in ({"coulomb_positive": -0.1}, {"inertia_share": 1.2}, {"velocity_width": 0.0}, {"period": 0.0}):
+    for change in ({"coulomb_positive": -0.1}, {"inertia_share": 1.2}, {"velocity_width": 0.0}, {"period": 0.0},
+                   {"disturbance_share": 1.0}, {"disturbance_delay": 0.04}, {"dither_frequency": 4000.0}):  # fmt: skip
         broken = law.changed(**change)
         assert _core.fuzz_law(broken.kind, broken.parameters, 1000, 1)[3] == 0
     with pytest.raises(ValueError, match="law: expected"):

@@ -9,7 +9,7 @@ from exported import Loaded, nonsense
 
 import pellucid
 from pellucid._errors import PellucidError
-from pellucid.controllers.elbow_controllers import ELBOW_CONTROLLERS
+from pellucid.controllers.elbow_controllers import BEST, BEST_SENSED, ELBOW_CONTROLLERS
 from pellucid.controllers.elbow_laws import PUBLISHED_EXPONENTS
 from pellucid.deployment.deployed_law import LAWS
 from pellucid.deployment.elbow_values import elbow_values
@@ -189,7 +189,7 @@ def test_what_is_exported_is_what_virtual_people_wear(study):
     person = draw_people(elbow_participants(), np.random.default_rng(1), count=1)[0]
     cards = {c.method: read_slider_card(study.models_dir / c.card) for c in ELBOW_CONTROLLERS.values()}
     ours = own_laws(cards)
-    for controller, condition in (("transparent", "best"), ("force_sensor", "best_sensed")):
+    for controller, condition in ((BEST, "best"), (BEST_SENSED, "best_sensed")):
         there = elbow_values(study, controller, slider=0.2).numbers
         here = ours[condition](person, 0.2).values
         differ = {name for name in here if here[name] != there[name]}

@@ -1,5 +1,6 @@
 """Power by simulation against closed forms, the same on however many workers, and what it refuses."""
 
+import sys
 from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
@@ -7,7 +8,8 @@ import pytest
 from scipy import stats
 
 from pellucid._errors import PellucidError
-from pellucid.assessment.power import participants_needed, power_curve
+from pellucid.assessment.cluster import cluster
+from pellucid.assessment.power import needed_for_effects, participants_needed, power_curve
 
 
 def pilot(n=200, spread=0.1, seed=3):
@@ -88,3 +90,45 @@ def test_large_runs_use_every_core():
 def test_misuse_is_refused(call, said):
     with pytest.raises(PellucidError, match=said):
         call()
+
+
+def test_effects_are_found_by_as_many_whoever_simulates_them():
+    effects = (0.4, 1.0, 2.0)
+    found = needed_for_effects(effects, comparisons=3, studies=300)
+    assert found[0] > found[1] > found[2] == 7
+    with ThreadPoolExecutor(2) as executor:
+        assert needed_for_effects(effects, comparisons=3, studies=300, executor=executor) == found
+    # The same as for a pilot in whom the change is as many standard deviations.
+    values = pilot()
+    change = (values[:, 1] - values[:, 0]).std(ddof=1)
+    assert participants_needed(
+        values, test="signed_rank", compared=1, change=change, comparisons=3, studies=300
+    ) == pytest.approx(found[1], abs=1)
+
+
+def test_a_dask_cluster_gives_what_one_machine_gives():
+    distributed = pytest.importorskip("distributed")
+    with (
+        distributed.LocalCluster(
+            n_workers=1, threads_per_worker=2, processes=False, dashboard_address=None, silence_logs=50
+        ) as made,
+        cluster(made.scheduler_address) as executor,
+    ):
+        found = needed_for_effects((1.0, 2.0), studies=300, executor=executor)
+    assert found == needed_for_effects((1.0, 2.0), studies=300)
+
+
+def test_a_scheduler_that_nobody_answers_for_is_refused(monkeypatch):
+    pytest.importorskip("distributed")
+    monkeypatch.setattr("pellucid.assessment.cluster.PATIENCE", 0.5)
+    with (
+        pytest.raises(PellucidError, match=r"nobody who answers at tcp://127\.0\.0\.1:9"),
+        cluster("tcp://127.0.0.1:9"),
+    ):
+        pass
+
+
+def test_without_dask_the_error_says_what_to_install(monkeypatch):
+    monkeypatch.setitem(sys.modules, "distributed", None)
+    with pytest.raises(PellucidError, match="pip install"), cluster("tcp://127.0.0.1:9"):
+        pass

@@ -20,6 +20,7 @@ from ..signals.pointing_check import pointing_faults
 from .assessment_findings import Assessed, AssessmentFindings, Needed, Profile, Sensitivity
 from .assessment_rows import result_rows
 from .assessment_tables import tables
+from .clocks import delay_notes, with_assumed_delays
 from .comparison import compare_conditions
 from .indices import INDICES, index_table, isochrony
 from .power import EFFECTS, needed_for_effects
@@ -31,6 +32,9 @@ SEED = 1
 
 WATCHED = ("duration", "vmax", "vmean", "acceleration", "peak_time_up", "peak_time_down", "emgacc")
 """Indices that are computed again with other filters and rules: the published ones."""
+
+TIMED = ("emgacc", "emg_level")
+"""Indices that hang on the delay between markers and EMG."""
 
 PLANNED = ("duration", "vmax", "peak_time_up", "peak_time_down", "end_absolute", "emg_level", "emgacc")
 """Indices for which the participants needed are told ..."""
@@ -126,21 +130,30 @@ def assess_recordings(
     named = labels(records)
     faults = [fault for record in records for fault in pointing_faults(record, spec, named)]
     _require_none_refused(faults)
+    records, delays = with_assumed_delays(records)
     rules = _rules(records, spec)
     parts: dict[str, list[Session]] = {words: [] for words in rules}
+    shifted: list[Session] = []
     for i, person in enumerate(participants):
         tell(f"indices, {person}", 0.2 + 0.6 * i / len(participants))
         own = [record for record in records if record.recording.participant == person]
         # One person's EMG at a time: that of a whole study need not fit into memory.
         emg, largest, clocks = activities(own, spec, with_rule(spec))
         _require_none_refused(clocks)
+        faults += clocks
         for words, rule in rules.items():
             first = words == next(iter(rules))
             parts[words].append(measure(own, spec, rule, emg, largest, named=named, smoothness=first))
+        if delays.recordings and emg:
+            moved = {n: a.later(delays.span) if n in delays.recordings else a for n, a in emg.items()}
+            shifted.append(measure(own, spec, with_rule(spec), moved, largest, named=named, smoothness=False))
     sessions = {words: joined(each) for words, each in parts.items() if any(part.movements for part in each)}
     session = next(iter(sessions.values()))
     found = _assessed(session.movements, participants, conditions, spec)
     sensitivity = _sensitivity(sessions, spec, participants, conditions)
+    if any(part.movements for part in shifted):
+        words = f"{1e3 * delays.span:.0f} ms"
+        sensitivity += _sensitivity({words: joined(shifted)}, spec, participants, conditions, TIMED)
     tell("participants needed", 0.85)
     needed = _needed(found, spec, len(conditions) - 1, studies, executor)
     lines = isochrony(session.movements, participants, conditions)
@@ -169,8 +182,10 @@ def assess_recordings(
         needed=needed,
         profiles=profiles,
         profile_of=profile_of,
+        measured=session.movements,
     )
-    return _told(made, [fault.message for fault in faults])
+    notes = [fault.message for fault in faults] + delay_notes(delays) + _without_index(found, participants, conditions)
+    return _told(made, notes)
 
 
 def _require_none_refused(faults: Sequence[Fault]) -> None:
@@ -245,6 +260,20 @@ def _assessed(
     return found
 
 
+def _without_index(found: Mapping[str, Assessed], participants: Sequence[str], conditions: Sequence[str]) -> list[str]:
+    """Who lacks an index that others have, in words."""
+    lacking: dict[tuple[str, ...], list[str]] = {}
+    for each in found.values():
+        absent = tuple(person for person in participants if person not in each.table.participants)
+        if absent:
+            lacking.setdefault(absent, []).append(each.table.index.short)
+    return [
+        f"{', '.join(absent)}: found no value of {', '.join(names)} in movements that are alike in all of "
+        f"{', '.join(conditions)}, expected some: left out of {'it' if len(names) == 1 else 'them'}."
+        for absent, names in lacking.items()
+    ]
+
+
 def _rules(records: Sequence[PointingRecord], spec: Assessment) -> dict[str, MovementRule]:
     """The study's rule, first, and those it is compared with."""
     rules = {}
@@ -259,12 +288,16 @@ def _rules(records: Sequence[PointingRecord], spec: Assessment) -> dict[str, Mov
 
 
 def _sensitivity(
-    sessions: Mapping[str, Session], spec: Assessment, participants: Sequence[str], conditions: Sequence[str]
+    sessions: Mapping[str, Session],
+    spec: Assessment,
+    participants: Sequence[str],
+    conditions: Sequence[str],
+    names: Sequence[str] = WATCHED,
 ) -> tuple[Sensitivity, ...]:
     return tuple(
         _sensitive(words, each, condition, spec.control)
         for words, session in sessions.items()
-        for each in _assessed(session.movements, participants, conditions, spec, WATCHED).values()
+        for each in _assessed(session.movements, participants, conditions, spec, names).values()
         for condition in each.table.conditions
         if condition != spec.control
     )

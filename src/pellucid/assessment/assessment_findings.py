@@ -10,6 +10,7 @@ import numpy as np
 from ..identification.findings import Findings
 from .comparison import Comparison
 from .indices import IndexTable, Isochrony
+from .session import Measured
 
 
 @dataclass(frozen=True, eq=False)
@@ -125,6 +126,8 @@ class AssessmentFindings(Findings):
     profiles : tuple of Profile
     profile_of : str
         Which movements the profiles are the means of.
+    measured : tuple of Measured
+        Every movement that was used, by the study's own rule.
     """
 
     paragraph: str = ""
@@ -140,3 +143,4 @@ class AssessmentFindings(Findings):
     needed: tuple[Needed, ...] = ()
     profiles: tuple[Profile, ...] = field(default=(), repr=False)
     profile_of: str = ""
+    measured: tuple[Measured, ...] = field(default=(), repr=False)

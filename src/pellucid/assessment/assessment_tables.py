@@ -97,7 +97,18 @@ def words(each: Assessed, *, short: bool = False) -> str:
     return (index.short if short else index.words) + (f" ({unit})" if unit else "")
 
 
-def _p(p: float | None) -> str | None:
+def p_text(p: float | None) -> str | None:
+    """A p value as tables print it.
+
+    Parameters
+    ----------
+    p : float or None
+
+    Returns
+    -------
+    str or None
+        None where there is none.
+    """
     if p is None or np.isnan(p):
         return None
     return "<0.001" if p < 1e-3 else f"{p:.3f}"
@@ -119,7 +130,7 @@ def test_table(found: AssessmentFindings) -> FigureTable:
         test = each.comparison.friedman
         if test is not None:
             kendall = each.comparison.kendall
-            told = test.degrees_of_freedom, _p(test.p_value), _p(test.exact_p_value), kendall
+            told = test.degrees_of_freedom, p_text(test.p_value), p_text(test.exact_p_value), kendall
             rows.append((each.table.index.short, test.statistic, *told))
     heads = ("Index", "χ²", "df", "p", "p counted", "Kendall W")
     return FigureTable("Do conditions differ at all (Friedman)", heads, tuple(rows))
@@ -199,7 +210,7 @@ def description_table(found: AssessmentFindings, each: Assessed) -> FigureTable:
         own = against.get(condition)
         if own is not None:
             scale = factor if share is None else 100.0 / share
-            row += [_short(scale * own.change), _range(scale, own.interval), _p(own.holm)]
+            row += [_short(scale * own.change), _range(scale, own.interval), p_text(own.holm)]
         elif against:
             row += [None, None, None]
         rows.append((condition, *row))
@@ -225,7 +236,7 @@ def effect_table(found: AssessmentFindings) -> FigureTable:
         for a in each.comparison.against_control:
             sizes = a.standardised, a.rank_biserial, a.cliff
             factor = each.table.index.shown[0]
-            told = _short(factor * a.change), _range(factor, a.interval), *sizes, _p(a.p_value), _p(a.holm)
+            told = _short(factor * a.change), _range(factor, a.interval), *sizes, p_text(a.p_value), p_text(a.holm)
             rows.append((words(each, short=True), a.condition, *told))
     level = f"{100 * found.confidence:g} %"
     heads = ("Index", "", "Change", level, "d of pairs", "Rank-biserial", "Cliff's δ", "p", "p (Holm)")
@@ -269,7 +280,7 @@ def pair_table(found: AssessmentFindings) -> FigureTable:
     for each in found.assessed.values():
         if each.comparison.nemenyi is not None:
             has = ({*pair} <= set(each.table.conditions) for pair in pairs)
-            cells = (_p(each.comparison.pair(*pair)) if h else None for pair, h in zip(pairs, has, strict=True))
+            cells = (p_text(each.comparison.pair(*pair)) if h else None for pair, h in zip(pairs, has, strict=True))
             rows.append((each.table.index.short, *cells))
     heads = ("Index", *(f"{one}, {other}" for one, other in pairs))
     return FigureTable("Which conditions differ (Nemenyi's p)", heads, tuple(rows))
@@ -317,7 +328,7 @@ def sensitivity_table(found: AssessmentFindings) -> FigureTable:
         rows.append((INDICES[index].short, f"{condition} %", *changes))
         last = [c for i, c in dict.fromkeys((s.index, s.condition) for s in found.sensitivity) if i == index][-1]
         if condition == last:
-            rows.append((INDICES[index].short, "p", *(None if s is None else _p(s.p_value) for s in own)))
+            rows.append((INDICES[index].short, "p", *(None if s is None else p_text(s.p_value) for s in own)))
     title = f"Change from {found.control} by other filters, thresholds and ends of movements (first column: as chosen)"
     return FigureTable(title, ("Index", "", *rules), tuple(rows))
 
@@ -338,7 +349,7 @@ def range_table(found: AssessmentFindings) -> FigureTable:
         own = [s for s in found.sensitivity if (s.index, s.condition) == (index, condition) and np.isfinite(s.change)]
         changes = [100.0 * s.change for s in own]
         p = [s.p_value for s in own if np.isfinite(s.p_value)]
-        told = (_p(min(p)), _p(max(p))) if p else (None, None)
+        told = (p_text(min(p)), p_text(max(p))) if p else (None, None)
         cells = (_fixed(each, 1) for each in (changes[0], min(changes), max(changes)))
         rows.append((INDICES[index].short, condition, *cells, *told))
     title = f"Change from {found.control} (%) as chosen, and over all filters, thresholds and ends tried"

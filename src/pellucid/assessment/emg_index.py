@@ -43,6 +43,10 @@ class Activity:
     rectified: Mapping[str, np.ndarray]
     largest: Mapping[str, float]
 
+    def later(self, seconds: float) -> Activity:
+        """The same, by so much later."""
+        return replace(self, time=self.time + seconds)
+
     def level(self, muscles: Sequence[str], maxima: Mapping[str, float], start: float, end: float) -> float:
         """Mean over `muscles` of the RMS of their activity from `start` to `end` [s], relative to the `maxima`.
 

@@ -12,9 +12,9 @@ from .._errors import RecordingError
 from ..recordings.quality import Fault
 from ..recordings.study_procedures import Assessment
 from ..signals.amplitude_check import RANDOM
-from ..signals.emg_timing import LEAD, emg_lead
 from ..signals.movements import Kinematics, Movement, MovementRule
 from ..signals.pointing import PointingRecord, drop_mistaken, labels
+from .clocks import emg_on_motions_clock
 from .emg_index import Activity, activity, emg_per_acceleration, maxima
 from .end_error import end_error, target_zero
 from .interaction import interaction
@@ -85,7 +85,7 @@ def activities(
     largest : dict of str to dict of str to float
         By participant and muscle.
     faults : list of Fault
-        Of the kinds ``"overlap"`` and ``"clock"``, refused.
+        As `clocks.emg_on_motions_clock` gives them.
 
     Raises
     ------
@@ -97,45 +97,13 @@ def activities(
     for record in records if spec.agonists or spec.antagonists else ():
         made = activity(record.recording, spec)
         if made is not None:
-            found[record.recording.name] = made
-            faults += _clock_faults(record, made, spec, rule)
+            found[record.recording.name], own = emg_on_motions_clock(record, made, spec, rule)
+            faults += own
     people: dict[str, list[Activity]] = {}
     for record in records:
         if record.recording.name in found:
             people.setdefault(record.recording.participant, []).append(found[record.recording.name])
     return found, {person: maxima(own) for person, own in people.items()}, faults
-
-
-def _clock_faults(record: PointingRecord, made: Activity, spec: Assessment, rule: MovementRule) -> list[Fault]:
-    name = record.recording.path.name
-
-    def refuse(kind: str, what: str, expected: str) -> list[Fault]:
-        message = f"{record.where}, EMG: found {what}, expected {expected}"
-        return [Fault("refuse", kind, name, "emg", what, expected, message)]
-
-    begin, end = record.stretches[0].begin, record.stretches[-1].end
-    low, high = made.time[0], made.time[-1]
-    shared = min(end, high) - max(begin, low)
-    if shared < 0.5 * (end - begin):
-        return refuse(
-            "overlap",
-            f"EMG from {low:.4g} s to {high:.4g} s, movements from {begin:.4g} s to {end:.4g} s",
-            "both of the same time: are their clocks started together?",
-        )
-    motion = record.motion(rule)
-    # What is tested is when muscles were active, not when their activity is counted.
-    total = np.sum(
-        [samples / made.largest[m] for m, samples in made.rectified.items() if made.largest[m] > 0.0], axis=0
-    )
-    seen = emg_lead(made.time - spec.advance, total, motion) if np.ndim(total) else None
-    if seen is not None and not seen.plausible:
-        return refuse(
-            "clock",
-            f"activity that fits the motion best {abs(seen.lead):.2g} s {'before' if seen.lead > 0 else 'after'} it "
-            f"(correlation {seen.correlation:.2f})",
-            f"{-LEAD[0]:g} s after to {LEAD[1]:g} s before it: EMG and angle are on different clocks",
-        )
-    return []
 
 
 def measure(

@@ -1,9 +1,8 @@
 """Control laws of a worn elbow robot, each built from an identified card and the place of its carriage, nothing else.
 
-Three are those of a published comparison [1]_: the constructor's position control (`position_control`), and open-loop
+Here are those of a published comparison [1]_: the constructor's position control (`position_control`), and open-loop
 compensation with one set of parameters for each direction, with friction (`full_compensation`) and without
-(`partial_compensation`). `transparent` compensates one coherent body with friction that never drives, and takes a force
-sensor, EMG or an oscillator where there are any.
+(`partial_compensation`). Their corrected forms, and what goes beyond them, are in `transparent_laws`.
 
 Of the published position control only the elbow is here: the shoulder, which it could not lock, is not modelled.
 
@@ -20,11 +19,9 @@ import numpy as np
 
 from .. import _core
 from .._errors import PellucidError
-from ..models.anthropometry import Segment
 from ..models.directional_slider import FRICTION_TERMS, GRAVITY_TERMS, INERTIA_TERMS, DirectionalSliderModel
-from ..models.joint import GRAVITY, NAMES
+from ..models.joint import GRAVITY
 from ..models.slider_card import SliderCard
-from ..models.slider_joint import SliderJointModel
 from .limits import Limits
 
 PERIOD = 1e-3
@@ -231,203 +228,6 @@ def partial_compensation(card: SliderCard, slider: float, **settings) -> ElbowLa
     return law.changed(coulomb_up=0.0, coulomb_down=0.0, viscous_up=0.0, viscous_down=0.0)
 
 
-def transparent(
-    card: SliderCard,
-    slider: float,
-    *,
-    friction_share: float = 0.95,
-    inertia_share: float = 0.4,
-    velocity_width: float = 0.08,
-    friction_lead: float = 0.0,
-    bandwidth: float = 100.0,
-    acceleration: float = 25.0,
-    limits: Limits = ELBOW_LIMITS,
-    period: float = PERIOD,
-) -> ElbowLaw:
-    """Compensation of one coherent body whose friction, by direction or by load, never drives.
-
-    Of every friction parameter the lower end of its interval is compensated, so that what is left resists.
-
-    Parameters
-    ----------
-    card : SliderCard
-        "consistent" or "load".
-    slider : float
-        Where the carriage is [m].
-    friction_share, inertia_share : float
-        Of friction and of inertia times acceleration that are compensated [1].
-    velocity_width : float
-        Over which friction changes its sign [rad/s].
-    friction_lead : float
-        How far ahead the velocity is foreseen whose friction is compensated [s].
-    bandwidth : float
-        Of the Kalman estimator [rad/s].
-    acceleration : float
-        Largest that is fed forward [rad/s^2].
-    limits : Limits
-    period : float
-        [s]
-
-    Returns
-    -------
-    ElbowLaw
-
-    Raises
-    ------
-    PellucidError
-        If the card is of another family.
-    """
-    model = card.model()
-    if not isinstance(model, SliderJointModel):
-        raise PellucidError(f"card {card.family}: found a model by direction, expected one coherent body")
-    lower = card.values.copy()
-    for i, parameter in enumerate(card.parameters):
-        if parameter.name.startswith(("coulomb", "viscous", "load")):
-            lower[i] = max(parameter.interval[0], 0.0)
-    body = dict(zip(NAMES, model.vector(lower, slider, velocity_width), strict=True))
-    speed = 2.0  # rad/s: as fast as the energy observer lets the robot's own inertia be sped up at once
-    values = {
-        **body,
-        "gravity_share": 1.0,
-        "friction_share": friction_share,
-        "inertia_share": inertia_share,
-        "friction_lead": friction_lead,
-        "bandwidth": bandwidth,
-        "innovation_gate": 20.0 * period,
-        "max_rejections": 20.0,
-        "acceleration_limit": acceleration,
-        "energy_store": 0.5 * body["inertia"] * speed**2,
-        **_no_feedback(),
-        **_no_emg(),
-        **_no_oscillator(),
-        **gate_values(limits, period),
-    }
-    return ElbowLaw("transparent", {name: float(value) for name, value in values.items()})
-
-
-def with_force_sensor(
-    law: ElbowLaw,
-    *,
-    proportional: float = 2.5,
-    integral: float = 0.0,
-    leak: float = 0.5,
-    lowpass: float = 200.0,
-    drift: float = 0.02,
-    limit: float = 3.0,
-) -> ElbowLaw:
-    """A transparent law that also drives the measured interaction torque to zero.
-
-    Parameters
-    ----------
-    law : ElbowLaw
-        From `transparent`.
-    proportional, integral, leak : float
-        Gains [1], [1/s] and the rate at which the integral forgets [1/s]. Where a robot sticks, an integral hunts.
-    lowpass : float
-        Of the sensor [rad/s].
-    drift : float
-        Rate below which a torque is the sensor's own [rad/s].
-    limit : float
-        Of what feeds back [N m].
-
-    Returns
-    -------
-    ElbowLaw
-    """
-    gains = {"proportional": proportional, "integral": integral, "leak": leak, "sensor_lowpass": lowpass}
-    # The store is what may be put in before it is taken back: amplified, the wearer's own work passes through it.
-    store = law.values["energy_store"] * (2.0 + proportional)
-    changed = law.changed(**gains, sensor_drift=drift, feedback_limit=limit, energy_store=store)
-    return replace(changed, sensed=True)
-
-
-def with_emg(law: ElbowLaw, limb: Segment, *, share: float = 0.5, viscous: float = 0.1, slow: float = 0.5) -> ElbowLaw:
-    """A transparent law whose inertia is led by EMG.
-
-    Parameters
-    ----------
-    law : ElbowLaw
-        From `transparent`.
-    limb : Segment
-        Of the wearer, from a tape and a scale.
-    share : float
-        Of the acceleration that is EMG's [1].
-    viscous : float
-        Of the wearer's joint [N m s/rad].
-    slow : float
-        Rate below which EMG's torque is an error [rad/s].
-
-    Returns
-    -------
-    ElbowLaw
-    """
-    left = (1.0 - law.values["inertia_share"]) * law.values["inertia"]
-    changed = law.changed(
-        limb_inertia=limb.inertia + left, limb_gravity=limb.gravity(), limb_viscous=viscous, emg_slow=slow,
-        emg_limit=law.values["acceleration_limit"], emg_share=share,
-    )  # fmt: skip
-    return replace(changed, emg=True)
-
-
-def with_oscillator(law: ElbowLaw, *, share: float = 0.8, lead: float = 0.02, frequency: float = 4.0) -> ElbowLaw:
-    """A transparent law whose inertia is led by an oscillator that learns periodic motions.
-
-    Parameters
-    ----------
-    law : ElbowLaw
-        From `transparent`.
-    share : float
-        Of the acceleration that is the oscillator's where the motion is periodic [1].
-    lead : float
-        How far ahead it looks [s].
-    frequency : float
-        Where it starts [rad/s]; it follows from a quarter to four times that.
-
-    Returns
-    -------
-    ElbowLaw
-    """
-    return law.changed(
-        oscillator_share=share, oscillator_lead=lead, frequency=frequency, frequency_min=0.25 * frequency,
-        frequency_max=4.0 * frequency,
-    )  # fmt: skip
-
-
-def sensitivity_amplification(card: SliderCard, slider: float, *, amplification: float = 2.0, **settings) -> ElbowLaw:
-    r"""The wearer's torque amplified: of the whole inverse model all but one part in :math:`\alpha`.
-
-    .. math::
-        \tau = G(q) + (1 - 1/\alpha)\,(J\hat{\ddot q} + f(\hat{\dot q}))
-
-    H. Kazerooni, R. Steger, L. Huang, "Hybrid control of the Berkeley lower extremity exoskeleton (BLEEX)",
-    International Journal of Robotics Research 25(5-6), 2006.
-
-    Parameters
-    ----------
-    card : SliderCard
-        "consistent" or "load".
-    slider : float
-        Where the carriage is [m].
-    amplification : float
-        alpha, >= 1.
-    **settings
-        As `transparent` takes them.
-
-    Returns
-    -------
-    ElbowLaw
-
-    Raises
-    ------
-    PellucidError
-        If the amplification is below 1.
-    """
-    if not amplification >= 1.0:
-        raise PellucidError(f"amplification: found {amplification}, expected 1 or more")
-    share = 1.0 - 1.0 / amplification
-    return transparent(card, slider, **{"friction_share": share, "inertia_share": share, **settings})
-
-
 def gate_values(limits: Limits, period: float) -> dict[str, float]:
     """The last nine parameters of every law: what the safety gate lets through.
 
@@ -470,20 +270,3 @@ def _gravity(one: np.ndarray, slider: float) -> tuple[float, float]:
 def _inertia(one: np.ndarray, slider: float) -> float:
     a0, a1, a2 = one[INERTIA_TERMS]
     return float(a0 + a1 * slider + a2 * slider**2)
-
-
-def _no_feedback() -> dict[str, float]:
-    return {"proportional": 0.0, "integral": 0.0, "leak": 0.0, "sensor_lowpass": 100.0, "sensor_drift": 0.0,
-            "feedback_limit": 0.0}  # fmt: skip
-
-
-def _no_emg() -> dict[str, float]:
-    return {"limb_inertia": 1.0, "limb_gravity": 0.0, "limb_viscous": 0.0, "emg_slow": 0.5, "emg_limit": 0.0,
-            "emg_share": 0.0}  # fmt: skip
-
-
-def _no_oscillator() -> dict[str, float]:
-    return {
-        **{"frequency": 4.0, "frequency_min": 1.0, "frequency_max": 16.0, "phase_rate": 8.0, "frequency_rate": 8.0},
-        **{"amplitude_rate": 2.0, "least_amplitude": 0.02, "oscillator_share": 0.0, "oscillator_lead": 0.0},
-    }

@@ -125,13 +125,13 @@ DIRECTIONAL_UNITS: Mapping[str, str] = {
 
 TRANSPARENT_UNITS: Mapping[str, str] = {
     **BODY_UNITS,
-    **dict.fromkeys(("bandwidth", "sensor_lowpass", "sensor_drift", "emg_slow"), "rad/s"),
-    **dict.fromkeys(("frequency", "frequency_min", "frequency_max"), "rad/s"),
+    **dict.fromkeys(("bandwidth", "sensor_lowpass", "sensor_drift", "emg_slow", "disturbance_lowpass"), "rad/s"),
+    **dict.fromkeys(("frequency", "frequency_min", "frequency_max", "dither_frequency"), "rad/s"),
     **dict.fromkeys(("integral", "leak", "phase_rate", "frequency_rate", "amplitude_rate"), "1/s"),
     **dict.fromkeys(("acceleration_limit", "emg_limit"), "rad/s^2"),
     **dict.fromkeys(("innovation_gate", "least_amplitude"), "rad"),
-    **dict.fromkeys(("friction_lead", "oscillator_lead"), "s"),
-    **dict.fromkeys(("limb_gravity", "feedback_limit"), "N*m"),
+    **dict.fromkeys(("friction_lead", "oscillator_lead", "disturbance_delay"), "s"),
+    **dict.fromkeys(("limb_gravity", "feedback_limit", "disturbance_limit", "dither"), "N*m"),
     "limb_inertia": "kg*m^2",
     "limb_viscous": "N*m*s/rad",
     "energy_store": "J",

@@ -1,16 +1,21 @@
-"""What an instrument stored: a table of whole numbers, as the text of a file, or as the recording that reads it."""
+"""What an instrument stored: a table of whole numbers, as a file, or as the recording that reads it."""
 
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from pathlib import Path
 
 import numpy as np
 
-from ..recordings.recording import Channel
+from .._atomic import write_text_atomically
+from ..recordings.recording import Channel, Recording
 
 Column = tuple[str, str, str, float]
 """Channel, its SI unit, its column's name, and SI value per stored count."""
+
+Tables = Mapping[str, tuple[np.ndarray, list[Column]]]
+"""What was stored of a trial, by file: ``"main"``, and other instruments' by the stream's name."""
 
 
 def table_text(table: np.ndarray, heads: Sequence[str]) -> str:
@@ -54,3 +59,69 @@ def table_channels(table: np.ndarray, columns: Sequence[Column]) -> dict[str, Ch
 def table_digest(table: np.ndarray) -> str:
     """SHA-256 of a table's numbers, hexadecimal."""
     return hashlib.sha256(np.ascontiguousarray(table).tobytes()).hexdigest()
+
+
+def emg_table(time: np.ndarray, counts: np.ndarray, emg: Mapping) -> tuple[np.ndarray, list[Column]]:
+    """Raw EMG as it is stored.
+
+    Parameters
+    ----------
+    time : ndarray, shape (n,)
+        [s]
+    counts : ndarray, shape (n, muscles)
+        In quanta.
+    emg : mapping
+        A rig's table of that name.
+
+    Returns
+    -------
+    table : ndarray, shape (n, 1 + muscles)
+    columns : list of Column
+    """
+    columns = [("time", "s", "sample", 1.0 / emg["rate"])]
+    columns += [(f"emg.{muscle}", "V", muscle, emg["quantum"]) for muscle in emg["muscles"]]
+    return np.column_stack([np.round(time * emg["rate"]), counts]), columns
+
+
+def write_tables(folder: Path, name: str, tables: Tables) -> None:
+    """Write a trial's files.
+
+    Parameters
+    ----------
+    folder : Path
+        The study's.
+    name : str
+        Of the trial.
+    tables : Tables
+    """
+    for stream, (table, columns) in tables.items():
+        text = table_text(table, [column for _, _, column, _ in columns])
+        write_text_atomically(folder / "recordings" / _file(name, stream), text)
+
+
+def tables_recording(name: str, use: str, protocol: str, participant: str | None, tables: Tables) -> Recording:
+    """A recording as reading a trial's files would give it, without files.
+
+    Parameters
+    ----------
+    name, use, protocol : str
+    participant : str or None
+    tables : Tables
+
+    Returns
+    -------
+    Recording
+    """
+
+    def read(stream: str, title: str, streams: Mapping[str, Recording]) -> Recording:
+        table, columns = tables[stream]
+        return Recording(
+            title, Path(_file(name, stream)), table_digest(table), use, table_channels(table, columns), protocol,
+            participant, streams=streams,
+        )  # fmt: skip
+
+    return read("main", name, {s: read(s, f"{name}.{s}", {}) for s in tables if s != "main"})
+
+
+def _file(name: str, stream: str) -> str:
+    return f"{name}.csv" if stream == "main" else f"{name}_{stream}.csv"

@@ -27,9 +27,8 @@ from .seated.protocol import seated_trials
 from .seated.rig import KIND as SEATED
 from .seated.rig import parse_seated_rig
 from .seated.study import write_seated_study
+from .study_folder import TRUTH_FILE
 from .virtual_joint import parse_rig, write_study
-
-TRUTH_FILE = "lab/truth.json"
 
 
 @dataclass(frozen=True)

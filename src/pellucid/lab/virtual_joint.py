@@ -2,23 +2,22 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
 from .. import _core
-from .._atomic import write_text_atomically
 from .._errors import StudyError
 from ..models.joint import INDEX, NAMES
 from ..models.simulate import substeps_for
 from ..protocols.excitation import multisine, point_to_point
 from ..recordings.recording import Channel
-from ..recordings.study import Study, open_study
+from ..recordings.study import Study
 from ..recordings.writers import write_csv
 from .init import rig_text
 from .rig_file import checked_tables
+from .study_folder import write_study_folder
 
 NEEDED = {
     "": ("motion", "lifts"),
@@ -305,8 +304,6 @@ def write_study(folder: Path, joint: VirtualJoint, *, name: str, seed: int) -> S
         kv=joint.loop["kv"],
         span=joint.loop["velocity_span"],
     )
-    for sub in ("recordings", "lab"):
-        (folder / sub).mkdir(parents=True, exist_ok=True)
     for title, reference in references(joint, rng).items():
         taken = record(joint, reference, 1, rng)
         columns = (
@@ -318,6 +315,4 @@ def write_study(folder: Path, joint: VirtualJoint, *, name: str, seed: int) -> S
         write_csv(folder / "recordings" / f"{title}.csv", {c.name: c for c in columns})
         text += ENTRY.format(name=title, use="validate" if title.startswith("heldout") else "fit")
     truth = {"seed": seed, "parameters": dict(zip(NAMES, joint.vector.tolist(), strict=True))}
-    write_text_atomically(folder / "lab" / "truth.json", json.dumps(truth, indent=2) + "\n")
-    write_text_atomically(folder / "study.toml", text)
-    return open_study(folder)
+    return write_study_folder(folder, text, truth)

@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-from importlib.metadata import version
-
 from ..estimators.calibrate import CalibrationFindings, preferred
 from ..estimators.families import ESTIMATORS
-from ..identification.findings import FigureTable, ParameterTable
+from ..identification.findings import ParameterTable
 from ..recordings.study import Study
 from ..signals.emg_chain import emg_chain
 from . import calibration_figures as figures
 from . import muscle_figures
 from .drawing import draw
 from .page import Page, Section, Tile
-from .quantities import cell_text, number, prose
+from .quantities import number, prose
+from .study_page import figure_tables, study_page
 from .tables import Row, Table
 
 
@@ -29,16 +28,13 @@ def page(study: Study, findings: CalibrationFindings) -> Page:
     -------
     Page
     """
-    return Page(
+    return study_page(
         title=f"{findings.study}: torque from EMG",
-        kicker="Pellucid report",
         headline=prose(findings.headline),
         tiles=_tiles(findings),
         sections=tuple(
             filter(None, (_found(findings), _traces(findings), _muscles(findings), _choices(findings), _method(study)))
         ),
-        footer=f"Written by pellucid {version('pellucid')}. Every figure is beside this page as SVG and PDF, every "
-        "number in results.json.",
     )
 
 
@@ -52,7 +48,7 @@ def _tiles(findings: CalibrationFindings) -> tuple[Tile, ...]:
 
 
 def _found(findings: CalibrationFindings) -> Section:
-    tables = tuple(_table(t) for t in findings.tables if isinstance(t, FigureTable))
+    tables = figure_tables(findings)
     first = findings.judged[0].recording
     plain = [e for e in findings.judged if not e.causal and e.recording == first]
     drawing = draw(
@@ -156,14 +152,3 @@ def _method(study: Study) -> Section:
         "with gaps as long as the features remember; what is judged takes no part in it."
     )
     return Section("emg_method", "How", (" ".join(said),), notes=study.notes)
-
-
-def _table(table: FigureTable) -> Table:
-    rows = tuple(Row(tuple(cell_text(cell) for cell in row)) for row in table.rows)
-    return Table(
-        tuple(map(prose, table.heads)),
-        rows,
-        numeric=frozenset(range(1, len(table.heads))),
-        caption=table.title,
-        wide=True,
-    )

@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-from importlib.metadata import version
-
 import numpy as np
 
-from ..identification.findings import FigureTable, ParameterTable
 from ..identification.strap.coupling_findings import CouplingFindings
 from ..recordings.study import Study
 from . import coupling_figures as figures
 from .drawing import draw
 from .page import Page, Section, Tile
-from .quantities import cell_text, number, parameter_interval, parameter_note, prose, unit_text
-from .tables import Row, Table
+from .quantities import number, prose, unit_text
+from .study_page import figure_tables, parameter_tables, study_page
+from .tables import number_table
 
 NAMES = {"vqf": "VQF", "madgwick": "Madgwick's filter"}
 """Of the ways from an IMU to an orientation."""
@@ -31,9 +29,8 @@ def page(study: Study, findings: CouplingFindings) -> Page:
     -------
     Page
     """
-    return Page(
+    return study_page(
         title=f"{findings.study}: wearers and their orthosis",
-        kicker="Pellucid report",
         headline=prose(findings.headline),
         tiles=_tiles(findings),
         sections=(
@@ -43,8 +40,6 @@ def page(study: Study, findings: CouplingFindings) -> Page:
             _straps(findings),
             _provenance(study, findings),
         ),
-        footer=f"Written by pellucid {version('pellucid')}. Every figure is beside this page as SVG and PDF, every "
-        "number in results.json.",
     )
 
 
@@ -59,12 +54,11 @@ def _tiles(findings: CouplingFindings) -> tuple[Tile, ...]:
 
 
 def _found(findings: CouplingFindings) -> Section:
-    judged = tuple(_figures(t) for t in findings.tables if isinstance(t, FigureTable))
     return Section(
         "coupling_found",
         "What was found",
         tuple(prose(v.text) for v in findings.verdicts if v.kind != "note"),
-        judged,
+        figure_tables(findings),
         notes=tuple(prose(v.text) for v in findings.verdicts if v.kind == "note"),
     )
 
@@ -82,7 +76,7 @@ def _orthosis(findings: CouplingFindings) -> Section:
             "Gravity comes from angles at which the orthosis was held, inertia and friction from sines that led it. "
             "The published form has no gravity of its own: a spring has to stand for it, and fits one amplitude only.",
         ),
-        _tables(findings, "Orthosis"),
+        parameter_tables(findings, "Orthosis"),
         tuple(drawings),
     )
 
@@ -93,11 +87,12 @@ def _limbs(findings: CouplingFindings) -> Section:
     for who, stages in known.items():
         shares = {name: number(s.gravity(), digits=4) for name, s in stages.limb.segments.items()}
         found = number(stages.limb.gravity.value, stages.limb.gravity.standard_error)
-        rows.append(Row((who, found, *(shares.get(name, "–") for name in ("winter", "published", "de_leva")))))
+        rows.append((who, found, *(shares.get(name, "–") for name in ("winter", "published", "de_leva"))))
     heads = ("Participant", "Found", "Winter, knee to ankle", "Winter, knee to heel", "de Leva")
-    table = Table(heads, tuple(rows), frozenset(range(1, 5)), "Gravity of shank and foot (N·m): found, and by shares.")
+    table = number_table(heads, rows, "Gravity of shank and foot (N·m): found, and by shares.", wide=False)
     drawing = draw(figures.limbs_figure, findings.orthosis.gravity, known)
-    return Section("coupling_limbs", "The limbs", tables=(table, *_tables(findings, ": limb")), drawings=(drawing,))
+    tables = (table, *parameter_tables(findings, ": limb"))
+    return Section("coupling_limbs", "The limbs", tables=tables, drawings=(drawing,))
 
 
 def _straps(findings: CouplingFindings) -> Section:
@@ -111,40 +106,9 @@ def _straps(findings: CouplingFindings) -> Section:
             "A strap's torque comes from the balance of one body; the mismatch answers it through stiffness and "
             "damping. In the sum of both balances, as published, that torque cancels.",
         ),
-        _tables(findings, ": strap"),
+        parameter_tables(findings, ": strap"),
         tuple(drawings),
     )
-
-
-def _tables(findings: CouplingFindings, part: str) -> tuple[Table, ...]:
-    return tuple(
-        _parameters(t, findings.confidence)
-        for t in findings.tables
-        if isinstance(t, ParameterTable) and part in t.title
-    )
-
-
-def _parameters(table: ParameterTable, level: float) -> Table:
-    rows = tuple(
-        Row(
-            (
-                p.name.replace("_", " "),
-                number(p.value, p.standard_error),
-                unit_text(p.unit) or "–",
-                parameter_interval(p, level),
-                parameter_note(p, level),
-            )
-        )
-        for p in table.parameters
-    )
-    heads = ("Parameter", "Value", "Unit", f"{100 * level:g} % interval", "Notes")
-    return Table(heads, rows, frozenset({1, 3}), f"{table.title}.")
-
-
-def _figures(table: FigureTable) -> Table:
-    rows = tuple(Row(tuple(cell_text(cell).replace("_", " ") for cell in row)) for row in table.rows)
-    words = max((i for i, cell in enumerate(table.rows[0]) if isinstance(cell, str)), default=0) if table.rows else 0
-    return Table(table.heads, rows, frozenset(range(words + 1, len(table.heads))), f"{table.title}.", True)
 
 
 def _provenance(study: Study, findings: CouplingFindings) -> Section:

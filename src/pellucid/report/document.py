@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import platform
 from collections.abc import Callable, Mapping, Sequence
-from importlib.metadata import version
 from pathlib import Path
 
 import numpy as np
@@ -38,6 +36,7 @@ from .quantities import (
 )
 from .series import whole_recordings
 from .slider_document import write_slider_report
+from .study_page import made_with
 from .tables import Row, Table
 from .templates import render
 
@@ -500,18 +499,12 @@ def _estimators(family: FamilyFit, level: float) -> Table:
 def _provenance(study: Study, fit: JointFit) -> list[tuple[str, str]]:
     rig = study.rig
     effort = EFFORTS.get(fit.effort_unit, "Effort")
-    entries = [
+    return [
         ("Joint", f"{rig.joint}, {fit.motion}" + (f"; positive is {fit.lifts}" if fit.lifts else "")),
         (effort, _drive(study, fit)),
         ("Processing", fit.filter_note),
-        *(("Note", note) for note in study.notes),
+        *made_with(study),
     ]
-    citation = study.config.citation
-    if citation:
-        entries.append(("Data", citation))
-    versions = ", ".join(f"{n} {version(n)}" for n in ("pellucid", "numpy", "scipy", "matplotlib"))
-    entries.append(("Made with", f"{versions}, Python {platform.python_version()}"))
-    return entries
 
 
 def _drive(study: Study, fit: JointFit) -> str:

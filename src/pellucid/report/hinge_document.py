@@ -2,18 +2,15 @@
 
 from __future__ import annotations
 
-from importlib.metadata import version
-
 import numpy as np
 
-from ..identification.findings import FigureTable, ParameterTable
 from ..identification.hinge.identify_hinge import PROCESSING, HingeFindings, HingeTrial
 from ..recordings.study import Study
 from . import hinge_figures as figures
 from .drawing import draw
 from .page import Page, Section, Tile
-from .quantities import cell_text, number, parameter_interval, prose, unit_text
-from .tables import Row, Table
+from .quantities import prose
+from .study_page import figure_tables, parameter_tables, study_page
 
 
 def page(study: Study, findings: HingeFindings) -> Page:
@@ -29,21 +26,18 @@ def page(study: Study, findings: HingeFindings) -> Page:
     Page
     """
     judged = tuple(t for t in findings.trials if t.scores)
-    return Page(
+    return study_page(
         title=f"{findings.study}: angle of a hinge",
-        kicker="Pellucid report",
         headline=findings.headline,
         tiles=tuple(_tile(t) for t in judged),
         sections=(
-            _found(study, findings),
+            _found(findings),
             *([_angles(study, judged)] if judged else []),
             _hinges(findings),
             Section(
                 "hinge_method", "How", paragraphs=(f"{PROCESSING[0].upper()}{PROCESSING[1:]}.",), notes=study.notes
             ),
         ),
-        footer=f"Written by pellucid {version('pellucid')}. Every figure is beside this page as SVG and PDF, every "
-        "number in results.json.",
     )
 
 
@@ -57,9 +51,9 @@ def _tile(trial: HingeTrial) -> Tile:
     )
 
 
-def _found(study: Study, findings: HingeFindings) -> Section:
-    tables = tuple(_figures(t) for t in findings.tables if isinstance(t, FigureTable))
-    return Section("hinge_found", "What was found", tuple(prose(v.text) for v in findings.verdicts), tables)
+def _found(findings: HingeFindings) -> Section:
+    told = tuple(prose(v.text) for v in findings.verdicts)
+    return Section("hinge_found", "What was found", told, figure_tables(findings))
 
 
 def _angles(study: Study, judged: tuple[HingeTrial, ...]) -> Section:
@@ -72,27 +66,5 @@ def _angles(study: Study, judged: tuple[HingeTrial, ...]) -> Section:
 
 
 def _hinges(findings: HingeFindings) -> Section:
-    tables = tuple(_parameters(t, findings.confidence) for t in findings.tables if isinstance(t, ParameterTable))
     drawing = draw(figures.axes_figure, findings.trials, "axes")
-    return Section("hinge", "Axis and centre", tables=tables, drawings=(drawing,))
-
-
-def _figures(table: FigureTable) -> Table:
-    rows = tuple(Row(tuple(cell_text(cell) for cell in row)) for row in table.rows)
-    return Table(table.heads, rows, numeric=frozenset(range(1, len(table.heads))), caption=table.title, wide=True)
-
-
-def _parameters(table: ParameterTable, level: float) -> Table:
-    rows = tuple(
-        Row(
-            (
-                p.name.replace("_", " "),
-                number(p.value, p.standard_error),
-                parameter_interval(p, level),
-                unit_text(p.unit),
-            )
-        )
-        for p in table.parameters
-    )
-    heads = ("Parameter", "Value", f"{100 * level:g} % interval", "Unit")
-    return Table(heads, rows, numeric=frozenset({1, 2}), caption=table.title)
+    return Section("hinge", "Axis and centre", tables=parameter_tables(findings), drawings=(drawing,))

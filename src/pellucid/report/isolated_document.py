@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from ..identification.findings import FigureTable, Findings
+from ..identification.findings import Findings
 from ..recordings.study import Study
 from .page import Page, Section
-from .quantities import cell_text
-from .tables import Row, Table
+from .study_page import figure_tables
 
 
 def page(study: Study, found: Findings) -> Page:
@@ -22,15 +21,5 @@ def page(study: Study, found: Findings) -> Page:
     -------
     Page
     """
-    shown = [table for table in found.tables if isinstance(table, FigureTable)]
-    tables = tuple(
-        Table(
-            heads=table.heads,
-            rows=tuple(Row(tuple(map(cell_text, row))) for row in table.rows),
-            numeric=frozenset(range(1, len(table.heads) - 1)),
-            caption=table.title,
-        )
-        for table in shown
-    )
-    section = Section("force", "Force over imposed length", tuple(v.text for v in found.verdicts), tables)
+    section = Section("force", "Force over imposed length", tuple(v.text for v in found.verdicts), figure_tables(found))
     return Page(study.name, "Isolated muscle", found.headline, sections=(section,), footer=study.config.citation)

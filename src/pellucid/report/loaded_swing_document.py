@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-from importlib.metadata import version
-
-from ..identification.findings import FigureTable, ParameterTable
 from ..identification.swing.identify_loaded_swing import LoadedSwingFindings
 from ..recordings.study import Study
 from .drawing import Drawing, draw
 from .knee_figures import Traces, over_time
 from .page import Page, Section, Tile
-from .quantities import cell_text, number, parameter_interval, parameter_note, prose, unit_text
-from .tables import Row, Table
+from .quantities import number, prose
+from .study_page import figure_tables, parameter_tables, study_page
 
 DRAWN, SHOWN = 4, 20.0
 """Recordings that are drawn, and how long of each [s]."""
@@ -34,18 +31,15 @@ def page(study: Study, findings: LoadedSwingFindings) -> Page:
         Tile(f"Leg, {who}", number(leg.p.value, leg.p.standard_error), "kg·m²", f"{number(leg.q.value, digits=3)} kg·m")
         for who, leg in findings.legs.items()
     ]
-    judged = tuple(_figures(t) for t in findings.tables if isinstance(t, FigureTable))
-    parts = tuple(_parameters(t, findings.confidence) for t in findings.tables if isinstance(t, ParameterTable))
     told = tuple(prose(v.text) for v in findings.verdicts)
-    return Page(
+    return study_page(
         title=f"{findings.study}: legs in an exoskeleton",
-        kicker="Pellucid report",
         headline=prose(findings.headline),
         tiles=tuple(tiles),
         sections=(
-            Section("swing_found", "What was found", told, judged),
+            Section("swing_found", "What was found", told, figure_tables(findings)),
             Section("swing_torque", "The motor's torque", drawings=(_torque(findings),)),
-            Section("swing_parameters", "Parameters", tables=parts),
+            Section("swing_parameters", "Parameters", tables=parameter_tables(findings)),
             Section(
                 "swing_provenance",
                 "How",
@@ -56,8 +50,6 @@ def page(study: Study, findings: LoadedSwingFindings) -> Page:
                 ),
             ),
         ),
-        footer=f"Written by pellucid {version('pellucid')}. Every figure is beside this page as SVG and PDF, every "
-        "number in results.json.",
     )
 
 
@@ -73,26 +65,3 @@ def _torque(findings: LoadedSwingFindings) -> Drawing:
         panels.append(Traces(name.replace("_", " "), rest, made.time[shown], lines, "Torque (N·m)"))
     roles = {"measured": "measured", "fitted": "fitted"}
     return draw(over_time, panels, "swing_torque", roles=roles, caption="Torque of the motor, and what swings take.")
-
-
-def _parameters(table: ParameterTable, level: float) -> Table:
-    rows = tuple(
-        Row(
-            (
-                p.name,
-                number(p.value, p.standard_error),
-                unit_text(p.unit) or "–",
-                parameter_interval(p, level),
-                parameter_note(p, level),
-            )
-        )
-        for p in table.parameters
-    )
-    heads = ("Parameter", "Value", "Unit", f"{100 * level:g} % interval", "Notes")
-    return Table(heads, rows, frozenset({1, 3}), f"{table.title}.")
-
-
-def _figures(table: FigureTable) -> Table:
-    rows = tuple(Row(tuple(cell_text(cell) for cell in row)) for row in table.rows)
-    heads = tuple(head.replace("*", "·").replace("^2", "²").replace(" - ", " − ") for head in table.heads)
-    return Table(heads, rows, frozenset(range(1, len(heads))), f"{table.title}.", True)

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import platform
 from collections.abc import Callable, Mapping
-from importlib.metadata import version
 from pathlib import Path
 
 import numpy as np
@@ -16,8 +14,9 @@ from ..models.slider_joint import BODY
 from ..recordings.study import Study
 from . import direction_figures as figures
 from .drawing import Drawing, draw
-from .page import Page, Section, Tile, write_page
+from .page import Section, Tile, write_page
 from .quantities import number, parameter_interval, parameter_note, prose, relative_sd, unit_text
+from .study_page import provenance, study_page
 from .tables import Row, Table
 
 SHORT: Mapping[str, str] = {
@@ -106,14 +105,11 @@ def write_slider_report(
     tell("drawing", 0.6)
     tiles, sections = slider_sections(fit, level=study.model.confidence)
     tell("writing", 0.8)
-    page = Page(
+    page = study_page(
         title=f"{fit.study}: identified joint",
-        kicker="Pellucid report",
         headline=headline(fit),
         tiles=tiles,
         sections=(*sections, _provenance(study, fit)),
-        footer=f"Written by pellucid {version('pellucid')}. Every figure is beside this page as SVG and PDF, every "
-        "number in results.json.",
     )
     return write_page(study.report_dir, page)
 
@@ -441,19 +437,7 @@ def _provenance(study: Study, fit: SliderFit) -> Section:
         ("Rail", f"{1e3 * fit.rail[0]:.0f} to {1e3 * fit.rail[1]:.0f} mm from the axis"),
         ("Torque", f"from the drive's current, {number(fit.gain)} N·m/A at the joint"),
         ("Processing", fit.filter_note),
-        *(("Note", note) for note in study.notes),
     ]
-    if study.config.citation:
-        entries.append(("Data", study.config.citation))
-    versions = ", ".join(f"{n} {version(n)}" for n in ("pellucid", "numpy", "scipy", "matplotlib"))
-    entries.append(("Made with", f"{versions}, Python {platform.python_version()}"))
     splits = {m.recording: m.split for m in fit.motions}
     sums = tuple(Row((n, "held out" if splits.get(n) == "heldout" else "fitted", d)) for n, d in fit.checksums.items())
-    return Section(
-        "provenance",
-        "Where this comes from",
-        tables=(
-            Table(("What", "How"), tuple(Row(pair) for pair in entries), wide=True),
-            Table(("Recording", "Use", "SHA-256 of its file"), sums, wide=True),
-        ),
-    )
+    return provenance(study, entries, Table(("Recording", "Use", "SHA-256 of its file"), sums, wide=True))

@@ -25,7 +25,7 @@ class Table:
     wide: bool = False
 
 
-def figures(
+def number_table(
     heads: Sequence[str], rows: Iterable[Row | Sequence[str]], caption: str = "", *, words: int = 1, wide: bool = True
 ) -> Table:
     """A table of numbers behind a few columns of words.

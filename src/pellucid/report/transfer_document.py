@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import platform
-from importlib.metadata import version
-
 import numpy as np
 
 from ..identification.transfer.identify_transfer import TransferFindings
@@ -14,6 +11,7 @@ from . import transfer_figures as figures
 from .drawing import Drawing, draw
 from .page import Page, Section, Tile
 from .quantities import number, parameter_interval, prose, relative_sd, unit_text
+from .study_page import provenance, study_page
 from .tables import Row, Table
 
 DRAWN = 6
@@ -39,14 +37,11 @@ def page(study: Study, found: TransferFindings) -> Page:
     -------
     Page
     """
-    return Page(
+    return study_page(
         title=f"{found.study}: transfer functions",
-        kicker="Pellucid report",
         headline=found.headline,
         tiles=_tiles(found),
         sections=(_found(found), _responses(found), _poles(found), _coefficients(found), _provenance(study, found)),
-        footer=f"Written by pellucid {version('pellucid')}. Every figure is beside this page as SVG and PDF, every "
-        "number in results.json.",
     )
 
 
@@ -191,18 +186,6 @@ def _provenance(study: Study, found: TransferFindings) -> Section:
     entries = [
         ("Input", f"{found.channels[0]}, {unit_text(found.units[0])}"),
         ("Output", f"{found.channels[1]}, {unit_text(found.units[1])}"),
-        *(("Note", note) for note in study.notes),
     ]
-    if study.config.citation:
-        entries.append(("Data", study.config.citation))
-    versions = ", ".join(f"{n} {version(n)}" for n in ("pellucid", "numpy", "scipy", "matplotlib"))
-    entries.append(("Made with", f"{versions}, Python {platform.python_version()}"))
-    sums = tuple(Row((n, d)) for n, d in found.checksums.items())
-    return Section(
-        "provenance",
-        "Where this comes from",
-        tables=(
-            Table(("What", "How"), tuple(Row(pair) for pair in entries), wide=True),
-            Table(("Recording", "SHA-256 of its file"), sums, wide=True),
-        ),
-    )
+    sums = tuple(Row(pair) for pair in found.checksums.items())
+    return provenance(study, entries, Table(("Recording", "SHA-256 of its file"), sums, wide=True))

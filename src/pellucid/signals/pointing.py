@@ -71,6 +71,18 @@ class PointingRecord:
         """File and recording, for messages."""
         return f"{self.recording.path.name} (recording {self.recording.name})"
 
+    @property
+    def of_markers(self) -> bool:
+        """Whether the angle is one of markers, whose clock is the motion capture's."""
+        return self.source.startswith("markers ")
+
+    def later(self, seconds: float) -> PointingRecord:
+        """The same with an angle that is measured later; stretches that its rests divide move with it."""
+        stretches = self.stretches
+        if all(stretch.goal is None for stretch in stretches):
+            stretches = tuple(replace(s, begin=s.begin + seconds, end=s.end + seconds) for s in stretches)
+        return replace(self, time=self.time + seconds, stretches=stretches)
+
     def motion(self, rule: MovementRule) -> Kinematics:
         """The angle filtered by a rule, with its derivatives."""
         return kinematics(self.time, self.angle, rule, where=self.where)

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import json
-import tomllib
 from collections.abc import Callable
 from pathlib import Path
 
@@ -15,8 +13,9 @@ from ...models.joint import GRAVITY
 from ...protocols.fourier import optimised_fourier, play
 from ...recordings.optical import OpticalRecording
 from ...recordings.recording import Channel, Recording
-from ...recordings.study import Study, open_study
-from ...recordings.study_file import StudyFile, rig_units
+from ...recordings.study import Study
+from ...recordings.study_file import StudyFile
+from ..study_folder import study_config, write_study_folder
 from .instruments import Taken, frame, record
 from .protocol import Trial, trials
 from .rig import ElbowRig
@@ -108,12 +107,6 @@ def study_text(rig: ElbowRig, made: tuple[Trial, ...], name: str) -> str:
         quantum=rig.quantum,
     )
     return head + "".join(ENTRY.format(name=t.name, protocol=t.protocol, use=t.use) for t in made)
-
-
-def study_config(text: str) -> StudyFile:
-    """What a study.toml says, from its text."""
-    raw = tomllib.loads(text)
-    return StudyFile.model_validate(raw, context=rig_units(raw))
 
 
 def excitation(rig: ElbowRig) -> np.ndarray:
@@ -250,14 +243,10 @@ def write_elbow_study(
         made = trials(rig, excitation)
     tell("moving the virtual elbow", 0.05)
     taken = record(rig, made, np.random.default_rng(seed), threads=2)
-    for sub in ("recordings", "lab"):
-        (folder / sub).mkdir(parents=True, exist_ok=True)
     for i, one in enumerate(taken):
         tell("writing recordings", 0.2 + 0.8 * i / len(taken))
         _write(folder / "recordings", one)
-    write_text_atomically(folder / "lab" / "truth.json", json.dumps(truth(rig, taken, seed), indent=1) + "\n")
-    write_text_atomically(folder / "study.toml", study_text(rig, made, name))
-    return open_study(folder)
+    return write_study_folder(folder, study_text(rig, made, name), truth(rig, taken, seed))
 
 
 def truth(rig: ElbowRig, taken: list[Taken], seed: int) -> dict:

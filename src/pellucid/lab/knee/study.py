@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 
 import numpy as np
 
-from ..._atomic import write_text_atomically
 from ...recordings.recording import Recording
-from ...recordings.study import Study, open_study
+from ...recordings.study import Study
 from ...recordings.study_file import StudyFile
-from ..elbow.study import study_config
-from ..recorded_table import Column, table_channels, table_digest, table_text
+from ..recorded_table import Tables, emg_table, tables_recording, write_tables
+from ..study_folder import emg_channels, entry_text, study_config, write_study_folder
 from .instruments import Session, draw_session
 from .protocol import Task, tasks
 from .rig import KneeRig
@@ -99,10 +97,7 @@ def study_text(rig: KneeRig, made: Sequence[Task], name: str) -> str:
         motor=rig["encoders"]["motor"],
         torque=TORQUE_QUANTUM,
         tick=1.0 / emg["rate"],
-        emg="\n".join(
-            f'emg.{muscle} = {{ column = "{muscle}", unit = "V", scale = {emg["quantum"]!r} }}'
-            for muscle in emg["muscles"]
-        ),
+        emg=emg_channels(emg),
         imu="\n".join(
             f'imu.{channel}.{axis} = {{ column = "{channel}_{axis}", unit = "{unit}", scale = {quantum!r} }}'
             for channel, unit, quantum in zip(_imu_channels(rig), ("m/s^2", "rad/s", "T"), imu["quanta"], strict=False)
@@ -133,21 +128,14 @@ def _participant(rig: KneeRig, task: Task) -> str | None:
 
 
 def _entry(rig: KneeRig, trial, wearer) -> str:
-    lines = [
-        f'name = "{trial.name}"',
-        f'file = "recordings/{trial.name}.csv"',
-        f'protocol = "{trial.protocol}"',
-        f'use = "{trial.use}"',
-    ]
     participant = _participant(rig, (trial, wearer))
-    if participant is not None:
-        lines.append(f'participant = "{participant}"')
+    lines = [] if participant is None else [f'participant = "{participant}"']
     streams = ["emg"] if wearer is not None else []
     streams += ["imu"] if trial.imu is not None else []
     if streams:
         named = ", ".join(f'{stream} = "recordings/{trial.name}_{stream}.csv"' for stream in streams)
         lines.append(f"streams = {{ {named} }}")
-    return "\n[[recordings]]\n" + "\n".join(lines) + "\n"
+    return entry_text(trial.name, trial.protocol, trial.use, lines)
 
 
 def sessions_of(rig: KneeRig, seed: int) -> dict[str, Session]:
@@ -196,20 +184,9 @@ def recording_of(rig: KneeRig, taken: KneeTaken) -> Recording:
     -------
     Recording
     """
-    trial, tables = taken.trial, _tables(rig, taken)
+    trial = taken.trial
     participant = _participant(rig, (trial, taken.wearer))
-
-    def make(name: str, file: str, table: np.ndarray, columns: list[Column], streams: dict):
-        channels = table_channels(table, columns)
-        digest = table_digest(table)
-        return Recording(name, Path(file), digest, trial.use, channels, trial.protocol, participant, streams=streams)
-
-    streams = {
-        stream: make(f"{trial.name}.{stream}", f"{trial.name}_{stream}.csv", *tables[stream], {})
-        for stream in ("emg", "imu")
-        if stream in tables
-    }
-    return make(trial.name, f"{trial.name}.csv", *tables["main"], streams)
+    return tables_recording(trial.name, trial.use, trial.protocol, participant, _tables(rig, taken))
 
 
 def record_in_memory(
@@ -263,19 +240,12 @@ def write_knee_study(
     Study
     """
     made = tasks(rig) if made is None else made
-    for sub in ("recordings", "lab"):
-        (folder / sub).mkdir(parents=True, exist_ok=True)
     trials = {}
     for taken in record(rig, made, seed, on_progress=on_progress):
-        for stream, (table, columns) in _tables(rig, taken).items():
-            tag = "" if stream == "main" else f"_{stream}"
-            path = folder / "recordings" / f"{taken.trial.name}{tag}.csv"
-            write_text_atomically(path, table_text(table, [column for _, _, column, _ in columns]))
+        write_tables(folder, taken.trial.name, _tables(rig, taken))
         trials[taken.trial.name] = trial_truth(taken)
     truth = rig_truth(rig, seed) | {"trials": trials}
-    write_text_atomically(folder / "lab" / "truth.json", json.dumps(truth, indent=1) + "\n")
-    write_text_atomically(folder / "study.toml", study_text(rig, made, name))
-    return open_study(folder)
+    return write_study_folder(folder, study_text(rig, made, name), truth)
 
 
 def rig_truth(rig: KneeRig, seed: int) -> dict:
@@ -327,7 +297,7 @@ def trial_truth(taken: KneeTaken) -> dict:
     return made if taken.imu is None else {**made, "imu_clock_offset": taken.imu.clock_offset}
 
 
-def _tables(rig: KneeRig, taken: KneeTaken) -> dict[str, tuple[np.ndarray, list[Column]]]:
+def _tables(rig: KneeRig, taken: KneeTaken) -> Tables:
     """Numbers of each file, whole but for the IMU's time; and its channels: name, unit, column, scale."""
     encoders, emg, imu = rig["encoders"], rig["emg"], rig["imu"]
     columns = [
@@ -341,9 +311,7 @@ def _tables(rig: KneeRig, taken: KneeTaken) -> dict[str, tuple[np.ndarray, list[
     counts = [np.round(x / scale) for x, (_, _, _, scale) in zip(values, columns, strict=True)]
     made = {"main": (np.column_stack(counts), columns)}
     if taken.emg is not None:
-        columns = [("time", "s", "sample", 1.0 / emg["rate"])]
-        columns += [(f"emg.{muscle}", "V", muscle, emg["quantum"]) for muscle in emg["muscles"]]
-        made["emg"] = np.column_stack([np.round(taken.emg_time * emg["rate"]), taken.emg]), columns
+        made["emg"] = emg_table(taken.emg_time, taken.emg, emg)
     if taken.imu is not None:
         columns, parts = [("time", "s", "time", 1.0)], [taken.imu.time[:, None]]
         for channel, unit, quantum in zip(_imu_channels(rig), ("m/s^2", "rad/s", "T"), imu["quanta"], strict=False):

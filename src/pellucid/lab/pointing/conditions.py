@@ -10,7 +10,7 @@ from collections.abc import Callable, Mapping
 
 import numpy as np
 
-from ...controllers.elbow_controllers import ELBOW_CONTROLLERS
+from ...controllers.elbow_controllers import BEST, BEST_SENSED, ELBOW_CONTROLLERS
 from ...controllers.elbow_laws import ElbowLaw, full_compensation
 from ...identification.slider.identify_slider import fit_slider
 from ...identification.slider.save_slider import slider_card
@@ -106,7 +106,7 @@ def published_laws(
 
 
 def own_laws(cards: Cards) -> dict[str, Callable[[Person, float], ElbowLaw]]:
-    """The toolkit's best laws, without and with a force sensor.
+    """The toolkit's best laws, with an encoder alone and with a force sensor.
 
     Parameters
     ----------
@@ -118,7 +118,7 @@ def own_laws(cards: Cards) -> dict[str, Callable[[Person, float], ElbowLaw]]:
     dict
         By condition.
     """
-    return {"best": worn(cards, "transparent"), "best_sensed": worn(cards, "force_sensor")}
+    return {"best": worn(cards, BEST), "best_sensed": worn(cards, BEST_SENSED)}
 
 
 def interaction_rms(session: Session, direction: int = 0) -> float:

@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable, Iterable, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
-from ..._atomic import write_text_atomically
 from ...recordings.recording import Channel, Recording
-from ...recordings.study import Study, open_study
+from ...recordings.study import Study
 from ...recordings.study_file import StudyFile
-from ..elbow.study import study_config
-from ..recorded_table import Column, table_channels, table_digest, table_text
+from ..recorded_table import Tables, emg_table, tables_recording, write_tables
+from ..study_folder import emg_channels, entry_text, study_config, write_study_folder
 from .protocol import SeatedTrial, seated_trials
 from .rig import SeatedRig
 from .subject import SeatedSubject, subjects
@@ -88,10 +87,7 @@ def study_text(rig: SeatedRig, made: Sequence[SeatedTrial], name: str, knees: di
         encoder=rig["instruments"]["encoder"],
         torque=TORQUE_QUANTUM,
         tick=1.0 / emg["rate"],
-        emg="\n".join(
-            f'emg.{muscle} = {{ column = "{muscle}", unit = "V", scale = {emg["quantum"]!r} }}'
-            for muscle in emg["muscles"]
-        ),
+        emg=emg_channels(emg),
         muscles=", ".join(f'"{muscle}"' for muscle in emg["muscles"]),
     )
     people = {t.subject.name: t.subject for t in made if t.subject is not None}
@@ -102,21 +98,16 @@ def study_text(rig: SeatedRig, made: Sequence[SeatedTrial], name: str, knees: di
 
 
 def _entry(rig: SeatedRig, trial: SeatedTrial, knees: dict[str, float]) -> str:
-    lines = [
-        f'name = "{trial.name}"',
-        f'file = "recordings/{trial.name}.csv"',
-        f'protocol = "{trial.protocol}"',
-        f'use = "{trial.use}"',
-    ]
+    lines = []
     if trial.subject is not None:
         knee, encoder = knees[trial.subject.name], rig["instruments"]["encoder"]
-        lines += [
+        lines = [
             f'participant = "{trial.subject.name}"',
             f'streams = {{ emg = "recordings/{trial.name}_emg.csv" }}',
             'channels."angle.knee" = '
             f'{{ column = "output", unit = "rad", scale = {encoder!r}, offset = {round(knee, 4)!r} }}',
         ]
-    return "\n[[recordings]]\n" + "\n".join(lines) + "\n"
+    return entry_text(trial.name, trial.protocol, trial.use, lines)
 
 
 def record_seated(
@@ -157,21 +148,13 @@ def seated_recording(rig: SeatedRig, taken: SeatedTaken) -> Recording:
     -------
     Recording
     """
-    trial, tables = taken.trial, _tables(rig, taken)
+    trial = taken.trial
     participant = None if trial.subject is None else trial.subject.name
-
-    def make(name: str, file: str, table: np.ndarray, columns: list[Column], streams: dict):
-        channels = table_channels(table, columns)
-        if name == trial.name and taken.knee is not None:
-            knee = channels["position"].samples + round(taken.knee, 4)
-            channels["angle.knee"] = Channel("angle.knee", knee, "rad", "output")
-        digest = table_digest(table)
-        return Recording(name, Path(file), digest, trial.use, channels, trial.protocol, participant, streams=streams)
-
-    streams = {}
-    if "emg" in tables:
-        streams["emg"] = make(f"{trial.name}.emg", f"{trial.name}_emg.csv", *tables["emg"], {})
-    return make(trial.name, f"{trial.name}.csv", *tables["main"], streams)
+    made = tables_recording(trial.name, trial.use, trial.protocol, participant, _tables(rig, taken))
+    if taken.knee is None:
+        return made
+    knee = Channel("angle.knee", made["position"] + round(taken.knee, 4), "rad", "output")
+    return replace(made, channels={**made.channels, "angle.knee": knee})
 
 
 def record_seated_in_memory(
@@ -225,20 +208,13 @@ def write_seated_study(
     Study
     """
     made = seated_trials(rig) if made is None else made
-    for sub in ("recordings", "lab"):
-        (folder / sub).mkdir(parents=True, exist_ok=True)
     trials, knees = {}, {}
     for taken in record_seated(rig, made, seed, on_progress=on_progress):
-        for stream, (table, columns) in _tables(rig, taken).items():
-            tag = "" if stream == "main" else f"_{stream}"
-            path = folder / "recordings" / f"{taken.trial.name}{tag}.csv"
-            write_text_atomically(path, table_text(table, [column for _, _, column, _ in columns]))
+        write_tables(folder, taken.trial.name, _tables(rig, taken))
         trials[taken.trial.name] = _trial_truth(taken)
         knees |= _knees([taken])
     truth = seated_truth(rig, seed) | {"trials": trials}
-    write_text_atomically(folder / "lab" / "truth.json", json.dumps(truth, indent=1) + "\n")
-    write_text_atomically(folder / "study.toml", study_text(rig, made, name, knees))
-    return open_study(folder)
+    return write_study_folder(folder, study_text(rig, made, name, knees), truth)
 
 
 def seated_truth(rig: SeatedRig, seed: int) -> dict:
@@ -293,7 +269,7 @@ def _knees(taken: Sequence[SeatedTaken]) -> dict[str, float]:
     return {t.trial.subject.name: t.knee for t in taken if t.trial.subject is not None}
 
 
-def _tables(rig: SeatedRig, taken: SeatedTaken) -> dict[str, tuple[np.ndarray, list[Column]]]:
+def _tables(rig: SeatedRig, taken: SeatedTaken) -> Tables:
     """Whole numbers of each file, and its channels: name, unit, column, scale."""
     emg = rig["emg"]
     columns = [
@@ -306,7 +282,5 @@ def _tables(rig: SeatedRig, taken: SeatedTaken) -> dict[str, tuple[np.ndarray, l
     counts = [np.round(x / scale) for x, (_, _, _, scale) in zip(values, columns, strict=True)]
     made = {"main": (np.column_stack(counts), columns)}
     if taken.emg is not None:
-        columns = [("time", "s", "sample", 1.0 / emg["rate"])]
-        columns += [(f"emg.{muscle}", "V", muscle, emg["quantum"]) for muscle in emg["muscles"]]
-        made["emg"] = np.column_stack([np.round(taken.emg_time * emg["rate"]), taken.emg]), columns
+        made["emg"] = emg_table(taken.emg_time, taken.emg, emg)
     return made

@@ -9,12 +9,13 @@ from pathlib import Path
 
 import numpy as np
 
+from ...controllers.elbow_controllers import ELBOW_CONTROLLERS
 from ...controllers.elbow_laws import ElbowLaw
 from ...identification.slider.slider_fit import SliderFit
 from ...lab.elbow.protocol import trials
 from ...lab.elbow.rig import ElbowRig, able_elbow, drawn_rigs
 from ...lab.elbow.study import excitation
-from ...lab.pointing.conditions import Cards, identified_cards, own_laws, published_laws
+from ...lab.pointing.conditions import Cards, identified_cards, worn
 from ...lab.pointing.people import PointingRig, draw_people, elbow_participants
 from ...recordings.results import ResultRow, write_rows
 from ..paired_test import paired_test
@@ -24,7 +25,7 @@ from ..reproduction import Reproduced, spread, write_reproduction
 from .card import write_published_card
 from .coherence import inconsistencies
 from .elbow import able_elbow as published_elbow
-from .law_comparison import TORQUE_SEED, torque_ratios, torque_rows
+from .law_comparison import compare_controllers, comparison_rows
 from .statistics import statistics_rows
 from .transparency import Transparency, compare_laws
 from .transparency_rows import safety_rows, transparency_rows
@@ -143,8 +144,7 @@ def reproduce_able(
     )
     rows += tuple(transparency_rows(transparency, paper))
     tell("laws on robots they were not chosen on", 0.85)
-    robots = [(robot, identified_cards(robot)) for robot in drawn_rigs(rig, rigs)]
-    rows += torque_rows(torque_ratios(robots, seed=TORQUE_SEED, threads=threads))
+    rows += comparison_rows(compare_controllers(drawn_rigs(rig, rigs), workers=workers))
     tell("laws among nonsense", 0.95)
     rows += tuple(safety_rows(_all_laws(people, cards, transparency.exponents), cycles=fuzzed))
     out.mkdir(parents=True, exist_ok=True)
@@ -157,8 +157,8 @@ def reproduce_able(
 
 def _all_laws(people: PointingRig, cards: Cards, exponents: tuple[float, float]) -> dict[str, ElbowLaw]:
     one = draw_people(people, np.random.default_rng(0), count=1)[0]
-    made = {**published_laws(cards, exponents), **own_laws(cards)}
-    return {name: make(one, one.slider(people)) for name, make in made.items() if make is not None}
+    chosen = {name: {"exponents": exponents} if law.exponents else {} for name, law in ELBOW_CONTROLLERS.items()}
+    return {name: worn(cards, name, **chosen[name])(one, one.slider(people)) for name in ELBOW_CONTROLLERS}
 
 
 def _with_load(rig: ElbowRig, factor: float) -> ElbowRig:

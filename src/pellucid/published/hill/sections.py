@@ -11,7 +11,7 @@ from ...report.drawing import draw
 from ...report.knee_figures import Traces, over_time
 from ...report.page import Section
 from ...report.quantities import number
-from ...report.tables import figures
+from ...report.tables import number_table
 from .reproduce_hill import HillReproduction
 from .rows import ESTIMATOR_WORDS, PRINTED_AS
 from .torque import BASELINES, RECORDED
@@ -60,7 +60,7 @@ def _people(made: HillReproduction) -> Section:
             "muscles have elastic tendons, passive force and activation that is quick to rise and slow to fall; every "
             "constant and moment arm is 5 to 15 % off the anatomical model's that is calibrated. EMG is raw.",
         ),
-        (figures(("", "Age", "Height (cm)", "Weight (kg)", "Swings (Hz)"), rows, wide=False),),
+        (number_table(("", "Age", "Height (cm)", "Weight (kg)", "Swings (Hz)"), rows, wide=False),),
     )
 
 
@@ -131,7 +131,7 @@ def _legs(made: HillReproduction) -> Section:
             f"{min(more):.0f} to {max(more):.0f} % more than weight alone; the printed values exceed what shanks "
             "weigh by 20 to 54 %.",
         ),
-        (figures(heads, rows),),
+        (number_table(heads, rows),),
     )
 
 
@@ -185,7 +185,7 @@ def _training(made: HillReproduction) -> Section:
             "three starts included.",
         ),
         (
-            figures(
+            number_table(
                 heads,
                 rows,
                 "Means over muscles; evaluations to within 5 % of the lowest cost, – where never.",
@@ -245,7 +245,7 @@ def _torque(made: HillReproduction) -> Section:
             "Nobody records the flexors. As in hybrid models elsewhere, they are excited wherever the balance of leg "
             "and exoskeleton asks for bending; extension is the electrodes' alone.",
         ),
-        (figures(heads, rows, "Errors of the torque of the held-out recording (N·m)."),),
+        (number_table(heads, rows, "Errors of the torque of the held-out recording (N·m)."),),
         (
             draw(
                 over_time,

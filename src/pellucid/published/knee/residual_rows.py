@@ -10,7 +10,7 @@ from ...lab.knee.rig import knee_orthosis
 from ...report.drawing import draw
 from ...report.page import Section
 from ...report.residual_figures import ControllerRatios, torque_ratios
-from ...report.tables import Row, figures
+from ...report.tables import Row, number_table
 from ..processes import finished
 from ..reproduction import Reproduced, spread
 from .controllers import DELAY, GAIN_DB, NAMES
@@ -190,7 +190,7 @@ def residual_section(compared: Sequence[ControllerRow]) -> Section:
         "The thesis's further work: the strap's torque compensated",
         (said,),
         (
-            figures(heads, cells, "Medians and ranges over wearers and swings; margins are the smallest of all."),
+            number_table(heads, cells, "Medians and ranges over wearers and swings; margins are the smallest of all."),
         ),
         (
             draw(

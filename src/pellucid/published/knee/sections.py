@@ -10,7 +10,7 @@ from ...report.drawing import Drawing, draw
 from ...report.knee_figures import HeldTorques, StrapIntervals, Traces
 from ...report.page import Section
 from ...report.quantities import MINUS, number, unit_text
-from ...report.tables import Row, figures
+from ...report.tables import Row, number_table
 from ..printed import Printed
 from ..reproduction import Reproduced
 from ..row_sections import cell
@@ -79,7 +79,7 @@ def _subjects(made: KneeReproduction) -> Section:
             "The virtual subjects have these ages, weights, heights and lengths; their limbs, muscles and straps are "
             "not the thesis's, which it does not print.",
         ),
-        (figures(("", "Age", "Weight (kg)", "Height (m)", "Knee to heel (m)"), rows, wide=False),),
+        (number_table(("", "Age", "Weight (kg)", "Height (m)", "Knee to heel (m)"), rows, wide=False),),
     )
 
 
@@ -119,7 +119,7 @@ def _orthosis(made: KneeReproduction) -> Section:
             f"{bench.fit.mean_fit():.1f} %.",
         ),
         (
-            figures(
+            number_table(
                 ("", "Unit", "Thesis, theoretical", "Thesis, found", "Ours, 95 %", "Ours, truth"),
                 rows,
                 "Table 3.2. The virtual orthosis is not the thesis's: its truth is its own. The spring is that of the "
@@ -205,7 +205,7 @@ def _shanks(made: KneeReproduction) -> Section:
             "they miss the truth as the thesis's may have missed its subjects'.",
         ),
         (
-            figures(
+            number_table(
                 ("", "Mass (kg)", "Centre (m)", "Inertia (kg·m²)", "m g l, heel (N·m)", "m g l, ankle (N·m)",
                  "m g l found, 95 % (N·m)", "Truth (N·m)"),
                 cells,
@@ -249,7 +249,7 @@ def _torque(made: KneeReproduction, rows: dict[str, Reproduced]) -> Section:
             f"through the strap as identified it is off by {target.ours:.2g} N·m. The last column is of steps that "
             "go on to the same torques the other way.",
         ),
-        (figures(heads, cells, "Table 3.4, RMSE in N·m."),),
+        (number_table(heads, cells, "Table 3.4, RMSE in N·m."),),
         (_torque_trace(made), *_torque_errors(made)),
     )
 
@@ -332,7 +332,7 @@ def _strap(made: KneeReproduction, rows: dict[str, Reproduced]) -> Section:
             f"true torque, {best.ours:.1f} % of the data it is fitted to.",
         ),
         (
-            figures(
+            number_table(
                 ("", "", "Inertia (kg·m²)", "Damping (N·m·s/rad)", "Stiffness (N·m/rad)", "Fit (%)", "Error (rad)"),
                 cells,
                 "Table 3.5. Fits of ours are held out and against the true angle, the thesis's in sample and against "

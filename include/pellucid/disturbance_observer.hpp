@@ -1,0 +1,67 @@
+// What resists a robot beyond its model, with a force sensor where the wearer is: a disturbance observer.
+//
+//   d = low-pass of [u - G(q) - f(v)](t - delay) + tau(t) - J a(t)
+//
+// u is the torque that went out, tau the wearer's on the robot. The sensor's word is late, and so is the acceleration
+// of an encoder's filter; what is known at once is held back by as much, so that all three tell of the same moment.
+#pragma once
+
+#include "math.hpp"
+
+namespace pellucid {
+inline namespace PELLUCID_ABI {
+
+constexpr std::uint32_t max_observer_delay = 31;  // periods
+
+template <class S> struct DisturbanceObserverParams {
+  S share{};    ///< of d that is fed forward, 0 to below 1: at 1 whatever sticks is pushed harder and harder
+  S lowpass{};  ///< [rad/s], > 0
+  S delay{};    ///< of sensor and acceleration [s], 0 to 31 periods
+  S limit{};    ///< of what is fed forward [N m], >= 0
+};
+
+/// What follows from DisturbanceObserverParams and the period once.
+template <class S> struct DisturbanceObserverCoefficients {
+  DisturbanceObserverParams<S> params{};  ///< as they are
+  S smoothing{};                     ///< share of a new sample [1]
+  std::uint32_t delay = 0;           ///< periods
+  bool valid = false;                ///< whether the parameters make sense
+};
+
+template <class S>
+DisturbanceObserverCoefficients<S> coefficients(const DisturbanceObserverParams<S>& p, const S& period) noexcept {
+  DisturbanceObserverCoefficients<S> c;
+  c.params = p;
+  c.smoothing = S(1) - exp(-p.lowpass * period);
+  const S periods = round(p.delay / period);
+  c.valid = p.share >= S(0) && p.share < S(1) && p.lowpass > S(0) && periods >= S(0) &&
+            periods <= S(static_cast<value_t<S>>(max_observer_delay)) && p.limit >= S(0) && is_finite(p.limit);
+  if (c.valid) c.delay = static_cast<std::uint32_t>(periods);
+  return c;
+}
+
+template <class S> struct DisturbanceObserverState {
+  S known[max_observer_delay + 1]{};  ///< torque that was left to speed the robot up, in a ring [N m]
+  std::uint32_t now = 0;              ///< where the ring is
+  std::uint32_t held = 0;             ///< periods in the ring, up to the delay
+  S disturbance{};                    ///< d [N m]
+};
+
+/// One period: what to feed forward [N m], from the torque left at once, the sensor's and what the acceleration takes.
+template <class S>
+S step(const DisturbanceObserverCoefficients<S>& c, DisturbanceObserverState<S>& state, const S& left,
+       const S& interaction, bool measured, const S& accelerating) noexcept {
+  if (!(c.params.share > S(0))) return S(0);
+  state.now = (state.now + 1) % (max_observer_delay + 1);
+  state.known[state.now] = left;
+  const bool full = state.held >= c.delay;
+  if (!full) ++state.held;
+  const std::uint32_t then = (state.now + max_observer_delay + 1 - c.delay) % (max_observer_delay + 1);
+  const S seen = full && measured ? state.known[then] + interaction - accelerating : S(0);
+  state.disturbance = state.disturbance + c.smoothing * (seen - state.disturbance);
+  if (!is_finite(state.disturbance)) state = {};
+  return clamp(c.params.share * state.disturbance, -c.params.limit, c.params.limit);
+}
+
+}  // namespace PELLUCID_ABI
+}  // namespace pellucid

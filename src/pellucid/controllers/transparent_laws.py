@@ -1,0 +1,345 @@
+r"""Compensation of one coherent body whose friction never drives, and what may be added to it.
+
+`transparent` is the corrected form of full compensation: friction changes its sign smoothly, acceleration comes from a
+Kalman filter, what drives passes an energy observer. With `friction_share` 0 it is the corrected partial compensation.
+It takes a force sensor, EMG, an oscillator, a disturbance observer or dither, in any combination; `zero_impedance` and
+`sensitivity_amplification` are the same chain with other shares.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+from .._errors import PellucidError
+from ..models.anthropometry import Segment
+from ..models.joint import NAMES
+from ..models.slider_card import SliderCard
+from ..models.slider_joint import SliderJointModel
+from .elbow_laws import ELBOW_LIMITS, PERIOD, ElbowLaw, gate_values
+from .limits import Limits
+
+
+def transparent(
+    card: SliderCard,
+    slider: float,
+    *,
+    friction_share: float = 0.95,
+    inertia_share: float = 0.4,
+    velocity_width: float = 0.08,
+    friction_lead: float = 0.0,
+    bandwidth: float = 100.0,
+    acceleration: float = 25.0,
+    limits: Limits = ELBOW_LIMITS,
+    period: float = PERIOD,
+) -> ElbowLaw:
+    """Compensation of one coherent body whose friction, by direction or by load, never drives.
+
+    Of every friction parameter the lower end of its interval is compensated, so that what is left resists.
+
+    Parameters
+    ----------
+    card : SliderCard
+        "consistent" or "load".
+    slider : float
+        Where the carriage is [m].
+    friction_share, inertia_share : float
+        Of friction and of inertia times acceleration that are compensated [1].
+    velocity_width : float
+        Over which friction changes its sign [rad/s].
+    friction_lead : float
+        How far ahead the velocity is foreseen whose friction is compensated [s].
+    bandwidth : float
+        Of the Kalman estimator [rad/s].
+    acceleration : float
+        Largest that is fed forward [rad/s^2].
+    limits : Limits
+    period : float
+        [s]
+
+    Returns
+    -------
+    ElbowLaw
+
+    Raises
+    ------
+    PellucidError
+        If the card is of another family.
+    """
+    model = card.model()
+    if not isinstance(model, SliderJointModel):
+        raise PellucidError(f"card {card.family}: found a model by direction, expected one coherent body")
+    lower = card.values.copy()
+    for i, parameter in enumerate(card.parameters):
+        if parameter.name.startswith(("coulomb", "viscous", "load")):
+            lower[i] = max(parameter.interval[0], 0.0)
+    body = dict(zip(NAMES, model.vector(lower, slider, velocity_width), strict=True))
+    speed = 2.0  # rad/s: as fast as the energy observer lets the robot's own inertia be sped up at once
+    values = {
+        **body,
+        "gravity_share": 1.0,
+        "friction_share": friction_share,
+        "inertia_share": inertia_share,
+        "friction_lead": friction_lead,
+        "bandwidth": bandwidth,
+        "innovation_gate": 20.0 * period,
+        "max_rejections": 20.0,
+        "acceleration_limit": acceleration,
+        "energy_store": 0.5 * body["inertia"] * speed**2,
+        **_no_feedback(),
+        **_no_emg(),
+        **_no_oscillator(),
+        **_no_observer(),
+        **_no_dither(),
+        **gate_values(limits, period),
+    }
+    return ElbowLaw("transparent", {name: float(value) for name, value in values.items()})
+
+
+def with_force_sensor(
+    law: ElbowLaw,
+    *,
+    proportional: float = 2.5,
+    integral: float = 0.0,
+    leak: float = 0.5,
+    lowpass: float = 200.0,
+    drift: float = 0.1,
+    limit: float = 3.0,
+) -> ElbowLaw:
+    """A transparent law that also drives the measured interaction torque to zero.
+
+    Parameters
+    ----------
+    law : ElbowLaw
+        From `transparent`.
+    proportional, integral, leak : float
+        Gains [1], [1/s] and the rate at which the integral forgets [1/s]. Where a robot sticks, an integral hunts.
+    lowpass : float
+        Of the sensor [rad/s].
+    drift : float
+        Rate below which a torque is the sensor's own [rad/s].
+    limit : float
+        Of what feeds back [N m].
+
+    Returns
+    -------
+    ElbowLaw
+    """
+    gains = {"proportional": proportional, "integral": integral, "leak": leak, "sensor_lowpass": lowpass}
+    # The store is what may be put in before it is taken back: amplified, the wearer's own work passes through it.
+    store = law.values["energy_store"] * (2.0 + proportional)
+    changed = law.changed(**gains, sensor_drift=drift, feedback_limit=limit, energy_store=store)
+    return replace(changed, sensed=True)
+
+
+def with_emg(law: ElbowLaw, limb: Segment, *, share: float = 0.5, viscous: float = 0.1, slow: float = 0.5) -> ElbowLaw:
+    """A transparent law whose inertia is led by EMG.
+
+    Parameters
+    ----------
+    law : ElbowLaw
+        From `transparent`.
+    limb : Segment
+        Of the wearer, from a tape and a scale.
+    share : float
+        Of the acceleration that is EMG's [1].
+    viscous : float
+        Of the wearer's joint [N m s/rad].
+    slow : float
+        Rate below which EMG's torque is an error [rad/s].
+
+    Returns
+    -------
+    ElbowLaw
+    """
+    left = (1.0 - law.values["inertia_share"]) * law.values["inertia"]
+    changed = law.changed(
+        limb_inertia=limb.inertia + left, limb_gravity=limb.gravity(), limb_viscous=viscous, emg_slow=slow,
+        emg_limit=law.values["acceleration_limit"], emg_share=share,
+    )  # fmt: skip
+    return replace(changed, emg=True)
+
+
+def with_oscillator(law: ElbowLaw, *, share: float = 0.8, lead: float = 0.02, frequency: float = 4.0) -> ElbowLaw:
+    """A transparent law whose inertia is led by an oscillator that learns periodic motions.
+
+    Parameters
+    ----------
+    law : ElbowLaw
+        From `transparent`.
+    share : float
+        Of the acceleration that is the oscillator's where the motion is periodic [1].
+    lead : float
+        How far ahead it looks [s].
+    frequency : float
+        Where it starts [rad/s]; it follows from a quarter to four times that.
+
+    Returns
+    -------
+    ElbowLaw
+    """
+    return law.changed(
+        oscillator_share=share, oscillator_lead=lead, frequency=frequency, frequency_min=0.25 * frequency,
+        frequency_max=4.0 * frequency,
+    )  # fmt: skip
+
+
+def with_disturbance_observer(
+    law: ElbowLaw,
+    *,
+    share: float = 0.5,
+    lowpass: float = 60.0,
+    sensor_delay: float = 0.005,
+    sensor_lowpass: float = 500.0,
+    drift: float = 0.1,
+    limit: float = 3.0,
+) -> ElbowLaw:
+    r"""A transparent law that also feeds forward what resists the robot beyond its model, seen with a force sensor.
+
+    .. math::
+        \hat d = \mathrm{lowpass}\,[(u - G - f)(t - \delta) + \tau(t) - J\hat{\ddot q}(t)]
+
+    with the sensor's delay and the lag of its filter in :math:`\delta`. Where the robot sticks, :math:`\hat d` is what
+    the wearer pushes with, and a share of 1 would push harder for as long as it lasts: it is below 1.
+
+    Parameters
+    ----------
+    law : ElbowLaw
+        From `transparent`.
+    share : float
+        Of the disturbance that is fed forward [1], below 1.
+    lowpass : float
+        Of the disturbance [rad/s].
+    sensor_delay : float
+        [s]
+    sensor_lowpass, drift : float
+        Of the sensor [rad/s], as `with_force_sensor` takes them.
+    limit : float
+        Of what is fed forward [N m].
+
+    Returns
+    -------
+    ElbowLaw
+    """
+    changed = law.changed(
+        sensor_lowpass=sensor_lowpass, sensor_drift=drift, disturbance_share=share, disturbance_lowpass=lowpass,
+        disturbance_delay=sensor_delay + 1.0 / sensor_lowpass, disturbance_limit=limit,
+        energy_store=law.values["energy_store"] * (1.0 + 1.0 / (1.0 - share)),
+    )  # fmt: skip
+    return replace(changed, sensed=True)
+
+
+def with_dither(law: ElbowLaw, *, share: float = 2.0, frequency: float = 1000.0) -> ElbowLaw:
+    """A transparent law whose motor trembles, so that the robot does not stick and its encoder sees a wearer push.
+
+    Never stronger than the gate's limit of the torque's rate lets it be at that frequency.
+
+    Parameters
+    ----------
+    law : ElbowLaw
+        From `transparent`.
+    share : float
+        The trembling's torque over what it takes to break the robot away where gravity loads it most [1].
+    frequency : float
+        [rad/s]; far above what robot and strap follow, and below what the motor's amplifier does.
+
+    Returns
+    -------
+    ElbowLaw
+    """
+    period = law.values["period"]
+    steepest = law.values["rate_limit"] * period / (2.0 * math.sin(0.5 * frequency * period))
+    return law.changed(dither=min(share * breakaway(law), steepest), dither_frequency=frequency)
+
+
+def breakaway(law: ElbowLaw) -> float:
+    """Torque that it takes to move the robot of a transparent law from rest, where gravity loads it most [N m]."""
+    v = law.values
+    load = max(v["load_motoring"], v["load_generating"]) * math.hypot(v["gravity_sine"], v["gravity_cosine"])
+    return max(v["coulomb_positive"], v["coulomb_negative"]) + v["stribeck"] + load
+
+
+def zero_impedance(card: SliderCard, slider: float, *, proportional: float = 1.5, **settings) -> ElbowLaw:
+    """The measured interaction torque driven to zero, and nothing else: the robot's weight is the loop's to carry.
+
+    Where a robot has a series spring, zero-impedance mode drives the spring's torque to zero and leaves its wearer with
+    what lies behind it. This one has none: its torque loop closes on the force sensor, and what lies behind that is the
+    splint alone.
+
+    Parameters
+    ----------
+    card : SliderCard
+        "consistent" or "load"; for the energy observer, which must know what friction takes.
+    slider : float
+        Where the carriage is [m].
+    proportional : float
+        Gain on the sensor [1].
+    **settings
+        As `transparent` takes them.
+
+    Returns
+    -------
+    ElbowLaw
+    """
+    bare = transparent(card, slider, **{"friction_share": 0.0, "inertia_share": 0.0, **settings})
+    return with_force_sensor(bare.changed(gravity_share=0.0), proportional=proportional)
+
+
+def sensitivity_amplification(card: SliderCard, slider: float, *, amplification: float = 2.0, **settings) -> ElbowLaw:
+    r"""The wearer's torque amplified: of the whole inverse model all but one part in :math:`\alpha`.
+
+    .. math::
+        \tau = G(q) + (1 - 1/\alpha)\,(J\hat{\ddot q} + f(\hat{\dot q}))
+
+    H. Kazerooni, R. Steger, L. Huang, "Hybrid control of the Berkeley lower extremity exoskeleton (BLEEX)",
+    International Journal of Robotics Research 25(5-6), 2006.
+
+    Parameters
+    ----------
+    card : SliderCard
+        "consistent" or "load".
+    slider : float
+        Where the carriage is [m].
+    amplification : float
+        alpha, >= 1.
+    **settings
+        As `transparent` takes them.
+
+    Returns
+    -------
+    ElbowLaw
+
+    Raises
+    ------
+    PellucidError
+        If the amplification is below 1.
+    """
+    if not amplification >= 1.0:
+        raise PellucidError(f"amplification: found {amplification}, expected 1 or more")
+    share = 1.0 - 1.0 / amplification
+    return transparent(card, slider, **{"friction_share": share, "inertia_share": share, **settings})
+
+
+def _no_feedback() -> dict[str, float]:
+    return {"proportional": 0.0, "integral": 0.0, "leak": 0.0, "sensor_lowpass": 100.0, "sensor_drift": 0.0,
+            "feedback_limit": 0.0}  # fmt: skip
+
+
+def _no_emg() -> dict[str, float]:
+    return {"limb_inertia": 1.0, "limb_gravity": 0.0, "limb_viscous": 0.0, "emg_slow": 0.5, "emg_limit": 0.0,
+            "emg_share": 0.0}  # fmt: skip
+
+
+def _no_oscillator() -> dict[str, float]:
+    return {
+        **{"frequency": 4.0, "frequency_min": 1.0, "frequency_max": 16.0, "phase_rate": 8.0, "frequency_rate": 8.0},
+        **{"amplitude_rate": 2.0, "least_amplitude": 0.02, "oscillator_share": 0.0, "oscillator_lead": 0.0},
+    }
+
+
+def _no_observer() -> dict[str, float]:
+    return {"disturbance_share": 0.0, "disturbance_lowpass": 20.0, "disturbance_delay": 0.0, "disturbance_limit": 0.0}
+
+
+def _no_dither() -> dict[str, float]:
+    return {"dither": 0.0, "dither_frequency": 0.0}
