@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from pellucid._errors import DatasetError, PellucidError
-from pellucid.controllers.elbow_controllers import ELBOW_CONTROLLERS
+from pellucid.controllers.elbow_controllers import BEST_SENSED, ELBOW_CONTROLLERS
 from pellucid.demonstration import demo as module
-from pellucid.demonstration.story import EXPORTED, told
+from pellucid.demonstration.story import told
 from pellucid.lab.elbow.rig import able_elbow
 from pellucid.lab.pointing.people import draw_people, elbow_participants
 from pellucid.models.slider_card import read_slider_card
@@ -63,7 +63,7 @@ def test_the_page_says_what_few_people_cannot_show(made):
 
 def test_people_wear_what_the_cards_say_and_that_is_exported(made):
     assert made.findings.conditions == ("Ctrl", *module.WORN)
-    named = ELBOW_CONTROLLERS[EXPORTED]
+    named = ELBOW_CONTROLLERS[BEST_SENSED]
     law = named.build(read_slider_card(made.elbow.models_dir / named.card), sum(made.fit.rail) / 2)
     constants = (made.controller / "pellucid_constants.h").read_text(encoding="utf-8")
     for name in ("gravity_sine", "coulomb_positive", "proportional"):
@@ -77,7 +77,7 @@ def test_the_story_is_told_with_its_figures(made):
     torque = made.findings.assessed["torque_rms"].table
     for condition in module.WORN:
         assert f"{torque.column(condition).mean():.2g} under {condition}" in said["Worn"]
-    assert torque.column("force_sensor").mean() < torque.column("clpc").mean()
+    assert torque.column(BEST_SENSED).mean() < torque.column("clpc").mean()
     if made.cost is not None:
         assert made.cost.wrong == 0
         assert "the same bits" in said["Exported"]

@@ -130,12 +130,16 @@ ELBOW_CONTROLLERS: Mapping[str, ElbowController] = {
         transparent_and(friction_share=0.0),
     ),
     "transparent": ElbowController("one coherent body compensated: FC corrected", "load", transparent),
-    "emg": ElbowController("the same, led by EMG", "load", transparent_and(emg_share=0.5), wearer=True),
+    "emg": ElbowController(
+        "one coherent body compensated, led by EMG", "load", transparent_and(emg_share=0.5), wearer=True
+    ),
     "oscillator": ElbowController(
-        "the same, led by an oscillator where motion is periodic", "load", transparent_and(with_oscillator)
+        "one coherent body compensated, led by an oscillator where motion is periodic", "load",
+        transparent_and(with_oscillator),
     ),
     "dithered": ElbowController(
-        "the same, kept from sticking by a tremble of its motor", "load", transparent_and(TREMBLE, **DITHERED_BODY)
+        "one coherent body compensated, kept from sticking by a tremble of its motor", "load",
+        transparent_and(TREMBLE, **DITHERED_BODY),
     ),
     "force_sensor": ElbowController(
         "one coherent body compensated, and the measured interaction torque driven to zero", "load",

@@ -14,7 +14,7 @@ from pathlib import Path
 from .._errors import DatasetError, PellucidError
 from ..assessment.assess import assess
 from ..assessment.assessment_findings import AssessmentFindings
-from ..controllers.elbow_controllers import ELBOW_CONTROLLERS
+from ..controllers.elbow_controllers import BEST, BEST_SENSED, ELBOW_CONTROLLERS
 from ..datasets import init
 from ..datasets.registry import names
 from ..deployment.c_folder import check_here
@@ -37,7 +37,7 @@ from ..recordings.results import ResultRow, write_rows
 from ..recordings.study import STUDY_FILE, Study
 from ..report.document import write_report
 from .coverage import Coverage, coverage
-from .story import EXPORTED, write_story
+from .story import write_story
 
 COMMAND = "demo"
 SEED = 11
@@ -45,8 +45,8 @@ SEED = 11
 ELBOW, PEOPLE = "elbow", "people"
 """Folders of the virtual chapters, and names of their studies."""
 
-WORN = ("clpc", "transparent", "force_sensor")
-"""Controllers that people wear: the maker's as published, the toolkit's own without and with a force sensor."""
+WORN = ("clpc", BEST, BEST_SENSED)
+"""Controllers that people wear: the maker's as published, the toolkit's best without and with a force sensor."""
 
 COUNT, REPETITIONS = 3, 2
 """People, and how often each makes every movement: enough to show, far too few to prove."""
@@ -131,11 +131,11 @@ def demo(out: Path | str, *, on_progress: Tell | None = None) -> Demonstration:
     _cleared(tuple(folders.values()))
     elbow, fit = _identified_elbow(folders[ELBOW], robot, _part(tell, 0.0, 0.2))
     people, findings = _assessed_people(folders[PEOPLE], robot, elbow, _part(tell, 0.2, 0.58))
-    tell(f"its controller {EXPORTED} leaves the PC", 0.58)
-    controller = export(elbow, controller=EXPORTED)
+    tell(f"its controller {BEST_SENSED} leaves the PC", 0.58)
+    controller = export(elbow, controller=BEST_SENSED)
     played, absent = check_here(controller), missing_tools()
     cost = None if absent else measure(controller)
-    save_measured(elbow, controller, cost, controller=EXPORTED)
+    save_measured(elbow, controller, cost, controller=BEST_SENSED)
     if absent:
         notes.append(f"The exported controller was not run on a Cortex-M4F: {', '.join(absent)} not installed.")
     coverages = []

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..assessment.assessment_findings import AssessmentFindings
-from ..controllers.elbow_controllers import ELBOW_CONTROLLERS
+from ..controllers.elbow_controllers import BEST, BEST_SENSED, ELBOW_CONTROLLERS
 from ..report import assessment_figures, direction_figures, figures
 from ..report.drawing import draw
 from ..report.page import Page, Section, Tile, write_page
@@ -22,9 +22,6 @@ if TYPE_CHECKING:
     from .demo import Demonstration
 
 LEVEL = 0.95
-EXPORTED = "force_sensor"
-"""The controller that leaves the PC."""
-
 SHOWN = ("duration", "torque_rms", "emg_level")
 """Indices that the page draws."""
 
@@ -96,7 +93,7 @@ def told(made: Demonstration) -> list[tuple[str, str]]:
 
 
 def _left(made: Demonstration) -> str:
-    head, cost = f"The controller {EXPORTED} left the PC as C", made.cost
+    head, cost = f"The controller {BEST_SENSED} left the PC as C", made.cost
     if cost is not None:
         same = f"and {cost.wrong} answers differ from here" if cost.wrong else "with the same bits as here"
         return f"{head}: on a Cortex-M4F in QEMU a step takes {cost.instructions:.0f} instructions, {same}."
@@ -130,10 +127,10 @@ def _signed(share: float) -> str:
 
 def _tiles(made: Demonstration) -> tuple[Tile, ...]:
     torque = _means(made.findings, "torque_rms")
-    others = ", ".join(f"{c} {number(x, digits=2)}" for c, x in torque.items() if c != EXPORTED)
+    others = ", ".join(f"{c} {number(x, digits=2)}" for c, x in torque.items() if c != BEST_SENSED)
     tiles = [
         Tile("Gravity against the truth", percent(100.0 * _gravity_error(made)), "% off", "a virtual elbow"),
-        Tile(f"Interaction torque, {EXPORTED}", number(torque[EXPORTED], digits=2), "N·m RMS", others),
+        Tile(f"Interaction torque, {BEST_SENSED}", number(torque[BEST_SENSED], digits=2), "N·m RMS", others),
     ]
     if made.cost is not None:
         count, size = f"{made.cost.instructions:.0f}", f"Cortex-M4F, {made.cost.bytes} bytes"
@@ -187,8 +184,8 @@ def _controllers(made: Demonstration) -> Section:
         "2. Its cards make controllers",
         (
             "Each controller takes its numbers from a model card and the place of the carriage, nothing else, and ends "
-            "in the same safety gate: limits on torque, rate, speed and position, and faults that latch. clpc and "
-            "transparent have the encoder alone; force_sensor also reads the torque at the strap, with the sensor's "
+            f"in the same safety gate: limits on torque, rate, speed and position, and faults that latch. {BEST} has "
+            f"the encoder alone, as clpc has; {BEST_SENSED} also reads the torque at the strap, with the sensor's "
             "noise, offset, drift and delay.",
         ),
         (Table(("Controller", "What it does", "Card"), rows, wide=True),),
@@ -200,7 +197,7 @@ def _people(made: Demonstration) -> Section:
     n, left = len(findings.participants), sum(findings.left_out.values())
     least = number(min(1.0, 2.0 ** (1 - n)), digits=2)
     torque, changes = _means(findings, "torque_rms"), _changes(findings)
-    rows = tuple(Row((c, _signed(changes[c]), number(x, digits=3)), c == EXPORTED) for c, x in torque.items())
+    rows = tuple(Row((c, _signed(changes[c]), number(x, digits=3)), c == BEST_SENSED) for c, x in torque.items())
     heads = ("Condition", f"Duration against {findings.control}", "Interaction torque, RMS (N·m)")
     drawn = {name: findings.assessed[name] for name in SHOWN if name in findings.assessed}
     return Section(
@@ -230,8 +227,8 @@ def _people(made: Demonstration) -> Section:
 def _exported(made: Demonstration) -> Section:
     cost, tables = made.cost, ()
     said = [
-        f"The controller {EXPORTED} as a folder of C and C++: the core's own headers, the identified constants, three "
-        "functions to call, and a test vector with a motion and every fault."
+        f"The controller {BEST_SENSED} as a folder of C and C++: the core's own headers, the identified constants, "
+        "three functions to call, and a test vector with a motion and every fault."
     ]
     if cost is not None:
         rows = (
@@ -301,7 +298,7 @@ def _next(made: Demonstration) -> Section:
         ("an orthosis and its wearer, EMG", "pellucid init my-knee --rig knee-orthosis"),
         ("people who move under conditions", "pellucid assess DIR"),
         ("no robot", "pellucid init my-elbow --rig able-elbow"),
-        ("this demo's robot, another controller", f"pellucid export {made.elbow.folder} --controller transparent"),
+        ("this demo's robot, another controller", f"pellucid export {made.elbow.folder} --controller fc"),
     )
     return Section(
         "next",

@@ -155,6 +155,11 @@ def _notes(
         yield f"Of its optional inputs it uses {' and '.join(used) or 'none'}; leave the others not valid."
     if law.emg:
         yield "muscle is the output of your EMG chain: the torque of the wearer's muscles at the joint."
+    if law.values.get("dither"):
+        yield (
+            "The motor trembles against sticking, which is heard and warms it: begin with dither = 0, and watch what "
+            "the drive makes of more."
+        )
     if named.exponents and exponents is None:
         up, down = PUBLISHED_EXPONENTS
         yield (
