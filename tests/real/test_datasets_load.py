@@ -5,7 +5,7 @@ import pytest
 
 from pellucid import datasets
 from pellucid.recordings import inspect
-from pellucid.recordings.muscle_constants import study_muscles
+from pellucid.recordings.study_muscles import study_muscles
 from pellucid.signals.emg_quality import inspect_emg
 
 

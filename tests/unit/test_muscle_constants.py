@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import pytest
 
 from pellucid._errors import RecordingError
-from pellucid.recordings.muscle_constants import read_muscle_constants, study_muscles
+from pellucid.recordings.study_muscles import read_muscle_constants, study_muscles
 from pellucid.recordings.study_procedures import EmgTorque
 
 MODEL = """<?xml version="1.0"?><OpenSimDocument Version="40000"><Model name="leg"><ForceSet><objects>

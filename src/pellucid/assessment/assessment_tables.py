@@ -57,26 +57,33 @@ def summary_table(found: AssessmentFindings) -> FigureTable:
     """
     rows = []
     for each in found.assessed.values():
-        cells = (_mean_cell(found, each, condition) for condition in found.conditions)
+        decimals = _row_decimals(each)
+        cells = (_mean_cell(found, each, condition, decimals) for condition in found.conditions)
         rows.append((words(each, short=True), *cells))
     n = len(found.participants)
     title = f"Mean ± SD over {n} participant{'s' if n != 1 else ''}; * differs from {found.control} (Nemenyi)"
     return FigureTable(title, ("Index", *found.conditions), tuple(rows))
 
 
-def _mean_cell(found: AssessmentFindings, each: Assessed, condition: str) -> str | None:
+def _mean_cell(found: AssessmentFindings, each: Assessed, condition: str, decimals: int) -> str | None:
     if condition not in each.table.conditions:
         return None
     column = each.table.index.shown[0] * each.table.column(condition)
-    # Three digits of a mean are what a reader compares; its SD has as many decimals.
-    mean, sd = float(column.mean()), float(np.std(column, ddof=1)) if len(column) > 1 else 0.0
-    decimals = min(max(2 - int(f"{max(abs(mean), sd):.2e}".split("e")[1]), 0), 3) if mean or sd else 3
-    shown = _fixed(mean, decimals)
+    shown = _fixed(float(column.mean()), decimals)
     if len(column) > 1:
-        shown += f"±{_fixed(sd, decimals)}"
+        shown += f"±{_fixed(float(np.std(column, ddof=1)), decimals)}"
     known = found.control in each.table.conditions and condition != found.control
     differs = known and each.comparison.pair(found.control, condition) < 1.0 - found.confidence
     return shown + ("*" if differs else "")
+
+
+def _row_decimals(each: Assessed) -> int:
+    """Three digits of the largest mean, or standard deviation, are what a reader compares along a row."""
+    values = each.table.index.shown[0] * each.table.values
+    largest = np.abs(values.mean(axis=0)).max()
+    if len(values) > 1:
+        largest = max(largest, values.std(axis=0, ddof=1).max())
+    return min(max(2 - int(f"{largest:.2e}".split("e")[1]), 0), 3) if largest > 0.0 else 3
 
 
 def words(each: Assessed, *, short: bool = False) -> str:
@@ -216,7 +223,7 @@ def description_table(found: AssessmentFindings, each: Assessed) -> FigureTable:
         rows.append((condition, *row))
     heads = ("", "Mean", "SD", "Min", "Median", "Max")
     if against:
-        heads += ("Δ" if share is None else "Δ %", f"{100 * found.confidence:g} %", "p")
+        heads += ("Δ" if share is None else "Δ %", f"{100 * found.confidence:g} % CI", "p (Holm)")
     return FigureTable(words(each), heads, tuple(rows))
 
 
@@ -238,7 +245,7 @@ def effect_table(found: AssessmentFindings) -> FigureTable:
             factor = each.table.index.shown[0]
             told = _short(factor * a.change), _range(factor, a.interval), *sizes, p_text(a.p_value), p_text(a.holm)
             rows.append((words(each, short=True), a.condition, *told))
-    level = f"{100 * found.confidence:g} %"
+    level = f"{100 * found.confidence:g} % CI"
     heads = ("Index", "", "Change", level, "d of pairs", "Rank-biserial", "Cliff's δ", "p", "p (Holm)")
     return FigureTable(f"Changes from {found.control}", heads, tuple(rows))
 
@@ -256,7 +263,11 @@ def _fixed(value: float, decimals: int) -> str:
 
 def _range(scale: float, interval: tuple[float, float]) -> str | None:
     low, high = (scale * end for end in interval)
-    return None if np.isnan(low) else f"{_short(low, 2)} to {_short(high, 2)}"
+    if np.isnan(low):
+        return None
+    largest = max(abs(low), abs(high))
+    decimals = min(max(2 - int(f"{largest:.2e}".split("e")[1]), 0), 5) if largest > 0.0 else 0
+    return f"{_fixed(low, decimals)} to {_fixed(high, decimals)}"
 
 
 def _short(value: float, digits: int = 3) -> str:

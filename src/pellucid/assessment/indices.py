@@ -192,6 +192,8 @@ class Isochrony:
         [s/rad], [s].
     points : tuple of (amplitude [rad], mean velocity [rad/s], duration [s])
         Means over participants.
+    people : tuple of tuple
+        Each participant's own points.
     """
 
     condition: str
@@ -205,6 +207,7 @@ class Isochrony:
     duration_slope: float
     duration_intercept: float
     points: tuple[tuple[float, float, float], ...]
+    people: tuple[tuple[tuple[float, float, float], ...], ...]
 
 
 def isochrony(
@@ -245,6 +248,7 @@ def isochrony(
                     tuple(affine(np.radians(a), np.array([ts[x] for x in a]))[2] for _, a, _, ts in each),
                     dslope, dintercept,
                     tuple(zip(radians.tolist(), map(float, v), map(float, t), strict=True)),
+                    tuple(tuple((float(np.radians(x)), vs[x], ts[x]) for x in a) for _, a, vs, ts in each),
                 )
             )  # fmt: skip
     return tuple(found)

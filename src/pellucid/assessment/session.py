@@ -14,6 +14,7 @@ from ..recordings.study_procedures import Assessment
 from ..signals.amplitude_check import RANDOM
 from ..signals.movements import Kinematics, Movement, MovementRule
 from ..signals.pointing import PointingRecord, drop_mistaken, labels
+from ..signals.resampling import linear
 from .clocks import emg_on_motions_clock
 from .emg_index import Activity, activity, emg_per_acceleration, maxima
 from .end_error import end_error, target_zero
@@ -225,7 +226,7 @@ def _indices(record, motion, movement, spec, made, largest) -> dict[str, float]:
         "peak_time": movement.peak_time,
     }
     if spec.interaction in record.recording:
-        torque = np.interp(motion.time[part], record.recording.time, record.recording[spec.interaction])
+        torque = linear(record.recording.time, record.recording[spec.interaction], motion.time[part])
         felt = interaction(torque, velocity, motion.fs)
         values |= {"torque_rms": felt.rms, "torque_peak": felt.peak, "work": felt.resisted}
     if made is not None:

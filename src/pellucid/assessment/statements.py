@@ -47,7 +47,7 @@ def headline(found: AssessmentFindings) -> str:
 
 
 def paragraph(found: AssessmentFindings) -> str:
-    """What was found and what was not.
+    """What was found and what was not; what belongs to one index stands apart, behind an empty line.
 
     Parameters
     ----------
@@ -59,25 +59,23 @@ def paragraph(found: AssessmentFindings) -> str:
     """
     alpha = 1.0 - found.confidence
     n = len(found.participants)
-    said = [
-        f"{n} participant{'s' if n != 1 else ''} made {found.movements} movements in {len(found.conditions)} "
-        f"conditions ({', '.join(found.conditions)}; control: {found.control})."
+    parts = [
+        [
+            f"{n} participant{'s' if n != 1 else ''} made {found.movements} movements in {len(found.conditions)} "
+            f"conditions ({', '.join(found.conditions)}; control: {found.control})."
+        ]
     ]
     if n < 2:
-        said.append("With one participant there is no test: the figures describe this person and nobody else.")
-    for name in MAIN:
-        if name in found.assessed:
-            said += _index_sentences(found, found.assessed[name], alpha)
-    said += _other_indices(found, alpha)
+        parts[0].append("With one participant there is no test: the figures describe this person and nobody else.")
+    parts += [_index_sentences(found, found.assessed[name], alpha) for name in MAIN if name in found.assessed]
+    rest = _other_indices(found, alpha)
     if any(_told_apart(found, each, alpha) is False for each in found.assessed.values()):
-        said.append(
-            f"A condition that no test tells from {found.control} is not thereby equal to it: its interval says how "
-            "large the change may be."
+        rest.append(
+            f"A condition that no test tells from {found.control} is not thereby equal to it: its interval "
+            "(CI, by bootstrap over participants) says how large the change may be."
         )
-    said += _isochrony_sentence(found)
-    if n > 1:
-        said.append(_limits(found, alpha))
-    return " ".join(said)
+    parts += [rest, _isochrony_sentence(found) + ([_limits(found, alpha)] if n > 1 else [])]
+    return "\n\n".join(" ".join(part) for part in parts if part)
 
 
 def _told_apart(found: AssessmentFindings, each: Assessed, alpha: float) -> bool | None:
@@ -101,17 +99,18 @@ def _index_sentences(found: AssessmentFindings, each: Assessed, alpha: float) ->
         own = against.get(condition)
         change = "" if own is None else _change(found, each, own)
         if index.over_control:
-            parts.append(f"{condition} {change or _percent(mean)}")
+            told, _, interval = (change or _percent(mean)).partition(", ")
+            parts.append(f"{told} in {condition}" + (f" ({interval})" if interval else ""))
             continue
         parts.append(f"{mean:.3g}{' ' if unit else ''}{unit} in {condition}" + (f" ({change})" if change else ""))
     said = [f"{_mean_of(index.words)} was {_listed(parts)}."]
     if index.over_control:
-        said = [f"Activity over acceleration (EMG/Acc), against {found.control}: {_listed(parts)}."]
+        said = [f"EMG over acceleration (EMG/Acc) changed from {found.control} by {_listed(parts)}."]
     if compared.friedman is None:
         return said
     test = compared.friedman
-    counted = ", counted" if test.exact_p_value is not None else ""
-    result = f"χ²({test.degrees_of_freedom}) = {test.statistic:.3g}, {_p(compared.p_value)}{counted}"
+    exact = "exact " if test.exact_p_value is not None else ""
+    result = f"Friedman's χ²({test.degrees_of_freedom}) = {test.statistic:.3g}, {exact}{_p(compared.p_value)}"
     if compared.p_value >= alpha:
         return [*said, f"No difference between conditions was found ({result})."]
     pairs = [
@@ -121,8 +120,8 @@ def _index_sentences(found: AssessmentFindings, each: Assessed, alpha: float) ->
         if compared.pair(a, b) < alpha
     ]
     which = _listed([f"{a} from {b} ({_p(q)})" for a, b, q in pairs])
-    told = f"Nemenyi's test tells {which}" if pairs else "Nemenyi's test cannot say which"
-    return [*said, f"Conditions differ ({result}); {told}."]
+    told = f"Nemenyi's test told {which}" if pairs else "Nemenyi's test could not say which"
+    return [*said, f"Conditions differed ({result}); {told}."]
 
 
 def _mean_of(words: str) -> str:
@@ -138,7 +137,7 @@ def _change(found: AssessmentFindings, each: Assessed, own: AgainstControl) -> s
     if np.isnan(own.interval[0]):
         return text
     low, high = (scale * end for end in own.interval)
-    return f"{text}, {100 * found.confidence:g} % interval {_signed(low)} to {_signed(high)}{unit}"
+    return f"{text}, {100 * found.confidence:g} % CI {_signed(low)} to {_signed(high)}{unit}"
 
 
 def _other_indices(found: AssessmentFindings, alpha: float) -> list[str]:
@@ -149,7 +148,7 @@ def _other_indices(found: AssessmentFindings, alpha: float) -> list[str]:
     def named(each: Assessed) -> str:
         return f"{_mean_of(each.table.index.words)[5:]} ({_p(each.comparison.p_value)})"
 
-    said = [f"Conditions also differ in {_listed(list(map(named, differ)))}."] if differ else []
+    said = [f"Conditions also differed in {_listed(list(map(named, differ)))}."] if differ else []
     return said + ([f"No difference was found in {_listed(list(map(named, same)))}."] if same else [])
 
 
@@ -247,7 +246,7 @@ def _percent(share: float) -> str:
 
 
 def _signed(value: float) -> str:
-    return f"{value:+.1f}"
+    return f"{value:+.0f}" if abs(value) >= 100.0 else f"{value:+.1f}"
 
 
 def _p(p: float) -> str:

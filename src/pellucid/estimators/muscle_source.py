@@ -9,9 +9,9 @@ import numpy as np
 
 from ..models.hill import HillMuscle
 from ..models.muscle_geometry import muscle_table
-from ..recordings.muscle_constants import study_muscles
 from ..recordings.recording import Recording
 from ..recordings.study import Study
+from ..recordings.study_muscles import study_muscles
 from ..signals.emg_chain import emg_chain
 
 FIBRE_DAMPING = 0.05

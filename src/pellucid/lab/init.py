@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import os
 import re
-from importlib.resources import files
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from .. import datasets
 from .._atomic import write_text_atomically
 from .._errors import StudyError
+from .elbow.rig import drawn_rigs, parse_elbow_rig
+from .rig_file import RIGS, shipped_rig
 
 if TYPE_CHECKING:
     from ..recordings.study import Study
@@ -26,7 +27,7 @@ DRAWN_FROM = "able-elbow"
 
 def rig_names() -> tuple[str, ...]:
     """Names of the virtual rigs that come with the package."""
-    own = sorted(file.name.removesuffix(".toml") for file in (files(__package__) / "rigs").iterdir())
+    own = sorted(file.name.removesuffix(".toml") for file in RIGS.iterdir())
     return (*own, *(f"{DRAWN_FROM}-drawn-{i + 1}" for i in range(DRAWN)))
 
 
@@ -111,11 +112,9 @@ def rig_text(rig: str) -> str:
     str
     """
     base, _, drawn = rig.partition("-drawn-")
-    text = (files(__package__) / "rigs" / f"{base}.toml").read_text(encoding="utf-8")
+    text = shipped_rig(base)
     if not drawn:
         return text
-    from .elbow.rig import drawn_rigs, parse_elbow_rig
-
     original = parse_elbow_rig(text, base)
     values = drawn_rigs(original, DRAWN)[int(drawn) - 1]
     made, table = [f"# Drawn from the ranges at the end of this file: rig {drawn} of {DRAWN}."], ""

@@ -5,9 +5,13 @@ from __future__ import annotations
 import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from importlib.resources import files
 from typing import Self
 
 from .._errors import StudyError
+
+RIGS = files(__package__) / "rigs"
+"""The rigs that come with the package."""
 
 
 @dataclass(frozen=True)
@@ -57,6 +61,11 @@ class Rig:
                 raise StudyError(f"rig {self.name} has no constant {path}")
             table[key] = value
         return replace(self, name=name or self.name, tables=tables)
+
+
+def shipped_rig(name: str) -> str:
+    """The text of a file of ``lab/rigs``, by its name without the ending."""
+    return (RIGS / f"{name}.toml").read_text(encoding="utf-8")
 
 
 def parse_tables(text: str, where: str) -> dict:

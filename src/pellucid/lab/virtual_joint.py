@@ -15,8 +15,7 @@ from ..protocols.excitation import multisine, point_to_point
 from ..recordings.recording import Channel
 from ..recordings.study import Study
 from ..recordings.writers import write_csv
-from .init import rig_text
-from .rig_file import checked_tables
+from .rig_file import checked_tables, shipped_rig
 from .study_folder import write_study_folder
 
 NEEDED = {
@@ -83,7 +82,7 @@ class VirtualJoint:
 
 def bench_joint() -> VirtualJoint:
     """The joint of ``lab/rigs/bench-joint.toml``."""
-    return parse_rig(rig_text("bench-joint"), "bench-joint")
+    return parse_rig(shipped_rig("bench-joint"), "bench-joint")
 
 
 def parse_rig(text: str, name: str) -> VirtualJoint:

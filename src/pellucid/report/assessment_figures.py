@@ -71,7 +71,7 @@ def profile_figure(profiles: Sequence[Profile], what: str, conditions: Sequence[
 
 
 def isochrony_figure(lines: Sequence[Isochrony], conditions: Sequence[str]) -> Drawing:
-    """Mean velocity, and duration, over amplitude: means over participants and straight lines.
+    """Mean velocity, and duration, over amplitude: every participant, means over them, and straight lines.
 
     Parameters
     ----------
@@ -89,6 +89,10 @@ def isochrony_figure(lines: Sequence[Isochrony], conditions: Sequence[str]) -> D
     for column, direction in enumerate(directions):
         top, bottom = axes[:, column]
         for each in (x for x in lines if x.direction == direction):
+            for person in each.people:
+                own = np.array(person).T
+                for axis, values in ((top, np.degrees(own[1])), (bottom, own[2])):
+                    line(axis, np.degrees(own[0]), values, color=tone[each.condition], linewidth=0.7, alpha=0.35)
             amplitude, velocity, duration = np.array(each.points).T
             for axis, values, slope, offset, scale in (
                 (top, velocity, each.velocity_slope, each.velocity_intercept, np.degrees(1.0)),
@@ -101,6 +105,7 @@ def isochrony_figure(lines: Sequence[Isochrony], conditions: Sequence[str]) -> D
         tidy(top, first=column == 0, text="Mean velocity (deg/s)")
         tidy(bottom, first=column == 0, text="Duration (s)")
         bottom.set_xlabel("Amplitude (deg)")
+        bottom.margins(x=0.04)
     shown = [c for c in conditions if any(each.condition == c for each in lines)]
     axes[0, -1].set_ylim(top=1.1 * axes[0, -1].get_ylim()[1])
     key(axes[0, -1], [(c, tone[c]) for c in shown])
@@ -112,9 +117,8 @@ def isochrony_figure(lines: Sequence[Isochrony], conditions: Sequence[str]) -> D
     return Drawing(
         "isochrony",
         figure,
-        "Means over participants at each amplitude, with straight lines. Mean velocity's slope and offset: "
-        + said
-        + ".",
+        "Means over participants at each amplitude, with straight lines; thin lines are participants. Mean velocity's "
+        "slope and offset: " + said + ".",
     )
 
 
@@ -151,10 +155,11 @@ def index_figure(assessed: Mapping[str, Assessed], conditions: Sequence[str]) ->
 def _panel(axis, each: Assessed, tone: Mapping[str, str]) -> None:
     table = each.table
     at = np.arange(len(table.conditions))
-    for row in table.values:
+    factor, unit = table.index.shown
+    for row in factor * table.values:
         line(axis, at, row, color=colour("faint"), linewidth=0.9, zorder=2)
     for x, condition in zip(at, table.conditions, strict=True):
-        values = table.column(condition)
+        values = factor * table.column(condition)
         low, first, middle, third, high = np.quantile(values, (0.0, 0.25, 0.5, 0.75, 1.0))
         axis.plot((x, x), (low, first), color=tone[condition], linewidth=1.0, zorder=3)
         axis.plot((x, x), (third, high), color=tone[condition], linewidth=1.0, zorder=3)
@@ -162,7 +167,7 @@ def _panel(axis, each: Assessed, tone: Mapping[str, str]) -> None:
         axis.plot(*box, color=tone[condition], linewidth=1.2, zorder=3)
         axis.plot((x - 0.22, x + 0.22), (middle, middle), color=tone[condition], linewidth=2.2, zorder=4)
         dots(axis, np.full(len(values), float(x)), values, tone[condition], alpha=0.8, size=4.0)
-    unit = unit_text(table.index.unit)
+    unit = unit_text(unit)
     tidy(axis, first=True, text=f"{table.index.short}" + (f" ({unit})" if unit else ""), ticks=5)
     axis.set_xticks(at, table.conditions)
     axis.set_xlim(-0.6, len(at) - 0.4)

@@ -1,15 +1,10 @@
-"""How late a causal EMG chain is: by its coefficients, and by the lag that best aligns envelope and amplitude."""
+"""How late a causal EMG chain is, by its coefficients."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy import signal
-
-if TYPE_CHECKING:
-    from .emg_chain import EmgChain
 
 
 @dataclass(frozen=True)
@@ -61,35 +56,3 @@ def group_delay(sos: np.ndarray, frequency: float, fs: float) -> float:
         return float(np.real(np.sum(steps * p * powers) / np.sum(p * powers)))
 
     return sum(delay(row[:3]) - delay(row[3:]) for row in np.asarray(sos)) / fs
-
-
-def aligning_lag(chain: EmgChain, fs: float, *, seconds: float = 120.0, bandwidth: float = 1.0, seed: int = 0) -> float:
-    """The lag at which a causal envelope correlates best with the amplitude that modulated its EMG.
-
-    EMG is noise whose amplitude is a slow random signal; the chain runs causally on it.
-
-    Parameters
-    ----------
-    chain : EmgChain
-    fs : float
-        [Hz]
-    seconds : float
-        Length of the made-up EMG [s].
-    bandwidth : float
-        Of the amplitude [Hz].
-    seed : int
-
-    Returns
-    -------
-    float
-        [s], to a sample.
-    """
-    rng = np.random.default_rng(seed)
-    n = int(seconds * fs)
-    slow = signal.sosfiltfilt(signal.butter(2, bandwidth, fs=fs, output="sos"), rng.standard_normal(n))
-    amplitude = np.exp(slow / slow.std())
-    envelope = chain.causal(amplitude * rng.standard_normal(n), fs, maximum=1.0)
-    most = min(n // 4, int(1.0 * fs))
-    a, e = amplitude - amplitude.mean(), envelope - envelope.mean()
-    likeness = signal.correlate(e, a, method="fft")[n - 1 : n - 1 + most]
-    return int(np.argmax(likeness)) / fs

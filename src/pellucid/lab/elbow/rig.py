@@ -8,8 +8,7 @@ import numpy as np
 
 from ... import _core
 from ...models.joint import GRAVITY
-from ..init import rig_text
-from ..rig_file import Rig, checked_tables
+from ..rig_file import Rig, checked_tables, shipped_rig
 
 NAMES: tuple[str, ...] = tuple(_core.GEARED_PARAMETER_NAMES)
 """The plant's parameters, in the core's order."""
@@ -115,7 +114,7 @@ class ElbowRig(Rig):
 
 def able_elbow() -> ElbowRig:
     """The rig of ``lab/rigs/able-elbow.toml``."""
-    return parse_elbow_rig(rig_text("able-elbow"), "able-elbow")
+    return parse_elbow_rig(shipped_rig("able-elbow"), "able-elbow")
 
 
 def parse_elbow_rig(text: str, name: str) -> ElbowRig:

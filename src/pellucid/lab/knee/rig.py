@@ -9,8 +9,7 @@ import numpy as np
 
 from ... import _core
 from ...models.joint import GRAVITY
-from ..init import rig_text
-from ..rig_file import Rig, checked_tables
+from ..rig_file import Rig, checked_tables, shipped_rig
 
 NAMES: tuple[str, ...] = tuple(_core.COUPLED_PARAMETER_NAMES)
 """The plant's parameters, in the core's order."""
@@ -167,7 +166,7 @@ class KneeRig(Rig):
 
 def knee_orthosis() -> KneeRig:
     """The rig of ``lab/rigs/knee-orthosis.toml``."""
-    return parse_knee_rig(rig_text("knee-orthosis"), "knee-orthosis")
+    return parse_knee_rig(shipped_rig("knee-orthosis"), "knee-orthosis")
 
 
 def parse_knee_rig(text: str, name: str) -> KneeRig:

@@ -10,8 +10,7 @@ from scipy.special import ndtri
 from ... import _core
 from ...models.anthropometry import ELBOW_TO_WRIST, Segment, forearm
 from ..elbow.rig import ElbowRig, parse_elbow_rig
-from ..init import rig_text
-from ..rig_file import Rig, checked_tables
+from ..rig_file import Rig, checked_tables, shipped_rig
 
 KIND = "elbow-participants"
 
@@ -135,7 +134,7 @@ def elbow_participants(robot: ElbowRig | None = None) -> PointingRig:
     -------
     PointingRig
     """
-    return parse_pointing_rig(rig_text(KIND), KIND, robot)
+    return parse_pointing_rig(shipped_rig(KIND), KIND, robot)
 
 
 def parse_pointing_rig(text: str, name: str, robot: ElbowRig | None = None) -> PointingRig:
@@ -161,7 +160,7 @@ def parse_pointing_rig(text: str, name: str, robot: ElbowRig | None = None) -> P
     tables = checked_tables(text, name, KIND, NEEDED)
     if robot is None:
         worn = tables["robot"]["rig"]
-        robot = parse_elbow_rig(rig_text(worn), worn)
+        robot = parse_elbow_rig(shipped_rig(worn), worn)
     return PointingRig(name, tables, robot)
 
 

@@ -7,8 +7,7 @@ from dataclasses import dataclass
 from ..._errors import StudyError
 from ...models.joint import GRAVITY
 from ...models.muscle_geometry import muscle_table
-from ..init import rig_text
-from ..rig_file import Rig, checked_tables
+from ..rig_file import Rig, checked_tables, shipped_rig
 
 KIND = "knee-seated"
 
@@ -98,4 +97,4 @@ def load_seated_rig(name: str = KIND) -> SeatedRig:
     -------
     SeatedRig
     """
-    return parse_seated_rig(rig_text(name), name)
+    return parse_seated_rig(shipped_rig(name), name)
