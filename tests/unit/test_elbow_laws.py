@@ -143,6 +143,11 @@ def test_nothing_unsafe_comes_out_of_nonsense(name, single):
     assert moving > 50_000
 
 
+def test_what_emg_leads_needs_a_limb():
+    with pytest.raises(PellucidError, match="found no limb"):
+        ELBOW_CONTROLLERS["residual"].build(COHERENT, PLACE)
+
+
 def test_what_makes_no_sense_gives_nothing():
     law = transparent(COHERENT, PLACE)
     for change in ({"coulomb_positive": -0.1}, {"inertia_share": 1.2}, {"velocity_width": 0.0}, {"period": 0.0},

@@ -100,8 +100,12 @@ def transparent_and(
     Returns
     -------
     callable
-        Takes a card, the place of the carriage [m], `limb` where EMG leads, and settings of `transparent` that differ;
-        raises a `PellucidError` where EMG leads and there is no limb.
+        Takes a card, the place of the carriage [m], `limb` where EMG leads, and settings of `transparent` that differ.
+
+    Raises
+    ------
+    PellucidError
+        By what is returned, where EMG leads and there is no limb.
     """
 
     def build(card: SliderCard, slider: float, *, limb: Segment | None = None, **settings) -> ElbowLaw:
