@@ -12,8 +12,7 @@ from pellucid._errors import PellucidError, StudyError
 from pellucid.identification.joint.gravity_holds import accuracy, cosine_moment, line_of_best_fit
 from pellucid.models.anthropometry import rod, shank_length, winter
 from pellucid.published.knee.recomputed import GRAVITY, SUBJECTS, published_coupling, published_response, recomputed
-from pellucid.published.printed import printed
-from pellucid.published.two_poles import (
+from pellucid.published.knee.two_poles import (
     TwoPoles,
     chord_stiffness,
     lowpass_delay,
@@ -21,6 +20,7 @@ from pellucid.published.two_poles import (
     r_squared,
     sine_stiffness,
 )
+from pellucid.published.printed import printed
 from pellucid.units import to_si_factor
 
 KNEE = printed("knee")

@@ -15,6 +15,7 @@ from ..protocols.excitation import multisine, point_to_point
 from ..recordings.recording import Channel
 from ..recordings.study import Study
 from ..recordings.writers import write_csv
+from .noise import noise
 from .rig_file import checked_tables, shipped_rig
 from .study_folder import write_study_folder
 
@@ -139,33 +140,6 @@ def matched(joint: VirtualJoint) -> VirtualJoint:
         mean = 0.5 * (vector[INDEX[f"{kind}_positive"]] + vector[INDEX[f"{kind}_negative"]])
         vector[INDEX[f"{kind}_positive"]] = vector[INDEX[f"{kind}_negative"]] = mean
     return replace(joint, vector=vector, ripple_amplitude=0.0)
-
-
-def noise(shape: tuple[int, ...], sd: float, memory: float, fs: float, rng: np.random.Generator) -> np.ndarray:
-    """Gaussian noise, white or first-order coloured, of standard deviation `sd` along the last axis of `shape`.
-
-    Parameters
-    ----------
-    shape : tuple of int
-    sd : float
-    memory : float
-        Time constant [s]; 0 is white.
-    fs : float
-        [Hz]
-    rng : numpy.random.Generator
-
-    Returns
-    -------
-    ndarray, shape `shape`
-    """
-    white = rng.standard_normal(shape)
-    if memory <= 0.0:
-        return sd * white
-    from scipy.signal import lfilter
-
-    rho = float(np.exp(-1.0 / (memory * fs)))
-    start = white[..., :1] * rho
-    return sd * lfilter([np.sqrt(1.0 - rho**2)], [1.0, -rho], white, zi=start)[0]
 
 
 def references(joint: VirtualJoint, rng: np.random.Generator) -> dict[str, np.ndarray]:

@@ -9,7 +9,7 @@ import numpy as np
 
 from ... import _core
 from ...models.simulate import substeps_for
-from ..virtual_joint import noise
+from ..noise import noise
 from .protocol import Trial
 from .rig import ElbowRig
 

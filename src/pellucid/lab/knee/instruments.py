@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...models.joint import GRAVITY
-from ..virtual_joint import noise
+from ..noise import noise
 from .rig import KneeRig, Subject
 
 

@@ -13,7 +13,7 @@ from typing import Literal
 
 import numpy as np
 
-from ..virtual_joint import noise
+from ..noise import noise, wander
 from .rig import EXTENSOR, FLEXOR, KneeRig, Subject
 
 
@@ -77,30 +77,6 @@ def swinging(
 def contracting(subject: Subject) -> Wearer:
     """One who pulls as hard as they can against a frame, with one muscle and then the other."""
     return Wearer(subject, "contracting")
-
-
-def wander(n: int, memory: float, fs: float, rng: np.random.Generator) -> np.ndarray:
-    """A smooth random path, uniform over 0 to 1 in the long run.
-
-    Parameters
-    ----------
-    n : int
-    memory, fs : float
-        How long it remembers where it was [s], and its rate [Hz].
-    rng : numpy.random.Generator
-
-    Returns
-    -------
-    ndarray, shape (n,)
-        [1]
-    """
-    from scipy.signal import oaconvolve
-    from scipy.special import ndtr
-
-    reach = round(4.0 * memory * fs)
-    bell = np.exp(-0.5 * (np.arange(-reach, reach + 1) / (memory * fs)) ** 2)
-    path = oaconvolve(rng.standard_normal(n + 2 * reach), bell / np.sqrt(np.sum(bell**2)), mode="valid")
-    return ndtr(path)
 
 
 def swing_path(rig: KneeRig, wearer: Wearer, n: int, rng: np.random.Generator) -> np.ndarray:

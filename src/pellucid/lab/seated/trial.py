@@ -15,7 +15,7 @@ import numpy as np
 
 from ...models.joint import GRAVITY
 from ..emg_synthesis import Electrodes, EmgSynthesis
-from ..virtual_joint import noise
+from ..noise import noise
 from .muscles import Muscles
 from .protocol import SeatedTrial
 from .rig import SeatedRig

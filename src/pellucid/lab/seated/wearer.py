@@ -12,8 +12,7 @@ import numpy as np
 
 from ... import _core
 from ...models.joint import GRAVITY
-from ..knee.wearer import wander
-from ..virtual_joint import noise
+from ..noise import noise, wander
 from .muscles import DriveMap
 from .rig import SeatedRig
 from .subject import SeatedSubject

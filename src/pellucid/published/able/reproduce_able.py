@@ -19,13 +19,13 @@ from ...lab.pointing.conditions import Cards, identified_cards, worn
 from ...lab.pointing.people import PointingRig, draw_people, elbow_participants
 from ...recordings.results import ResultRow, write_rows
 from ..paired_test import paired_test
-from ..parameter_count import chain_parameters
 from ..printed import PrintedPaper, printed
 from ..reproduction import Reproduced, spread, write_reproduction
 from .card import write_published_card
 from .coherence import inconsistencies
 from .elbow import able_elbow as published_elbow
 from .law_comparison import compare_controllers, comparison_rows
+from .parameter_count import chain_parameters
 from .statistics import statistics_rows
 from .transparency import Transparency, compare_laws
 from .transparency_rows import safety_rows, transparency_rows

@@ -10,7 +10,7 @@ from ...identification.joint.gravity_holds import accuracy, cosine_moment, line_
 from ...models.anthropometry import WINTER_GYRATION, rod, shank_length, winter
 from ..printed import Printed, PrintedPaper
 from ..reproduction import Reproduced
-from ..two_poles import TwoPoles, chord_stiffness, lowpass_delay, output_sd, r_squared, sine_stiffness
+from .two_poles import TwoPoles, chord_stiffness, lowpass_delay, output_sd, r_squared, sine_stiffness
 
 GRAVITY = 9.81
 """Acceleration of gravity [m/s^2] to which the thesis's products round; it prints none."""

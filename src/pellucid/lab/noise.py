@@ -1,0 +1,56 @@
+"""What is random over time: noise, white or coloured, and paths that wander between two ends."""
+
+from __future__ import annotations
+
+import numpy as np
+
+
+def noise(shape: tuple[int, ...], sd: float, memory: float, fs: float, rng: np.random.Generator) -> np.ndarray:
+    """Gaussian noise, white or first-order coloured, of standard deviation `sd` along the last axis of `shape`.
+
+    Parameters
+    ----------
+    shape : tuple of int
+    sd : float
+    memory : float
+        Time constant [s]; 0 is white.
+    fs : float
+        [Hz]
+    rng : numpy.random.Generator
+
+    Returns
+    -------
+    ndarray, shape `shape`
+    """
+    white = rng.standard_normal(shape)
+    if memory <= 0.0:
+        return sd * white
+    from scipy.signal import lfilter
+
+    rho = float(np.exp(-1.0 / (memory * fs)))
+    start = white[..., :1] * rho
+    return sd * lfilter([np.sqrt(1.0 - rho**2)], [1.0, -rho], white, zi=start)[0]
+
+
+def wander(n: int, memory: float, fs: float, rng: np.random.Generator) -> np.ndarray:
+    """A smooth random path, uniform over 0 to 1 in the long run.
+
+    Parameters
+    ----------
+    n : int
+    memory, fs : float
+        How long it remembers where it was [s], and its rate [Hz].
+    rng : numpy.random.Generator
+
+    Returns
+    -------
+    ndarray, shape (n,)
+        [1]
+    """
+    from scipy.signal import oaconvolve
+    from scipy.special import ndtr
+
+    reach = round(4.0 * memory * fs)
+    bell = np.exp(-0.5 * (np.arange(-reach, reach + 1) / (memory * fs)) ** 2)
+    path = oaconvolve(rng.standard_normal(n + 2 * reach), bell / np.sqrt(np.sum(bell**2)), mode="valid")
+    return ndtr(path)
