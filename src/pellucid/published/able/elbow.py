@@ -6,7 +6,7 @@ Eq. 3 and 4 of the paper, with one set of numbers for each direction of motion:
    \tau &= g\,(m x(s) \cos q_4 + m y \sin q_4) + \nu \dot q_4 + J(s)\,\ddot q_4 + \tau_C\,\mathrm{sign}\,\dot q_4 \\
    m x(s) &= c_1 s + c_0, \qquad J(s) = a_0 + a_1 s + a_2 s^2, \qquad k_t\,i = \tau / r_4
 
-s is the slider's position. The numbers do not describe a joint that can exist (`able_coherence.inconsistencies`,
+s is the slider's position. The numbers do not describe a joint that can exist (`coherence.inconsistencies`,
 ``docs/errata.md``): this model is for comparing with the paper, never a plant or a compensation.
 
 The paper measures the angle from the horizontal; the rest of Pellucid from hanging. `published_angle` converts.

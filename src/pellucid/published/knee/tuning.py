@@ -140,7 +140,7 @@ def left_to_strap(kind: str, constants: Chosen, seed: int) -> float:
     Parameters
     ----------
     kind : str
-        Of `knee_controllers.NAMES`.
+        Of `controllers.NAMES`.
     constants : Chosen
     seed : int
         Of the wearer.
@@ -175,7 +175,7 @@ def keeps_margins(kind: str, constants: Chosen, seed: int) -> bool:
     Parameters
     ----------
     kind : str
-        Of `knee_controllers.NAMES`.
+        Of `controllers.NAMES`.
     constants : Chosen
     seed : int
         Of the wearer.
