@@ -4,8 +4,6 @@ C6 to C12, on the muscles, stand in test_hill_muscle_errata.py.
 """
 
 import math
-import re
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -30,7 +28,6 @@ from pellucid.published.hill.recomputed import (
 from pellucid.published.printed import printed
 
 HILL = printed("hill")
-ERRATA = (Path(__file__).parents[2] / "docs" / "errata.md").read_text(encoding="utf-8")
 SWINGS, MUSCLES, ERRORS, METHODS = (HILL.tables[name] for name in ("swings", "muscles", "errors", "methods"))
 ROWS = {row.id.removeprefix("hill.recomputed."): row for row in recomputed(HILL)}
 FS = 200.0
@@ -224,13 +221,3 @@ def test_c15_the_cost_grows_with_the_recording_and_adam_does_not_mind(rng):
     # gamma stands for a pole of eq. 17 and for a width in eq. 23, with different values.
     assert [g.value for g in HILL.values["gammas"]] == [0.5, 0.5]
     assert HILL["length_width"] == 0.45
-
-
-def test_every_erratum_has_its_proof_here():
-    section = ERRATA[ERRATA.index("\n## C: ") :]
-    proofs = set(re.findall(r"`(test_c\d+_\w+)`", section))
-    here = {name for name in globals() if re.match(r"test_c(?:[1-5]|1[3-5])_", name)}
-    assert here <= proofs
-    numbers = [int(n) for n in re.findall(r"^### C(\d+):", section, re.M)]
-    assert numbers == sorted(numbers)
-    assert {1, 2, 3, 4, 5, 13, 14, 15} <= set(numbers)
