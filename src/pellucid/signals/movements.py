@@ -374,12 +374,12 @@ def _told_of_loss(motion: Kinematics, none: NoMovement) -> NoMovement:
 
 
 def _rival(speed: np.ndarray, peak: int) -> tuple[float, float]:
-    """Height of the highest other local maximum with a valley below `VALLEY`, and that valley, relative to the peak."""
+    """Height of the highest other local maximum that rivals the peak across a valley below `VALLEY`, and that valley,
+    relative to the peak; 0 and 1 where there is none."""
     inner = np.flatnonzero((speed[1:-1] >= speed[:-2]) & (speed[1:-1] > speed[2:])) + 1
+    inner = inner[(speed[inner] / speed[peak] > RIVAL) & (inner != peak)]
     best, valley = 0.0, 1.0
     for other in inner:
-        if other == peak:
-            continue
         low, high = sorted((other, peak))
         between = float(speed[low : high + 1].min() / speed[peak])
         height = float(speed[other] / speed[peak])
