@@ -15,17 +15,18 @@ from pellucid.recordings.study_procedures import Assessment
 from pellucid.signals.emg_timing import emg_lead
 from pellucid.signals.movements import MovementRule, kinematics
 from pellucid.signals.pointing import assessed, drop_mistaken, labels, pointing_record, with_rule
+from pellucid.signals.pointing_check import pointing_faults
 
 SPEC = Assessment(control="Ctrl", segment=("elbow", "wrist"))
 
 
-def made(seed=1, late=0.0, encoder=True, **channels):
-    """One recording with markers whose clock is `late` [s], and an encoder."""
+def made(seed=1, late=0.0, encoder=True, fast=0.0, repetitions=1, **channels):
+    """One recording with markers whose clock is `late` [s] and runs `fast` [s/s], and an encoder."""
     rng = np.random.default_rng(seed)
-    time, angle, target, truth = made_pointing.angle_and_target(rng, 200.0, "Ctrl", 1.0, 1)
+    time, angle, target, truth = made_pointing.angle_and_target(rng, 200.0, "Ctrl", 1.0, repetitions)
     given = {"time": time, "target": target, **({"position": angle} if encoder else {}), **channels}
     seen = np.arange(0.0, time[-1], 1.0 / 179.0)
-    q = np.interp(seen - late, time, angle)
+    q = np.interp(seen / (1.0 + fast) - late, time, angle)
     elbow = np.zeros((len(seen), 3))
     wrist = 0.25 * np.c_[np.sin(q), 0.0 * q, -np.cos(q)] + 2e-4 * rng.standard_normal((len(seen), 3))
     optical = OpticalRecording(Path("m.csv"), "0", seen, {"elbow": elbow, "wrist": wrist}, np.array([0.0, 0.0, -1.0]))
@@ -44,6 +45,23 @@ def test_a_late_motion_capture_is_found_and_taken_back(late):
     assert none == []
     starts = [m.start for m in found]
     assert starts == pytest.approx([start for start, _, _ in truth], abs=0.08)
+
+
+@pytest.mark.parametrize("fast", [1e-3, -4e-4])
+def test_a_motion_captures_drift_is_found_and_taken_back(fast):
+    recording, truth = made(fast=fast, repetitions=4)
+    record = pointing_record(recording, SPEC)
+    assert record.drift == pytest.approx(fast, abs=0.1 * abs(fast))
+    _, found, none = record.movements(with_rule(SPEC, lowpass=12.0))
+    assert none == []
+    late = np.array([m.start for m in found]) - [start for start, _, _ in truth]
+    assert abs(np.median(late[-13:]) - np.median(late[:13])) < 0.01
+    (said,) = [f for f in pointing_faults(record, SPEC, labels([record])) if f.kind == "drift"]
+    assert f"{1e6 * record.drift:+.0f} millionths" in said.message
+
+
+def test_clocks_that_keep_time_are_left_alone():
+    assert pointing_record(made(repetitions=4)[0], SPEC).drift == 0.0
 
 
 def test_markers_of_another_motion_are_refused():

@@ -143,10 +143,10 @@ def assess_recordings(
         faults += clocks
         for words, rule in rules.items():
             first = words == next(iter(rules))
-            parts[words].append(measure(own, spec, rule, emg, largest, named=named, smoothness=first))
+            parts[words].append(measure(own, spec, rule, emg, largest, named=named, detailed=first))
         if delays.recordings and emg:
             moved = {n: a.later(delays.span) if n in delays.recordings else a for n, a in emg.items()}
-            shifted.append(measure(own, spec, with_rule(spec), moved, largest, named=named, smoothness=False))
+            shifted.append(measure(own, spec, with_rule(spec), moved, largest, named=named, detailed=False))
     sessions = {words: joined(each) for words, each in parts.items() if any(part.movements for part in each)}
     session = next(iter(sessions.values()))
     found = _assessed(session.movements, participants, conditions, spec)
@@ -275,15 +275,16 @@ def _without_index(found: Mapping[str, Assessed], participants: Sequence[str], c
 
 
 def _rules(records: Sequence[PointingRecord], spec: Assessment) -> dict[str, MovementRule]:
-    """The study's rule, first, and those it is compared with."""
+    """The study's rule, first, and those it is compared with; those with the same filter stand together."""
     rules = {}
     rates = [1.0 / float(np.median(np.diff(record.time))) for record in records]
-    for cutoff in dict.fromkeys((spec.lowpass, *sorted(spec.cutoffs))):
-        if cutoff == spec.lowpass or 2.0 * cutoff < 0.95 * min(rates):
-            rules[f"{cutoff:g} Hz"] = with_rule(spec, lowpass=cutoff)
+    rules[f"{spec.lowpass:g} Hz"] = with_rule(spec)
     for share in sorted(set(spec.thresholds) - {spec.threshold}):
         rules[f"{100 * share:g} %"] = with_rule(spec, threshold=share)
     rules["first rest"] = with_rule(spec, ends="peak")
+    for cutoff in sorted(set(spec.cutoffs) - {spec.lowpass}):
+        if 2.0 * cutoff < 0.95 * min(rates):
+            rules[f"{cutoff:g} Hz"] = with_rule(spec, lowpass=cutoff)
     return rules
 
 

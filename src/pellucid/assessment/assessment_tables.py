@@ -223,7 +223,7 @@ def description_table(found: AssessmentFindings, each: Assessed) -> FigureTable:
         rows.append((condition, *row))
     heads = ("", "Mean", "SD", "Min", "Median", "Max")
     if against:
-        heads += ("Δ" if share is None else "Δ %", f"{100 * found.confidence:g} % CI", "p (Holm)")
+        heads += ("Δ" if share is None else "Δ %", f"{100 * found.confidence:g} % CI", "p")
     return FigureTable(words(each), heads, tuple(rows))
 
 
@@ -253,7 +253,7 @@ def effect_table(found: AssessmentFindings) -> FigureTable:
 def _decimals(values: np.ndarray) -> int:
     """As many decimals as two digits of the largest standard deviation need, and one more; three digits will do."""
     sd = float(np.std(values, axis=0, ddof=1).max()) if len(values) > 1 else 0.0
-    most = 3 if np.abs(values).max() >= 0.1 else 4
+    most = 3 if np.abs(values).max() >= 0.05 else 4
     return min(max(2 - int(f"{sd:.1e}".split("e")[1]), 0), most) if sd > 0.0 else 3
 
 
@@ -266,7 +266,8 @@ def _range(scale: float, interval: tuple[float, float]) -> str | None:
     if np.isnan(low):
         return None
     largest = max(abs(low), abs(high))
-    decimals = min(max(2 - int(f"{largest:.2e}".split("e")[1]), 0), 5) if largest > 0.0 else 0
+    digits = 2 if largest >= 10.0 else 1
+    decimals = min(max(digits - int(f"{largest:.1e}".split("e")[1]), 0), 5) if largest > 0.0 else 0
     return f"{_fixed(low, decimals)} to {_fixed(high, decimals)}"
 
 

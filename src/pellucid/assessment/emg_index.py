@@ -16,6 +16,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -55,8 +56,13 @@ class Activity:
         first, last = np.searchsorted(self.time, (start, end))
         if start < self.time[0] or end > self.time[-1] or last - first < 2:
             return float("nan")
-        each = [np.sqrt(np.mean(np.square(self.rectified[m][first:last]))) / maxima[m] for m in muscles]
-        return float(np.mean(each))
+        squares = ((self._sums[m][last] - self._sums[m][first]) / (last - first) for m in muscles)
+        return float(np.mean([np.sqrt(max(s, 0.0)) / maxima[m] for m, s in zip(muscles, squares, strict=True)]))
+
+    @cached_property
+    def _sums(self) -> dict[str, np.ndarray]:
+        """Sums of squares from the start, by muscle: any stretch's RMS is then two look-ups."""
+        return {m: np.concatenate(([0.0], np.cumsum(np.square(each)))) for m, each in self.rectified.items()}
 
 
 def activity(recording: Recording, spec: Assessment) -> Activity | None:

@@ -58,7 +58,7 @@ class Session:
     left_out : Mapping[str, Mapping[str, int]]
         By recording, how many stretches gave no movement and why.
     motions : Mapping[str, Kinematics]
-        By recording.
+        By recording; empty where nobody asked for them.
     """
 
     rule: MovementRule
@@ -115,7 +115,7 @@ def measure(
     largest: Mapping[str, Mapping[str, float]],
     *,
     named: Sequence[float] | None = None,
-    smoothness: bool = True,
+    detailed: bool = True,
 ) -> Session:
     """Find every movement and compute its indices.
 
@@ -128,8 +128,8 @@ def measure(
         As `activities` gives them.
     named : sequence of float, optional
         All amplitudes that the study labels [rad]; left out, those of these records.
-    smoothness : bool
-        Whether to compute SPARC and LDLJ too, which take longest.
+    detailed : bool
+        Whether to compute SPARC and LDLJ too, which take longest, and to keep the motions.
 
     Returns
     -------
@@ -165,12 +165,12 @@ def measure(
             cell = (None if pooled else _degrees(movement.amplitude, named), UP if movement.direction > 0 else DOWN)
             values = _indices(record, motion, movement, spec, emg.get(recording.name), largest)
             values |= end_error(motion, movement, zeros[recording.participant])
-            if smoothness:
+            if detailed:
                 velocity = motion.velocity[movement.first : movement.last + 1]
                 values["sparc"] = spectral_arc_length(velocity, motion.fs)
                 values["ldlj"] = log_dimensionless_jerk(velocity, motion.fs)
             made.append(Measured(recording.participant, recording.condition, recording.name, movement, cell, values))
-    return Session(rule, tuple(made), left_out, motions)
+    return Session(rule, tuple(made), left_out, motions if detailed else {})
 
 
 def _target_zeros(records, motions, movements, control: str) -> dict[str, float]:

@@ -1,21 +1,21 @@
 """A recording of somebody who points to one target after another: its angle, and the stretches between targets.
 
 The angle is a channel, or that of a segment with two markers. Markers have a clock of their own; where an encoder was
-recorded too, how far it is from the recording's is found from the motion, and otherwise both are taken to start
-together.
+recorded too, how far it is from the recording's, and by how much it runs faster, is found from the motion; otherwise
+both are taken to start together.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from .._errors import RecordingError
 from ..recordings.recording import Recording
 from ..recordings.study_procedures import Assessment
-from .alignment import align
+from .alignment import align, clock_drift
 from .amplitude_check import OWN
 from .movements import (
     Kinematics,
@@ -35,6 +35,12 @@ LEAST = 0.05
 
 LONGEST_DELAY = 0.5
 """Delay between markers and encoder that is looked for [s]."""
+
+LONG = 60.0
+"""Seconds of a record from which on the two clocks' drift is looked for, from one half to the other ..."""
+
+PARTED = 0.005
+"""... and taken back where they part by more than this [s]."""
 
 COMPARED_AT = 50.0
 """Rate at which markers and encoder are compared [Hz]: ten times what people's joints move at."""
@@ -57,6 +63,8 @@ class PointingRecord:
         By which the markers' clock is late, where that could be found [s].
     source : str
         Channel or markers of the angle, for messages.
+    drift : float
+        By how much the markers' clock was found to run fast, and is corrected [s/s].
     """
 
     recording: Recording
@@ -65,6 +73,8 @@ class PointingRecord:
     stretches: tuple[Stretch, ...]
     delay: float | None = None
     source: str = "angle"
+    drift: float = 0.0
+    _kept: dict[tuple[float, int], Kinematics] = field(default_factory=dict, init=False, repr=False)
 
     @property
     def where(self) -> str:
@@ -84,8 +94,12 @@ class PointingRecord:
         return replace(self, time=self.time + seconds, stretches=stretches)
 
     def motion(self, rule: MovementRule) -> Kinematics:
-        """The angle filtered by a rule, with its derivatives."""
-        return kinematics(self.time, self.angle, rule, where=self.where)
+        """The angle filtered by a rule, with its derivatives; kept until another filter is asked for."""
+        wanted = rule.lowpass, rule.order
+        if wanted not in self._kept:
+            self._kept.clear()
+            self._kept[wanted] = kinematics(self.time, self.angle, rule, where=self.where)
+        return self._kept[wanted]
 
     def movements(self, rule: MovementRule) -> tuple[Kinematics, list[Movement], list[NoMovement]]:
         """Motion, movements, and stretches without one, by a rule."""
@@ -129,14 +143,13 @@ def pointing_record(recording: Recording, spec: Assessment) -> PointingRecord:
         If there is no angle, or markers and encoder are not of one motion.
     """
     where = f"{recording.path.name} (recording {recording.name})"
-    delay = None
+    delay, drift = None, 0.0
     if spec.segment and recording.optical is not None:
         source = f"markers {' and '.join(spec.segment)}"
         angle = segment_angle(recording.optical, *spec.segment)
         time = recording.optical.time
         if "position" in recording:
-            delay = _markers_delay(recording, time, angle, where)
-            time = time - delay
+            time, delay, drift = _on_recordings_clock(recording, time, angle, where)
     elif spec.angle in recording:
         source, time, angle = spec.angle, recording.time, recording[spec.angle]
     else:
@@ -156,20 +169,33 @@ def pointing_record(recording: Recording, spec: Assessment) -> PointingRecord:
         what = "no movement, expected some with rests in between"
     if not stretches:
         raise RecordingError(f"{where}: found {what}")
-    return PointingRecord(recording, time, angle, tuple(stretches), delay, source)
+    return PointingRecord(recording, time, angle, tuple(stretches), delay, source, drift)
 
 
-def _markers_delay(recording: Recording, time: np.ndarray, angle: np.ndarray, where: str) -> float:
+def _on_recordings_clock(
+    recording: Recording, time: np.ndarray, angle: np.ndarray, where: str
+) -> tuple[np.ndarray, float, float]:
+    """The markers' time on the recording's clock, their delay in the mean [s], and their clock's drift [s/s]."""
     rates = []
     rule = MovementRule(lowpass=6.0)
     for at, samples in ((recording.time, recording["position"]), (time, angle)):
         motion = kinematics(at, samples, rule, where=where)
         even = np.arange(motion.time[0], motion.time[-1], 1.0 / COMPARED_AT)
         rates.append((even, np.interp(even, motion.time, motion.velocity)))
+    (at, rate), other = rates
     try:
-        return align(*rates[0], *rates[1], longest=LONGEST_DELAY).delay
+        delay = align(at, rate, *other, longest=LONGEST_DELAY).delay
+        drift, middle = 0.0, 0.5 * (at[0] + at[-1])
+        seconds = at[-1] - at[0]
+        if seconds > LONG:
+            early = at < middle
+            halves = (align(at[h], rate[h], *other, longest=0.5 * LONGEST_DELAY) for h in (early, ~early))
+            drift, error = clock_drift(*halves)
+            if abs(drift) * seconds < PARTED or abs(drift) < 4.0 * error:
+                drift = 0.0
     except RecordingError as error:
         raise RecordingError(f"{where}: markers against position: {error}") from None
+    return time - delay - drift * (time - middle), delay, drift
 
 
 def labels(records: Sequence[PointingRecord]) -> list[float]:

@@ -23,6 +23,9 @@ SCALE = (0.75, 1.35)
 MISSED = (0.5, 2.0)
 """... and where people aimed at targets with a robot on, which may keep them from getting there."""
 
+TOLD = 0.02
+"""Seconds from which on it is told that two clocks parted; what is less is taken back all the same."""
+
 LEFT_OUT = 0.2
 """Share of a recording's movements that may be left out before it is told."""
 
@@ -90,8 +93,8 @@ def pointing_faults(record: PointingRecord, spec: Assessment, labels: Sequence[f
     Returns
     -------
     list of Fault
-        Of the kinds ``"amplitude"`` and ``"movements"`` (refused), ``"left_out"``, ``"missed"`` and ``"lost_marker"``
-        (noted).
+        Of the kinds ``"amplitude"`` and ``"movements"`` (refused), ``"left_out"``, ``"missed"``, ``"drift"`` and
+        ``"lost_marker"`` (noted).
     """
     _, found, left_out = record.movements(MovementRule(spec.lowpass, spec.order, spec.threshold))
     faults = []
@@ -115,6 +118,9 @@ def pointing_faults(record: PointingRecord, spec: Assessment, labels: Sequence[f
         share = 100.0 * float(missing.mean())
         what = f"an angle that is missing in {share:.2g} % of the samples{_which_marker(record, spec)}"
         add("note", "lost_marker", what, "all of them")
+    if abs(record.drift) * (record.time[-1] - record.time[0]) > TOLD:
+        what = f"a clock that runs {1e6 * record.drift:+.0f} millionths fast against the channel position's"
+        add("note", "drift", what, "one clock; it was corrected")
     named = [m for m in found if m.amplitude is not None]
     if named:
         faults += _label_faults(record, spec, named, np.asarray(labels))
