@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from scipy.stats import norm
 
-from ..models.card import CardParameter
+from ..models.card import CardParameter, named
 from ..models.joint import JointModel
 
 
@@ -110,10 +110,7 @@ class Estimate:
     notes: tuple[str, ...] = ()
 
     def __getitem__(self, name: str) -> Parameter:
-        for parameter in self.parameters:
-            if parameter.name == name:
-                return parameter
-        raise KeyError(f"{name!r}; this estimate has {', '.join(p.name for p in self.parameters)}")
+        return named(self.parameters, name, "this estimate")
 
     def get(self, name: str) -> Parameter | None:
         """A parameter, or None where this method held it at the reference's value."""

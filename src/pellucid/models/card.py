@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
-from typing import Self
+from typing import Any, Self
 
 import numpy as np
 
@@ -29,6 +29,20 @@ class CardParameter:
     interval: tuple[float, float]
     at_bound: bool = False
     identifiable: bool = True
+
+
+def named(parameters: Iterable[Any], name: str, where: str) -> Any:
+    """Which of `parameters` has this `name`; messages say `where` they are.
+
+    Raises
+    ------
+    KeyError
+        If none has it, with the names that there are.
+    """
+    known = {parameter.name: parameter for parameter in parameters}
+    if name not in known:
+        raise KeyError(f"{where} has no parameter {name!r}; it has {', '.join(known)}")
+    return known[name]
 
 
 @dataclass(frozen=True)
@@ -96,10 +110,7 @@ class Card:
         return np.array([p.value for p in self.parameters])
 
     def __getitem__(self, name: str) -> CardParameter:
-        for parameter in self.parameters:
-            if parameter.name == name:
-                return parameter
-        raise KeyError(f"{name!r}; this card has {', '.join(p.name for p in self.parameters)}")
+        return named(self.parameters, name, "this card")
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,7 @@ import numpy as np
 
 from .._atomic import write_text_atomically
 from .._errors import PellucidError
-from .card import FORMAT, CardParameter, read_table
+from .card import FORMAT, CardParameter, named, read_table
 
 
 @dataclass(frozen=True)
@@ -59,10 +59,7 @@ class ParameterCard:
         return {p.name: p.value for p in self.parameters}
 
     def __getitem__(self, name: str) -> CardParameter:
-        for parameter in self.parameters:
-            if parameter.name == name:
-                return parameter
-        raise KeyError(f"the card {self.name} has no parameter {name!r}; it has {', '.join(self.values)}")
+        return named(self.parameters, name, f"the card {self.name}")
 
 
 def write_parameter_card(path: Path, card: ParameterCard) -> Path:

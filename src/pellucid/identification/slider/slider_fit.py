@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from ...models.card import named
 from ...models.directional_slider import DirectionalSliderModel
 from ...models.slider_joint import SliderJointModel
 from ...signals.markers import Geometry
@@ -56,10 +57,7 @@ class SliderEstimate:
     notes: tuple[str, ...] = ()
 
     def __getitem__(self, name: str) -> Parameter:
-        for parameter in self.parameters:
-            if parameter.name == name:
-                return parameter
-        raise KeyError(f"{name!r}; this estimate has {', '.join(p.name for p in self.parameters)}")
+        return named(self.parameters, name, "this estimate")
 
 
 @dataclass(frozen=True)

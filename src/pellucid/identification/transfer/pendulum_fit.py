@@ -18,13 +18,14 @@ from scipy.optimize import least_squares, lsq_linear
 from scipy.stats import norm
 
 from ..._errors import IdentificationError
+from ...models.card import named
 from ...models.pendulum import NAMES, UNITS, PendulumDrive, PendulumMotion, pendulum_drive, simulate_pendulum
 from ...models.transfer_function import filtered_powers
 from ...signals.input_output import InputOutput
 from ..fit import Parameter, Whiteness
 from ..uncertainty import sandwich, whiteness
 from .srivc import SINGULAR
-from .transfer_function_fit import Response, fit_percent
+from .transfer_function_fit import Response, fit_percent, require_samples
 
 WIDTH_SHARE = 0.02
 """Width of the smooth sign of velocity, as a share of the records' largest speed, where none is given."""
@@ -40,9 +41,6 @@ STIFFEST = 0.5
 
 MOST_SUBSTEPS = 16
 """More would only follow a friction whose smooth sign is too narrow."""
-
-SAMPLES_EACH = 5
-"""Samples that each unknown must have at least."""
 
 SPAN = 0.02
 """Reach of the differences that make a rough velocity to start from [s]."""
@@ -89,10 +87,7 @@ class PendulumFit:
     whiteness: Whiteness
 
     def __getitem__(self, name: str) -> Parameter:
-        for parameter in self.parameters:
-            if parameter.name == name:
-                return parameter
-        raise KeyError(f"{name!r}; this fit frees {', '.join(p.name for p in self.parameters)}")
+        return named(self.parameters, name, "this fit")
 
     @property
     def values(self) -> np.ndarray:
@@ -446,15 +441,7 @@ def _refined(record: InputOutput, substeps: int) -> np.ndarray:
 
 
 def _require(record: InputOutput, unknowns: int) -> None:
-    where = f"recording '{record.recording}'"
-    table = np.column_stack([record.time, record.input, record.output])
-    if not np.isfinite(table).all():
-        raise IdentificationError(f"{where}: found missing samples, expected a number in each")
-    if len(record) < SAMPLES_EACH * unknowns:
-        raise IdentificationError(
-            f"{where}: found {len(record)} samples, expected at least {SAMPLES_EACH * unknowns}, {SAMPLES_EACH} for "
-            f"each of {unknowns} unknowns"
-        )
+    where = require_samples(record, unknowns)
     if not np.all(np.diff(record.time) > 0.0):
         raise IdentificationError(f"{where}: found time that does not increase, expected one that does")
     if np.ptp(record.output) == 0.0:

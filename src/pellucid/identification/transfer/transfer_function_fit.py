@@ -23,6 +23,7 @@ import numpy as np
 from scipy.linalg import qr
 
 from ..._errors import IdentificationError
+from ...models.card import named
 from ...models.transfer_function import HOLDS, ResponseBasis, TransferFunction, response_basis, time_steps
 from ...signals.input_output import InputOutput
 from ..fit import Parameter, Whiteness
@@ -118,10 +119,7 @@ class TransferFit:
     notes: tuple[str, ...] = ()
 
     def __getitem__(self, name: str) -> Parameter:
-        for parameter in (*self.parameters, *self.physical):
-            if parameter.name == name:
-                return parameter
-        raise KeyError(f"{name!r}; this fit has {', '.join(p.name for p in (*self.parameters, *self.physical))}")
+        return named((*self.parameters, *self.physical), name, "this fit")
 
 
 def fit_transfer_function(
@@ -425,7 +423,14 @@ def _pole_notes(made: TransferFunction, experiment: Experiment) -> list[str]:
     ]
 
 
-def _require(record: InputOutput, unknowns: int, *, moving: bool = True) -> None:
+def require_samples(record: InputOutput, unknowns: int) -> str:
+    """Refuse a `record` with missing samples or too few for so many `unknowns`; what further messages begin with.
+
+    Raises
+    ------
+    IdentificationError
+        Naming the recording.
+    """
     where = f"recording '{record.recording}'"
     table = np.column_stack([record.time, record.input, record.output])
     if not np.isfinite(table).all():
@@ -435,6 +440,11 @@ def _require(record: InputOutput, unknowns: int, *, moving: bool = True) -> None
             f"{where}: found {len(record)} samples, expected at least {SAMPLES_EACH * unknowns}, {SAMPLES_EACH} for "
             f"each of {unknowns} unknowns"
         )
+    return where
+
+
+def _require(record: InputOutput, unknowns: int, *, moving: bool = True) -> None:
+    where = require_samples(record, unknowns)
     try:
         time_steps(record.time)
     except IdentificationError as error:
