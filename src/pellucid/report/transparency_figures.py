@@ -49,7 +49,9 @@ def change_figure(
     -------
     Drawing
     """
-    figure = Figure(figsize=(FIGURE_WIDTH, 3.3), layout="constrained")
+    figure = Figure(
+        figsize=(FIGURE_WIDTH, 1.2 + 0.7 * max(len(laws) for laws in panels.values())), layout="constrained"
+    )
     axes = figure.subplots(1, len(panels))
     for i, (axis, (title, laws)) in enumerate(zip(axes, panels.items(), strict=True)):
         for place, one in enumerate(laws):

@@ -17,7 +17,8 @@ from ..._errors import RecordingError
 from ...assessment.assess import assess_recordings
 from ...assessment.assessment_findings import AssessmentFindings
 from ...assessment.indices import affine
-from ...lab.pointing.conditions import Cards, chosen_exponents, published_laws
+from ...controllers.elbow_controllers import BEST, BEST_SENSED
+from ...lab.pointing.conditions import Cards, chosen_exponents, published_laws, worn
 from ...lab.pointing.movement_choice import preferred_duration
 from ...lab.pointing.people import Person, PointingRig, draw_people
 from ...lab.pointing.session import Session, point
@@ -33,6 +34,9 @@ from ...signals.movements import Movement, MovementRule, Stretch, kinematics, mo
 
 LAWS = ("FC", "PCFr", "CLPC")
 """Conditions of the paper beside control, in its order."""
+
+OWN_LAWS = (BEST, BEST_SENSED)
+"""The toolkit's best, with an encoder alone and with a force sensor."""
 
 PUBLISHED_RULE, FIRST_REST = "published", "first_rest"
 
@@ -114,12 +118,36 @@ class VirtualStudy:
         return sorted((t for t in self.taken if t.condition == condition), key=lambda t: t.person)
 
     def values(self, index: str, condition: str, rule: str = PUBLISHED_RULE) -> np.ndarray:
-        """Of every person, shape (people,): an attribute of `Means`, or "up", "down" for the line's R2."""
+        """One index of every person.
+
+        Parameters
+        ----------
+        index : str
+            An attribute of `Means`, in its unit, or "up", "down" for the line's R2 [1].
+        condition : str
+        rule : str
+            Of `RULES`.
+
+        Returns
+        -------
+        ndarray, shape (people,)
+        """
         means = [t.means[rule] for t in self.of(condition)]
         return np.array([m.r2[index] if index in m.r2 else getattr(m, index) for m in means])
 
     def change(self, index: str, condition: str, rule: str = PUBLISHED_RULE) -> float:
-        """From control [%]: of the mean over people; of EMG/Acc the mean of each person's own."""
+        """Change of an index from control: of the mean over people; of EMG/Acc the mean of each person's own.
+
+        Parameters
+        ----------
+        index, condition, rule : str
+            As `values` takes them.
+
+        Returns
+        -------
+        float
+            [%]
+        """
         over, under = self.values(index, condition, rule), self.values(index, CONTROL, rule)
         ratio = np.mean(over / under) if index == "emg_per_acc" else np.mean(over) / np.mean(under)
         return float(100.0 * (ratio - 1.0))
@@ -130,7 +158,8 @@ class VirtualStudy:
 
 
 def _order(condition: str) -> tuple[int, str]:
-    return (LAWS.index(condition) if condition in LAWS else len(LAWS), condition)
+    known = (*LAWS, *OWN_LAWS)
+    return (known.index(condition) if condition in known else len(known), condition)
 
 
 def injected_energy(session: Session) -> np.ndarray:
@@ -338,8 +367,10 @@ class Transparency:
         The first seed's, through instruments.
     studies : tuple of VirtualStudy
         Of every seed.
+    own : tuple of VirtualStudy
+        The same people in control and under the toolkit's own laws.
     patient : VirtualStudy
-        The first seed's people, content as soon as they are on the target.
+        The first seed's people under all these laws, content as soon as they are on the target.
     required : dict of str to float
         As `required_resistance` gives it.
     """
@@ -348,8 +379,13 @@ class Transparency:
     torques: dict[float, tuple[float, float]]
     recorded: Recorded
     studies: tuple[VirtualStudy, ...]
+    own: tuple[VirtualStudy, ...]
     patient: VirtualStudy
     required: dict[str, float]
+
+    def with_law(self, law: str) -> tuple[VirtualStudy, ...]:
+        """The studies in which a law was a condition."""
+        return self.own if law in OWN_LAWS else self.studies
 
 
 def compare_laws(
@@ -360,7 +396,7 @@ def compare_laws(
     threads: int = 2,
     on_progress: Callable[[str, float], None] | None = None,
 ) -> Transparency:
-    """The paper's four conditions with six people, several times over.
+    """The paper's four conditions and the toolkit's own laws with six people, several times over.
 
     Parameters
     ----------
@@ -381,14 +417,17 @@ def compare_laws(
     tell("five people choose the exponents of equation 8", 0.0)
     exponents, torques = chosen_exponents(rig, cards, threads=threads)
     conditions = published_laws(cards, exponents)
-    steps = len(seeds) + 1
+    own = {CONTROL: None, **{law: worn(cards, law) for law in OWN_LAWS}}
+    steps = len(seeds) + 2
     tell(f"{len(conditions)} conditions, recorded and assessed", 0.05)
     recorded = record_study(rig, conditions, seed=seeds[0], threads=threads)
     studies = [recorded.study]
     for i, seed in enumerate(seeds[1:], 1):
         tell(f"the same with other people, {i + 1} of {len(seeds)}", 0.05 + 0.95 * i / steps)
         studies.append(hold_study(rig, conditions, seed=seed, threads=threads))
-    tell("people who are content on the target", 0.05 + 0.95 * len(seeds) / steps)
-    content = hold_study(patient(rig), conditions, seed=seeds[0], threads=threads)
-    people = draw_people(rig, np.random.default_rng(seeds[0]))
-    return Transparency(exponents, torques, recorded, tuple(studies), content, required_resistance(rig, people))
+    tell("these people under the toolkit's own laws", 0.05 + 0.95 * len(seeds) / steps)
+    mine = tuple(hold_study(rig, own, seed=seed, threads=threads) for seed in seeds)
+    tell("people who are content on the target", 0.05 + 0.95 * (len(seeds) + 1) / steps)
+    content = hold_study(patient(rig), conditions | own, seed=seeds[0], threads=threads)
+    needed = required_resistance(rig, draw_people(rig, np.random.default_rng(seeds[0])))
+    return Transparency(exponents, torques, recorded, tuple(studies), mine, content, needed)

@@ -10,7 +10,7 @@ from ...controllers.elbow_laws import ElbowLaw
 from ...controllers.law_fuzz import fuzz
 from ..printed import PrintedPaper, PrintedTable
 from ..reproduction import Reproduced, spread
-from .transparency import CONTROL, FIRST_REST, LAWS, PUBLISHED_RULE, Transparency
+from .transparency import CONTROL, FIRST_REST, LAWS, OWN_LAWS, PUBLISHED_RULE, Transparency
 
 INDICES: Mapping[str, tuple[str, str, str]] = {
     "duration": ("duration", "Duration", "duration"),
@@ -74,7 +74,7 @@ def printed_change(table: PrintedTable, law: str) -> float:
 
 def _changes(made: Transparency, paper: PrintedPaper) -> list[Reproduced]:
     rows = []
-    first, content = made.studies[0], made.patient
+    content = made.patient
 
     def add(head: str, said: str, drawn: Iterable[float], printed: float | None, note: str):
         rows.append(_row(f"transparency.{head}", said, "%", drawn, printed, note))
@@ -84,17 +84,17 @@ def _changes(made: Transparency, paper: PrintedPaper) -> list[Reproduced]:
             control = paper.tables[table]["ctrl"]["mean"].value
             errors = (100.0 * (study.values(index, CONTROL).mean() / control - 1.0) for study in made.studies)
             add(f"control.{name}", f"{words} in control, over print", errors, None, "what people were set by")
-        for law in LAWS:
-            printed = printed_change(paper.tables[table], law) if table else None
+        for law in (*LAWS, *OWN_LAWS):
+            published, studies = law in LAWS, made.with_law(law)
+            printed = printed_change(paper.tables[table], law) if table and published else None
             said, key = f"{words} under {law}, change from control", law.lower()
-            order = "" if table else "the paper prints the order FC < PCFr < CLPC alone"
-            add(f"{name}.{key}", said, (s.change(index, law) for s in made.studies), printed, order)
-            rest = (s.change(index, law, FIRST_REST) for s in made.studies)
+            order = "the paper prints the order FC < PCFr < CLPC alone" if published and not table else ""
+            add(f"{name}.{key}", said, (s.change(index, law) for s in studies), printed, order)
+            rest = (s.change(index, law, FIRST_REST) for s in studies)
             add(f"{name}.first_rest.{key}", f"{said}, up to the first rest", rest, printed, "without later corrections")
             drawn = (content.change(index, law),)
-            note = (
-                f"one study; {first.change(index, law):+.1f} % with the people as drawn; found after they were frozen"
-            )
+            change = studies[0].change(index, law)
+            note = f"one study; {change:+.1f} % with the people as drawn; found after they were frozen"
             add(f"{name}.content.{key}", f"{said}, people content on the target", drawn, printed, note)
     return rows
 
