@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
 app = typer.Typer(
     name="pellucid",
-    help="From recordings to an identified joint, with intervals, held-out verdicts and pictures.",
+    help="From a robot's recordings to its model, controllers, what they do to people, and C for the robot.",
     rich_markup_mode=None,
     add_completion=False,
     pretty_exceptions_enable=False,
@@ -184,7 +184,7 @@ def assess(
     from .recordings.study import open_study
 
     study = open_study(folder)
-    with (cluster(scheduler) if scheduler else nullcontext()) as executor, _progress() as tell:
+    with cluster(scheduler) if scheduler else nullcontext() as executor, _progress() as tell:
         found = run(study, tell, studies=studies, executor=executor)
     save_findings(study, found, "assess")
     write_tables(study.folder / "tables", found)
@@ -263,7 +263,7 @@ def demo(
 
 @app.command()
 def reproduce(
-    paper: Annotated[str, typer.Argument(metavar="PAPER", help="Published study: able, knee.")],
+    paper: Annotated[str, typer.Argument(metavar="PAPER", help="Published study: able, knee, hill.")],
     out: Annotated[Path | None, typer.Option("--out", metavar="DIR", help="Folder for the page and its files.")] = None,
 ) -> None:
     """Reproduce a published study, number by number."""
@@ -511,8 +511,9 @@ def _folded(head: str, cells: Sequence[str], rows: Sequence[Sequence[object]], c
 
     head = units_in(head)
     width = max(map(len, [*head.split(), *cells]))
-    side = "" if any(isinstance(row[column], str) for row in rows) else ">"
-    return side + "\n".join(wrap(head, width, break_long_words=False, break_on_hyphens=False))
+    head = "\n".join(wrap(head, width, break_long_words=False, break_on_hyphens=False))
+    # Words may wrap where a terminal is narrow; a figure that is cut is none.
+    return f"{head}~" if any(isinstance(row[column], str) for row in rows) else f">{head}"
 
 
 def _print_json(study: Study, command: str) -> None:

@@ -169,6 +169,6 @@ def _panel(axis, each: Assessed, tone: Mapping[str, str]) -> None:
         dots(axis, np.full(len(values), float(x)), values, tone[condition], alpha=0.8, size=4.0)
     unit = unit_text(unit)
     tidy(axis, first=True, text=f"{table.index.short}" + (f" ({unit})" if unit else ""), ticks=5)
-    axis.set_xticks(at, table.conditions)
+    axis.set_xticks(at, [condition.replace("_", "\n") for condition in table.conditions])
     axis.set_xlim(-0.6, len(at) - 0.4)
     axis.grid(visible=False, axis="x")
