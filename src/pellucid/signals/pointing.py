@@ -45,8 +45,8 @@ LONG = 60.0
 PARTED = 0.005
 """... and taken back where they part by more than this [s]."""
 
-COMPARED_AT = 50.0
-"""Rate at which markers and encoder are compared [Hz]: ten times what people's joints move at."""
+COMPARED_AT = 25.0
+"""Rate at which markers and encoder are compared [Hz]: four times the filter that both have passed."""
 
 SAME = 0.005
 """Labels closer than this [rad] are one that was rounded."""
