@@ -250,6 +250,32 @@ def test_emg_on_another_clock_is_refused(tmp_path, late, said):
         assess(small(tmp_path, participants=2, change=shift, with_emg=True))
 
 
+def test_a_marker_that_is_lost_for_most_of_a_recording_is_refused_by_name(tmp_path):
+    def hide(person, condition, time, angle, target, emg):
+        if (person, condition) == ("P2", "Ctrl"):
+            angle = np.where(time > 3.0, np.nan, angle)
+        return time, angle, target, emg
+
+    study = small(tmp_path, change=hide, markers=True)
+    with pytest.raises(RecordingError, match=r"P2_Ctrl\.csv .*markers elbow and wrist: found .*missing samples"):
+        assess(study)
+    (told,) = [f for f in check(study) if f.kind == "lost_marker"]
+    assert "wrist lost in" in told.message
+    assert "elbow lost in" not in told.message
+
+
+def test_a_simulation_on_a_cluster_is_the_same(tmp_path):
+    distributed = pytest.importorskip("distributed")
+    study = small(tmp_path)
+    with distributed.LocalCluster(n_workers=1, processes=False, dashboard_address=None, silence_logs=50) as made:
+        options = ["--studies", "200", "--scheduler", made.scheduler_address]
+        result = CliRunner().invoke(cli.app, ["assess", str(study.folder), *options])
+    assert result.exit_code == 0, result.output
+    needed = {row.id: row.value for row in read_rows(study.results_path) if ".needed." in row.id}
+    assert needed == {row.id: row.value for row in assess(study, studies=200).rows if ".needed." in row.id}
+    assert (study.folder / "tables" / "participants_by_effect.csv").is_file()
+
+
 def test_a_drift_of_emgs_clock_is_taken_back_and_told(tmp_path):
     fast = 2e-3
 

@@ -114,14 +114,15 @@ def test_the_same_seed_gives_the_same_session():
         assert np.array_equal(samples, second.signals[name])
 
 
-def test_recordings_of_an_experiment_are_what_its_study_says():
-    short = parse_pointing_rig(
-        (files("pellucid.lab") / "rigs" / "elbow-participants.toml")
-        .read_text(encoding="utf-8")
-        .replace("repetitions = 10 ", "repetitions = 1 ")
-        .replace("count = 6\n", "count = 2\n"),
-        "short",
-    )
+@pytest.fixture(scope="module")
+def short():
+    """An experiment of two people and ten movements a condition."""
+    text = (files("pellucid.lab") / "rigs" / "elbow-participants.toml").read_text(encoding="utf-8")
+    text = text.replace("repetitions = 10 ", "repetitions = 1 ").replace("count = 6\n", "count = 2\n")
+    return parse_pointing_rig(text, "short")
+
+
+def test_recordings_of_an_experiment_are_what_its_study_says(short):
     recordings, sessions = record_pointing(short, {"Ctrl": None, "off": lambda p, x: Unpowered()}, seed=7)
     assert {(r.participant, r.condition) for r in recordings} == {(p, c) for p in ("P1", "P2") for c in ("Ctrl", "off")}
     config = pointing_config(study_text(short, [s.person for s in sessions[::2]], (), "short"))
@@ -134,6 +135,18 @@ def test_recordings_of_an_experiment_are_what_its_study_says():
         angle = np.arctan2(wrist[:, 0], -wrist[:, 2])
         true = sessions[[(s.person.name, s.condition) for s in sessions].index((r.participant, r.condition))]
         assert abs(angle[-1] - true.signals["position"][-1]) < 0.01
+
+
+def test_threads_change_nothing_and_of_a_session_stays_what_is_asked_for(short):
+    laws = {"Ctrl": None, "off": lambda p, x: Unpowered()}
+    one, sessions = record_pointing(short, laws, seed=7)
+    two, faults = record_pointing(short, laws, seed=7, threads=2, truth=lambda session: session.fault)
+    assert faults == [session.fault for session in sessions]
+    assert [r.name for r in one] == [r.name for r in two]
+    for a, b in zip(one, two, strict=True):
+        for x, y in ((a, b), (a.streams["emg"], b.streams["emg"])):
+            assert all(np.array_equal(x[name], y[name]) for name in x.channels)
+            assert not any(x[name].flags.writeable for name in x.channels)
 
 
 def test_a_file_that_lacks_something_is_told():

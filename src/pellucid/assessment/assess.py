@@ -30,8 +30,8 @@ from .statements import headline, paragraph, verdicts
 SEED = 1
 """Of the bootstraps and of the simulated studies."""
 
-WATCHED = ("duration", "vmax", "vmean", "acceleration", "peak_time_up", "peak_time_down", "emgacc")
-"""Indices that are computed again with other filters and rules: the published ones."""
+WATCHED = ("duration", "vmax", "vmean", "acceleration", "peak_time_up", "peak_time_down", "emg_level", "emgacc")
+"""Indices that are computed again with other filters and rules: the published ones, and the level of EMG."""
 
 TIMED = ("emgacc", "emg_level")
 """Indices that hang on the delay between markers and EMG."""

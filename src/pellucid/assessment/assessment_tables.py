@@ -33,8 +33,8 @@ def tables(found: AssessmentFindings) -> tuple[FigureTable, ...]:
     """
     made = [summary_table(found)]
     made += [description_table(found, found.assessed[name]) for name in SHOWN if name in found.assessed]
-    made.insert(1, test_table(found))
     if any(each.comparison.nemenyi is not None for each in found.assessed.values()):
+        made.insert(1, test_table(found))
         made.append(pair_table(found))
     if found.isochrony:
         made.append(isochrony_table(found))
@@ -61,7 +61,7 @@ def summary_table(found: AssessmentFindings) -> FigureTable:
         cells = (_mean_cell(found, each, condition, decimals) for condition in found.conditions)
         rows.append((words(each, short=True), *cells))
     n = len(found.participants)
-    title = f"Mean ± SD over {n} participant{'s' if n != 1 else ''}; * differs from {found.control} (Nemenyi)"
+    title = f"Mean ± SD over {n} participants; * differs from {found.control} (Nemenyi)" if n > 1 else "One participant"
     return FigureTable(title, ("Index", *found.conditions), tuple(rows))
 
 
@@ -268,6 +268,9 @@ def _range(scale: float, interval: tuple[float, float]) -> str | None:
     largest = max(abs(low), abs(high))
     digits = 2 if largest >= 10.0 else 1
     decimals = min(max(digits - int(f"{largest:.1e}".split("e")[1]), 0), 5) if largest > 0.0 else 0
+    # On which side of 0 an end lies is what a reader looks for.
+    while decimals < 5 and any(end != 0.0 and round(end, decimals) == 0.0 for end in (low, high)):
+        decimals += 1
     return f"{_fixed(low, decimals)} to {_fixed(high, decimals)}"
 
 

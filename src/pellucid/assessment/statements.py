@@ -69,7 +69,7 @@ def paragraph(found: AssessmentFindings) -> str:
         parts[0].append("With one participant there is no test: the figures describe this person and nobody else.")
     parts += [_index_sentences(found, found.assessed[name], alpha) for name in MAIN if name in found.assessed]
     rest = _other_indices(found, alpha)
-    if any(_told_apart(found, each, alpha) is False for each in found.assessed.values()):
+    if n > 2 and any(_told_apart(found, each, alpha) is False for each in found.assessed.values()):
         rest.append(
             f"A condition that no test tells from {found.control} is not thereby equal to it: its interval "
             "(CI, by bootstrap over participants) says how large the change may be."
@@ -97,7 +97,7 @@ def _index_sentences(found: AssessmentFindings, each: Assessed, alpha: float) ->
     for condition in each.table.conditions:
         mean = float(factor * np.mean(each.table.column(condition)))
         own = against.get(condition)
-        change = "" if own is None else _change(found, each, own)
+        change = _plain_change(found, each, condition) if own is None else _change(found, each, own)
         if index.over_control:
             told, _, interval = (change or _percent(mean)).partition(", ")
             parts.append(f"{told} in {condition}" + (f" ({interval})" if interval else ""))
@@ -140,6 +140,14 @@ def _change(found: AssessmentFindings, each: Assessed, own: AgainstControl) -> s
     return f"{text}, {100 * found.confidence:g} % CI {_signed(low)} to {_signed(high)}{unit}"
 
 
+def _plain_change(found: AssessmentFindings, each: Assessed, condition: str) -> str:
+    """A change from control without a test, of one participant."""
+    share = each.share_of_control(found.control)
+    if len(each.table.values) > 1 or share is None or each.table.index.over_control or condition == found.control:
+        return ""
+    return f"{_signed(100.0 * (float(each.table.column(condition).mean()) / share - 1.0))} %"
+
+
 def _other_indices(found: AssessmentFindings, alpha: float) -> list[str]:
     others = [e for e in found.assessed.values() if e.name not in MAIN and e.comparison.p_value is not None]
     differ = [e for e in others if e.comparison.p_value < alpha]
@@ -161,10 +169,14 @@ def _isochrony_sentence(found: AssessmentFindings) -> list[str]:
         return []
     means = {(line.condition, line.direction): float(np.mean(line.velocity_r2)) for line in found.isochrony}
     (condition, direction), lowest = min(means.items(), key=lambda item: item[1])
-    kept = "was kept in every condition" if lowest >= ISOCHRONOUS else "was not kept everywhere"
+    where = f"{lowest:.2f}, in {condition} {direction}wards"
+    if lowest >= ISOCHRONOUS:
+        said = f"grew with amplitude along a straight line in every condition (mean R² at least {where})"
+    else:
+        said = f"did not grow with amplitude along a straight line in every condition (mean R² as low as {where})"
     return [
-        f"Mean velocity growing with amplitude {kept} (mean R² at least {lowest:.2f}, {condition} {direction}); this "
-        "relation alone says little about transparency, since it survives a robot that slows people down."
+        f"Mean velocity {said}; this relation alone says little about transparency, since it survives a robot that "
+        "slows people down."
     ]
 
 

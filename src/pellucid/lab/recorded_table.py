@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
@@ -16,49 +16,6 @@ Column = tuple[str, str, str, float]
 
 Tables = Mapping[str, tuple[np.ndarray, list[Column]]]
 """What was stored of a trial, by file: ``"main"``, and other instruments' by the stream's name."""
-
-
-def table_text(table: np.ndarray, heads: Sequence[str]) -> str:
-    """A table as CSV: whole numbers, a first column of times to 0.1 ms where it is not whole.
-
-    Parameters
-    ----------
-    table : ndarray, shape (n, k)
-    heads : sequence of str
-        Names of the k columns.
-
-    Returns
-    -------
-    str
-        Formatted in one go, for a row of text then costs 1 us.
-    """
-    whole = bool(np.all(table[:, 0] == np.round(table[:, 0])))
-    row = ",".join(["%d" if whole else "%.4f", *["%d"] * (table.shape[1] - 1)])
-    return ",".join(heads) + "\n" + (f"{row}\n" * len(table)) % tuple(table.ravel().tolist())
-
-
-def table_channels(table: np.ndarray, columns: Sequence[Column]) -> dict[str, Channel]:
-    """A table's channels as a reader would give them.
-
-    Parameters
-    ----------
-    table : ndarray, shape (n, k)
-    columns : sequence of Column
-        Of the k columns.
-
-    Returns
-    -------
-    dict of str to Channel
-    """
-    return {
-        channel: Channel(channel, scale * table[:, i], unit, column)
-        for i, (channel, unit, column, scale) in enumerate(columns)
-    }
-
-
-def table_digest(table: np.ndarray) -> str:
-    """SHA-256 of a table's numbers, hexadecimal."""
-    return hashlib.sha256(np.ascontiguousarray(table).tobytes()).hexdigest()
 
 
 def emg_table(time: np.ndarray, counts: np.ndarray, emg: Mapping) -> tuple[np.ndarray, list[Column]]:
@@ -95,7 +52,11 @@ def write_tables(folder: Path, name: str, tables: Tables) -> None:
     tables : Tables
     """
     for stream, (table, columns) in tables.items():
-        text = table_text(table, [column for _, _, column, _ in columns])
+        # Whole numbers but for a first column of times to 0.1 ms; formatted in one go, a row of text then costs 1 us.
+        whole = bool(np.all(table[:, 0] == np.round(table[:, 0])))
+        row = ",".join(["%d" if whole else "%.4f", *["%d"] * (table.shape[1] - 1)])
+        heads = ",".join(column for _, _, column, _ in columns)
+        text = heads + "\n" + (f"{row}\n" * len(table)) % tuple(table.ravel().tolist())
         write_text_atomically(folder / "recordings" / _file(name, stream), text)
 
 
@@ -115,10 +76,13 @@ def tables_recording(name: str, use: str, protocol: str, participant: str | None
 
     def read(stream: str, title: str, streams: Mapping[str, Recording]) -> Recording:
         table, columns = tables[stream]
-        return Recording(
-            title, Path(_file(name, stream)), table_digest(table), use, table_channels(table, columns), protocol,
-            participant, streams=streams,
-        )  # fmt: skip
+        channels = {
+            channel: Channel(channel, scale * table[:, i], unit, column)
+            for i, (channel, unit, column, scale) in enumerate(columns)
+        }
+        digest = hashlib.sha256(np.ascontiguousarray(table).tobytes()).hexdigest()
+        path = Path(_file(name, stream))
+        return Recording(title, path, digest, use, channels, protocol, participant, streams=streams)
 
     return read("main", name, {s: read(s, f"{name}.{s}", {}) for s in tables if s != "main"})
 

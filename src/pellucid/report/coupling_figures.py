@@ -15,7 +15,7 @@ from ..identification.joint.gravity_holds import GravityFit, line_of_best_fit
 from ..identification.strap.coupling_findings import WearerStages
 from ..identification.strap.wearer_coupling import JudgedSwing
 from ..identification.transfer.transfer_function_fit import Response
-from .drawing import Drawing, Head, dots, heads, key, line, tidy
+from .drawing import Drawing, Head, dots, heads, key, line, one_panel, tidy
 from .quantities import number, unit_text
 from .style import FIGURE_WIDTH, colour
 
@@ -40,8 +40,7 @@ def gravity_figure(fit: GravityFit) -> Drawing:
     -------
     Drawing
     """
-    figure = Figure(figsize=(FIGURE_WIDTH, 3.6), layout="constrained")
-    axis = figure.subplots()
+    figure, axis = one_panel(3.6)
     axis.axhline(0.0, color=colour("faint"), linewidth=0.8, zorder=1)
     angle = np.array([h.angle for h in fit.holds])
     torque = np.array([h.torque for h in fit.holds])
@@ -75,8 +74,7 @@ def response_figure(pendulum: Response, linear: Response) -> Drawing:
     -------
     Drawing
     """
-    figure = Figure(figsize=(FIGURE_WIDTH, 3.4), layout="constrained")
-    axis = figure.subplots()
+    figure, axis = one_panel(3.4)
     start = pendulum.time[0]
     shown = pendulum.time <= start + SHOWN
     for values, role, width in (
@@ -151,8 +149,7 @@ def mismatch_figure(who: str, swing: JudgedSwing) -> Drawing:
     -------
     Drawing
     """
-    figure = Figure(figsize=(FIGURE_WIDTH, 3.2), layout="constrained")
-    axis = figure.subplots()
+    figure, axis = one_panel(3.2)
     axis.axhline(0.0, color=colour("faint"), linewidth=0.8, zorder=1)
     middle = 0.5 * (swing.time[0] + swing.time[-1])
     shown = np.abs(swing.time - middle) <= 0.5 * SHOWN

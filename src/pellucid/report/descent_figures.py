@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from matplotlib.figure import Figure
 
-from .drawing import Drawing, Head, heads, key, tidy
+from .drawing import Drawing, Head, heads, key, one_panel, tidy
 from .style import FIGURE_WIDTH, colour
 
 TONES = ("fitted", "heldout", "good", "load", "combined")
@@ -110,8 +110,7 @@ def compared(rows: Sequence[Compared], name: str, *, text: str, caption: str) ->
     -------
     Drawing
     """
-    figure = Figure(figsize=(FIGURE_WIDTH, 0.9 + 0.34 * len(rows)), layout="constrained")
-    axis = figure.subplots()
+    figure, axis = one_panel(0.9 + 0.34 * len(rows))
     for i, row in enumerate(rows):
         tone = colour("fitted" if row.strong else "measured")
         axis.barh(i, float(np.mean(row.errors)), height=0.62, color=tone, alpha=0.25, linewidth=0.0)

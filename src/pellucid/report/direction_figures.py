@@ -14,7 +14,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator, MultipleLocator
 
-from .drawing import Drawing, line, tidy
+from .drawing import Drawing, line, one_panel, origin, tidy
 from .quantities import number
 from .style import FIGURE_WIDTH, colour
 
@@ -69,8 +69,7 @@ def paired_errors(
     """
     tones = _tones(errors, roles)
     table = np.column_stack([np.asarray(e, float) for e in errors.values()])
-    figure = Figure(figsize=(FIGURE_WIDTH, 4.3), layout="constrained")
-    axis = figure.subplots()
+    figure, axis = one_panel(4.3)
     # Trials stand apart within a column, in their own order, so that none hides another.
     shift = 0.13 * np.linspace(-1.0, 1.0, len(table)) if len(table) > 1 else np.zeros(1)
     columns = np.arange(table.shape[1], dtype=float)
@@ -193,13 +192,9 @@ def gravity_by_direction(
     -------
     Drawing
     """
-    figure = Figure(figsize=(FIGURE_WIDTH, 3.9), layout="constrained")
-    axis = figure.subplots()
+    figure, axis = _curves(angle_deg, torques, roles, 3.9, "Gravity torque (N·m)", "Joint angle (deg)")
     axis.axhline(0.0, color=colour("faint"), linewidth=0.8, zorder=1)
-    _curves(axis, np.asarray(angle_deg, float), torques, _tones(torques, roles))
-    tidy(axis, first=True, text="Gravity torque (N·m)")
     axis.xaxis.set_major_locator(MaxNLocator(10, steps=[1, 1.5, 3, 4.5, 6, 9, 10]))
-    axis.set_xlabel("Joint angle (deg)")
     return Drawing(
         name,
         figure,
@@ -238,11 +233,7 @@ def inertia_by_slider(
     Drawing
     """
     curves = {**inertias, **({} if truth is None else {"truth": truth})}
-    figure = Figure(figsize=(FIGURE_WIDTH, 3.7), layout="constrained")
-    axis = figure.subplots()
-    _curves(axis, 1e3 * np.asarray(x, float), curves, _tones(curves, roles))
-    tidy(axis, first=True, text="Inertia (kg·m²)")
-    axis.set_xlabel("Slider position (mm)")
+    figure, _ = _curves(1e3 * np.asarray(x, float), curves, roles, 3.7, "Inertia (kg·m²)", "Slider position (mm)")
     return Drawing(
         name,
         figure,
@@ -277,13 +268,8 @@ def friction_by_load(
     -------
     Drawing
     """
-    figure = Figure(figsize=(FIGURE_WIDTH, 3.7), layout="constrained")
-    axis = figure.subplots()
-    axis.axvline(0.0, color=colour("faint"), linewidth=0.8, zorder=1)
-    axis.axhline(0.0, color=colour("faint"), linewidth=0.8, zorder=1)
-    _curves(axis, np.asarray(load, float), frictions, _tones(frictions, roles))
-    tidy(axis, first=True, text="Friction (N·m)")
-    axis.set_xlabel("Transmitted load (N·m)")
+    figure, axis = _curves(load, frictions, roles, 3.7, "Friction (N·m)", "Transmitted load (N·m)")
+    origin(axis)
     return Drawing(name, figure, caption or "Friction torque against the load that the drive transmits, by model.")
 
 
@@ -316,8 +302,7 @@ def error_by_trial(
     """
     tones = _tones(errors, roles)
     table = np.column_stack([np.asarray(e, float) for e in errors.values()])
-    figure = Figure(figsize=(FIGURE_WIDTH, 1.0 + 0.24 * len(labels)), layout="constrained")
-    axis = figure.subplots()
+    figure, axis = one_panel(1.0 + 0.24 * len(labels))
     for row, values in enumerate(table):
         known = values[np.isfinite(values)]
         if len(known):
@@ -364,8 +349,7 @@ def ratio_by_rig(
     Drawing
     """
     medians, low, high = (np.asarray(v, float) for v in (medians, low, high))
-    figure = Figure(figsize=(FIGURE_WIDTH, 1.1 + 0.36 * len(names)), layout="constrained")
-    axis = figure.subplots()
+    figure, axis = one_panel(1.1 + 0.36 * len(names))
     tone = colour("fitted")
     for row, (middle, least, most) in enumerate(zip(medians, low, high, strict=True)):
         axis.plot((least, most), (row, row), color=tone, linewidth=2.0, alpha=0.45, zorder=2)
@@ -421,8 +405,7 @@ def ratio_by_friction(
     Drawing
     """
     x, ratio = np.asarray(x, float), np.asarray(ratio, float)
-    figure = Figure(figsize=(FIGURE_WIDTH, 3.5), layout="constrained")
-    axis = figure.subplots()
+    figure, axis = one_panel(3.5)
     tone = colour("fitted")
     if low is not None and high is not None:
         axis.fill_between(x, low, high, color=tone, alpha=0.16, linewidth=0)
@@ -469,12 +452,8 @@ def cycle_energy(
     -------
     Drawing
     """
-    figure = Figure(figsize=(FIGURE_WIDTH, 3.5), layout="constrained")
-    axis = figure.subplots()
+    figure, axis = _curves(amplitude_deg, energies, roles, 3.5, "Net energy per cycle (J)", "Amplitude (deg)")
     axis.axhline(0.0, color=colour("muted"), linewidth=0.8, zorder=1)
-    _curves(axis, np.asarray(amplitude_deg, float), energies, _tones(energies, roles))
-    tidy(axis, first=True, text="Net energy per cycle (J)")
-    axis.set_xlabel("Amplitude (deg)")
     return Drawing(
         name,
         figure,
@@ -507,8 +486,7 @@ def geometry(
     Drawing
     """
     centre = 1e3 * np.asarray(axis_point, float)
-    figure = Figure(figsize=(FIGURE_WIDTH, 5.0), layout="constrained")
-    axis = figure.subplots()
+    figure, axis = one_panel(5.0)
     turn = np.linspace(0.0, 2.0 * np.pi, 181)
     drawn = [centre[None, :]]
     entries = []
@@ -564,14 +542,21 @@ def _tones(models: Mapping[str, object], roles: Mapping[str, str] | None) -> dic
     return {m: colour(told[m] if m in told else free[others.index(m) % len(free)]) for m in models}
 
 
-def _curves(axis: Axes, x: np.ndarray, curves: Mapping[str, np.ndarray], tones: Mapping[str, str]) -> None:
+def _curves(
+    x: np.ndarray, curves: Mapping[str, np.ndarray], roles: Mapping[str, str] | None, height: float, y: str, below: str
+) -> tuple[Figure, Axes]:
     """Curves over one `x`, points marked where they are few; the truth dashed, below the others."""
+    figure, axis = one_panel(height)
+    x, tones = np.asarray(x, float), _tones(curves, roles)
     order = np.argsort(x, kind="stable")
     marker = {"marker": "o", "markersize": 4.2, "markeredgewidth": 0.0} if len(x) <= 30 else {}
     for model, values in curves.items():
         style = {"dashes": (5, 2), "linewidth": 2.4, "zorder": 2} if model == "truth" else {"zorder": 3, **marker}
         axis.plot(x[order], np.asarray(values, float)[order], color=tones[model], **style)
     _names(axis, list(tones.items()))
+    tidy(axis, first=True, text=y)
+    axis.set_xlabel(below)
+    return figure, axis
 
 
 def _names(axis: Axes, entries: Sequence[tuple[str, str]]) -> None:

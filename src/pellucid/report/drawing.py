@@ -112,6 +112,12 @@ def draw(make: Callable[..., Drawing], *args, **options) -> Drawing:
         return drawing
 
 
+def one_panel(height: float) -> tuple[Figure, Axes]:
+    """A figure of full width with one panel, `height` in inches."""
+    figure = Figure(figsize=(FIGURE_WIDTH, height), layout="constrained")
+    return figure, figure.subplots()
+
+
 def tidy(axis: Axes, *, first: bool, text: str = "", ticks: int = 6) -> None:
     """Ticks and label by the report's rules.
 

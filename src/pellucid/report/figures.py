@@ -16,7 +16,7 @@ from matplotlib.ticker import MaxNLocator
 
 from ..identification.fit import FamilyFit, JointFit, Simulation
 from ..models.friction import FrictionCurve, friction_curve
-from .drawing import Drawing, Head, dots, heads, key, label_ends, line, origin, tidy
+from .drawing import Drawing, Head, dots, heads, key, label_ends, line, one_panel, origin, tidy
 from .quantities import EFFORTS, METHODS, READINGS, label, percent, unit_text
 from .series import (
     LINE_POINTS,
@@ -332,8 +332,7 @@ def whiteness(fit: JointFit, family: FamilyFit, name: str = "whiteness") -> Draw
         [autocorrelation(p.residual, lags) for p in chosen], axis=0, weights=[len(p.time) for p in chosen]
     )
     count = sum(len(p.time) for p in chosen)
-    figure = Figure(figsize=(FIGURE_WIDTH, 2.3), layout="constrained")
-    axis = figure.subplots()
+    figure, axis = one_panel(2.3)
     bound = 1.96 / np.sqrt(count)
     axis.axhspan(-bound, bound, color=colour("good"), alpha=0.22, linewidth=0)
     axis.axhline(0.0, color=colour("muted"), linewidth=0.8)
@@ -570,8 +569,7 @@ def heldout(fit: JointFit, name: str = "heldout") -> Drawing:
     Drawing
     """
     chosen = list(fit.families.values())
-    figure = Figure(figsize=(FIGURE_WIDTH, 0.75 + 0.34 * len(chosen)), layout="constrained")
-    axis = figure.subplots()
+    figure, axis = one_panel(0.75 + 0.34 * len(chosen))
     for row, family in enumerate(chosen):
         errors = {"fitted": family.fitted_effort_error, "heldout": family.heldout_effort_error}
         errors = {s: e for s, e in errors.items() if np.isfinite(e)}

@@ -6,7 +6,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from ..identification.hinge.identify_hinge import HingeTrial
-from .drawing import Drawing, Head, heads, key, label_ends, line, origin, tidy
+from .drawing import Drawing, Head, heads, key, label_ends, line, one_panel, origin, tidy
 from .style import FIGURE_WIDTH, colour
 
 CLOSE = 20.0  # seconds of the angle that are drawn
@@ -31,8 +31,7 @@ def angle_figure(trial: HingeTrial, score_from: float, name: str) -> Drawing:
     reference, found = trial.reference, trial.scores["offline"]
     shown = (reference.time >= score_from) & (reference.time < score_from + CLOSE)
     time = reference.time[shown]
-    figure = Figure(figsize=(FIGURE_WIDTH, 3.2), layout="constrained")
-    axis = figure.subplots()
+    figure, axis = one_panel(3.2)
     true = np.where(reference.believable, reference.angle, np.nan)[shown]
     # Both are drawn about the reference, so that what it is not believed in breaks both alike.
     level = 2.0 * np.pi * np.round(np.nanmedian(true) / (2.0 * np.pi))
@@ -66,8 +65,7 @@ def error_figure(trial: HingeTrial, score_from: float, name: str) -> Drawing:
     -------
     Drawing
     """
-    figure = Figure(figsize=(FIGURE_WIDTH, 3.2), layout="constrained")
-    axis = figure.subplots()
+    figure, axis = one_panel(3.2)
     time = trial.reference.time
     tones = {"gyroscopes": "faint", "causal": "directional", "offline": "heldout"}
     words = {"gyroscopes": "gyroscopes alone", "causal": "causal", "offline": "whole recording"}

@@ -6,10 +6,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from matplotlib.figure import Figure
 
-from .drawing import Drawing, key, tidy
-from .style import FIGURE_WIDTH, colour
+from .drawing import Drawing, key, one_panel, tidy
+from .style import colour
 
 
 @dataclass(frozen=True)
@@ -48,8 +47,7 @@ def torque_ratios(
     -------
     Drawing
     """
-    figure = Figure(figsize=(FIGURE_WIDTH, 0.42 * len(lines) + 1.2), layout="constrained")
-    axis = figure.subplots()
+    figure, axis = one_panel(0.42 * len(lines) + 1.2)
     largest = max(float(np.max(v)) for one in lines for v in one.groups.values())
     for place, one in enumerate(lines):
         for i, (group, values) in enumerate(one.groups.items()):

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from matplotlib.figure import Figure
 
-from .drawing import Drawing, key, line, origin, tidy
+from .drawing import Drawing, key, line, one_panel, origin, tidy
 from .quantities import number
 from .style import FIGURE_WIDTH, colour
 
@@ -86,8 +86,7 @@ def pole_map(poles: Mapping[str, np.ndarray], name: str = "poles", *, caption: s
     -------
     Drawing
     """
-    figure = Figure(figsize=(FIGURE_WIDTH, 3.9), layout="constrained")
-    axis = figure.subplots()
+    figure, axis = one_panel(3.9)
     origin(axis)
     points = [(p.real, p.imag, k + 1) for k, each in enumerate(poles.values()) for p in each if p.imag >= 0.0]
     x, y = (np.array([p[i] for p in points]) for i in (0, 1))
@@ -131,8 +130,7 @@ def fits(
     -------
     Drawing
     """
-    figure = Figure(figsize=(FIGURE_WIDTH, 1.0 + 0.3 * len(names)), layout="constrained")
-    axis = figure.subplots()
+    figure, axis = one_panel(1.0 + 0.3 * len(names))
     rows = np.arange(len(names))
     for values, role, shift in ((fitted, "fitted", -0.12), (heldout, "heldout", 0.12)):
         axis.plot(values, rows + shift, color=colour(role), marker="o", markersize=6, linestyle="none", zorder=3)

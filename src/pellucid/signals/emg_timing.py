@@ -157,12 +157,14 @@ def emg_drift(time: np.ndarray, activity: np.ndarray, motion: Kinematics) -> Emg
     parts = np.array([_explained(x[a:b], y[a:b], longest) for a, b in pairwise(edges)])
     middle = 0.5 * (edges[:-1] + edges[1:]) / RATE
     at, seconds = middle - middle.mean(), len(x) / RATE
-    lags = np.arange(-longest, longest + 1)
     steepest = min(FASTEST, 2.0 / seconds)
+    most = int(np.ceil(0.5 * steepest * seconds * RATE)) + 1
+    wide = np.pad(parts, ((0, 0), (most, most)))
+    lags, rows = np.arange(-longest, longest + 1), np.arange(count)[:, None]
     best = (-np.inf, 0.0, 0.0)
     for drift in np.arange(-steepest, steepest, 1.0 / RATE / seconds):
         shift = np.rint(drift * at * RATE).astype(int)
-        total = sum(np.interp(lags + s, lags, part, left=0.0, right=0.0) for s, part in zip(shift, parts, strict=True))
+        total = wide[rows, lags + longest + most + shift[:, None]].sum(axis=0)
         top = int(np.argmax(total))
         best = max(best, (float(total[top]), drift, lags[top] / RATE))
     _, drift, lead = best

@@ -36,14 +36,17 @@ LEAST = 0.05
 LONGEST_DELAY = 0.5
 """Delay between markers and encoder that is looked for [s]."""
 
+NEAR = 0.1
+"""Next to that delay [s], the delay of either half of a record is looked for."""
+
 LONG = 60.0
 """Seconds of a record from which on the two clocks' drift is looked for, from one half to the other ..."""
 
 PARTED = 0.005
 """... and taken back where they part by more than this [s]."""
 
-COMPARED_AT = 50.0
-"""Rate at which markers and encoder are compared [Hz]: ten times what people's joints move at."""
+COMPARED_AT = 25.0
+"""Rate at which markers and encoder are compared [Hz]: four times the filter that both have passed."""
 
 SAME = 0.005
 """Labels closer than this [rad] are one that was rounded."""
@@ -189,7 +192,8 @@ def _on_recordings_clock(
         seconds = at[-1] - at[0]
         if seconds > LONG:
             early = at < middle
-            halves = (align(at[h], rate[h], *other, longest=0.5 * LONGEST_DELAY) for h in (early, ~early))
+            there = other[0] - delay, other[1]
+            halves = (align(at[h], rate[h], *there, longest=NEAR) for h in (early, ~early))
             drift, error = clock_drift(*halves)
             if abs(drift) * seconds < PARTED or abs(drift) < 4.0 * error:
                 drift = 0.0
