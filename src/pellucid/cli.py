@@ -5,6 +5,7 @@ Nothing heavy is imported before a command runs: ``pellucid --help`` has to answ
 
 from __future__ import annotations
 
+import os
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
@@ -243,6 +244,8 @@ def demo(
     out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder for the demo's studies.")] = Path("demo"),
 ) -> None:
     """The whole story on examples, in about a minute."""
+    # Its matrices are small: threads over them would only wait for each other. Read once, when NumPy is loaded.
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     from .demonstration.demo import demo as run
     from .demonstration.story import told
 

@@ -6,11 +6,13 @@ from types import SimpleNamespace
 
 import fabricate
 import pytest
+from rich.console import Console
 from typer.testing import CliRunner
 
 import pellucid
 from pellucid import cli
 from pellucid._errors import DatasetError
+from pellucid.identification.findings import FigureTable, Findings
 from pellucid.identification.fit import Verdict
 
 run = CliRunner().invoke
@@ -170,6 +172,18 @@ def test_demo_prints_its_story(tmp_path, monkeypatch):
     assert asked == [tmp_path / "demo"]
     for said in ("People wore it.", "94.5", "no network", str(page)):
         assert said in result.output
+
+
+def test_figures_are_whole_in_a_narrow_terminal(capsys):
+    """Words make room for them."""
+    long = "a method whose name in words is longer than any terminal of eighty columns has room for, and says so"
+    table = FigureTable("Errors", ("Method", "RMSE (N*m)", "R2"), ((long, 3.604, 0.847), ("short", 12.35, 0.911)))
+    found = Findings(study="s", headline="h", tables=(table,), verdicts=(), rows=(), cards={}, checksums={})
+    cli._print_findings(Console(highlight=False, width=80), found)
+    lines = capsys.readouterr().out.splitlines()
+    assert max(map(len, lines)) <= 80
+    for figure in ("3.60", "0.847", "12.3", "0.911"):
+        assert any(figure in line for line in lines)
 
 
 def test_init_needs_a_data_set(monkeypatch, capsys, tmp_path):

@@ -78,6 +78,9 @@ def test_the_story_is_told_with_its_figures(made):
     for condition in module.WORN:
         assert f"{torque.column(condition).mean():.2g} under {condition}" in said["Worn"]
     assert torque.column(BEST_SENSED).mean() < torque.column("clpc").mean()
+    if made.played is not None:
+        assert made.played[0] > 500
+        assert made.played[1] == 0
     if made.cost is not None:
         assert made.cost.wrong == 0
         assert "the same bits" in said["Exported"]
