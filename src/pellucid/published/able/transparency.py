@@ -351,7 +351,7 @@ def record_study(rig: PointingRig, conditions: Conditions, *, seed: int, threads
     try:
         return Recorded(study, assess_recordings("virtual-able", recordings, spec), "", seconds)
     except RecordingError as error:
-        # People who cannot hold a robot still end where no target is, and their recordings are not fit to be used.
+        # Of people who cannot hold a robot at all there is nothing to assess; their true motion still counts.
         return Recorded(study, None, str(error), seconds)
 
 
