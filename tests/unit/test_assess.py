@@ -320,6 +320,25 @@ def test_who_misses_targets_with_a_robot_is_assessed(tmp_path):
     assert "Mean absolute end-point error was" in found.paragraph
 
 
+@pytest.mark.parametrize("trembling", ["PCFr", "Ctrl"])
+def test_who_cannot_hold_a_robot_still_is_assessed_and_who_never_rests_without_one_is_not(tmp_path, trembling):
+    def tremble(person, condition, time, angle, target, emg):
+        if (person, condition) == ("P2", trembling):
+            # For most of the record the arm swings at 0.7 Hz about where it is.
+            angle = angle + np.where(time > 0.1 * time[-1], 0.09, 0.0) * np.sin(2.0 * np.pi * 0.7 * time)
+        return time, angle, target, emg
+
+    study = small(tmp_path, change=tremble, repetitions=2)
+    if trembling == "Ctrl":
+        with pytest.raises(RecordingError, match=r"P2_Ctrl\.csv .*position: found .*expected a rest after it"):
+            assess(study)
+        return
+    found = assess(study)
+    assert found.left_out["unfinished"] > 5
+    assert found.participants == ("P1", "P2", "P3")
+    assert any("not finished when the next target came" in v.text and "P2_PCFr.csv" in v.text for v in found.verdicts)
+
+
 def test_where_a_target_is_zero_does_not_matter(tmp_path):
     def lift(person, condition, time, angle, target, emg):
         return time, angle + (0.1 if person == "P2" else 0.0), target, emg

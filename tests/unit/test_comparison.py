@@ -96,3 +96,16 @@ def test_missing_values_are_refused():
         compare_conditions(np.array([[1.0, np.nan]]), ["a", "b"], rng=np.random.default_rng(0))
     with pytest.raises(PellucidError, match="finite numbers"):
         signed_rank(np.array([np.nan]))
+
+
+def test_shares_of_control_are_held_against_nothing():
+    """EMG/Acc has no column of control: every condition is a change already."""
+    values = np.array([[0.1, 0.4], [0.2, 0.5], [-0.1, 0.3], [0.05, 0.6], [0.15, 0.45]])
+    found = compare_conditions(values, ["FC", "CLPC"], against_zero=True, rng=np.random.default_rng(0))
+    fc, clpc = found.against_control
+    assert (fc.condition, clpc.condition) == ("FC", "CLPC")
+    assert fc.change == pytest.approx(values[:, 0].mean())
+    assert clpc.p_value == signed_rank(values[:, 1]).p_value == 2.0**-4
+    assert clpc.holm == pytest.approx(2.0 * 2.0**-4)
+    assert fc.interval[0] < 0.0 < clpc.interval[0]
+    assert fc.relative is None

@@ -12,7 +12,8 @@ from pellucid.lab.pointing.load_learning import felt, learnt
 from pellucid.lab.pointing.movement_choice import preferred_duration, utility
 from pellucid.lab.pointing.people import draw_people, elbow_participants, parse_pointing_rig
 from pellucid.lab.pointing.session import Unpowered, hold_still, point
-from pellucid.lab.pointing.study import pointing_config, record_pointing, study_text
+from pellucid.lab.pointing.study import record_pointing, study_text
+from pellucid.lab.study_folder import study_config
 from pellucid.models.anthropometry import forearm
 
 RIG = elbow_participants()
@@ -125,7 +126,7 @@ def short():
 def test_recordings_of_an_experiment_are_what_its_study_says(short):
     recordings, sessions = record_pointing(short, {"Ctrl": None, "off": lambda p, x: Unpowered()}, seed=7)
     assert {(r.participant, r.condition) for r in recordings} == {(p, c) for p in ("P1", "P2") for c in ("Ctrl", "off")}
-    config = pointing_config(study_text(short, [s.person for s in sessions[::2]], (), "short"))
+    config = study_config(study_text(short, [s.person for s in sessions[::2]], (), "short"))
     assert config.assessment.agonists == ("biceps", "brachioradialis")
     for r in recordings:
         assert ("position" in r) == (r.condition == "off") == ("interaction" in r)

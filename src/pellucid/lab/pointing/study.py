@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import tomllib
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict
@@ -14,8 +13,8 @@ import numpy as np
 
 from ..._atomic import write_text_atomically
 from ...recordings.recording import Recording
-from ...recordings.study import Study, open_study
-from ...recordings.study_file import StudyFile, rig_units
+from ...recordings.study import Study
+from ..study_folder import write_study_folder
 from .instruments import Block, blocks, recordings_of
 from .people import Person, PointingRig, draw_people
 from .session import Law, Session, point, point_all
@@ -250,12 +249,6 @@ def record_pointing(
     return tuple(recording for own, _ in made for recording in own), [known for _, known in made]
 
 
-def pointing_config(text: str) -> StudyFile:
-    """What a study.toml says, from its text."""
-    raw = tomllib.loads(text)
-    return StudyFile.model_validate(raw, context=rig_units(raw))
-
-
 def write_pointing_study(
     folder: Path,
     rig: PointingRig,
@@ -307,11 +300,9 @@ def write_pointing_study(
         "people": [asdict(person) for person in people.values()],
         "faults": faults,
     }
-    write_text_atomically(folder / "lab" / "truth.json", json.dumps(truth, indent=1) + "\n")
     # As they were named, not as each person met them: tables and figures follow study.toml.
     named = [entry for own in entries.values() for entry in own]
-    write_text_atomically(folder / "study.toml", study_text(rig, list(people.values()), named, name))
-    return open_study(folder)
+    return write_study_folder(folder, study_text(rig, list(people.values()), named, name), truth)
 
 
 def _write(folder: Path, block: Block, rig: PointingRig) -> None:

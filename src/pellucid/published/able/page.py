@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -12,9 +13,9 @@ from ...models.energy import cycle_energy
 from ...report import direction_figures as figures
 from ...report.drawing import Drawing, draw
 from ...report.page import Page, Section, Tile, write_page
-from ...report.quantities import unit_text
 from ...report.tables import Row, Table
 from ..reproduction import Reproduced
+from ..row_sections import cell, row_sections
 from .reproduce_able import LOAD_FACTORS, AbleReproduction
 from .transparency import LAWS
 from .transparency_sections import transparency_sections
@@ -87,8 +88,7 @@ def write_able_page(out: Path, made: AbleReproduction) -> Path:
             _body(made),
             _energy(made),
             *transparency_sections(made.transparency, rows),
-            _print_errors(made),
-            _all_rows(made),
+            *_ending(made),
         ),
         footer=f"{rigs} rigs, {seeds} seeds each; {made.fit.filter_note}.",
     )
@@ -108,12 +108,6 @@ def _laws(rows: dict[str, Reproduced]) -> str:
         f"the toolkit's own law leaves {best:.2f} with a tremble of the motor against sticking, and {sensed:.2f} with "
         f"a force sensor, on robots that it was not chosen on."
     )
-
-
-def _number(value: float | None) -> str:
-    if value is None:
-        return "–"
-    return f"{value:.3g}" if abs(value) >= 1e-3 or value == 0.0 else f"{value:.2e}"
 
 
 def _table1(made: AbleReproduction, rows: dict[str, Reproduced]) -> Section:
@@ -155,15 +149,15 @@ def _table1(made: AbleReproduction, rows: dict[str, Reproduced]) -> Section:
                     (
                         name,
                         which,
-                        *(_number(rows[head + key].ours) for key in ("without", "with", "ratio")),
+                        *(cell(rows[head + key].ours) for key in ("without", "with", "ratio")),
                         f"{rows[head + 'ratio'].lower:.2f} to {rows[head + 'ratio'].upper:.2f}",
-                        _number(rows[head + "p"].ours),
+                        cell(rows[head + "p"].ours),
                     ),
                     name == made.rig.name,
                 )
             )
-    printed = (_number(rows[f"able.table1.{key}"].published) for key in ("without", "with", "ratio"))
-    table.append(Row(("the paper's robot", "its 18 trials", *printed, "", _number(rows["able.table1.p"].published))))
+    printed = (cell(rows[f"able.table1.{key}"].published) for key in ("without", "with", "ratio"))
+    table.append(Row(("the paper's robot", "its 18 trials", *printed, "", cell(rows["able.table1.p"].published))))
     return Section(
         "table1",
         "Table I: does dissociating the directions pay?",
@@ -347,41 +341,8 @@ def _energy(made: AbleReproduction) -> Section:
     )
 
 
-def _print_errors(made: AbleReproduction) -> Section:
-    rows = [r for r in made.rows if r.verdict in ("recomputed", "cannot be")]
-    table = Table(
-        ("What", "Printed", "Recomputed", "Unit", "Why"),
-        tuple(Row((r.quantity, _number(r.published), _number(r.ours), unit_text(r.unit) or "–", r.note)) for r in rows),
-        frozenset({1, 2}),
-        wide=True,
-    )
-    return Section(
-        "print",
-        "What can be recomputed from print",
-        ("Table II ships beside this page as table2-as-published.json; its numbers contradict each other.",),
-        (table,),
-    )
-
-
-def _all_rows(made: AbleReproduction) -> Section:
-    rows = [r for r in made.rows if r.verdict not in ("recomputed", "cannot be")]
-    table = Table(
-        ("Figure", "Published", "Ours", "Over seeds", "Unit", "Verdict"),
-        tuple(
-            Row(
-                (
-                    r.id,
-                    _number(r.published),
-                    _number(r.ours),
-                    "" if r.lower is None else f"{_number(r.lower)} to {_number(r.upper)}",
-                    unit_text(r.unit) or "–",
-                    r.verdict,
-                )
-            )
-            for r in rows
-        ),
-        frozenset({1, 2}),
-        wide=True,
-    )
+def _ending(made: AbleReproduction) -> tuple[Section, Section]:
+    recomputed, every = row_sections(made.rows, over="Over seeds or robots", remarks=False)
+    said = "Table II ships beside this page as table2-as-published.json; its numbers contradict each other."
     methods = Table(("Method", "What it is"), tuple(Row((k, v)) for k, v in METHODS.items()))
-    return Section("rows", "Every figure", (), (methods, table))
+    return replace(recomputed, paragraphs=(said,)), replace(every, tables=(methods, *every.tables))

@@ -17,10 +17,10 @@ from ...lab.elbow.rig import ElbowRig, able_elbow, drawn_rigs
 from ...lab.elbow.study import excitation
 from ...lab.pointing.conditions import Cards, identified_cards, worn
 from ...lab.pointing.people import PointingRig, draw_people, elbow_participants
-from ...recordings.results import ResultRow, write_rows
+from ...recordings.results import ResultRow
 from ..paired_test import paired_test
 from ..printed import PrintedPaper, printed
-from ..reproduction import Reproduced, spread, write_reproduction
+from ..reproduction import Reproduced, spread, write_results
 from .card import write_published_card
 from .coherence import inconsistencies
 from .elbow import able_elbow as published_elbow
@@ -147,10 +147,7 @@ def reproduce_able(
     rows += comparison_rows(compare_controllers(drawn_rigs(rig, rigs), workers=workers))
     tell("laws among nonsense", 0.95)
     rows += tuple(safety_rows(_all_laws(people, cards, transparency.exponents), cycles=fuzzed))
-    out.mkdir(parents=True, exist_ok=True)
-    results = tuple(ResultRow(row.id, row.ours, row.unit, COMMAND, _split(row.id), note=_note(row)) for row in rows)
-    write_rows(out / "results.json", COMMAND, results)
-    write_reproduction(out / "reproduction.json", rows)
+    results = write_results(out, COMMAND, rows, _split)
     write_published_card(out / "table2-as-published.json", published_elbow())
     return AbleReproduction(rows, results, comparisons, by_factor, fit, rig, paper, transparency)
 
@@ -169,11 +166,6 @@ def _with_load(rig: ElbowRig, factor: float) -> ElbowRig:
 
 def _split(row: str) -> str:
     return next((split for split, parts in SPLITS.items() if any(part in row for part in parts)), "heldout")
-
-
-def _note(row: Reproduced) -> str:
-    between = "" if row.lower is None else f"median; {row.lower:.4g} to {row.upper:.4g} over seeds"
-    return "; ".join(part for part in (between, row.note) if part)
 
 
 def _compared(rig: ElbowRig, comparisons: Sequence[Comparison], paper: PrintedPaper) -> list[Reproduced]:

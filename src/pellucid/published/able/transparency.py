@@ -26,10 +26,10 @@ from ...lab.pointing.study import (
     CONTROL,
     Conditions,
     appointments,
-    pointing_config,
     record_pointing,
     study_text,
 )
+from ...lab.study_folder import study_config
 from ...signals.movements import Movement, MovementRule, Stretch, kinematics, movements
 
 LAWS = ("FC", "PCFr", "CLPC")
@@ -340,16 +340,18 @@ def record_study(rig: PointingRig, conditions: Conditions, *, seed: int, threads
     Recorded
     """
     begun = time.perf_counter()
-    recordings, sessions = record_pointing(rig, conditions, seed=seed, threads=threads)
+    known: list[tuple[Person, Taken]]
+    recordings, known = record_pointing(
+        rig, conditions, seed=seed, threads=threads, truth=lambda session: (session.person, taken(session))
+    )
     seconds = time.perf_counter() - begun
-    people = list({s.person.name: s.person for s in sessions}.values())
-    study = VirtualStudy(seed, tuple(taken(s) for s in sessions))
-    del sessions
-    spec = pointing_config(study_text(rig, people, (), "virtual-able")).assessment
+    people = list({person.name: person for person, _ in known}.values())
+    study = VirtualStudy(seed, tuple(came for _, came in known))
+    spec = study_config(study_text(rig, people, (), "virtual-able")).assessment
     try:
         return Recorded(study, assess_recordings("virtual-able", recordings, spec), "", seconds)
     except RecordingError as error:
-        # People who cannot hold a robot still end where no target is, and their recordings are not fit to be used.
+        # Of people who cannot hold a robot at all there is nothing to assess; their true motion still counts.
         return Recorded(study, None, str(error), seconds)
 
 
