@@ -161,7 +161,7 @@ def test_a_newer_mat_file_says_what_to_do(tmp_path, monkeypatch):
     [
         ("a.json", '{"t": [0, 1', "a.json: not readable as JSON, truncated or damaged"),
         ("a.json", '{"who": "me"}', "found no numeric column"),
-        ("a.xyz", "1", 'found the ending ".xyz", expected one of .c3d, .csv'),
+        ("a.xyz", "1", 'found the ending ".xyz", expected one of .bdf, .c3d, .csv'),
         ("a.csv", "\0\0\1", "found binary content, expected text"),
     ],
 )
