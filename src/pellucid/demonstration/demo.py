@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import shutil
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 
 from .._errors import DatasetError, PellucidError
@@ -19,9 +19,8 @@ from ..datasets import init
 from ..datasets.registry import names
 from ..deployment.c_folder import check_here
 from ..deployment.export import export
-from ..deployment.microcontroller import OnCortexM4, measure, missing_tools, save_measured
+from ..deployment.microcontroller import measure, missing_tools, save_measured
 from ..identification.findings import save_findings
-from ..identification.fit import JointFit
 from ..identification.identify import identify
 from ..identification.save import save
 from ..identification.slider.slider_fit import SliderFit
@@ -37,6 +36,7 @@ from ..recordings.results import ResultRow, write_rows
 from ..recordings.study import STUDY_FILE, Study
 from ..report.document import write_report
 from .coverage import Coverage, coverage
+from .demonstration import Demonstration
 from .story import write_story
 
 COMMAND = "demo"
@@ -58,51 +58,6 @@ JUDGED_PLACES = 2
 """Of the carriage, at which trials are recorded that are never fitted."""
 
 Tell = Callable[[str, float], None]
-
-
-@dataclass(frozen=True)
-class Demonstration:
-    """What `demo` made.
-
-    Attributes
-    ----------
-    page : Path
-        That tells it in order.
-    robot : ElbowRig
-        The virtual robot as it truly is.
-    elbow : Study
-    fit : SliderFit
-        What was identified of it.
-    people : Study
-    findings : AssessmentFindings
-        What its controllers do to them.
-    controller : Path
-        Folder of the exported one.
-    cost : OnCortexM4 or None
-        None where tools are missing.
-    played : tuple of int or None
-        Steps of the test vector on this machine and those that were wrong; None without a compiler.
-    coverages : tuple of Coverage
-    real : Study or None
-        None where the real recording could not be had.
-    real_fit : JointFit or None
-    notes : tuple of str
-        What was left out, and why.
-    """
-
-    page: Path
-    robot: ElbowRig
-    elbow: Study
-    fit: SliderFit
-    people: Study
-    findings: AssessmentFindings
-    controller: Path
-    cost: OnCortexM4 | None
-    played: tuple[int, int] | None
-    coverages: tuple[Coverage, ...]
-    real: Study | None
-    real_fit: JointFit | None
-    notes: tuple[str, ...]
 
 
 def demo(out: Path | str, *, on_progress: Tell | None = None) -> Demonstration:

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 from importlib.metadata import version
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -17,9 +16,7 @@ from ..report.page import Page, Section, Tile, write_page
 from ..report.quantities import number, parameter_interval, percent, prose, unit_text
 from ..report.slider_document import DRAWN, PROTOCOLS, ROLES, SHORT
 from ..report.tables import Row, Table
-
-if TYPE_CHECKING:
-    from .demo import Demonstration
+from .demonstration import Demonstration
 
 LEVEL = 0.95
 SHOWN = ("duration", "torque_rms", "emg_level")
