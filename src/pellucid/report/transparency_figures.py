@@ -72,6 +72,7 @@ def change_figure(
         axis.set_ylim(len(laws) - 0.5, -0.9)
         axis.set_title(title, fontweight="bold")
         axis.set_xlabel("times control")
+    figure.get_layout_engine().set(rect=(0.0, 0.0, 1.0, 1.0 - 0.3 / figure.get_figheight()))
     _key(axes[0], roles)
     return Drawing(name, figure, caption)
 
@@ -83,6 +84,7 @@ def _key(axis, roles: Mapping[str, str]) -> None:
         shown = axis.annotate(
             kind, **at, textcoords="offset points", color=colour(tone), fontweight="bold", va="bottom"
         )
+        shown.set_in_layout(False)
         at = {"xycoords": shown, "xy": (1.0, 0.0), "xytext": (14.0, 0.0)}
 
 

@@ -347,6 +347,8 @@ def record_study(rig: PointingRig, conditions: Conditions, *, seed: int, threads
     seconds = time.perf_counter() - begun
     people = list({person.name: person for person, _ in known}.values())
     study = VirtualStudy(seed, tuple(came for _, came in known))
+    # As conditions were named, not as the first person met them: tables and figures follow the recordings.
+    recordings = sorted(recordings, key=lambda recording: list(conditions).index(recording.condition))
     spec = study_config(study_text(rig, people, (), "virtual-able")).assessment
     try:
         return Recorded(study, assess_recordings("virtual-able", recordings, spec), "", seconds)
@@ -371,8 +373,8 @@ class Transparency:
         Of every seed.
     own : tuple of VirtualStudy
         The same people in control and under the toolkit's own laws.
-    patient : VirtualStudy
-        The first seed's people under all these laws, content as soon as they are on the target.
+    patient : tuple of VirtualStudy
+        The same people under all these laws, content as soon as they are on the target.
     required : dict of str to float
         As `required_resistance` gives it.
     """
@@ -382,7 +384,7 @@ class Transparency:
     recorded: Recorded
     studies: tuple[VirtualStudy, ...]
     own: tuple[VirtualStudy, ...]
-    patient: VirtualStudy
+    patient: tuple[VirtualStudy, ...]
     required: dict[str, float]
 
     def with_law(self, law: str) -> tuple[VirtualStudy, ...]:
@@ -430,6 +432,6 @@ def compare_laws(
     tell("these people under the toolkit's own laws", 0.05 + 0.95 * len(seeds) / steps)
     mine = tuple(hold_study(rig, own, seed=seed, threads=threads) for seed in seeds)
     tell("people who are content on the target", 0.05 + 0.95 * (len(seeds) + 1) / steps)
-    content = hold_study(patient(rig), conditions | own, seed=seeds[0], threads=threads)
+    content = tuple(hold_study(patient(rig), conditions | own, seed=seed, threads=threads) for seed in seeds)
     needed = required_resistance(rig, draw_people(rig, np.random.default_rng(seeds[0])))
     return Transparency(exponents, torques, recorded, tuple(studies), mine, content, needed)

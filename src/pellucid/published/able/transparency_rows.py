@@ -74,7 +74,6 @@ def printed_change(table: PrintedTable, law: str) -> float:
 
 def _changes(made: Transparency, paper: PrintedPaper) -> list[Reproduced]:
     rows = []
-    content = made.patient
 
     def add(head: str, said: str, drawn: Iterable[float], printed: float | None, note: str):
         rows.append(_row(f"transparency.{head}", said, "%", drawn, printed, note))
@@ -92,9 +91,8 @@ def _changes(made: Transparency, paper: PrintedPaper) -> list[Reproduced]:
             add(f"{name}.{key}", said, (s.change(index, law) for s in studies), printed, order)
             rest = (s.change(index, law, FIRST_REST) for s in studies)
             add(f"{name}.first_rest.{key}", f"{said}, up to the first rest", rest, printed, "without later corrections")
-            drawn = (content.change(index, law),)
-            change = studies[0].change(index, law)
-            note = f"one study; {change:+.1f} % with the people as drawn; found after they were frozen"
+            drawn = (s.change(index, law) for s in made.patient)
+            note = "tried after the people had been frozen, and seen to correct more finely than the target is wide"
             add(f"{name}.content.{key}", f"{said}, people content on the target", drawn, printed, note)
     return rows
 

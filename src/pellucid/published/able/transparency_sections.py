@@ -9,10 +9,11 @@ import numpy as np
 from ...report import assessment_figures
 from ...report.drawing import draw
 from ...report.page import Section
-from ...report.quantities import number, prose
+from ...report.quantities import MINUS, number, prose
 from ...report.tables import Row, Table
 from ...report.transparency_figures import LawChange, change_figure
 from ..reproduction import Reproduced
+from ..row_sections import cell
 from .law_comparison import CONTROLLERS, UNPOWERED
 from .transparency import CONTROL, LAWS, OWN_LAWS, Transparency
 from .transparency_rows import STATISTICS
@@ -59,10 +60,10 @@ def _changes(made: Transparency, rows: Mapping[str, Reproduced]) -> Section:
             if printed is not None:
                 marks["the paper"] = (1.0 + printed / 100.0,) * 3
             laws.append(LawChange(OWN_WORDS.get(law, law), marks))
-            cells = (f"{row.ours:+.1f}" for row in found.values())
-            between = f"{found['as published'].lower:+.1f} to {found['as published'].upper:+.1f}"
+            cells = (_signed(row.ours) for row in found.values())
+            between = f"{_signed(found['as published'].lower)} to {_signed(found['as published'].upper)}"
             ours, *others = cells
-            beside = "–" if printed is None else f"{printed:+.1f}"
+            beside = "–" if printed is None else _signed(printed)
             table.append(Row((title, OWN_WORDS.get(law, law), beside, ours, between, *others)))
         panels[title] = laws
     studies = len(made.studies)
@@ -100,6 +101,10 @@ def _changes(made: Transparency, rows: Mapping[str, Reproduced]) -> Section:
     )  # fmt: skip
 
 
+def _signed(value: float, decimals: int = 1) -> str:
+    return f"{value:+.{decimals}f}".replace("-", MINUS)
+
+
 def _times(row: Reproduced) -> tuple[float, float, float]:
     values = (row.ours, row.ours if row.lower is None else row.lower, row.ours if row.upper is None else row.upper)
     return tuple(1.0 + value / 100.0 for value in values)
@@ -125,15 +130,14 @@ def _tables(made: Transparency, rows: Mapping[str, Reproduced]) -> Section:
             shown.append(Row((said, "ours", *(f"{row.ours:.3f}" for row in of)), True))
         heads = ("", "", "Mean", "SD", "Min", "Median", "Max")
         tables.append(Table(heads, tuple(shown), frozenset(range(2, 7)), caption=caption, wide=True))
-    control = ", ".join(
-        f"{word} {rows[f'transparency.control.{name}'].ours:+.1f} % "
-        f"({rows[f'transparency.control.{name}'].lower:+.1f} to {rows[f'transparency.control.{name}'].upper:+.1f})"
-        for name, word in (("duration", "duration"), ("vmax", "peak velocity"))
-    )
+    said = []
+    for name, word in (("duration", "duration"), ("vmax", "peak velocity")):
+        row = rows[f"transparency.control.{name}"]
+        said.append(f"{word} {_signed(row.ours)} % ({_signed(row.lower)} to {_signed(row.upper)})")
     return Section(
         "tables",
         "Tables III to V",
-        (f"Ours are medians over {len(made.studies)} studies. Without a robot, against the paper: {control}.",),
+        (f"Ours are medians over {len(made.studies)} studies. Without a robot, against the paper: {', '.join(said)}.",),
         tuple(tables),
     )
 
@@ -166,7 +170,7 @@ def _circumstances(made: Transparency, rows: Mapping[str, Reproduced]) -> Sectio
         )
         if np.isfinite(value)
     )
-    energy = "; ".join(f"{law} {rows[f'transparency.energy.{law.lower()}'].ours:+.2f} J" for law in LAWS)
+    energy = "; ".join(f"{law} {_signed(rows[f'transparency.energy.{law.lower()}'].ours, 2)} J" for law in LAWS)
     said = [
         f"The change of 20 % that the paper found under CLPC and PCFr would take, by the choice of durations alone, "
         f"{needed} more than an arm has.",
@@ -178,13 +182,13 @@ def _circumstances(made: Transparency, rows: Mapping[str, Reproduced]) -> Sectio
     k = Table(
         ("k of eq. 8", "Up (N·m)", "Down (N·m)"),
         tuple(
-            Row((f"{k:g}", f"{up:.3f}", f"{down:.3f}"), k in made.exponents)
+            Row((cell(k), f"{up:.3f}", f"{down:.3f}"), k in made.exponents)
             for k, (up, down) in sorted(made.torques.items())
         ),
         frozenset({0, 1, 2}),
         caption="Interaction torque (RMS) of the five people who chose k; it takes "
-        f"{made.exponents[0]:g} up and {made.exponents[1]:g} down (the paper's people: "
-        f"{rows['transparency.exponent.up'].published:g} and {rows['transparency.exponent.down'].published:g})",
+        f"{cell(made.exponents[0])} up and {cell(made.exponents[1])} down (the paper's people: "
+        f"{cell(rows['transparency.exponent.up'].published)} and {cell(rows['transparency.exponent.down'].published)})",
     )
     return Section("behind", "What is behind it", tuple(said), (k,))
 
@@ -195,7 +199,7 @@ def _all_laws(rows: Mapping[str, Reproduced]) -> Section:
         torque = rows.get(f"transparency.torque.{law}_over_fc")
         given, resting = rows[f"transparency.given.{law}"].ours, rows[f"transparency.resting.{law}"].ours
         over = ("1", "") if torque is None else (f"{torque.ours:.2f}", f"{torque.lower:.2f} to {torque.upper:.2f}")
-        table.append(Row((law.replace("_", " "), *over, f"{given:+.3f}", f"{resting:.3f}"), law in OWN_LAWS))
+        table.append(Row((law.replace("_", " "), *over, _signed(given, 3), f"{resting:.3f}"), law in OWN_LAWS))
     return Section(
         "alllaws",
         "Every law, on robots it was not chosen on",
