@@ -70,12 +70,16 @@ def init(
 def simulate(
     folder: Annotated[Path, typer.Argument(metavar="DIR", help="Folder with lab/rig.toml.")],
     seed: Annotated[int, typer.Option(metavar="N", min=0, help="Seed of every random draw.")] = 1,
+    controller: Annotated[
+        list[str] | None,
+        typer.Option(metavar="NAME", help="That virtual people wear, as export names it; again for another."),
+    ] = None,
 ) -> None:
     """Let a virtual rig make the recordings."""
     from .lab.simulate import simulate as run
 
     with _progress() as tell:
-        made = run(folder, seed, on_progress=tell)
+        made = run(folder, seed, controllers=controller, on_progress=tell)
     out = _console()
     times = made.joint_time / made.wall_time
     _say(

@@ -13,6 +13,7 @@ from pellucid.lab.pointing.movement_choice import preferred_duration, utility
 from pellucid.lab.pointing.people import draw_people, elbow_participants, parse_pointing_rig
 from pellucid.lab.pointing.session import Unpowered, hold_still, point
 from pellucid.lab.pointing.study import record_pointing, study_text
+from pellucid.lab.simulate import simulate
 from pellucid.lab.study_folder import study_config
 from pellucid.models.anthropometry import forearm
 
@@ -148,6 +149,24 @@ def test_threads_change_nothing_and_of_a_session_stays_what_is_asked_for(short):
         for x, y in ((a, b), (a.streams["emg"], b.streams["emg"])):
             assert all(np.array_equal(x[name], y[name]) for name in x.channels)
             assert not any(x[name].flags.writeable for name in x.channels)
+
+
+def test_people_wear_the_controllers_that_are_named(tmp_path):
+    text = (files("pellucid.lab") / "rigs" / "elbow-participants.toml").read_text(encoding="utf-8")
+    text = text.replace("count = 6", "count = 2").replace("repetitions = 10", "repetitions = 1")
+    (tmp_path / "lab").mkdir()
+    (tmp_path / "lab" / "rig.toml").write_text(text, encoding="utf-8")
+    made = simulate(tmp_path, controllers=["force_sensor", "clpc"])
+    assert [r.condition for r in made.study.recordings()] == ["Ctrl"] * 2 + ["force_sensor"] * 2 + ["clpc"] * 2
+    with pytest.raises(StudyError, match='found no controller "fcc", expected some of clpc, pcfr, fc'):
+        simulate(tmp_path, controllers=["fcc"])
+    with pytest.raises(StudyError, match="found a controller twice"):
+        simulate(tmp_path, controllers=["clpc", "clpc"])
+    (tmp_path / "lab" / "rig.toml").write_text(
+        (files("pellucid.lab") / "rigs" / "able-elbow.toml").read_text(encoding="utf-8"), encoding="utf-8"
+    )
+    with pytest.raises(StudyError, match="found controllers clpc, expected them with people who wear them"):
+        simulate(tmp_path, controllers=["clpc"])
 
 
 def test_a_file_that_lacks_something_is_told():

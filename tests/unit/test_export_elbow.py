@@ -14,7 +14,7 @@ from pellucid.controllers.elbow_laws import PUBLISHED_EXPONENTS
 from pellucid.deployment.deployed_law import LAWS
 from pellucid.deployment.elbow_values import elbow_values
 from pellucid.deployment.microcontroller import measure, missing_tools
-from pellucid.lab.pointing.conditions import own_laws
+from pellucid.lab.pointing.conditions import worn
 from pellucid.lab.pointing.people import draw_people, elbow_participants
 from pellucid.models.anthropometry import forearm
 from pellucid.models.card import CardParameter, write_card
@@ -188,10 +188,9 @@ def test_what_is_exported_is_what_virtual_people_wear(study):
     """The same numbers under the same name, but for the limits that the study sets."""
     person = draw_people(elbow_participants(), np.random.default_rng(1), count=1)[0]
     cards = {c.method: read_slider_card(study.models_dir / c.card) for c in ELBOW_CONTROLLERS.values()}
-    ours = own_laws(cards)
-    for controller, condition in ((BEST, "best"), (BEST_SENSED, "best_sensed")):
+    for controller in (BEST, BEST_SENSED):
         there = elbow_values(study, controller, slider=0.2).numbers
-        here = ours[condition](person, 0.2).values
+        here = worn(cards, controller)(person, 0.2).values
         differ = {name for name in here if here[name] != there[name]}
         assert differ <= {"effort_limit", "position_min", "position_max", "stop_margin"}
     emg = elbow_values(study, "emg", participant="P1").numbers

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import re
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -53,7 +53,11 @@ class Simulated:
 
 
 def simulate(
-    folder: str | os.PathLike, seed: int = 1, *, on_progress: Callable[[str, float], None] | None = None
+    folder: str | os.PathLike,
+    seed: int = 1,
+    *,
+    controllers: Sequence[str] | None = None,
+    on_progress: Callable[[str, float], None] | None = None,
 ) -> Simulated:
     """Record the full protocol on the virtual rig of ``lab/rig.toml``, and write the study of it: study.toml,
     recordings, and apart from both the truth in ``lab/truth.json``. The same seed makes the same files.
@@ -64,6 +68,8 @@ def simulate(
         Made by `init` with a rig.
     seed : int
         Of every random draw.
+    controllers : sequence of str, optional
+        That people wear beside no robot, by their names in `export`; the published three if left out.
     on_progress : callable, optional
         Called with a text and the share done, 0 to 1.
 
@@ -74,7 +80,8 @@ def simulate(
     Raises
     ------
     StudyError
-        If there is no rig file, it cannot be understood, or the folder holds a study that was not simulated.
+        If there is no rig file, it cannot be understood, the folder holds a study that was not simulated, or
+        controllers are not known, or named where nobody wears any.
     """
     folder, tell = Path(folder), on_progress or (lambda text, share: None)
     path = folder / RIG_FILE
@@ -85,6 +92,8 @@ def simulate(
     text = path.read_text(encoding="utf-8")
     kind = parse_tables(text, str(path)).get("kind")
     name = study_name(folder)
+    if controllers and kind != PEOPLE:
+        raise StudyError(f"{path}: found controllers {', '.join(controllers)}, expected them with people who wear them")
     begun = time.perf_counter()
     if kind == KIND:
         rig = parse_elbow_rig(text, name)
@@ -108,7 +117,7 @@ def simulate(
 
         people = parse_pointing_rig(text, name)
         tell("identifying the robot that is worn", 0.0)
-        conditions = study_conditions(people, seed=seed)
+        conditions = study_conditions(people, controllers, seed=seed)
         study = write_pointing_study(
             folder, people, conditions, name=name, seed=seed, threads=2, on_progress=on_progress
         )

@@ -6,11 +6,12 @@ interaction torque, which contains both the resistance and the shaking that the 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
-from ...controllers.elbow_controllers import BEST, BEST_SENSED, ELBOW_CONTROLLERS
+from ..._errors import StudyError
+from ...controllers.elbow_controllers import ELBOW_CONTROLLERS
 from ...controllers.elbow_laws import ElbowLaw, full_compensation
 from ...identification.slider.identify_slider import fit_slider
 from ...identification.slider.save_slider import slider_card
@@ -105,22 +106,6 @@ def published_laws(
     }
 
 
-def own_laws(cards: Cards) -> dict[str, Callable[[Person, float], ElbowLaw]]:
-    """The toolkit's best laws, with an encoder alone and with a force sensor.
-
-    Parameters
-    ----------
-    cards : mapping
-        By method.
-
-    Returns
-    -------
-    dict
-        By condition.
-    """
-    return {"best": worn(cards, BEST), "best_sensed": worn(cards, BEST_SENSED)}
-
-
 def interaction_rms(session: Session, direction: int = 0) -> float:
     """Interaction torque during the movements of a session: RMS of each, mean over them [N*m].
 
@@ -180,19 +165,37 @@ def chosen_exponents(
     return tuple(min(EXPONENTS, key=lambda k: torques[k][i]) for i in (0, 1)), torques
 
 
-def study_conditions(rig: PointingRig, *, seed: int = 1) -> dict[str, Callable[[Person, float], ElbowLaw] | None]:
-    """The paper's four conditions on a robot that is identified for them.
+def study_conditions(
+    rig: PointingRig, names: Sequence[str] | None = None, *, seed: int = 1
+) -> dict[str, Callable[[Person, float], ElbowLaw] | None]:
+    """Conditions on a robot that is identified for them.
 
     Parameters
     ----------
     rig : PointingRig
+    names : sequence of str, optional
+        Of `ELBOW_CONTROLLERS`, beside control; the paper's three if left out.
     seed : int
         Of the identification's recordings.
 
     Returns
     -------
     dict
-        By condition.
+        By condition, control first.
+
+    Raises
+    ------
+    StudyError
+        If a controller is not known, or named twice.
     """
+    unknown = [name for name in names or () if name not in ELBOW_CONTROLLERS]
+    if unknown or len(set(names or ())) < len(names or ()):
+        found = f'found no controller "{unknown[0]}"' if unknown else "found a controller twice"
+        raise StudyError(f"conditions: {found}, expected some of {', '.join(ELBOW_CONTROLLERS)}")
     cards = identified_cards(rig.robot, seed=seed)
-    return published_laws(cards, chosen_exponents(rig, cards, threads=2)[0])
+    by_direction = not names or any(ELBOW_CONTROLLERS[name].exponents for name in names)
+    exponents = chosen_exponents(rig, cards, threads=2)[0] if by_direction else None
+    if not names:
+        return published_laws(cards, exponents)
+    chosen = {name: {"exponents": exponents} if ELBOW_CONTROLLERS[name].exponents else {} for name in names}
+    return {CONTROL: None, **{name: worn(cards, name, **settings) for name, settings in chosen.items()}}
