@@ -174,8 +174,8 @@ def _circumstances(made: Transparency, rows: Mapping[str, Reproduced]) -> Sectio
     said = [
         f"The change of 20 % that the paper found under CLPC and PCFr would take, by the choice of durations alone, "
         f"{needed} more than an arm has.",
-        f"Energy given over a closed cycle, the largest of 99 %: {energy}. A law that compensates friction in full by "
-        "the sign of a delayed velocity drives where the sign is wrong.",
+        f"Energy given over a closed cycle, the largest of 99 %: {energy}. What FC adds along the motion, by "
+        "two gravities, friction and its inertia term, is more than the robot's friction takes away.",
     ]
     if made.recorded.refused:
         said.append(f"The assessment refused the first study's recordings: {made.recorded.refused.splitlines()[0]}")
@@ -185,7 +185,7 @@ def _circumstances(made: Transparency, rows: Mapping[str, Reproduced]) -> Sectio
             Row((cell(k), f"{up:.3f}", f"{down:.3f}"), k in made.exponents)
             for k, (up, down) in sorted(made.torques.items())
         ),
-        frozenset({0, 1, 2}),
+        frozenset({1, 2}),
         caption="Interaction torque (RMS) of the five people who chose k; it takes "
         f"{cell(made.exponents[0])} up and {cell(made.exponents[1])} down (the paper's people: "
         f"{cell(rows['transparency.exponent.up'].published)} and {cell(rows['transparency.exponent.down'].published)})",
