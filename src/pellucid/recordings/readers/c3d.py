@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from ..._errors import RecordingError
+from ._columns import Columns
 
 POINT_TIME, ANALOG_TIME = "point.time", "analog.time"
 AXES = ("x", "y", "z")
@@ -26,7 +27,7 @@ LONGEST = 65535
 """Last frame of a file that is too long for its header to say."""
 
 
-def read(path: Path) -> dict[str, np.ndarray]:
+def read(path: Path) -> Columns:
     """Columns by name, in the file's own units: marker coordinates shape (n,), analog channels shape (m,).
 
     Coordinates of a marker that was lost are NaN.
@@ -60,18 +61,11 @@ def read(path: Path) -> dict[str, np.ndarray]:
         add(ANALOG_TIME, np.arange(analogs.shape[1]) / _rate(path, content, "ANALOG"))
         for label, samples in zip(labels, analogs, strict=True):
             add(label, samples)
-    return into
+    return Columns(path, into, units=_units(content))
 
 
-def units(path: Path) -> dict[str, str]:
-    """Unit of every column of which the file says one.
-
-    Raises
-    ------
-    RecordingError
-        If the file cannot be read.
-    """
-    content = _content(path)
+def _units(content: Any) -> dict[str, str]:
+    """Unit of every column of which the file says one."""
     found = {}
     length = _texts(content, "POINT", "UNITS")
     for label in _labels(content, "POINT", content["data"]["points"].shape[1]):

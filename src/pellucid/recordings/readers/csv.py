@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from ..._errors import RecordingError
+from ._columns import Columns
 
 _COMMENT = ("#", "%", "//", "!")
 _MISSING = {"", "nan", "na", "n/a", "null", "none", "-", "--", "missing"}
@@ -16,7 +17,7 @@ _CHANNEL_LINE = re.compile(r"Channel \d+: '([^']+)'")
 _COMMA_NUMBER = re.compile(r"[-+]?\d*,\d+(?:[eE][-+]?\d+)?")
 
 
-def read(path: Path) -> dict[str, np.ndarray | str]:
+def read(path: Path) -> Columns:
     """Columns of a text table, each shape (n,) float64, named by the header or, without one, ``"0"``, ``"1"``, ....
 
     A column with text in it is given as a str that says which.
@@ -58,7 +59,7 @@ def read(path: Path) -> dict[str, np.ndarray | str]:
             values[name] = f'line {number} holds the text "{text}" where a number is expected'
         else:
             values[name] = np.ascontiguousarray(table[:, i])
-    return values
+    return Columns(path, values)
 
 
 def _decode(path: Path) -> str:

@@ -13,9 +13,10 @@ from typing import Any
 import numpy as np
 
 from ..._errors import RecordingError
+from ._columns import Columns
 
 
-def read(path: Path) -> dict[str, np.ndarray]:
+def read(path: Path) -> Columns:
     """Columns by name, in the file's own units, each shape (n,) with the n of its signal.
 
     Raises
@@ -26,27 +27,19 @@ def read(path: Path) -> dict[str, np.ndarray]:
     content = _content(path)
     together = len({signal.sampling_frequency for signal in content.signals}) == 1
     into: dict[str, np.ndarray] = {}
+    units: dict[str, str] = {}
     for signal in content.signals:
         name = signal.label.strip()
         if name in into:
             raise RecordingError(f'{path.name}: found two signals named "{name}", expected each once')
+        samples = np.ascontiguousarray(signal.data, dtype=np.float64)
         times = "time" if together else f"{name}.time"
         if times not in into:
-            into[times] = np.arange(len(signal.data)) / float(signal.sampling_frequency)
-        into[name] = np.ascontiguousarray(signal.data, dtype=np.float64)
-    return into
-
-
-def units(path: Path) -> dict[str, str]:
-    """Unit of every signal of which the file says one.
-
-    Raises
-    ------
-    RecordingError
-        As `read`.
-    """
-    said = {signal.label.strip(): signal.physical_dimension.strip() for signal in _content(path).signals}
-    return {name: unit for name, unit in said.items() if unit}
+            into[times] = np.arange(len(samples)) / float(signal.sampling_frequency)
+        into[name] = samples
+        if signal.physical_dimension.strip():
+            units[name] = signal.physical_dimension.strip()
+    return Columns(path, into, units=units)
 
 
 def _content(path: Path) -> Any:

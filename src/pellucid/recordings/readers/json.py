@@ -8,10 +8,11 @@ from pathlib import Path
 import numpy as np
 
 from ..._errors import RecordingError
+from ._columns import Columns
 from ._flatten import flatten
 
 
-def read(path: Path) -> dict[str, np.ndarray]:
+def read(path: Path) -> Columns:
     """Numeric leaves of a JSON file by dotted path, each shape (n,) float64; booleans are 0 and 1.
 
     Raises
@@ -25,4 +26,4 @@ def read(path: Path) -> dict[str, np.ndarray]:
         raise RecordingError(f"{path.name}: not readable as JSON, truncated or damaged: {error}") from error
     into: dict[str, np.ndarray] = {}
     flatten(content, "", into)
-    return into
+    return Columns(path, into)

@@ -8,10 +8,11 @@ from pathlib import Path
 import numpy as np
 
 from ..._errors import RecordingError
+from ._columns import Columns
 from ._flatten import flatten
 
 
-def read(path: Path) -> dict[str, np.ndarray]:
+def read(path: Path) -> Columns:
     """Numeric variables and struct fields by dotted path, each shape (n,) float64.
 
     Raises
@@ -36,7 +37,7 @@ def read(path: Path) -> dict[str, np.ndarray]:
     for name, value in content.items():
         if isinstance(name, str) and not name.startswith("__"):
             flatten(_structs(value), name, into)
-    return into
+    return Columns(path, into)
 
 
 def _structs(value):
@@ -48,7 +49,7 @@ def _structs(value):
     return value
 
 
-def _read_hdf5(path: Path) -> dict[str, np.ndarray]:
+def _read_hdf5(path: Path) -> Columns:
     try:
         import h5py
     except ImportError:
@@ -68,4 +69,4 @@ def _read_hdf5(path: Path) -> dict[str, np.ndarray]:
             file.visititems(visit)
     except OSError as error:
         raise RecordingError(f"{path.name}: not readable as a MAT file, truncated or damaged: {error}") from error
-    return into
+    return Columns(path, into)

@@ -55,15 +55,12 @@ def read_columns(path: Path) -> Columns:
     try:
         if path.suffix.lower() == ".dat" and _is_storage(path):
             module = "sto"
-        reader = importlib.import_module(f".{module}", __package__)
-        values = reader.read(path)
-        angles = reader.angle_unit(path) if hasattr(reader, "angle_unit") else None
-        units = reader.units(path) if hasattr(reader, "units") else {}
+        columns = importlib.import_module(f".{module}", __package__).read(path)
     except OSError as error:
         raise RecordingError(f"{path}: not readable: {error}") from error
-    if all(isinstance(value, str) for value in values.values()):
+    if all(isinstance(value, str) for value in columns.values.values()):
         raise RecordingError(f"{path.name}: found no numeric column")
-    return Columns(path, values, angles, units)
+    return columns
 
 
 def _is_storage(path: Path) -> bool:

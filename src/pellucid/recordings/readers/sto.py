@@ -8,10 +8,11 @@ from pathlib import Path
 import numpy as np
 
 from ..._errors import RecordingError
+from ._columns import Columns
 
 
-def read(path: Path) -> dict[str, np.ndarray]:
-    """Columns by their labels, each shape (n,) float64, in the file's own units.
+def read(path: Path) -> Columns:
+    """Columns by their labels, each shape (n,) float64, in the file's own units; of angles the header may say which.
 
     Raises
     ------
@@ -41,18 +42,8 @@ def read(path: Path) -> dict[str, np.ndarray]:
                 f"{path.name}: the header says {key[0]}{key[1].upper()}{key[2:]}={header[key]}, found {found}; "
                 "the file is truncated or was edited"
             )
-    return {label: np.ascontiguousarray(table[:, i]) for i, label in enumerate(labels)}
-
-
-def angle_unit(path: Path) -> str | None:
-    """``"deg"`` or ``"rad"`` as the header's inDegrees says; None where it says nothing.
-
-    Raises
-    ------
-    RecordingError
-        If there is no ``endheader``.
-    """
-    return {"yes": "deg", "no": "rad"}.get(_parts(path)[0].get("indegrees", ""))
+    values = {label: np.ascontiguousarray(table[:, i]) for i, label in enumerate(labels)}
+    return Columns(path, values, {"yes": "deg", "no": "rad"}.get(header.get("indegrees", "")))
 
 
 def _parts(path: Path) -> tuple[dict[str, str], list[str], int]:

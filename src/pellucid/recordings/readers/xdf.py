@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from ..._errors import RecordingError
+from ._columns import Columns
 
 MAGIC = b"XDF:"
 
@@ -24,7 +25,7 @@ SYMBOLS = {
 """Units that streams write out, as study.toml writes them."""
 
 
-def read(path: Path) -> dict[str, np.ndarray | str]:
+def read(path: Path) -> Columns:
     """Columns by name, in the file's own units, each shape (n,) with the n of its stream.
 
     Raises
@@ -49,19 +50,13 @@ def read(path: Path) -> dict[str, np.ndarray | str]:
                 into[f"{name}.{label}"] = np.ascontiguousarray(series[:, i], dtype=np.float64)
             else:
                 into[f"{name}.{label}"] = f'the stream "{name}" holds text, expected numbers'
-    return into
+    return Columns(path, into, units=_units(streams))
 
 
-def units(path: Path) -> dict[str, str]:
-    """Unit of every column of which the file says one.
-
-    Raises
-    ------
-    RecordingError
-        As `read`.
-    """
+def _units(streams: list[Any]) -> dict[str, str]:
+    """Unit of every column of which the file says one."""
     found = {}
-    for stream in _streams(path):
+    for stream in streams:
         for label, channel in zip(_labels(stream), _channels(stream), strict=False):
             said = _text(channel, "unit")
             if said:
