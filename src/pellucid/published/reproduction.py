@@ -51,6 +51,13 @@ def spread(values: Iterable[float]) -> tuple[float, float, float]:
     return float(np.median(drawn)), float(drawn.min()), float(drawn.max())
 
 
+def verdict_between(published: float | None, lower: float, upper: float) -> str:
+    """Verdict on a printed figure, if there is one, by whether it lies between ours."""
+    if published is None:
+        return "ours only"
+    return "agrees" if lower <= published <= upper else "differs"
+
+
 def write_reproduction(path: Path, rows: Iterable[Reproduced]) -> Path:
     """Write reproduction.json, whole or not at all.
 

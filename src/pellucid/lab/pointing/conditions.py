@@ -16,12 +16,12 @@ from ...controllers.elbow_laws import ElbowLaw, full_compensation
 from ...identification.slider.identify_slider import fit_slider
 from ...identification.slider.save_slider import slider_card
 from ...models.slider_card import SliderCard
-from ...signals.movements import MovementRule, Stretch, kinematics, movements
+from ...signals.movements import MovementRule, movements
 from ..elbow.protocol import trials
 from ..elbow.rig import ElbowRig
 from ..elbow.study import record_in_memory
 from .people import Person, PointingRig, draw_people
-from .session import Session, point_all
+from .session import Session, point_all, true_motion
 from .study import CONTROL
 
 EXPONENTS = (-2.0, -1.5, -1.0, -0.5, 0.0, 0.5, 1.0)
@@ -55,7 +55,9 @@ def identified_cards(robot: ElbowRig, *, seed: int = 1) -> Cards:
     return {method: slider_card(config, fit, estimate) for method, estimate in fit.estimates.items()}
 
 
-def worn(cards: Cards, controller: str, **settings) -> Callable[[Person, float], ElbowLaw]:
+def worn(
+    cards: Cards, controller: str, *, exponents: tuple[float, float] | None = None, **settings
+) -> Callable[[Person, float], ElbowLaw]:
     """A controller of a robot, for whoever wears it.
 
     Parameters
@@ -64,6 +66,8 @@ def worn(cards: Cards, controller: str, **settings) -> Callable[[Person, float],
         Of the robot, by method.
     controller : str
         A name of `ELBOW_CONTROLLERS`.
+    exponents : tuple of float, optional
+        Of equation 8, upwards and downwards; of no meaning to a law without it.
     **settings
         As its law takes them.
 
@@ -73,6 +77,8 @@ def worn(cards: Cards, controller: str, **settings) -> Callable[[Person, float],
         Takes a person and the place of the carriage [m].
     """
     named = ELBOW_CONTROLLERS[controller]
+    if exponents is not None and named.exponents:
+        settings["exponents"] = exponents
 
     def build(person: Person, place: float) -> ElbowLaw:
         limb = {"limb": person.forearm} if named.wearer else {}
@@ -122,10 +128,7 @@ def interaction_rms(session: Session, direction: int = 0) -> float:
     """
     found = []
     rule = MovementRule()
-    seconds = np.arange(len(session.target)) / session.fs
-    motion = kinematics(seconds, session.signals["position"], rule)
-    stretches = [Stretch(m.begin / session.fs, m.end / session.fs, m.amplitude) for m in session.movements]
-    for one in movements(motion, stretches, rule)[0]:
+    for one in movements(*true_motion(session, rule), rule)[0]:
         if direction in (0, one.direction):
             part = slice(one.first, one.last + 1)
             found.append(np.sqrt(np.mean(session.signals["interaction"][part] ** 2)))
@@ -197,5 +200,4 @@ def study_conditions(
     exponents = chosen_exponents(rig, cards, threads=2)[0] if by_direction else None
     if not names:
         return published_laws(cards, exponents)
-    chosen = {name: {"exponents": exponents} if ELBOW_CONTROLLERS[name].exponents else {} for name in names}
-    return {CONTROL: None, **{name: worn(cards, name, **settings) for name, settings in chosen.items()}}
+    return {CONTROL: None, **{name: worn(cards, name, exponents=exponents) for name in names}}

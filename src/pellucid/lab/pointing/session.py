@@ -10,6 +10,7 @@ import numpy as np
 
 from ... import _core
 from ...models.simulate import substeps_for
+from ...signals.movements import Kinematics, MovementRule, Stretch, kinematics
 from .load_learning import felt, learnt
 from .movement_choice import preferred_duration
 from .people import Person, PointingRig
@@ -103,6 +104,26 @@ class Session:
     signals: dict[str, np.ndarray]
     movements: tuple[Movement, ...]
     fault: str
+
+
+def true_motion(session: Session, rule: MovementRule) -> tuple[Kinematics, list[Stretch]]:
+    """The forearm's own motion, filtered as an angle record would be, and the time of each movement.
+
+    Parameters
+    ----------
+    session : Session
+    rule : MovementRule
+        Says the filter.
+
+    Returns
+    -------
+    motion : Kinematics
+    stretches : list of Stretch
+        As `movements` takes them.
+    """
+    seconds = np.arange(len(session.target)) / session.fs
+    stretches = [Stretch(m.begin / session.fs, m.end / session.fs, m.amplitude) for m in session.movements]
+    return kinematics(seconds, session.signals["position"], rule), stretches
 
 
 def targets(rig: PointingRig, rng: np.random.Generator) -> np.ndarray:

@@ -97,8 +97,7 @@ def judge_laws(robot: ElbowRig, *, seed: int, count: int = 3, repetitions: int =
                 laws.append(Unpowered())
                 continue
             controller, settings = CONTROLLERS[name]
-            chosen = {"exponents": exponents} if ELBOW_CONTROLLERS[controller].exponents else {}
-            laws.append(worn(cards, controller, **settings, **chosen)(person, person.slider(rig)))
+            laws.append(worn(cards, controller, exponents=exponents, **settings)(person, person.slider(rig)))
         found[name] = _judge(rig, people, laws, seed, repetitions)
     return found
 

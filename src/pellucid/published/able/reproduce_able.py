@@ -20,7 +20,7 @@ from ...lab.pointing.people import PointingRig, draw_people, elbow_participants
 from ...recordings.results import ResultRow
 from ..paired_test import paired_test
 from ..printed import PrintedPaper, printed
-from ..reproduction import Reproduced, spread, write_results
+from ..reproduction import Reproduced, spread, verdict_between, write_results
 from .card import write_published_card
 from .coherence import inconsistencies
 from .elbow import able_elbow as published_elbow
@@ -154,8 +154,8 @@ def reproduce_able(
 
 def _all_laws(people: PointingRig, cards: Cards, exponents: tuple[float, float]) -> dict[str, ElbowLaw]:
     one = draw_people(people, np.random.default_rng(0), count=1)[0]
-    chosen = {name: {"exponents": exponents} if law.exponents else {} for name, law in ELBOW_CONTROLLERS.items()}
-    return {name: worn(cards, name, **chosen[name])(one, one.slider(people)) for name in ELBOW_CONTROLLERS}
+    place = one.slider(people)
+    return {name: worn(cards, name, exponents=exponents)(one, place) for name in ELBOW_CONTROLLERS}
 
 
 def _with_load(rig: ElbowRig, factor: float) -> ElbowRig:
@@ -188,10 +188,8 @@ def _of_one_rig(head: str, rig: str, mine: Sequence[Comparison], printed_: Mappi
 
     def add(what: str, quantity: str, unit: str, values: Iterable[float], printed: float | None = None, note: str = ""):
         ours, low, high = spread(values)
-        verdict = "ours only" if printed is None else "agrees" if low <= printed <= high else "differs"
-        rows.append(
-            Reproduced(f"{head}.{what}", f"{quantity}, rig {rig}", unit, printed, ours, low, high, verdict, note)
-        )
+        said, verdict = f"{quantity}, rig {rig}", verdict_between(printed, low, high)
+        rows.append(Reproduced(f"{head}.{what}", said, unit, printed, ours, low, high, verdict, note))
 
     for which, table, judged, note in (
         ("unseen", "table1", "trials never fitted", "the paper held nothing out"),

@@ -21,7 +21,7 @@ from ...controllers.elbow_controllers import BEST, BEST_SENSED
 from ...lab.pointing.conditions import Cards, chosen_exponents, published_laws, worn
 from ...lab.pointing.movement_choice import preferred_duration
 from ...lab.pointing.people import Person, PointingRig, draw_people
-from ...lab.pointing.session import Session, point
+from ...lab.pointing.session import Session, point, true_motion
 from ...lab.pointing.study import (
     CONTROL,
     Conditions,
@@ -30,7 +30,7 @@ from ...lab.pointing.study import (
     study_text,
 )
 from ...lab.study_folder import study_config
-from ...signals.movements import Movement, MovementRule, Stretch, kinematics, movements
+from ...signals.movements import Movement, MovementRule, movements
 
 LAWS = ("FC", "PCFr", "CLPC")
 """Conditions of the paper beside control, in its order."""
@@ -180,9 +180,7 @@ def taken(session: Session) -> Taken:
     -------
     Taken
     """
-    seconds = np.arange(len(session.target)) / session.fs
-    stretches = [Stretch(m.begin / session.fs, m.end / session.fs, m.amplitude) for m in session.movements]
-    motion = kinematics(seconds, session.signals["position"], MovementRule())
+    motion, stretches = true_motion(session, MovementRule())
     means = {}
     for name, rule in RULES.items():
         found, without = movements(motion, stretches, rule)

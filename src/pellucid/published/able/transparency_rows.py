@@ -9,7 +9,7 @@ import numpy as np
 from ...controllers.elbow_laws import ElbowLaw
 from ...controllers.law_fuzz import fuzz
 from ..printed import PrintedPaper, PrintedTable
-from ..reproduction import Reproduced, spread
+from ..reproduction import Reproduced, spread, verdict_between
 from .transparency import CONTROL, FIRST_REST, LAWS, OWN_LAWS, PUBLISHED_RULE, Transparency
 
 INDICES: Mapping[str, tuple[str, str, str]] = {
@@ -184,6 +184,6 @@ def _row(
 ) -> Reproduced:
     drawn = list(drawn)
     ours, low, high = spread(drawn)
-    verdict = "ours only" if printed is None else "agrees" if low <= printed <= high else "differs"
+    verdict = verdict_between(printed, low, high)
     between = (low, high) if len(drawn) > 1 else (None, None)
     return Reproduced(name, said, unit, printed, ours, *between, verdict, note)

@@ -9,7 +9,7 @@ import numpy as np
 from ...identification.fit import Parameter
 from ...lab.knee.rig import KneeRig
 from ..printed import Printed, PrintedPaper
-from ..reproduction import Reproduced, spread
+from ..reproduction import Reproduced, spread, verdict_between
 from .recomputed import SUBJECTS
 from .torque import TorqueMap, TorqueSteps
 from .wearers import Bench, Drawn, WearerFound, mean_fit, tape_measure
@@ -27,7 +27,7 @@ def _row(
     else:
         ours, low, high = spread(values)
     ends = (ours, ours) if low is None else (low, high)
-    verdict = "ours only" if published is None else "agrees" if ends[0] <= published <= ends[1] else "differs"
+    verdict = verdict_between(published, *ends)
     return Reproduced(f"knee.{name}", quantity, unit, published, ours, low, high, verdict, note)
 
 
@@ -35,7 +35,7 @@ def _interval(name: str, quantity: str, parameter: Parameter, published: Printed
     """A parameter with its 95 % interval; another device's number stands beside it."""
     low, high = parameter.interval()
     value = None if published is None else published.value
-    verdict = "ours only" if value is None else "agrees" if low <= value <= high else "differs"
+    verdict = verdict_between(value, low, high)
     return Reproduced(f"knee.{name}", quantity, parameter.unit, value, parameter.value, low, high, verdict, note)
 
 
