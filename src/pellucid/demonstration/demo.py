@@ -148,12 +148,7 @@ def few_people(robot: ElbowRig) -> PointingRig:
     -------
     PointingRig
     """
-    whole = elbow_participants(robot)
-    fewer = {
-        "people": {**whole["people"], "count": COUNT},
-        "pointing": {**whole["pointing"], "repetitions": REPETITIONS},
-    }
-    return replace(whole, tables={**whole.tables, **fewer})
+    return elbow_participants(robot).changed({"people.count": COUNT, "pointing.repetitions": REPETITIONS})
 
 
 def _identified_elbow(folder: Path, robot: ElbowRig, tell: Tell) -> tuple[Study, SliderFit]:

@@ -52,7 +52,20 @@ def spread(values: Iterable[float]) -> tuple[float, float, float]:
 
 
 def verdict_between(published: float | None, lower: float, upper: float) -> str:
-    """Verdict on a printed figure, if there is one, by whether it lies between ours."""
+    """Verdict on a printed figure, by whether it lies between ours.
+
+    Parameters
+    ----------
+    published : float or None
+        None where nothing is printed.
+    lower, upper : float
+        Ours, in the same unit.
+
+    Returns
+    -------
+    str
+        Of `VERDICTS`.
+    """
     if published is None:
         return "ours only"
     return "agrees" if lower <= published <= upper else "differs"

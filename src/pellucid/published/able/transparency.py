@@ -9,7 +9,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -249,8 +249,7 @@ def patient(rig: PointingRig) -> PointingRig:
     -------
     PointingRig
     """
-    vision = {**rig["vision"], "tolerance": rig["pointing"]["tolerance"]}
-    return replace(rig, tables={**rig.tables, "vision": vision})
+    return rig.changed({"vision.tolerance": rig["pointing"]["tolerance"]})
 
 
 def required_resistance(rig: PointingRig, people: Sequence[Person], slower: float = 0.2) -> dict[str, float]:
