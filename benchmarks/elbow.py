@@ -13,9 +13,8 @@ from collections.abc import Callable
 import numpy as np
 from scipy import optimize
 
-from pellucid.identification.slider.coherent_body import LOAD_START, fit_coherent
-from pellucid.identification.slider.identify_slider import STEPS, fit_slider
-from pellucid.identification.slider.three_steps import STRIDE, three_steps
+from pellucid.fit.slider.coherent_body import LOAD_START, fit_coherent
+from pellucid.fit.slider.three_steps import STRIDE, three_steps
 from pellucid.lab.elbow.instruments import play, record
 from pellucid.lab.elbow.protocol import trials
 from pellucid.lab.elbow.rig import able_elbow
@@ -23,6 +22,7 @@ from pellucid.lab.elbow.study import excitation, record_in_memory
 from pellucid.models.directional_slider import VELOCITY_WIDTH
 from pellucid.models.joint import GRAVITY
 from pellucid.models.slider_joint import SliderJointModel
+from pellucid.procedures.slider.identify_slider import STEPS, fit_slider
 from pellucid.signals.markers import slider_geometry
 from pellucid.signals.slider_motion import SliderMotion, slider_motions
 

@@ -19,9 +19,9 @@ from scipy import optimize, signal
 
 from pellucid._errors import DatasetError
 from pellucid.datasets import init, names
-from pellucid.identification.joint.closed_loop import solve_output_error
-from pellucid.identification.joint.regression import solve, stack
-from pellucid.identification.joint.replay import SMOOTHING
+from pellucid.fit.joint.closed_loop import solve_output_error
+from pellucid.fit.joint.regression import solve, stack
+from pellucid.fit.joint.replay import SMOOTHING
 from pellucid.lab.virtual_joint import bench_joint, write_study
 from pellucid.models.joint import joint_model
 from pellucid.models.simulate import substeps_for

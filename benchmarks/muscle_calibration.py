@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 from scipy import optimize
 
-from pellucid.identification.muscles.muscle_calibration import MuscleProblem, MuscleSamples, calibrate_muscles
+from pellucid.fit.muscles.muscle_calibration import MuscleProblem, MuscleSamples, calibrate_muscles
 from pellucid.models.hill import HillData
 from pellucid.models.muscle_geometry import muscle_table
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 from scipy import optimize, signal
 
-from pellucid.identification.transfer.transfer_function_fit import fit_transfer_function
+from pellucid.fit.transfer.transfer_function_fit import fit_transfer_function
 from pellucid.models.transfer_function import TransferFunction
 from pellucid.signals.input_output import InputOutput
 

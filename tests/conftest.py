@@ -105,7 +105,7 @@ def emps_study(data_folder, tmp_path_factory) -> Study:
 @pytest.fixture(scope="session")
 def emps_fit(emps_study):
     """The EMPS benchmark identified, once for all tests that judge it."""
-    from pellucid.identification.identify import identify
+    from pellucid.procedures.joint.identify_joint import identify
 
     return identify(emps_study, families=["symmetric", "directional"])
 
@@ -113,7 +113,7 @@ def emps_fit(emps_study):
 @pytest.fixture(scope="session")
 def emps_data(emps_study):
     """The symmetric model, and the EMPS recording to fit, reduced."""
-    from pellucid.identification.joint.regression import stack
+    from pellucid.fit.joint.regression import stack
     from pellucid.models.joint import joint_model
     from pellucid.signals.motion import motions
 

@@ -3,7 +3,7 @@
 >>> study = pellucid.open("my-elbow")                                   # doctest: +SKIP
 >>> fit = pellucid.identify(study)                                      # doctest: +SKIP
 >>> fit["inertia"].value, fit["inertia"].interval(0.95)                 # doctest: +SKIP
->>> pellucid.report(study, fit)                                         # doctest: +SKIP
+>>> pellucid.pages(study, fit)                                         # doctest: +SKIP
 
 Each name below is imported when it is first used, so that importing the package costs nothing.
 """
@@ -13,30 +13,31 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from . import datasets, report
-    from .assessment.assess import assess as assess
+    from . import datasets
     from .demonstration.demo import demo as demo
     from .deployment.export import export as export
-    from .estimators.calibrate import calibrate as calibrate
-    from .identification.check import check as check
-    from .identification.compare import compare as compare
-    from .identification.identify import identify as identify
     from .lab.init import init as init
     from .lab.simulate import simulate as simulate
-    from .published.reproduce import reproduce as reproduce
+    from .papers.reproduce import reproduce as reproduce
+    from .procedures.assessment.assess import assess as assess
+    from .procedures.check import check as check
+    from .procedures.compare import compare as compare
+    from .procedures.emg_torque.calibrate import calibrate as calibrate
+    from .procedures.joint.identify_joint import identify as identify
+    from .procedures.joint.joint_page import write_report as report
     from .recordings.study import open_study as open
 
 _WHERE = {
     "open": ("recordings.study", "open_study"),
-    "assess": ("assessment.assess", "assess"),
-    "check": ("identification.check", "check"),
-    "calibrate": ("estimators.calibrate", "calibrate"),
-    "identify": ("identification.identify", "identify"),
-    "compare": ("identification.compare", "compare"),
-    "report": ("report", None),
+    "assess": ("procedures.assessment.assess", "assess"),
+    "check": ("procedures.check", "check"),
+    "calibrate": ("procedures.emg_torque.calibrate", "calibrate"),
+    "identify": ("procedures.joint.identify_joint", "identify"),
+    "compare": ("procedures.compare", "compare"),
+    "report": ("procedures.joint.joint_page", "write_report"),
     "init": ("lab.init", "init"),
     "simulate": ("lab.simulate", "simulate"),
-    "reproduce": ("published.reproduce", "reproduce"),
+    "reproduce": ("papers.reproduce", "reproduce"),
     "datasets": ("datasets", None),
     "demo": ("demonstration.demo", "demo"),
     "export": ("deployment.export", "export"),

@@ -20,9 +20,9 @@ if TYPE_CHECKING:
     from rich.console import Console
     from rich.table import Table
 
-    from .identification.findings import Findings
-    from .identification.fit import JointFit, Parameter, Verdict
-    from .identification.slider.slider_fit import SliderFit
+    from .fit.parameter import JointFit, Parameter, Verdict
+    from .fit.slider.slider_fit import SliderFit
+    from .procedures.result import Findings
     from .recordings.quality import Fault
     from .recordings.study import Study
 
@@ -93,7 +93,7 @@ def simulate(
 @app.command()
 def check(folder: Folder) -> None:
     """Are these recordings fit to identify from? Status 1 if not."""
-    from .identification.check import check as run
+    from .procedures.check import check as run
     from .recordings.study import open_study
 
     study = open_study(folder)
@@ -119,9 +119,9 @@ def identify(
     json: Annotated[bool, typer.Option("--json", help="Print the figures as JSON instead of tables.")] = False,
 ) -> None:
     """Identify what study.toml asks for, with intervals and verdicts."""
-    from .identification.findings import Findings, save_findings
-    from .identification.identify import identify as run
-    from .identification.save import save
+    from .procedures.joint.identify_joint import identify as run
+    from .procedures.joint.save_joint import save
+    from .procedures.result import Findings, save_findings
     from .recordings.study import open_study
 
     study = open_study(folder)
@@ -152,9 +152,9 @@ def calibrate(
     json: Annotated[bool, typer.Option("--json", help="Print the figures as JSON instead of tables.")] = False,
 ) -> None:
     """Torque from EMG by several methods, judged on held-out data."""
-    from .estimators.calibrate import calibrate as run
-    from .estimators.calibration_file import keep_calibration
-    from .identification.findings import save_findings
+    from .procedures.emg_torque.calibrate import calibrate as run
+    from .procedures.emg_torque.calibration_file import keep_calibration
+    from .procedures.result import save_findings
     from .recordings.study import open_study
 
     study = open_study(folder)
@@ -182,10 +182,10 @@ def assess(
     """Do conditions change how people move? Indices and tests."""
     from contextlib import nullcontext
 
-    from .assessment.assess import assess as run
     from .assessment.cluster import cluster
-    from .assessment.paper_tables import write_tables
-    from .identification.findings import save_findings
+    from .procedures.assessment.assess import assess as run
+    from .procedures.assessment.paper_tables import write_tables
+    from .procedures.result import save_findings
     from .recordings.study import open_study
 
     study = open_study(folder)
@@ -206,8 +206,8 @@ def assess(
 @app.command()
 def report(folder: Folder) -> None:
     """Write the report: one HTML page, figures as SVG and PDF."""
+    from .procedures.joint.joint_page import write_report
     from .recordings.study import open_study
-    from .report.document import write_report
 
     study = open_study(folder)
     with _progress() as tell:
@@ -222,8 +222,8 @@ def compare(
     family: Annotated[str | None, typer.Option(metavar="NAME", help="Friction family to compare.")] = None,
 ) -> None:
     """Did this joint change? Two studies, parameter by parameter."""
-    from .identification.compare import compare as run
-    from .report.quantities import number, unit_text
+    from .pages.quantities import number, unit_text
+    from .procedures.compare import compare as run
 
     found = run(a, b, family=family)
     table = _table("parameter", ">A", ">B", ">B − A", "unit", ">p", "")
@@ -274,7 +274,7 @@ def reproduce(
     out: Annotated[Path | None, typer.Option("--out", metavar="DIR", help="Folder for the page and its files.")] = None,
 ) -> None:
     """Reproduce a published study, number by number."""
-    from .published.reproduce import reproduce as run
+    from .papers.reproduce import reproduce as run
 
     with _progress() as tell:
         made = run(paper, out or Path(f"reproduction-{paper}"), on_progress=tell)
@@ -430,7 +430,7 @@ def _table(*heads: str) -> Table:
 
 
 def _print_fit(out: Console, study: Study, fit: JointFit) -> None:
-    from .report.quantities import number, percent
+    from .pages.quantities import number, percent
 
     best = fit.families[fit.best]
     split = "held-out" if best.heldout_effort_error == best.heldout_effort_error else "fitted"
@@ -456,8 +456,8 @@ def _print_fit(out: Console, study: Study, fit: JointFit) -> None:
 
 
 def _print_slider_fit(out: Console, study: Study, fit: SliderFit) -> None:
-    from .identification.slider.slider_fit import METHODS
-    from .report.quantities import number
+    from .fit.slider.slider_fit import METHODS
+    from .pages.quantities import number
 
     split = "held-out" if fit.judged_split == "heldout" else "fitted"
     _say(out, f"\n{fit.study}: {_count(len(fit.motions), 'recording')}; mean absolute error over {split} trials")
@@ -474,7 +474,7 @@ def _print_slider_fit(out: Console, study: Study, fit: SliderFit) -> None:
 
 
 def _parameter_table(parameters: Sequence[Parameter], level: float) -> Table:
-    from .report.quantities import number, parameter_note, relative_sd, unit_text
+    from .pages.quantities import number, parameter_note, relative_sd, unit_text
 
     table = _table("parameter", ">value", f">± ({100.0 * level:.4g} %)", "unit", ">SD %", "")
     for p in parameters:
@@ -493,8 +493,8 @@ def _parameter_table(parameters: Sequence[Parameter], level: float) -> Table:
 def _print_findings(out: Console, found: Findings) -> None:
     from rich.markup import escape
 
-    from .identification.findings import ParameterTable
-    from .report.quantities import cell_text, units_in
+    from .pages.quantities import cell_text, units_in
+    from .procedures.result import ParameterTable
 
     _say(out, f"\n{found.study}: {units_in(found.headline)}")
     for shown in found.tables:
@@ -514,7 +514,7 @@ def _folded(head: str, cells: Sequence[str], rows: Sequence[Sequence[object]], c
     """A head on as many lines as keep it no wider than what stands below; figures stand to the right."""
     from textwrap import wrap
 
-    from .report.quantities import units_in
+    from .pages.quantities import units_in
 
     head = units_in(head)
     width = max(map(len, [*head.split(), *cells]))
@@ -535,7 +535,7 @@ def _print_json(study: Study, command: str) -> None:
 
 
 def _print_verdicts(out: Console, verdicts: Sequence[Verdict]) -> None:
-    from .report.quantities import units_in
+    from .pages.quantities import units_in
 
     _list(out, [(v.kind, units_in(v.text)) for v in verdicts])
     out.print()

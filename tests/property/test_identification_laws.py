@@ -11,7 +11,7 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "unit"))
 
 from motions import motion_of, vector_of
 
-from pellucid.identification.joint.regression import solve, stack
+from pellucid.fit.joint.regression import solve, stack
 from pellucid.models.joint import FAMILIES, joint_model
 
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from pellucid.identification.transfer.transfer_function_fit import fit_transfer_function, judged
+from pellucid.fit.transfer.transfer_function_fit import fit_transfer_function, judged
 from pellucid.models.transfer_function import TransferFunction
 from pellucid.signals.input_output import InputOutput
 

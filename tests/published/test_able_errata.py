@@ -9,14 +9,14 @@ from scipy import signal, stats
 from pellucid._errors import PellucidError, StudyError
 from pellucid.assessment.friedman import friedman, friedman_from_rank_sums, nemenyi_from_rank_sums
 from pellucid.models.joint import GRAVITY
+from pellucid.papers.able import moving_average
+from pellucid.papers.able.coherence import implied_friction, inconsistencies, least_mass, positive_inertia_range
+from pellucid.papers.able.elbow import able_elbow
+from pellucid.papers.able.parameter_count import chain_parameters, coupled_parameters, listed_sets
+from pellucid.papers.paired_test import paired_test
+from pellucid.papers.printed import printed
+from pellucid.papers.sd_bounds import sd_bounds
 from pellucid.protocols.swept_sine import swept_sine
-from pellucid.published.able import moving_average
-from pellucid.published.able.coherence import implied_friction, inconsistencies, least_mass, positive_inertia_range
-from pellucid.published.able.elbow import able_elbow
-from pellucid.published.able.parameter_count import chain_parameters, coupled_parameters, listed_sets
-from pellucid.published.paired_test import paired_test
-from pellucid.published.printed import printed
-from pellucid.published.sd_bounds import sd_bounds
 from pellucid.units import to_si_factor
 
 ABLE = printed("able")

@@ -5,15 +5,15 @@ import os
 import numpy as np
 import pytest
 
-from pellucid.identification.slider.coherent_body import fit_coherent
-from pellucid.identification.slider.identify_slider import STEPS, fit_slider
-from pellucid.identification.slider.three_steps import all_at_once, three_steps
+from pellucid.fit.slider.coherent_body import fit_coherent
+from pellucid.fit.slider.three_steps import all_at_once, three_steps
 from pellucid.lab.elbow import study as elbow_study
 from pellucid.lab.elbow.instruments import record
 from pellucid.lab.elbow.protocol import fitted_sliders, trials
 from pellucid.lab.elbow.rig import able_elbow
 from pellucid.models.energy import cycle_energy
 from pellucid.models.joint import GRAVITY
+from pellucid.procedures.slider.identify_slider import STEPS, fit_slider
 from pellucid.recordings.study import open_study
 
 SEED = 1

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from pellucid.lab.pointing.people import elbow_participants
-from pellucid.published.able.page import write_able_page
-from pellucid.published.able.reproduce_able import LOAD_FACTORS, reproduce_able
-from pellucid.published.reproduce import reproduce
-from pellucid.published.reproduction import VERDICTS
+from pellucid.papers.able.page import write_able_page
+from pellucid.papers.able.reproduce_able import LOAD_FACTORS, reproduce_able
+from pellucid.papers.reproduce import reproduce
+from pellucid.papers.reproduction import VERDICTS
 from pellucid.recordings.results import read_rows
 
 

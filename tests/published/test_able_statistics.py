@@ -5,8 +5,8 @@ from pathlib import Path
 
 import pytest
 
-from pellucid.published.able.statistics import RANK_SUMS, SLIPS, statistics_rows
-from pellucid.published.printed import printed
+from pellucid.papers.able.statistics import RANK_SUMS, SLIPS, statistics_rows
+from pellucid.papers.printed import printed
 
 PAPER = printed("able")
 ROWS = {row.id.removeprefix("able.statistics."): row for row in statistics_rows(PAPER)}

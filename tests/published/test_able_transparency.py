@@ -11,7 +11,7 @@ from pellucid.lab.elbow.rig import able_elbow
 from pellucid.lab.pointing.conditions import identified_cards, interaction_rms, published_laws, worn
 from pellucid.lab.pointing.people import draw_people, elbow_participants
 from pellucid.lab.pointing.session import hold_still, point_all
-from pellucid.published.able.transparency import (
+from pellucid.papers.able.transparency import (
     FIRST_REST,
     PUBLISHED_RULE,
     VirtualStudy,

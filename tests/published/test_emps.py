@@ -55,8 +55,8 @@ def test_textbook_standard_deviations_are_the_published_ones(emps_data):
     """The paper's intervals take residuals for white; ours, which do not, are wider."""
     import numpy as np
 
-    from pellucid.identification.joint.regression import solve
-    from pellucid.identification.uncertainty import sandwich
+    from pellucid.fit.joint.regression import solve
+    from pellucid.fit.uncertainty import sandwich
 
     model, data = emps_data
     found = solve(model, data)

@@ -9,12 +9,11 @@ import numpy as np
 import pytest
 from scipy import signal
 
-from pellucid.identification.searches.adam import adam
-from pellucid.identification.swing.leg_balance import torque_of_a_bare_leg
-from pellucid.identification.swing.loaded_swing import as_published, corrected, fit_swings, swing
-from pellucid.identification.swing.swing_information import better_swing, swing_information
-from pellucid.protocols.two_sines import two_sines
-from pellucid.published.hill.recomputed import (
+from pellucid.fit.searches.adam import adam
+from pellucid.fit.swing.leg_balance import torque_of_a_bare_leg
+from pellucid.fit.swing.loaded_swing import as_published, corrected, fit_swings, swing
+from pellucid.fit.swing.swing_information import better_swing, swing_information
+from pellucid.papers.hill.recomputed import (
     GRAVITY,
     SUBJECTS,
     half_activation,
@@ -25,7 +24,8 @@ from pellucid.published.hill.recomputed import (
     recomputed,
     swing_frequency,
 )
-from pellucid.published.printed import printed
+from pellucid.papers.printed import printed
+from pellucid.protocols.two_sines import two_sines
 
 HILL = printed("hill")
 SWINGS, MUSCLES, ERRORS, METHODS = (HILL.tables[name] for name in ("swings", "muscles", "errors", "methods"))

@@ -9,7 +9,7 @@ from scipy import signal
 from pellucid.models import hill_as_published as published
 from pellucid.models.hill import HillData, HillModel, HillMuscle
 from pellucid.models.muscle_geometry import muscle_table
-from pellucid.published.printed import printed
+from pellucid.papers.printed import printed
 
 HILL = printed("hill")
 MUSCLES = HILL.tables["muscles"]

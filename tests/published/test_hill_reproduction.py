@@ -5,10 +5,10 @@ import json
 import numpy as np
 import pytest
 
-from pellucid.published.hill.page import write_hill_page
-from pellucid.published.hill.reproduce_hill import reproduce_hill
-from pellucid.published.hill.torque import BASELINES
-from pellucid.published.reproduction import VERDICTS
+from pellucid.papers.hill.page import write_hill_page
+from pellucid.papers.hill.reproduce_hill import reproduce_hill
+from pellucid.papers.hill.torque import BASELINES
+from pellucid.papers.reproduction import VERDICTS
 from pellucid.recordings.results import read_rows
 
 

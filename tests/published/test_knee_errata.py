@@ -6,10 +6,10 @@ from scipy import signal
 from scipy.integrate import solve_ivp
 
 from pellucid._errors import PellucidError, StudyError
-from pellucid.identification.joint.gravity_holds import accuracy, cosine_moment, line_of_best_fit
+from pellucid.fit.joint.gravity_holds import accuracy, cosine_moment, line_of_best_fit
 from pellucid.models.anthropometry import rod, shank_length, winter
-from pellucid.published.knee.recomputed import GRAVITY, SUBJECTS, published_coupling, published_response, recomputed
-from pellucid.published.knee.two_poles import (
+from pellucid.papers.knee.recomputed import GRAVITY, SUBJECTS, published_coupling, published_response, recomputed
+from pellucid.papers.knee.two_poles import (
     TwoPoles,
     chord_stiffness,
     lowpass_delay,
@@ -17,7 +17,7 @@ from pellucid.published.knee.two_poles import (
     r_squared,
     sine_stiffness,
 )
-from pellucid.published.printed import printed
+from pellucid.papers.printed import printed
 from pellucid.units import to_si_factor
 
 KNEE = printed("knee")

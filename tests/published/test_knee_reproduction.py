@@ -6,11 +6,11 @@ import re
 import numpy as np
 import pytest
 
-from pellucid.published.knee.page import write_knee_page
-from pellucid.published.knee.reproduce_knee import reproduce_knee
-from pellucid.published.knee.trials import take
-from pellucid.published.reproduce import PAPERS
-from pellucid.published.reproduction import VERDICTS
+from pellucid.papers.knee.page import write_knee_page
+from pellucid.papers.knee.reproduce_knee import reproduce_knee
+from pellucid.papers.knee.trials import take
+from pellucid.papers.reproduce import PAPERS
+from pellucid.papers.reproduction import VERDICTS
 from pellucid.recordings.results import read_rows
 
 

@@ -8,12 +8,12 @@ from pellucid.controllers.worn import WornCompensator
 from pellucid.lab.knee.drawn import BODY, FACTORS, WORN, drawn_rig
 from pellucid.lab.knee.protocol import Faults
 from pellucid.lab.knee.rig import FLEXOR, knee_orthosis
-from pellucid.published.knee import tuning as knee_tuning
-from pellucid.published.knee.cards import EmgSettings, Step, emg_map
-from pellucid.published.knee.controllers import DELAY, GAIN_DB, Chosen, by_phase, chosen, for_wearer, parse_chosen
-from pellucid.published.knee.residual import FRESH, TUNING, ControllerRow, compare, session_of, wearer
-from pellucid.published.knee.residual_rows import residual_rows, residual_section
-from pellucid.published.knee.swings import driven_back, last_speed, let_go, root_mean_square, swing
+from pellucid.papers.knee import tuning as knee_tuning
+from pellucid.papers.knee.cards import EmgSettings, Step, emg_map
+from pellucid.papers.knee.controllers import DELAY, GAIN_DB, Chosen, by_phase, chosen, for_wearer, parse_chosen
+from pellucid.papers.knee.residual import FRESH, TUNING, ControllerRow, compare, session_of, wearer
+from pellucid.papers.knee.residual_rows import residual_rows, residual_section
+from pellucid.papers.knee.swings import driven_back, last_speed, let_go, root_mean_square, swing
 
 SEED = 41
 """Of swings on which nothing was chosen."""

@@ -5,7 +5,7 @@ import pytest
 
 from pellucid.controllers.elbow_controllers import BEST, BEST_SENSED
 from pellucid.lab.elbow.rig import able_elbow, drawn_rigs
-from pellucid.published.able.law_comparison import (
+from pellucid.papers.able.law_comparison import (
     CONTROLLERS,
     UNPOWERED,
     Judged,

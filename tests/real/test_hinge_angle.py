@@ -5,7 +5,7 @@ import pytest
 from scipy.io import loadmat
 
 from pellucid.datasets import init
-from pellucid.identification.hinge.identify_hinge import identify_hinge
+from pellucid.procedures.hinge.identify_hinge import identify_hinge
 
 
 @pytest.fixture(scope="module")

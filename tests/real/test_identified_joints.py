@@ -8,8 +8,8 @@ import pytest
 import scipy.io
 
 from pellucid.datasets import init
-from pellucid.identification.identify import identify
-from pellucid.identification.save import rows_of, save
+from pellucid.procedures.joint.identify_joint import identify
+from pellucid.procedures.joint.save_joint import rows_of, save
 from pellucid.recordings.study import open_study
 
 

@@ -6,7 +6,7 @@ import pytest
 
 from pellucid import datasets
 from pellucid._errors import IdentificationError
-from pellucid.estimators.isolated_muscle import isolated_muscle
+from pellucid.procedures.isolated_muscle.isolated_muscle import isolated_muscle
 
 
 @pytest.fixture(scope="module")

@@ -4,7 +4,7 @@ import pytest
 
 import pellucid
 from pellucid import datasets
-from pellucid.identification.findings import save_findings
+from pellucid.procedures.result import save_findings
 from pellucid.recordings.results import read_rows
 
 NAME = "rat_soleus_hill"
@@ -21,4 +21,4 @@ def test_from_the_data_set_to_the_report(tmp_path):
     save_findings(study, found, "calibrate")
     rows = {row.id: row.value for row in read_rows(study.results_path)}
     assert rows[f"{NAME}.mae_percent"] < 8.9 < rows[f"{NAME}.rigid.mae_percent"]
-    assert "Force over imposed length" in pellucid.report(study).read_text(encoding="utf-8")
+    assert "Force over imposed length" in pellucid.pages(study).read_text(encoding="utf-8")

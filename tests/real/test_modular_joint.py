@@ -5,9 +5,9 @@ import pytest
 
 from pellucid._errors import DatasetError
 from pellucid.datasets import init
-from pellucid.identification.check import check
-from pellucid.identification.findings import save_findings
-from pellucid.identification.identify import identify
+from pellucid.procedures.check import check
+from pellucid.procedures.joint.identify_joint import identify
+from pellucid.procedures.result import save_findings
 from pellucid.recordings.results import read_rows
 
 GOOD = ("i_005_b_1_k_10_T_50_2", "i_005_b_1_k_10_T_100_2", "i_002_b_1_k_10_T_50")

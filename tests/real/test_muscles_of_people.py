@@ -8,9 +8,9 @@ import pytest
 from pellucid import datasets
 from pellucid.estimators.cross_validation import score
 from pellucid.estimators.hill import fit_hill
-from pellucid.estimators.leg_extension_trials import leg_extension_trials
 from pellucid.estimators.torque_map import torque_map_cv
-from pellucid.estimators.trial_sources import moment_trials
+from pellucid.procedures.emg_torque.leg_extension_trials import leg_extension_trials
+from pellucid.procedures.emg_torque.trial_sources import moment_trials
 
 CEINMS_SECONDS = {"knee": 208.0, "ankle": 97.0}
 """What CEINMS 0.9 took to calibrate on the same five seconds."""

@@ -8,7 +8,7 @@ import subprocess
 import numpy as np
 import pytest
 
-from pellucid.report.document import write_report
+from pellucid.procedures.joint.joint_page import write_report
 
 BROWSERS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "chrome")
 FLAGS = (

@@ -9,7 +9,7 @@ import pytest
 from pellucid import datasets
 from pellucid.estimators.cross_validation import score
 from pellucid.estimators.torque_map import fit_torque_map
-from pellucid.estimators.trial_sources import moment_trials
+from pellucid.procedures.emg_torque.trial_sources import moment_trials
 
 
 @pytest.fixture(scope="module")

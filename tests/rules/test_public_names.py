@@ -58,14 +58,6 @@ def test_an_unknown_name_lists_the_known_ones():
         _ = pellucid.identity
 
 
-def test_report_is_a_function_and_a_folder():
-    """Whichever is imported first."""
-    from pellucid.report.document import write_report
-
-    assert callable(pellucid.report)
-    assert callable(write_report)
-
-
 def test_commands_are_frozen():
     from pellucid.cli import app
 

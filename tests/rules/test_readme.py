@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 import pellucid
-from pellucid.identification.check import check
-from pellucid.identification.identify import identify
+from pellucid.procedures.check import check
+from pellucid.procedures.joint.identify_joint import identify
 
 ROOT = Path(__file__).parents[2]
 README = (ROOT / "README.md").read_text(encoding="utf-8")

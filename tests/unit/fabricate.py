@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from pellucid import _core
-from pellucid.identification.fit import (
+from pellucid.fit.parameter import (
     Estimate,
     FamilyFit,
     JointFit,

@@ -4,7 +4,7 @@ import numpy as np
 
 from pellucid.estimators.muscle_source import MuscleSource
 from pellucid.estimators.torque_trial import TorqueTrial
-from pellucid.identification.muscles.muscle_calibration import MuscleProblem
+from pellucid.fit.muscles.muscle_calibration import MuscleProblem
 from pellucid.models.muscle_geometry import muscle_table
 
 MUSCLES = ("rectus_femoris", "vastus_lateralis", "vastus_medialis", "biceps_femoris_long", "semimembranosus")

@@ -11,13 +11,13 @@ from typer.testing import CliRunner
 
 from pellucid import cli
 from pellucid._errors import RecordingError, StudyError
-from pellucid.assessment.assess import assess
 from pellucid.assessment.indices import affine
-from pellucid.assessment.paper_tables import write_tables
-from pellucid.identification.check import check
+from pellucid.procedures.assessment.assess import assess
+from pellucid.procedures.assessment.paper_tables import write_tables
+from pellucid.procedures.check import check
+from pellucid.procedures.joint.joint_page import write_report
 from pellucid.recordings.results import read_rows
 from pellucid.recordings.study import open_study
-from pellucid.report.document import write_report
 
 
 @pytest.fixture(scope="module")

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from pellucid._errors import RecordingError
-from pellucid.assessment.assess import assess
+from pellucid.procedures.assessment.assess import assess
 from pellucid.recordings.readers.read import read_columns
 from pellucid.recordings.study import open_study
 

@@ -6,18 +6,18 @@ from made_emg import FS, raw_emg
 from scipy import signal
 
 from pellucid._errors import IdentificationError, PellucidError, RecordingError
-from pellucid.estimators import calibrate as module
-from pellucid.estimators.calibrate import calibrate
-from pellucid.estimators.calibration_file import keep_calibration, kept_calibration
 from pellucid.estimators.features import features
-from pellucid.estimators.torque_card import torque_of_card
 from pellucid.estimators.torque_map import fit_torque_map
-from pellucid.estimators.trial_sources import moment_trials
 from pellucid.models.card import CardParameter
 from pellucid.models.parameter_card import ParameterCard, read_parameter_card, write_parameter_card
+from pellucid.pages.page import write_page
+from pellucid.procedures.emg_torque import calibrate as module
+from pellucid.procedures.emg_torque.calibrate import calibrate
+from pellucid.procedures.emg_torque.calibration_file import keep_calibration, kept_calibration
+from pellucid.procedures.emg_torque.calibration_page import page
+from pellucid.procedures.emg_torque.torque_card import torque_of_card
+from pellucid.procedures.emg_torque.trial_sources import moment_trials
 from pellucid.recordings.study import open_study
-from pellucid.report.calibration_document import page
-from pellucid.report.page import write_page
 
 MOMENTS = """
 name = "leg"

@@ -12,8 +12,8 @@ from typer.testing import CliRunner
 import pellucid
 from pellucid import cli
 from pellucid._errors import DatasetError
-from pellucid.identification.findings import FigureTable, Findings
-from pellucid.identification.fit import Verdict
+from pellucid.fit.parameter import Verdict
+from pellucid.procedures.result import FigureTable, Findings
 
 run = CliRunner().invoke
 
@@ -34,8 +34,8 @@ def bench(fit, tmp_path, monkeypatch):
         on_progress("halfway", 0.5)
         return fit
 
-    monkeypatch.setattr("pellucid.identification.identify.identify", identify)
-    monkeypatch.setattr("pellucid.report.document.identify", identify)
+    monkeypatch.setattr("pellucid.procedures.joint.identify_joint.identify", identify)
+    monkeypatch.setattr("pellucid.procedures.joint.joint_page.identify", identify)
     return SimpleNamespace(folder=study.folder, asked=asked)
 
 
@@ -78,7 +78,7 @@ def test_identify_prints_what_was_found(bench, fit):
 def test_the_widest_table_fits_80_columns(bench, fit, monkeypatch):
     """The richest family, with the longest names and units."""
     widest = fabricate.fit(samples=300, motion="rotary", families=("combined",), seed=3)
-    monkeypatch.setattr("pellucid.identification.identify.identify", lambda study, **_: widest)
+    monkeypatch.setattr("pellucid.procedures.joint.identify_joint.identify", lambda study, **_: widest)
     folder = fabricate.study(bench.folder.parent / "rotary", widest).folder
     result = run(cli.app, ["identify", str(folder)])
     assert result.exit_code == 0, result.output
@@ -115,12 +115,12 @@ def test_check_exits_1_where_recordings_are_not_fit(bench, monkeypatch):
     fault = SimpleNamespace(severity="refuse", message="bench.csv: channel position: found 40 frozen samples")
     address = "https://example.org/" + "x" * 90
     note = SimpleNamespace(severity="note", message=f"bench.csv: jitter {address}")
-    monkeypatch.setattr("pellucid.identification.check.check", lambda study: [note])
+    monkeypatch.setattr("pellucid.procedures.check.check", lambda study: [note])
     result = run(cli.app, ["check", str(bench.folder)])
     assert result.exit_code == 0
     assert "jitter" in result.output
     assert address in "".join(line.strip() for line in result.output.splitlines())
-    monkeypatch.setattr("pellucid.identification.check.check", lambda study: [note, fault])
+    monkeypatch.setattr("pellucid.procedures.check.check", lambda study: [note, fault])
     result = run(cli.app, ["check", str(bench.folder)])
     assert result.exit_code == 1
     assert "frozen" in result.output
@@ -138,7 +138,7 @@ def test_compare_marks_what_changed(bench, monkeypatch):
         rows=(row("viscous", 0.2, 0.4, 1e-9), row("coulomb", 0.5, 0.5, 0.9)),
         verdicts=(Verdict("warning", "viscous changed."),),
     )
-    monkeypatch.setattr("pellucid.identification.compare.compare", lambda a, b, family=None: found)
+    monkeypatch.setattr("pellucid.procedures.compare.compare", lambda a, b, family=None: found)
     result = run(cli.app, ["compare", "A", "B"])
     assert result.exit_code == 0, result.output
     by_name = {line.split()[0]: line for line in result.output.splitlines() if line.strip()}
@@ -237,7 +237,7 @@ def test_what_the_system_refuses_is_one_sentence(monkeypatch, capsys, bench):
     def refuse(study, **_):
         raise PermissionError(13, "Permission denied", "report/index.html")
 
-    monkeypatch.setattr("pellucid.report.document.write_report", refuse)
+    monkeypatch.setattr("pellucid.procedures.joint.joint_page.write_report", refuse)
     code, _, err = as_program(monkeypatch, capsys, "report", bench.folder)
     assert (code, err) == (2, "pellucid: Permission denied: report/index.html\n")
 

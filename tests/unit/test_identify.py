@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 
 from pellucid._errors import IdentificationError, PellucidError
-from pellucid.identification.check import check
-from pellucid.identification.compare import compare
-from pellucid.identification.identify import best_family, identify
-from pellucid.identification.save import rows_of, save
 from pellucid.lab.virtual_joint import bench_joint, matched, write_study
 from pellucid.models.card import read_card
+from pellucid.procedures.check import check
+from pellucid.procedures.compare import compare
+from pellucid.procedures.joint.identify_joint import best_family, identify
+from pellucid.procedures.joint.save_joint import rows_of, save
 from pellucid.recordings.results import read_rows
 from pellucid.recordings.study import open_study
 

@@ -6,16 +6,16 @@ import numpy as np
 import pytest
 
 from pellucid._errors import IdentificationError
-from pellucid.identification.strap.identify_coupling import faults, identify_coupling, identify_worn
-from pellucid.identification.transfer.transfer_function_fit import fit_percent
+from pellucid.fit.transfer.transfer_function_fit import fit_percent
 from pellucid.lab.knee.protocol import NO_FAULTS, Faults, bench_trials, imu_trial, mvc_trial, relaxed_trial, swing_trial
 from pellucid.lab.knee.protocol import torque_trial as torque
 from pellucid.lab.knee.rig import knee_orthosis
 from pellucid.lab.knee.study import record_in_memory, write_knee_study
+from pellucid.pages.page import write_page
+from pellucid.procedures.coupling.coupling_page import page
+from pellucid.procedures.coupling.identify_coupling import faults, identify_coupling, identify_worn
 from pellucid.recordings.recording import Channel
 from pellucid.recordings.study import Study
-from pellucid.report.coupling_document import page
-from pellucid.report.page import write_page
 
 RIG = knee_orthosis()
 S1 = RIG.subjects["S1"]

@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 
 from pellucid._errors import IdentificationError
-from pellucid.identification.check import check
-from pellucid.identification.findings import save_findings
-from pellucid.identification.identify import identify
 from pellucid.models.parameter_card import read_parameter_card
 from pellucid.models.transfer_function import TransferFunction
+from pellucid.procedures.check import check
+from pellucid.procedures.joint.identify_joint import identify
+from pellucid.procedures.joint.joint_page import write_report
+from pellucid.procedures.result import save_findings
 from pellucid.recordings.study import open_study
-from pellucid.report.document import write_report
 
 HEAD = """
 name = "joint"

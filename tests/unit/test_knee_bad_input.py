@@ -11,10 +11,10 @@ import pytest
 import pellucid
 from pellucid._errors import RecordingError
 from pellucid.estimators.torque_reference import MovedBody
-from pellucid.estimators.trial_sources import step_trials
 from pellucid.lab.knee.protocol import Faults, mvc_trial, relaxed_trial, swing_trial, torque_trial
 from pellucid.lab.knee.rig import knee_orthosis
 from pellucid.lab.knee.study import write_knee_study
+from pellucid.procedures.emg_torque.trial_sources import step_trials
 from pellucid.recordings.study import open_study
 
 RIG = knee_orthosis()

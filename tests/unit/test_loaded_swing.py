@@ -7,15 +7,15 @@ import pytest
 from scipy.signal import butter, sosfiltfilt
 
 from pellucid._errors import IdentificationError
-from pellucid.identification.swing.leg_balance import leg_alone, torque_in_a_worn_exoskeleton, torque_of_a_bare_leg
-from pellucid.identification.swing.loaded_swing import (
+from pellucid.fit.swing.leg_balance import leg_alone, torque_in_a_worn_exoskeleton, torque_of_a_bare_leg
+from pellucid.fit.swing.loaded_swing import (
     adam_swings,
     as_published,
     corrected,
     fit_swings,
     swing,
 )
-from pellucid.identification.swing.swing_information import better_swing, swing_information
+from pellucid.fit.swing.swing_information import better_swing, swing_information
 from pellucid.models.joint import GRAVITY
 from pellucid.protocols.two_sines import two_sines
 

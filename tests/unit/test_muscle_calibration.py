@@ -8,9 +8,9 @@ from pellucid._errors import IdentificationError
 from pellucid.estimators.cross_validation import score
 from pellucid.estimators.hill import fit_hill
 from pellucid.estimators.muscle_trials import driven_muscles, muscle_samples
-from pellucid.identification.muscles.muscle_calibration import MuscleProblem, calibrate_muscles
-from pellucid.identification.muscles.muscle_freedom import STAGES
-from pellucid.identification.muscles.muscle_information import (
+from pellucid.fit.muscles.muscle_calibration import MuscleProblem, calibrate_muscles
+from pellucid.fit.muscles.muscle_freedom import STAGES
+from pellucid.fit.muscles.muscle_information import (
     covariance,
     information,
     muscle_parameters,

@@ -8,8 +8,8 @@ from made_muscles import MUSCLES, trial
 
 from pellucid._errors import IdentificationError, RecordingError
 from pellucid.estimators.hill import fit_hill
-from pellucid.estimators.judged import Calibrated, estimators_for
 from pellucid.estimators.muscle_faults import refuse_unfit
+from pellucid.procedures.emg_torque.judged import Calibrated, estimators_for
 
 
 def changed(made, muscle, change):

@@ -5,7 +5,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from pellucid._errors import IdentificationError
-from pellucid.identification.strap.orthosis_alone import fit_orthosis
+from pellucid.fit.strap.orthosis_alone import fit_orthosis
 from pellucid.signals.input_output import InputOutput
 
 INERTIA, DAMPING, GRAVITY, COULOMB = 0.048, 0.05, 1.55, 0.04

@@ -7,11 +7,11 @@ from html.parser import HTMLParser
 import numpy as np
 import pytest
 
-from pellucid.report import direction_figures as figures
-from pellucid.report.drawing import draw
-from pellucid.report.page import Page, Section, Tile, write_page
-from pellucid.report.style import COLOURS
-from pellucid.report.tables import Row, Table
+from pellucid.pages.drawing import draw
+from pellucid.pages.page import Page, Section, Tile, write_page
+from pellucid.pages.style import COLOURS
+from pellucid.pages.tables import Row, Table
+from pellucid.procedures.slider import direction_figures as figures
 
 MODELS = ("without", "directional", "directional and load")
 RIGS = ("exact gears", "worn gears", "as on the bench", "no direction at all")

@@ -7,19 +7,19 @@ import pytest
 
 from pellucid._errors import PellucidError
 from pellucid.models.joint import GRAVITY
-from pellucid.published.able import moving_average
-from pellucid.published.able.card import published_card, read_published_card, write_published_card
-from pellucid.published.able.coherence import (
+from pellucid.papers.able import moving_average
+from pellucid.papers.able.card import published_card, read_published_card, write_published_card
+from pellucid.papers.able.coherence import (
     implied_friction,
     inconsistencies,
     least_mass,
     positive_inertia_range,
 )
-from pellucid.published.able.elbow import DirectionSet, PublishedElbow, able_elbow, direction_of, published_angle
-from pellucid.published.able.parameter_count import chain_parameters, coupled_parameters, listed_sets
-from pellucid.published.paired_test import paired_test
-from pellucid.published.printed import Printed, papers, printed
-from pellucid.published.sd_bounds import sd_bounds
+from pellucid.papers.able.elbow import DirectionSet, PublishedElbow, able_elbow, direction_of, published_angle
+from pellucid.papers.able.parameter_count import chain_parameters, coupled_parameters, listed_sets
+from pellucid.papers.paired_test import paired_test
+from pellucid.papers.printed import Printed, papers, printed
+from pellucid.papers.sd_bounds import sd_bounds
 from pellucid.units import to_si_factor
 
 

@@ -7,12 +7,12 @@ import pytest
 from motions import TRUTH, motion_of, vector_of
 
 from pellucid._errors import IdentificationError
-from pellucid.identification.joint.consistency import enforce_pseudo_inertia, least_inertia
-from pellucid.identification.joint.drive_constant import drive_constant
-from pellucid.identification.joint.regression import solve, stack
-from pellucid.identification.joint.reweighting import solve_robust, solve_weighted
-from pellucid.identification.verdicts import sign_error
+from pellucid.fit.joint.consistency import enforce_pseudo_inertia, least_inertia
+from pellucid.fit.joint.drive_constant import drive_constant
+from pellucid.fit.joint.regression import solve, stack
+from pellucid.fit.joint.reweighting import solve_robust, solve_weighted
 from pellucid.models.joint import joint_model
+from pellucid.procedures.joint.joint_verdicts import sign_error
 
 
 def model(family="symmetric", **options):

@@ -8,15 +8,15 @@ import fabricate
 import numpy as np
 import pytest
 
-from pellucid.identification.fit import Parameter
+from pellucid.fit.parameter import Parameter
 from pellucid.models.friction import friction_curve
 from pellucid.models.joint import joint_model
-from pellucid.report import figures
-from pellucid.report.document import write_report
-from pellucid.report.drawing import draw
-from pellucid.report.quantities import number, parameter_interval, percent, prose, relative_sd, unit_text
-from pellucid.report.series import broken, busiest, outline, running_median, whole
-from pellucid.report.style import COLOURS, css_variables
+from pellucid.pages.drawing import draw
+from pellucid.pages.quantities import number, parameter_interval, percent, prose, relative_sd, unit_text
+from pellucid.pages.series import broken, busiest, outline, running_median, whole
+from pellucid.pages.style import COLOURS, css_variables
+from pellucid.procedures.joint import joint_figures as figures
+from pellucid.procedures.joint.joint_page import write_report
 
 VOID = {"meta", "link", "br", "img", "input", "hr", "use", "path"}
 

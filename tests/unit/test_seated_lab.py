@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 from pellucid._errors import IdentificationError, StudyError
-from pellucid.identification.swing.identify_loaded_swing import identify_swings
 from pellucid.lab.init import rig_text
 from pellucid.lab.seated.muscles import torque_at_rest
 from pellucid.lab.seated.protocol import seated_trials
@@ -13,6 +12,7 @@ from pellucid.lab.seated.study import record_seated_in_memory, write_seated_stud
 from pellucid.lab.seated.subject import subjects
 from pellucid.models.joint import GRAVITY
 from pellucid.models.muscle_geometry import muscle_table
+from pellucid.procedures.loaded_swing.identify_loaded_swing import identify_swings
 
 RIG = load_seated_rig()
 

@@ -12,7 +12,6 @@ from typer.testing import CliRunner
 import pellucid
 from pellucid import cli
 from pellucid._errors import PellucidError, StudyError
-from pellucid.identification.check import check
 from pellucid.lab.elbow import protocol as elbow_protocol
 from pellucid.lab.elbow.protocol import trials
 from pellucid.lab.elbow.rig import able_elbow, drawn_rigs, parse_elbow_rig
@@ -20,6 +19,7 @@ from pellucid.lab.elbow.study import write_elbow_study
 from pellucid.lab.init import init_rig, rig_names, rig_text
 from pellucid.lab.simulate import study_name
 from pellucid.models.slider_card import read_slider_card
+from pellucid.procedures.check import check
 from pellucid.recordings.results import read_rows
 
 run = CliRunner().invoke
@@ -276,7 +276,7 @@ def test_reproduce_prints_its_lines(tmp_path, monkeypatch):
         asked.append((paper, out))
         return SimpleNamespace(lines=["Table 1: as printed"], page=out / "index.html")
 
-    monkeypatch.setattr("pellucid.published.reproduce.reproduce", reproduce)
+    monkeypatch.setattr("pellucid.papers.reproduce.reproduce", reproduce)
     result = run(cli.app, ["reproduce", "able", "--out", str(tmp_path / "out")])
     assert result.exit_code == 0, result.output
     assert "Table 1: as printed" in result.output

@@ -5,7 +5,7 @@ import pytest
 
 from pellucid.estimators.strapped_reference import strapped_torque
 from pellucid.estimators.torque_reference import MovedBody, human_torque
-from pellucid.identification.strap.strap_torque import Limb, Orthosis
+from pellucid.fit.strap.strap_torque import Limb, Orthosis
 
 FS, LOWPASS = 500.0, 6.0
 ORTHOSIS, LIMB = Orthosis(0.05, 0.01, 1.6), Limb(0.3, 8.0, 0.15, zero=0.05)

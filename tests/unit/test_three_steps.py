@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from pellucid._errors import IdentificationError
-from pellucid.identification.slider.three_steps import STEPS, all_at_once, static_set, three_steps
+from pellucid.fit.slider.three_steps import STEPS, all_at_once, static_set, three_steps
 from pellucid.signals.slider_motion import SliderMotion
 
 PLACES = (0.12, 0.18, 0.24)

@@ -7,8 +7,8 @@ from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 
 from pellucid._errors import IdentificationError, RecordingError
-from pellucid.identification.transfer.pendulum_fit import fit_pendulum, judged_pendulum
-from pellucid.identification.transfer.transfer_function_fit import (
+from pellucid.fit.transfer.pendulum_fit import fit_pendulum, judged_pendulum
+from pellucid.fit.transfer.transfer_function_fit import (
     coefficient_units,
     fit_percent,
     fit_transfer_function,

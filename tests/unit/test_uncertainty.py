@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from pellucid.identification.uncertainty import block_bootstrap, long_run_covariance, memory, sandwich, whiteness
+from pellucid.fit.uncertainty import block_bootstrap, long_run_covariance, memory, sandwich, whiteness
 
 N = 3000
 

@@ -7,9 +7,9 @@ import pytest
 from two_bodies import Pair, record, swing
 
 from pellucid._errors import IdentificationError
-from pellucid.identification.strap.strap_slip import find_slip
-from pellucid.identification.strap.wearer_coupling import identify_wearer
-from pellucid.identification.transfer.transfer_function_fit import fit_percent
+from pellucid.fit.strap.strap_slip import find_slip
+from pellucid.fit.strap.wearer_coupling import identify_wearer
+from pellucid.fit.transfer.transfer_function_fit import fit_percent
 
 PAIR = Pair()
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from pellucid.identification.strap.strap_torque import Limb, Orthosis, Swing
+from pellucid.fit.strap.strap_torque import Limb, Orthosis, Swing
 
 FS = 500.0
 

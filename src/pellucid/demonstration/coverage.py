@@ -6,8 +6,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..identification.joint.regression import Stack, solve, stack
-from ..identification.uncertainty import sandwich
+from ..fit.joint.regression import Stack, solve, stack
+from ..fit.uncertainty import sandwich
 from ..lab.virtual_joint import VirtualJoint, matched, record
 from ..models.joint import INDEX, joint_model
 from ..protocols.excitation import multisine

@@ -12,18 +12,13 @@ from dataclasses import replace
 from pathlib import Path
 
 from .._errors import DatasetError, PellucidError
-from ..assessment.assess import assess
-from ..assessment.assessment_findings import AssessmentFindings
 from ..controllers.elbow_controllers import BEST, BEST_SENSED, ELBOW_CONTROLLERS
 from ..datasets import init
 from ..datasets.registry import names
 from ..deployment.c_folder import check_here
 from ..deployment.export import export
 from ..deployment.microcontroller import measure, missing_tools, save_measured
-from ..identification.findings import save_findings
-from ..identification.identify import identify
-from ..identification.save import save
-from ..identification.slider.slider_fit import SliderFit
+from ..fit.slider.slider_fit import SliderFit
 from ..lab.elbow.protocol import Trial, trials
 from ..lab.elbow.rig import ElbowRig, able_elbow
 from ..lab.elbow.study import write_elbow_study
@@ -32,9 +27,14 @@ from ..lab.pointing.people import PointingRig, elbow_participants
 from ..lab.pointing.study import CONTROL, write_pointing_study
 from ..lab.virtual_joint import bench_joint
 from ..models.slider_card import read_slider_card
+from ..procedures.assessment.assess import assess
+from ..procedures.assessment.assessment_findings import AssessmentFindings
+from ..procedures.joint.identify_joint import identify
+from ..procedures.joint.joint_page import write_report
+from ..procedures.joint.save_joint import save
+from ..procedures.result import save_findings
 from ..recordings.results import ResultRow, write_rows
 from ..recordings.study import STUDY_FILE, Study
-from ..report.document import write_report
 from .coverage import Coverage, coverage
 from .demonstration import Demonstration
 from .story import write_story

@@ -5,11 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-from ..assessment.assessment_findings import AssessmentFindings
 from ..deployment.microcontroller import OnCortexM4
-from ..identification.fit import JointFit
-from ..identification.slider.slider_fit import SliderFit
+from ..fit.parameter import JointFit
+from ..fit.slider.slider_fit import SliderFit
 from ..lab.elbow.rig import ElbowRig
+from ..procedures.assessment.assessment_findings import AssessmentFindings
 from ..recordings.study import Study
 from .coverage import Coverage
 

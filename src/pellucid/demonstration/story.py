@@ -8,14 +8,16 @@ from pathlib import Path
 
 import numpy as np
 
-from ..assessment.assessment_findings import AssessmentFindings
 from ..controllers.elbow_controllers import BEST, BEST_SENSED, ELBOW_CONTROLLERS
-from ..report import assessment_figures, direction_figures, figures
-from ..report.drawing import draw
-from ..report.page import Page, Section, Tile, write_page
-from ..report.quantities import number, parameter_interval, percent, prose, unit_text
-from ..report.slider_document import DRAWN, PROTOCOLS, ROLES, SHORT
-from ..report.tables import Row, Table
+from ..pages.drawing import draw
+from ..pages.page import Page, Section, Tile, write_page
+from ..pages.quantities import number, parameter_interval, percent, prose, unit_text
+from ..pages.tables import Row, Table
+from ..procedures.assessment import assessment_figures
+from ..procedures.assessment.assessment_findings import AssessmentFindings
+from ..procedures.joint import joint_figures as figures
+from ..procedures.slider import direction_figures
+from ..procedures.slider.slider_page import DRAWN, PROTOCOLS, ROLES, SHORT
 from .demonstration import Demonstration
 
 LEVEL = 0.95

@@ -10,7 +10,7 @@ from .._errors import PellucidError
 from ..controllers.coupling import Coupling
 from ..controllers.limits import Limits
 from ..controllers.residual_compensator import design, within
-from ..identification.joint.actuator_residual import actuator_residual
+from ..fit.joint.actuator_residual import actuator_residual
 from ..models.parameter_card import read_parameter_card
 from ..recordings.study import Study
 from .controller_values import ControllerValues

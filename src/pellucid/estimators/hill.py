@@ -10,8 +10,8 @@ from scipy.stats import norm
 
 from .. import _core
 from .._errors import IdentificationError
-from ..identification.muscles.muscle_calibration import MuscleFit, MuscleProblem, MuscleSamples, calibrate_muscles
-from ..identification.muscles.muscle_freedom import USUAL
+from ..fit.muscles.muscle_calibration import MuscleFit, MuscleProblem, MuscleSamples, calibrate_muscles
+from ..fit.muscles.muscle_freedom import USUAL
 from ..models.hill import HillModel, HillMuscle
 from .cross_validation import Fold, Score, block_folds, grouped_folds, score
 from .muscle_trials import driven_muscles, muscle_samples
@@ -122,7 +122,7 @@ class HillMap:
         ndarray, shape (n,)
             [N m]
         """
-        from ..identification.muscles.muscle_information import covariance
+        from ..fit.muscles.muscle_information import covariance
 
         samples, own = self.samples(trial)
         _, slopes = self.fit.problem.jacobian(self.fit.z, samples)
@@ -171,7 +171,7 @@ def fit_hill(
     quantities : sequence of str
         What is free.
     method : str
-        See `pellucid.identification.muscles.muscle_calibration.METHODS`.
+        See `pellucid.fit.muscles.muscle_calibration.METHODS`.
 
     Returns
     -------

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from .._errors import IdentificationError
-from ..identification.muscles.muscle_calibration import MuscleSamples
+from ..fit.muscles.muscle_calibration import MuscleSamples
 from ..models.hill import HillData, HillMuscle
 from .features import derivatives
 from .muscle_faults import refuse_unfit

@@ -12,8 +12,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..identification.strap.coupled_impedance import mismatch
-from ..identification.strap.strap_torque import Limb, Orthosis, Swing, from_orthosis
+from ..fit.strap.coupled_impedance import mismatch
+from ..fit.strap.strap_torque import Limb, Orthosis, Swing, from_orthosis
 from ..signals.filters import central_difference, zero_phase_lowpass
 
 

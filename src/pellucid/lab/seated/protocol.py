@@ -7,7 +7,7 @@ from typing import Literal
 
 import numpy as np
 
-from ...identification.swing.swing_information import better_swing
+from ...fit.swing.swing_information import better_swing
 from ...models.anthropometry import shank_length, winter
 from ...protocols.fourier import FourierSeries, play
 from ...protocols.two_sines import two_sines

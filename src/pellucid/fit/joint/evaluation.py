@@ -1,0 +1,82 @@
+"""How an identified joint predicts effort on recordings, fitted or never seen."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from ... import _core
+from ...models.joint import JointModel
+from ...signals.motion import Motion
+from ..parameter import Prediction
+from .regression import predicted
+from .replay import relative_error
+
+
+def r_squared(measured: np.ndarray, modelled: np.ndarray) -> float:
+    """1 - ||x - x_m||^2 / ||x - mean(x)||^2."""
+    spread = float(np.sum((measured - measured.mean()) ** 2))
+    return float(1.0 - np.sum((measured - modelled) ** 2) / spread) if spread else float("nan")
+
+
+def predict(
+    model: JointModel, values: np.ndarray, motions: Sequence[Motion], half_width: float
+) -> tuple[Prediction, ...]:
+    """Predict the effort of every motion; scored samples only.
+
+    Parameters
+    ----------
+    model : JointModel
+    values : ndarray, shape (p,)
+    motions : sequence of Motion
+    half_width : float
+        Half the width of the prediction interval, in the effort's unit.
+
+    Returns
+    -------
+    tuple of Prediction
+        One per recording: the stretches of one recording are joined.
+    """
+    bare = model.vector(values)
+    whole: dict[str, list[tuple[Motion, np.ndarray]]] = {}
+    for motion, effort in zip(motions, predicted(model, values, motions), strict=True):
+        whole.setdefault(motion.recording, []).append((motion, effort))
+    made = []
+    for name, parts in whole.items():
+
+        def joined(signal, parts=parts):
+            return np.concatenate([m.reduce(signal(m, e))[m.moving] for m, e in parts])
+
+        effort = joined(lambda m, e: m.effort)
+        modelled = joined(lambda m, e: e)
+        if len(effort) == 0:
+            continue
+        made.append(
+            Prediction(
+                recording=name,
+                split=parts[0][0].split,
+                time=np.concatenate([m.time[m.inner][:: m.decimate][m.moving] for m, _ in parts]),
+                position=joined(lambda m, e: m.position),
+                velocity=joined(lambda m, e: m.velocity),
+                acceleration=joined(lambda m, e: m.acceleration),
+                load=joined(lambda m, e: _core.load(model.loaded(bare, *m.payload), m.position, m.acceleration)),
+                effort=effort,
+                predicted=modelled,
+                effort_error=relative_error(effort, modelled),
+                r2=r_squared(effort, modelled),
+                half_width=half_width,
+                coverage=float(np.mean(np.abs(effort - modelled) <= half_width)),
+            )
+        )
+    return tuple(made)
+
+
+def pooled(predictions: Sequence[Prediction], split: str) -> tuple[float, float]:
+    """Effort error [%] and R2 over all samples of one split; nan, nan where it is empty."""
+    chosen = [p for p in predictions if p.split == split]
+    if not chosen:
+        return float("nan"), float("nan")
+    effort = np.concatenate([p.effort for p in chosen])
+    modelled = np.concatenate([p.predicted for p in chosen])
+    return relative_error(effort, modelled), r_squared(effort, modelled)

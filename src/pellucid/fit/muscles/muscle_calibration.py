@@ -1,0 +1,342 @@
+r"""Calibration of muscles of Hill's type on a person: from envelopes and geometry to the torque that was measured.
+
+With what is free written as :math:`z = (x - \bar x)/\sigma`, in standard deviations from its anatomical value (of
+logarithms where a factor is meant), the cost is
+
+.. math::
+   C(z) = \frac{1}{2 n s^2} \sum_t w_t \, (\tau_t(z) - \tau^{ref}_t)^2 + \frac{\lambda^2}{2} \, z^T z, \qquad
+   \tau = \sum_m r_m F_m + c - k q - b \dot q
+
+with s the reference's standard deviation; the last three terms are the joint's own tissue. Derivatives are exact (the
+core's). Bounded least squares is the default; Adam and a particle swarm with conjugate gradients are there to be
+compared. Envelopes are relative to a maximal contraction [1]_.
+
+.. [1] D. G. Lloyd, T. F. Besier, "An EMG-driven musculoskeletal model to estimate muscle forces and knee joint moments
+   in vivo", J. Biomech. 36, 2003.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from ..._errors import IdentificationError
+from ...models.hill import HillData, HillModel, HillMuscle
+from ..searches.adam import adam
+from ..searches.bounded_least_squares import Descent, bounded_least_squares
+from ..searches.swarm import conjugate_gradient, swarm_with_gradients
+from .muscle_freedom import USUAL, Prior, muscle_priors
+
+METHODS = ("least_squares", "adam", "adam_fixed", "swarm", "descent")
+"""Bounded least squares; Adam with a rate that falls, and a fixed one; swarm with conjugate gradients; those alone."""
+
+STARTS = 3
+"""Where least squares begins: at the anatomical values, and at as many draws less one."""
+
+SCREENED = 15
+"""Evaluations after which the best of several starts goes on alone."""
+
+TOLERANCE = 1e-3
+"""Of the cost's relative fall, below which least squares ends: far less than what a recording can tell."""
+
+SEED = 160214
+"""Of the draws."""
+
+PASSIVE = (("offset", "N*m", -20.0, 20.0, 5.0), ("stiffness", "N*m/rad", 0.0, 40.0, 10.0),
+           ("damping", "N*m*s/rad", 0.0, 3.0, 0.5))  # fmt: skip
+"""The joint's own tissue: name, unit, bounds, and standard deviation about 0."""
+
+WEIGHT = 0.01
+"""Of anatomy, lambda, where none is given."""
+
+
+@dataclass(frozen=True, eq=False)
+class MuscleSamples:
+    """What muscles are calibrated on.
+
+    Attributes
+    ----------
+    data : HillData
+        Of m muscles, n samples.
+    torque : ndarray, shape (n,)
+        The reference [N m].
+    angle, speed : ndarray, shape (n,)
+        Of the joint, torque positive along them [rad] and [rad/s].
+    weight : ndarray, shape (n,)
+        By which squared errors count; 0 leaves a sample out, its envelopes stay in the lags.
+    """
+
+    data: HillData
+    torque: np.ndarray
+    angle: np.ndarray
+    speed: np.ndarray
+    weight: np.ndarray
+
+    @property
+    def passive(self) -> np.ndarray:
+        """d torque / d offset, stiffness, damping; shape (3, n)."""
+        return np.stack((np.ones_like(self.angle), -self.angle, -self.speed))
+
+    def only(self, counted: np.ndarray) -> MuscleSamples:
+        """The same, with errors at the samples `counted` alone (indices or mask)."""
+        weight = np.zeros_like(self.weight)
+        weight[counted] = self.weight[counted]
+        return replace(self, weight=weight)
+
+
+class MuscleProblem:
+    """Cost, gradient and normal equations of a calibration, in standard deviations from anatomy.
+
+    Parameters
+    ----------
+    muscles : sequence of HillMuscle
+        In the order of the rows of the samples; their numbers are the anatomical values.
+    samples : MuscleSamples
+    quantities : sequence of str
+        What is free, in `pellucid.fit.muscles.muscle_freedom.FREEDOMS`.
+    passive : bool
+        Whether the joint's own tissue is.
+    weight : float
+        Of anatomy, lambda.
+    priors : sequence of Prior, optional
+        Instead of those of `quantities`.
+
+    Raises
+    ------
+    IdentificationError
+        If no sample counts, or the torque does not change.
+    """
+
+    def __init__(
+        self,
+        muscles: Sequence[HillMuscle],
+        samples: MuscleSamples,
+        *,
+        quantities: Sequence[str] = USUAL,
+        passive: bool = True,
+        weight: float = WEIGHT,
+        priors: Sequence[Prior] | None = None,
+    ):
+        self.samples, self.weight = samples, weight
+        self.priors = tuple(muscle_priors(muscles, quantities) if priors is None else priors)
+        self.model = HillModel(muscles, [p.free for p in self.priors])
+        self.passive = passive
+        low, high = self.model.bounds
+        tissue = PASSIVE if passive else ()
+        self.names = (*self.model.names, *(f"joint.{name}" for name, *_ in tissue))
+        self.expected = np.array([*(p.expected for p in self.priors), *(0.0 for _ in tissue)])
+        self.spread = np.array([*(p.spread for p in self.priors), *(row[4] for row in tissue)])
+        self._log = np.array([*(p.logarithm for p in self.priors), *(False for _ in tissue)], bool)
+        self.lower = self.deviations(np.array([*low, *(row[2] for row in tissue)]))
+        self.upper = self.deviations(np.array([*high, *(row[3] for row in tissue)]))
+        counted = samples.weight > 0.0
+        self.count = float(samples.weight.sum())
+        if not counted.any() or np.std(samples.torque[counted]) == 0.0:
+            raise IdentificationError(
+                f"calibration: found {int(counted.sum())} samples that count"
+                + (" and a torque that does not change" if counted.any() else "")
+                + ", expected a torque that changes"
+            )
+        self.scale = float(np.std(samples.torque[counted]))
+        self._root = np.sqrt(samples.weight / self.count) / self.scale
+        # Samples that do not count are passed over, but for the lags that run through them.
+        self._muscles = len(self.model.free)
+
+    def values(self, z: np.ndarray) -> np.ndarray:
+        """Parameters for z, shape (p,), in their units."""
+        moved = self.spread * np.asarray(z, float)
+        return np.where(self._log, self.expected * np.exp(np.where(self._log, moved, 0.0)), self.expected + moved)
+
+    def gains(self, z: np.ndarray) -> np.ndarray:
+        """d parameter / d z, shape (p,)."""
+        return self.spread * np.where(self._log, self.values(z), 1.0)
+
+    def deviations(self, values: np.ndarray) -> np.ndarray:
+        """z for parameters in their units, shape (p,)."""
+        with np.errstate(divide="ignore", invalid="ignore"):
+            return np.where(self._log, np.log(values / self.expected), values - self.expected) / self.spread
+
+    def torque(self, z: np.ndarray, samples: MuscleSamples | None = None) -> np.ndarray:
+        """Torque for z, shape (n,) [N m]; of other samples where given."""
+        samples, x = samples or self.samples, self.values(z)
+        torque = self.model.torque(samples.data, x[: self._muscles])
+        return torque + x[self._muscles :] @ samples.passive if self.passive else torque
+
+    def jacobian(self, z: np.ndarray, samples: MuscleSamples | None = None) -> tuple[np.ndarray, np.ndarray]:
+        """Torque, shape (n,), and its derivatives by z, shape (p, n)."""
+        samples, x = samples or self.samples, self.values(z)
+        torque, slopes = self.model.jacobian(samples.data, x[: self._muscles])
+        if self.passive:
+            tissue = samples.passive
+            torque, slopes = torque + x[self._muscles :] @ tissue, np.concatenate((slopes, tissue))
+        return torque, slopes * self.gains(z)[:, None]
+
+    def equations(self, z: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:
+        """Cost, gradient and normal matrix, anatomy included."""
+        torque, slopes = self.jacobian(z)
+        error = (torque - self.samples.torque) * self._root
+        slopes = slopes * self._root
+        pull = self.weight**2
+        cost = 0.5 * float(error @ error) + 0.5 * pull * float(z @ z)
+        return cost, slopes @ error + pull * z, slopes @ slopes.T + pull * np.eye(len(z))
+
+    def cost(self, z: np.ndarray) -> float:
+        """Cost alone."""
+        error = (self.torque(z) - self.samples.torque) * self._root
+        return 0.5 * float(error @ error) + 0.5 * self.weight**2 * float(z @ z)
+
+    def cost_and_gradient(self, z: np.ndarray) -> tuple[float, np.ndarray]:
+        """Cost and gradient."""
+        return self.equations(z)[:2]
+
+
+@dataclass(frozen=True, eq=False)
+class MuscleFit:
+    """Calibrated muscles.
+
+    Attributes
+    ----------
+    problem : MuscleProblem
+    z : ndarray, shape (p,)
+        Standard deviations from anatomy.
+    normal : ndarray, shape (p, p)
+        J'J there, anatomy included.
+    cost : float
+    method : str
+    costs : tuple of float
+        Of each start, when the best was chosen.
+    evaluations : int
+        Of the cost, in all.
+    seconds : float
+        It took, all starts included.
+    """
+
+    problem: MuscleProblem = field(repr=False)
+    z: np.ndarray = field(repr=False)
+    normal: np.ndarray = field(repr=False)
+    cost: float
+    method: str
+    costs: tuple[float, ...]
+    evaluations: int
+    seconds: float
+
+    @property
+    def values(self) -> dict[str, float]:
+        """Parameters by name, in their units."""
+        return dict(zip(self.problem.names, map(float, self.problem.values(self.z)), strict=True))
+
+    @property
+    def muscles(self) -> tuple[HillMuscle, ...]:
+        """As calibrated."""
+        return self.problem.model.with_values(self.problem.values(self.z)[: len(self.problem.priors)])
+
+    @property
+    def passive(self) -> tuple[float, float, float]:
+        """Offset [N m], stiffness [N m/rad] and damping [N m s/rad] of the joint's own tissue."""
+        if not self.problem.passive:
+            return (0.0, 0.0, 0.0)
+        return tuple(float(x) for x in self.problem.values(self.z)[-3:])
+
+    @property
+    def at_bound(self) -> np.ndarray:
+        """Which parameters ended on a bound, shape (p,)."""
+        return (self.z <= self.problem.lower) | (self.z >= self.problem.upper)
+
+    def predict(self, samples: MuscleSamples) -> np.ndarray:
+        """Torque of other samples, shape (n,) [N m]; their own torque is not looked at."""
+        return self.problem.torque(self.z, samples)
+
+
+def calibrate_muscles(
+    problem: MuscleProblem,
+    *,
+    method: str = "least_squares",
+    starts: int = STARTS,
+    stages: Sequence[Sequence[str]] | None = None,
+    seed: int = SEED,
+    iterations: int | None = None,
+) -> MuscleFit:
+    """Find the muscles that give the torque that was measured.
+
+    Parameters
+    ----------
+    problem : MuscleProblem
+    method : str
+        One of `METHODS`.
+    starts : int
+        Least squares begins at the anatomical values and at draws from how people spread about them.
+    stages : sequence of sequence of str, optional
+        What is free in each stage, the last one all that is to be found; the rest rests. For least squares.
+    seed : int
+        Of the draws.
+    iterations : int, optional
+        At most; of the method's own kind.
+
+    Returns
+    -------
+    MuscleFit
+
+    Raises
+    ------
+    IdentificationError
+        If there is no such method, or no start has a finite cost.
+    """
+    if method not in METHODS:
+        raise IdentificationError(f"calibration: found the method {method!r}, expected one of {', '.join(METHODS)}")
+    began, rng = time.perf_counter(), np.random.default_rng(seed)
+    low, high = problem.lower, problem.upper
+    if method == "least_squares":
+        begin = [np.zeros(len(low)), *(rng.normal(0.0, 0.7, len(low)) for _ in range(starts - 1))]
+        begin = [np.clip(z, low, high) for z in begin]
+        most = iterations or 60
+        found = [_descend(problem, z, stages, SCREENED if starts > 1 else most) for z in begin]
+        evaluations, costs = sum(end.evaluations for end in found), tuple(end.cost for end in found)
+        end = found[int(np.argmin(costs))]
+        if starts > 1 and not end.converged:
+            end = _descend(problem, end.x, None, most)
+            evaluations += end.evaluations
+        cost, z, normal = end.cost, end.x, end.normal
+    else:
+        if method == "swarm":
+            ends = swarm_with_gradients(
+                problem.cost, problem.cost_and_gradient, low, high, rng=rng, iterations=iterations or 30
+            )
+            z, evaluations = ends.best, ends.evaluations
+        elif method == "descent":
+            ends = conjugate_gradient(
+                problem.cost_and_gradient, np.clip(np.zeros(len(low)), low, high), lower=low, upper=high,
+                iterations=iterations or 200,
+            )  # fmt: skip
+            z, evaluations = ends.best, ends.evaluations
+        else:
+            path = adam(
+                problem.cost_and_gradient, np.clip(np.zeros(len(low)), low, high), rate=0.05,
+                final_rate=0.0005 if method == "adam" else None, iterations=iterations or 1000, lower=low, upper=high,
+            )  # fmt: skip
+            z, evaluations = (path.last, path.evaluations)
+        cost, _, normal = problem.equations(z)
+        costs = (cost,)
+    return MuscleFit(problem, z, normal, cost, method, costs, evaluations, time.perf_counter() - began)
+
+
+def _descend(
+    problem: MuscleProblem, start: np.ndarray, stages: Sequence[Sequence[str]] | None, iterations: int
+) -> Descent:
+    """From one start through all stages."""
+    z, spent = start, 0
+    for frozen in _frozen(problem, stages):
+        low, high = np.where(frozen, z, problem.lower), np.where(frozen, z, problem.upper)
+        end = bounded_least_squares(problem.equations, z, low, high, iterations=iterations, tolerance=TOLERANCE)
+        z, spent = end.x, spent + end.evaluations
+    return replace(end, evaluations=spent)
+
+
+def _frozen(problem: MuscleProblem, stages: Sequence[Sequence[str]] | None) -> list[np.ndarray]:
+    """Which parameters rest in each stage; the joint's own tissue never does."""
+    tissue = np.zeros(len(problem.names) - len(problem.priors), bool)
+    if stages is None:
+        return [np.zeros(len(problem.names), bool)]
+    return [np.concatenate(([p.free.quantity not in stage for p in problem.priors], tissue)) for stage in stages]

@@ -1,0 +1,190 @@
+r"""What a recording says of muscles, and what it does not: information, covariance, profiles, and verdicts.
+
+With J the Jacobian of the errors in the cost, S the long-run covariance of the scores (errors are coloured), anatomy
+pulling by :math:`\lambda^2`, an estimate differs from the truth by what noise pushes and by what anatomy pulls away:
+
+.. math::
+   C = H^{-1} (S + \lambda^4 I) H^{-1}, \qquad H = J^T J + \lambda^2 I
+
+in standard deviations among people squared: 1 is what is known without a recording.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+
+from ..parameter import Parameter, Verdict
+from ..searches.bounded_least_squares import bounded_least_squares
+from ..uncertainty import long_run_covariance
+from .muscle_calibration import PASSIVE, MuscleFit
+from .muscle_freedom import FREEDOMS
+
+KNOWN = 0.7
+"""A parameter whose standard error is more than this share of the spread among people is not identified."""
+
+_UNITS = {"time_constant": "s", "delay": "s", "max_velocity": "1/s"}
+
+
+@dataclass(frozen=True, eq=False)
+class Profile:
+    """How the cost rises as one parameter is held and all others are found again.
+
+    Attributes
+    ----------
+    name : str
+    values : ndarray, shape (k,)
+        Of the parameter, in its unit.
+    costs : ndarray, shape (k,)
+        The lowest with it held.
+    """
+
+    name: str
+    values: np.ndarray
+    costs: np.ndarray
+
+
+def information(fit: MuscleFit) -> np.ndarray:
+    """Fisher information of the recording alone, per squared standard deviation among people.
+
+    Parameters
+    ----------
+    fit : MuscleFit
+
+    Returns
+    -------
+    ndarray, shape (p, p)
+        Errors' colour allowed for; anatomy is not in it. Its smallest eigenvalues belong to what cannot be found.
+    """
+    data, scores = _data(fit)
+    inverse = np.linalg.pinv(scores, hermitian=True, rcond=1e-10)
+    return data @ inverse @ data
+
+
+def covariance(fit: MuscleFit) -> np.ndarray:
+    """Covariance of the estimate, in standard deviations among people.
+
+    Parameters
+    ----------
+    fit : MuscleFit
+
+    Returns
+    -------
+    ndarray, shape (p, p)
+        0 where a bound holds a parameter.
+    """
+    _, scores = _data(fit)
+    pull = fit.problem.weight**2
+    free = np.flatnonzero(~fit.at_bound)
+    inverse = np.linalg.inv(fit.normal[np.ix_(free, free)])
+    result = np.zeros_like(fit.normal)
+    result[np.ix_(free, free)] = inverse @ (scores[np.ix_(free, free)] + pull**2 * np.eye(len(free))) @ inverse
+    return result
+
+
+def muscle_parameters(fit: MuscleFit) -> tuple[Parameter, ...]:
+    """Parameters with standard errors; unidentifiable ones are marked.
+
+    Parameters
+    ----------
+    fit : MuscleFit
+
+    Returns
+    -------
+    tuple of Parameter
+        Factors of the anatomical value [1] where they are relative, otherwise in SI.
+    """
+    sd, gains, values = np.sqrt(np.diag(covariance(fit))), fit.problem.gains(fit.z), fit.problem.values(fit.z)
+    units = [*(_unit(p.free.quantity) for p in fit.problem.priors), *(row[1] for row in PASSIVE)]
+    return tuple(
+        Parameter(name, unit, float(x), float(s * g), bool(b), bool(s < KNOWN and not b))
+        for name, unit, x, s, g, b in zip(
+            fit.problem.names, units[: len(values)], values, sd, gains, fit.at_bound, strict=True
+        )
+    )
+
+
+def profile(fit: MuscleFit, name: str, values: np.ndarray) -> Profile:
+    """Hold one parameter at one value after another and find all others again.
+
+    Parameters
+    ----------
+    fit : MuscleFit
+    name : str
+        Of the parameter.
+    values : ndarray, shape (k,)
+        In its unit; within its bounds.
+
+    Returns
+    -------
+    Profile
+    """
+    problem, i = fit.problem, fit.problem.names.index(name)
+    costs = []
+    for value in np.asarray(values, float):
+        held = problem.values(fit.z)
+        held[i] = value
+        low, high = problem.lower.copy(), problem.upper.copy()
+        low[i] = high[i] = np.clip(problem.deviations(held)[i], low[i], high[i])
+        costs.append(bounded_least_squares(problem.equations, fit.z, low, high).cost)
+    return Profile(name, np.asarray(values, float), np.array(costs))
+
+
+def muscle_verdicts(fit: MuscleFit, what: str) -> tuple[Verdict, ...]:
+    """Sentences on what a recording does not show.
+
+    Parameters
+    ----------
+    fit : MuscleFit
+    what : str
+        The joint.
+
+    Returns
+    -------
+    tuple of Verdict
+        Parameters that ended on a bound, and those that stay what anatomy says.
+    """
+    found = muscle_parameters(fit)
+    bound = [p for p in found if p.at_bound]
+    unknown = [p for p in found if not p.at_bound and not p.identifiable]
+    said = []
+    if bound:
+        names = ", ".join(f"{p.name} ({p.value:.3g}{'' if p.unit == '1' else ' ' + p.unit})" for p in bound)
+        said.append(
+            Verdict(
+                "warning",
+                f"{what}, muscles: {len(bound)} of {len(found)} parameters ended on a physiological bound: {names}. "
+                "The torque is what was fitted; these numbers are no measurement of the person.",
+            )
+        )
+    if unknown:
+        names = ", ".join(p.name for p in unknown)
+        said.append(
+            Verdict(
+                "note",
+                f"{what}, muscles: the recording does not identify {names}: each stays within what people differ by "
+                "about its anatomical value.",
+            )
+        )
+    if not said:
+        said.append(Verdict("good", f"{what}, muscles: all {len(found)} parameters are identified, none on a bound."))
+    return tuple(said)
+
+
+def _data(fit: MuscleFit) -> tuple[np.ndarray, np.ndarray]:
+    """J'J of the recording alone, and the long-run covariance of its scores."""
+    problem = fit.problem
+    torque, slopes = problem.jacobian(fit.z)
+    root = np.sqrt(problem.samples.weight / problem.count) / problem.scale
+    error, slopes = (torque - problem.samples.torque) * root, slopes * root
+    counted = problem.samples.weight > 0.0
+    starts = (*problem.samples.data.starts, len(torque))
+    lengths = [int(counted[a:b].sum()) for a, b in pairwise(starts)]
+    scores = (slopes * error)[:, counted].T
+    return slopes @ slopes.T, long_run_covariance(scores, [n for n in lengths if n])
+
+
+def _unit(quantity: str) -> str:
+    return "1" if FREEDOMS[quantity].relative else _UNITS.get(quantity, "1")

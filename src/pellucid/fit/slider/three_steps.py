@@ -1,0 +1,340 @@
+r"""The published identification of an elbow with a carriage: gravity at rest, friction at constant velocity, inertia.
+
+Each step is linear in what it fits [1]_:
+
+1. held still: gravity and what sticks;
+2. constant velocities: gravity again, dry and viscous friction;
+3. the swept sine, less what step 2 explains: inertia.
+
+Dissociated by direction, every column of a step comes twice, masked by the sign of velocity. Both sides of each
+regression pass the same zero-phase filter, which the paper's moving averages did not (docs/errata.md, A12).
+
+.. [1] D. Verdel et al., "An identification-based method improving the transparency of a robotic upper limb
+   exoskeleton", Robotica 39, 2021, section 3.3.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from scipy.optimize import least_squares, lsq_linear
+
+from ..._errors import IdentificationError
+from ...models.directional_slider import (
+    FRICTION_TERMS,
+    GRAVITY_TERMS,
+    INERTIA_TERMS,
+    UNITS,
+    DirectionalSliderModel,
+    columns,
+)
+from ...models.joint import GRAVITY
+from ...signals.slider_motion import SliderMotion
+from ..parameter import Parameter
+from ..uncertainty import sandwich
+from .slider_fit import SliderEstimate
+
+STEPS = ("constant_velocity", "swept_sine")
+"""Protocols that steps 2 and 3 fit, and the coherent body too."""
+
+STRIDE = 5
+"""One kept sample in so many enters a regression: neighbours say the same through the filter."""
+
+STEADY = 0.5  # rad/s^2: below this a velocity counts as constant
+
+NAMES = tuple(UNITS)
+LOWER = np.array([0.0 if name in ("coulomb", "viscous") else -np.inf for name in NAMES])
+DIRECTIONS = ("up", "down")
+
+
+def static_set(motions: Sequence[SliderMotion]) -> tuple[Parameter, ...]:
+    """Step 1: gravity, and the mean torque that sticking adds, from the means of all holds.
+
+    Parameters
+    ----------
+    motions : sequence of SliderMotion
+        Static trials.
+
+    Returns
+    -------
+    tuple of Parameter
+        moment_slope [kg], moment [kg*m], cross_moment [kg*m], adherence [N*m].
+
+    Raises
+    ------
+    IdentificationError
+        If there are too few holds, or they lie at one place of the carriage.
+    """
+    at = [(m, rest) for m in motions for rest in m.holds()]
+    if len(at) < 8:
+        raise IdentificationError(
+            f"static trials: found {len(at)} holds of 2 s or more, expected at least 8 at several angles"
+        )
+    q = np.array([m.position[rest].mean() for m, rest in at])
+    x = np.array([m.slider for m, _ in at])
+    effort = np.array([m.effort[rest].mean() for m, rest in at])
+    sine = GRAVITY * np.sin(q)
+    w = np.column_stack([x * sine, sine, GRAVITY * np.cos(q), np.ones(len(q))])
+    _require_rank(w, ("moment_slope", "moment", "cross_moment", "adherence"), "static trials")
+    values = np.linalg.lstsq(w, effort, rcond=None)[0]
+    rest = effort - w @ values
+    covariance = sandwich(w, rest, [len(rest)])
+    units = ("kg", "kg*m", "kg*m", "N*m")
+    names = ("moment_slope", "moment", "cross_moment", "adherence")
+    sd = np.sqrt(np.diag(covariance))
+    return tuple(Parameter(n, u, float(v), float(s)) for n, u, v, s in zip(names, units, values, sd, strict=True))
+
+
+def three_steps(
+    motions: Sequence[SliderMotion], *, dissociated: bool, solver: str = "linear", method: str = ""
+) -> SliderEstimate:
+    """Steps 2 and 3 of the published identification.
+
+    Parameters
+    ----------
+    motions : sequence of SliderMotion
+        Constant velocities and swept sines, told apart by their protocol.
+    dissociated : bool
+        One set for each direction, or one for both.
+    solver : {"linear", "nonlinear"}
+        Bounded linear least squares, or the bounded trust-region search the paper used: they agree.
+    method : str
+        Its name in tables.
+
+    Returns
+    -------
+    SliderEstimate
+
+    Raises
+    ------
+    IdentificationError
+        If a direction, or the carriage at more than one place, is missing, or a step is singular.
+    """
+    steady, swept = ([m for m in motions if m.protocol == step] for step in STEPS)
+    require_both_directions(steady)
+    require_places(steady)
+    copies = 2 if dissociated else 1
+    moving = slice(GRAVITY_TERMS.start, FRICTION_TERMS.stop)
+    w, effort, lengths = _rows(steady, dissociated, lambda m: np.abs(m.acceleration) < STEADY)
+    found2, cov2 = _solve(_terms(w, moving), effort, lengths, moving, solver, "constant velocities")
+    samples = len(effort)
+    w, effort, lengths = _rows(swept, dissociated)
+    left, inertia = effort - _terms(w, moving) @ found2, _terms(w, INERTIA_TERMS)
+    found3, cov3 = _solve(inertia, left, lengths, INERTIA_TERMS, solver, "swept sines")
+    sets = [np.concatenate([a, b]) for a, b in zip(np.split(found2, copies), np.split(found3, copies), strict=True)]
+    covariance = np.zeros((8 * copies, 8 * copies))
+    for i in range(copies):
+        for j in range(copies):
+            block = covariance[8 * i : 8 * i + 8, 8 * j : 8 * j + 8]
+            block[:5, :5] = cov2[5 * i : 5 * i + 5, 5 * j : 5 * j + 5]
+            block[5:, 5:] = cov3[3 * i : 3 * i + 3, 3 * j : 3 * j + 3]
+    return _estimate(method, sets, covariance, samples + len(left), left - inertia @ found3)
+
+
+def all_at_once(
+    motions: Sequence[SliderMotion], *, dissociated: bool, solver: str = "linear", method: str = ""
+) -> SliderEstimate:
+    """The same model in one regression over any motion that excites everything.
+
+    Parameters
+    ----------
+    motions : sequence of SliderMotion
+    dissociated : bool
+    solver : {"linear", "nonlinear"}
+    method : str
+
+    Returns
+    -------
+    SliderEstimate
+
+    Raises
+    ------
+    IdentificationError
+        As `three_steps`.
+    """
+    require_both_directions(motions)
+    require_places(motions)
+    copies = 2 if dissociated else 1
+    w, effort, lengths = _rows(motions, dissociated)
+    values, covariance = _solve(w, effort, lengths, slice(0, len(NAMES)), solver, "all at once")
+    return _estimate(method, np.split(values, copies), covariance, len(effort), effort - w @ values)
+
+
+def require_both_directions(motions: Sequence[SliderMotion]) -> None:
+    """Do nothing where both directions are there.
+
+    Parameters
+    ----------
+    motions : sequence of SliderMotion
+
+    Raises
+    ------
+    IdentificationError
+        If there is no motion, or a direction has less than a tenth of the other's samples.
+    """
+    if not motions:
+        raise IdentificationError(
+            'no recording of protocol "constant_velocity" or "swept_sine" is marked use = "fit"; the three steps need '
+            "both"
+        )
+    up = sum(int(np.sum(m.scored & (m.velocity > 0.0))) for m in motions)
+    down = sum(int(np.sum(m.scored & (m.velocity < 0.0))) for m in motions)
+    if min(up, down) < 0.1 * max(up, down, 1):
+        missing = "downward (negative)" if down < up else "upward (positive)"
+        names = ", ".join(m.recording for m in motions[:3]) + (", ..." if len(motions) > 3 else "")
+        raise IdentificationError(
+            f"{names}: found {up} samples moving up and {down} moving down, expected both directions; "
+            f"the {missing} one is missing, or the position's sign changes between recordings"
+        )
+
+
+def require_places(motions: Sequence[SliderMotion], least: float = 0.02) -> None:
+    """Do nothing where the terms in x and its square can be told apart.
+
+    Parameters
+    ----------
+    motions : sequence of SliderMotion
+    least : float
+        Span the carriage's places must have [m].
+
+    Raises
+    ------
+    IdentificationError
+        If the carriage stood at fewer than three places, or within less than `least`.
+    """
+    places = np.array([m.slider for m in motions])
+    distinct = np.unique(np.round(places / 0.005)).size
+    if distinct < 3 or np.ptp(places) < least:
+        raise IdentificationError(
+            f"slider positions do not vary: found {distinct} within {1e3 * np.ptp(places):.3g} mm "
+            f"({', '.join(m.recording for m in motions[:3])}, ...), expected at least 3 over {1e3 * least:g} mm or more"
+        )
+
+
+def directional_columns(motion: SliderMotion) -> np.ndarray:
+    """Torque per unit of each parameter of the up set, then of the down set, filtered as the effort was.
+
+    States are filtered already, and so are terms smooth in them: only what jumps with the direction passes the filter.
+    Twice the same set is then the model without directions, and no term of it is filtered twice.
+
+    Parameters
+    ----------
+    motion : SliderMotion
+
+    Returns
+    -------
+    ndarray, shape (n, 16)
+        SI.
+    """
+    whole = columns(motion.position, motion.velocity, motion.acceleration, motion.slider)
+    jumps = motion.smooth(whole * np.where(motion.velocity > 0.0, 1.0, -1.0)[:, None])
+    whole[:, 3] = motion.smooth(whole[:, 3])  # dry friction jumps in either set
+    return 0.5 * np.column_stack([whole + jumps, whole - jumps])
+
+
+def _rows(motions, dissociated, also=None) -> tuple[np.ndarray, np.ndarray, list[int]]:
+    """Filtered regressor of one set or two, and effort, of the scored samples, and how many each motion gave."""
+    w, y, lengths = [], [], []
+    for m in motions:
+        filtered = directional_columns(m)
+        if not dissociated:
+            filtered = np.add(*np.split(filtered, 2, axis=1))
+        keep = m.scored if also is None else m.scored & also(m)
+        at = np.flatnonzero(keep)[::STRIDE]
+        w.append(filtered[at])
+        y.append(m.effort[at])
+        lengths.append(len(at))
+    return np.concatenate(w), np.concatenate(y), lengths
+
+
+def _terms(w: np.ndarray, terms: slice) -> np.ndarray:
+    """Columns of some of the parameters, of every set there is."""
+    sets = np.split(w, w.shape[1] // len(NAMES), axis=1)
+    return np.hstack([part[:, terms] for part in sets])
+
+
+def bounded_least_squares(w: np.ndarray, y: np.ndarray, lower: np.ndarray, upper: np.ndarray) -> np.ndarray:
+    """Minimise the sum of squares of w x - y within bounds, on the triangle that is all that matters of w and y.
+
+    Parameters
+    ----------
+    w : ndarray, shape (m, p)
+    y : ndarray, shape (m,)
+    lower, upper : ndarray, shape (p,)
+
+    Returns
+    -------
+    ndarray, shape (p,)
+    """
+    triangle = np.linalg.qr(np.column_stack([w, y]), mode="r")
+    return lsq_linear(triangle[:, :-1], triangle[:, -1], bounds=(lower, upper), tol=1e-13).x
+
+
+def _solve(w, y, lengths, terms, solver, where) -> tuple[np.ndarray, np.ndarray]:
+    copies = w.shape[1] // (terms.stop - terms.start)
+    names = [name + suffix for suffix in _suffixes(copies) for name in NAMES[terms]]
+    lower, upper = np.tile(LOWER[terms], copies), np.full(w.shape[1], np.inf)
+    _require_rank(w, names, where)
+    scale = np.linalg.norm(w, axis=0)
+    unit = w / scale
+    if solver == "linear":
+        found = bounded_least_squares(unit, y, lower * scale, upper)
+    else:
+        found = least_squares(
+            lambda p: unit @ p - y,
+            np.where(np.isfinite(lower), 1.0, 0.0),
+            bounds=(lower * scale, upper),
+            xtol=1e-14,
+            ftol=1e-14,
+            gtol=1e-14,
+            jac=lambda p: unit,
+        ).x
+    values = found / scale
+    return values, sandwich(w, y - w @ values, lengths)
+
+
+def _suffixes(copies: int) -> tuple[str, ...]:
+    """What follows a parameter's name: its direction, where there is a set for each."""
+    return tuple(f"_{d}" for d in DIRECTIONS) if copies == 2 else ("",)
+
+
+def _require_rank(w: np.ndarray, names: Sequence[str], where: str) -> None:
+    norms = np.linalg.norm(w, axis=0)
+    if len(w) <= w.shape[1] or not np.all(norms > 0.0):
+        idle = [n for n, size in zip(names, norms, strict=True) if size == 0.0]
+        raise IdentificationError(
+            f"{where}: found {len(w)} samples" + (f" that do not show {', '.join(idle)}" if idle else "")
+            + f", expected more than {w.shape[1]} that show every parameter"
+        )  # fmt: skip
+    singular = np.linalg.svd(np.linalg.qr(w / norms, mode="r"), compute_uv=False)
+    if singular[-1] < 1e-7 * singular[0]:
+        raise IdentificationError(f"{where}: the regression is singular (condition {singular[0] / singular[-1]:.1e})")
+
+
+def _estimate(method, sets, covariance, samples, residual) -> SliderEstimate:
+    model = DirectionalSliderModel(up=sets[0], down=sets[-1])
+    values = np.concatenate(sets)
+    sd = np.sqrt(np.maximum(np.diag(covariance), 0.0))
+    suffixes = _suffixes(len(sets))
+    lower = np.tile(LOWER, len(sets))
+    parameters, notes = [], []
+    for i, (value, error) in enumerate(zip(values, sd, strict=True)):
+        name = NAMES[i % 8] + suffixes[i // 8]
+        held = bool(value - lower[i] <= 1e-3 * error)
+        if held:
+            notes.append(f"{name} is held at its physical bound, 0")
+        parameters.append(Parameter(name, UNITS[NAMES[i % 8]], float(value), float(error), at_bound=held))
+    for direction, values_ in zip(suffixes, sets, strict=True):
+        if values_[7] < 0.0:
+            notes.append(f"a2{direction} is negative: no mass has such an inertia")
+    return SliderEstimate(
+        method=method,
+        model=model,
+        values=values,
+        parameters=tuple(parameters),
+        covariance=covariance,
+        samples=samples,
+        residual_sd=float(np.std(residual)),
+        notes=tuple(notes),
+    )

@@ -1,0 +1,129 @@
+"""The limb without its strap: gravity on a rigid plate while the muscles rest, inertia from shares of the body."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from ..._errors import IdentificationError
+from ...models.anthropometry import Segment, de_leva, shank_length, winter
+from ...recordings.study_file import Participant
+from ...signals.input_output import InputOutput
+from ..joint.gravity_holds import GravityFit, Hold, added_gravity, find_holds
+from ..parameter import Parameter
+from .strap_torque import Limb
+
+INERTIA_SPREAD = 0.10
+"""Share by which a person's shank differs from tables of shares, one standard deviation: what tables differ by."""
+VISCOUS_SPREAD = 0.2
+"""Of a relaxed knee's damping, which nothing here measures [N m s/rad]."""
+
+
+@dataclass(frozen=True, eq=False)
+class LimbFit:
+    """What is known of one wearer's shank and foot.
+
+    Attributes
+    ----------
+    gravity, zero : Parameter
+        m g l [N m], and the angle at which it hangs [rad].
+    inertia : Parameter
+        About the knee, from shares of the body and the gravity found [kg m^2].
+    trials : tuple of tuple of Hold
+        Limb and orthosis together, trial by trial.
+    refused : Mapping[str, str]
+        Trials that were not used, and why.
+    segments : Mapping[str, Segment]
+        By table: ``"winter"`` (knee to ankle), ``"published"`` (Winter's shares of the length from knee to heel),
+        ``"de_leva"``; those that what is known of the participant allows.
+    """
+
+    gravity: Parameter
+    zero: Parameter
+    inertia: Parameter
+    trials: tuple[tuple[Hold, ...], ...] = field(repr=False)
+    refused: Mapping[str, str] = field(repr=False)
+    segments: Mapping[str, Segment] = field(repr=False)
+
+    @property
+    def limb(self) -> Limb:
+        """Ready for the strap's torque; its damping is not known."""
+        spread = np.diag([self.inertia.standard_error, self.gravity.standard_error, VISCOUS_SPREAD])
+        return Limb(self.inertia.value, self.gravity.value, 0.0, spread**2, self.zero.value)
+
+
+def fit_limb(
+    relaxed: Sequence[InputOutput],
+    alone: GravityFit,
+    participant: Participant | None,
+    *,
+    at_work: Mapping[str, str] | None = None,
+) -> LimbFit:
+    """Gravity of the limb: that of limb and orthosis on a rigid plate, less the orthosis's own.
+
+    Parameters
+    ----------
+    relaxed : sequence of InputOutput
+        Torque in, angle out; one for each trial.
+    alone : GravityFit
+        Of the orthosis.
+    participant : Participant, optional
+        Mass, height, sex and shank length, as far as known.
+    at_work : mapping of str to str, optional
+        Trials in which muscles were at work, and what was seen of it: they are not used.
+
+    Returns
+    -------
+    LimbFit
+
+    Raises
+    ------
+    IdentificationError
+        If no trial is left.
+    """
+    refused = dict(at_work or {})
+    used = [r for r in relaxed if r.recording not in refused]
+    if not used:
+        why = "; ".join(refused.values()) or "none was recorded"
+        raise IdentificationError(f"the limb's gravity: found no relaxed trial to use, expected one or more: {why}")
+    trials = tuple(find_holds(r.time, r.output, r.input, recording=r.recording) for r in used)
+    gravity, zero = added_gravity(trials, alone)
+    segments = known_segments(participant)
+    return LimbFit(gravity, zero, _inertia(gravity, segments), trials, refused, segments)
+
+
+def known_segments(participant: Participant | None) -> dict[str, Segment]:
+    """What tables of shares say of a participant's shank and foot.
+
+    Parameters
+    ----------
+    participant : Participant, optional
+
+    Returns
+    -------
+    dict of str to Segment
+        Empty where the mass is not known.
+    """
+    p = participant
+    if p is None or p.mass is None:
+        return {}
+    found = {}
+    if p.height is not None:
+        found["winter"] = winter(p.mass, shank_length(p.height))
+    if p.shank_length is not None:
+        found["published"] = winter(p.mass, p.shank_length)
+    if p.height is not None and p.sex is not None:
+        found["de_leva"] = de_leva(p.mass, p.height, p.sex)
+    return found
+
+
+def _inertia(gravity: Parameter, segments: Mapping[str, Segment]) -> Parameter:
+    """Shares say how inertia goes with gravity, I/(m g l); the gravity itself was measured."""
+    if not segments:
+        return Parameter("inertia", "kg*m^2", float("nan"), float("nan"), identifiable=False)
+    # Per unit of gravity the inertia grows with the length alone, which tables know better than the mass.
+    ratios = [s.inertia / s.gravity() for s in segments.values()]
+    value = float(np.mean(ratios)) * gravity.value
+    return Parameter("inertia", "kg*m^2", value, INERTIA_SPREAD * value)

@@ -1,0 +1,411 @@
+"""The search behind a strap's stiffness and damping: residuals of the IMU's angle, their derivatives, their covariance.
+
+What is fitted, and why, stands in ``coupled_impedance``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy import fft
+from scipy.interpolate import CubicSpline
+
+from ..._errors import IdentificationError
+from ..parameter import Parameter
+from ..uncertainty import sandwich
+from .strap_torque import StrapTorque, Swing
+
+EDGE = 1.0
+"""Seconds left out at either end of a trial."""
+BRIDGE = 2.0
+"""Seconds by which a trial's end is led back to its beginning, for the transform."""
+SHIFTS = 1.5
+"""Largest difference of clocks that is searched [s]."""
+FEWEST = 40
+"""Samples of the IMU that a trial needs."""
+LEAST_MOTION = np.radians(2.0)
+"""Range of the orthosis's angle that a trial needs [rad]."""
+ITERATIONS = 60
+TOLERANCE = 1e-9
+FLOOR = 1e-6
+"""Smallest stiffness and damping, shares of their first guesses: a value there is at its bound."""
+STRAP = ("stiffness", "damping")
+
+
+def clock_shift(swing: Swing) -> float:
+    """By how much the IMU's clock is late, roughly: its angle then follows the orthosis's best.
+
+    Parameters
+    ----------
+    swing : Swing
+
+    Returns
+    -------
+    float
+        To be added to the IMU's times [s], to 0.01 s.
+
+    Raises
+    ------
+    IdentificationError
+        If there is too little motion, too little of the IMU, or no overlap of the two.
+    """
+    known = np.isfinite(swing.imu_angle) & np.isfinite(swing.imu_time)
+    if known.sum() < FEWEST or np.ptp(swing.position) < LEAST_MOTION:
+        raise IdentificationError(
+            f"{swing.name}: found {int(known.sum())} samples of the IMU and {np.degrees(np.ptp(swing.position)):.1f} "
+            f"deg of motion, expected {FEWEST} and {np.degrees(LEAST_MOTION):.0f} deg or more"
+        )
+    imu_time, imu_angle = swing.imu_time[known], swing.imu_angle[known]
+    best = (-np.inf, 0.0)
+    for shift in np.arange(-SHIFTS, SHIFTS + 1e-9, 0.01):
+        time = imu_time + shift
+        inside = (time > swing.time[0]) & (time < swing.time[-1])
+        if inside.sum() < FEWEST:
+            continue
+        a, b = imu_angle[inside], np.interp(time[inside], swing.time, swing.position)
+        if a.std() > 0.0 and b.std() > 0.0:
+            # A short overlap correlates too easily.
+            best = max(best, (float(np.corrcoef(a, b)[0, 1]) * np.sqrt(inside.mean()), float(shift)))
+    if not np.isfinite(best[0]):
+        raise IdentificationError(
+            f"{swing.name}: the IMU's times and the actuator's do not overlap, expected clocks within {SHIFTS:g} s"
+        )
+    return best[1]
+
+
+class Spectrum:
+    """Signals of one trial, shape (n, c), led back to their beginning and transformed once.
+
+    Parameters
+    ----------
+    columns : ndarray, shape (n, c)
+        The strap's torque first [N m].
+    fs : float
+        [Hz]
+    """
+
+    def __init__(self, columns: np.ndarray, fs: float):
+        n = len(columns)
+        total = fft.next_fast_len(n + round(BRIDGE * fs), real=True)
+        share = 0.5 - 0.5 * np.cos(np.pi * np.arange(1, total - n + 1) / (total - n + 1))[:, None]
+        self.length, self.total = n, total
+        self.spectrum = fft.rfft(np.vstack([columns, columns[-1] + share * (columns[0] - columns[-1])]), axis=0)
+        self.omega = 2.0 * np.pi * fft.rfftfreq(total, 1.0 / fs)[:, None]
+
+    def response(self, k: float, b: float, i: float) -> np.ndarray:
+        """All signals behind a strap of stiffness `k`, damping `b` and inertia `i`, shape (n, c)."""
+        return fft.irfft(self.spectrum / self._denominator(k, b, i), self.total, axis=0)[: self.length]
+
+    def derivatives(self, k: float, b: float, i: float) -> np.ndarray:
+        """Of the first signal's response: itself, and by stiffness `k`, damping `b` and inertia `i`, shape (n, 4)."""
+        h = 1.0 / self._denominator(k, b, i)
+        tau, w = self.spectrum[:, :1] * h, self.omega
+        parts = np.hstack([tau, -tau * h, -1j * w * tau * h, w**2 * tau * h])
+        return fft.irfft(parts, self.total, axis=0)[: self.length]
+
+    def _denominator(self, k: float, b: float, i: float) -> np.ndarray:
+        return k + 1j * self.omega * b - i * self.omega**2
+
+
+@dataclass(frozen=True)
+class StrapPoint:
+    """Where a search stands: the strap, the IMU's gain, and a clock's shift [s] and an offset [rad] for each trial."""
+
+    stiffness: float
+    damping: float
+    inertia: float
+    gain: float
+    shifts: np.ndarray
+    offsets: np.ndarray
+    converged: bool = True
+
+
+class StrapTrial:
+    """One trial, ready for repeated evaluation.
+
+    Parameters
+    ----------
+    swing : Swing
+    torque : StrapTorque
+    """
+
+    def __init__(self, swing: Swing, torque: StrapTorque):
+        self.swing, self.torque, self.fs = swing, torque, swing.fs
+        self.angle = CubicSpline(swing.time, swing.position)
+        # The body's parameters enter through the same strap: their columns are transformed with the torque.
+        self.forcing = Spectrum(np.column_stack([torque.torque, torque.sensitivity]), self.fs)
+        self.usable = np.isfinite(swing.imu_angle) & np.isfinite(swing.imu_time)
+        self.doubtful = np.zeros(len(swing.time), bool)
+
+    def leave_out(self, seconds: float) -> None:
+        """Mark what a torque that is not known still reaches, `seconds` after it."""
+        reach = max(1, min(round(seconds * self.fs), len(self.swing.time)))
+        unknown = ~self.torque.known
+        counted = np.cumsum(unknown)
+        self.doubtful = counted - np.concatenate([np.zeros(reach, int), counted[:-reach]]) > 0
+
+    def times(self, shift: float) -> tuple[np.ndarray, np.ndarray]:
+        """The IMU's times on the actuator's clock, a `shift` later [s], and which of them count; shapes (m,)."""
+        time = self.swing.imu_time + shift
+        first, last = self.swing.time[0], self.swing.time[-1]
+        keep = self.usable & (time >= first + EDGE) & (time <= last - EDGE)
+        near = np.clip(np.round((np.where(self.usable, time, first) - first) * self.fs), 0, len(self.swing.time) - 1)
+        return time, keep & ~self.doubtful[near.astype(int)]
+
+    def sample(self, series: np.ndarray, time: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """A `series` of shape (n, c), and its first column's rate, at a `time` of shape (m,) [s]."""
+        place = (time - self.swing.time[0]) * self.fs
+        low = np.clip(np.floor(place).astype(int), 0, len(series) - 2)
+        part = (place - low)[:, None]
+        step = series[low + 1] - series[low]
+        return series[low] + part * step, step[:, 0] * self.fs
+
+
+class StrapProblem:
+    """Residuals and Jacobian of all trials: stiffness, damping, inertia, gain, then a shift and an offset for each.
+
+    Parameters
+    ----------
+    trials : sequence of StrapTrial
+    prior : Parameter or None
+        The gain, as a calibration found it.
+    free_gain : bool
+    held_gain : float, optional
+        In place of the prior's, where it is not free.
+
+    Raises
+    ------
+    IdentificationError
+        If there is no trial.
+    """
+
+    def __init__(
+        self, trials: Sequence[StrapTrial], prior: Parameter | None, free_gain: bool, held_gain: float | None = None
+    ):
+        if not trials:
+            raise IdentificationError("found no swing to fit, expected one trial or more")
+        self.trials, self.prior, self.free_gain = trials, prior, free_gain
+        self.gain = held_gain if held_gain is not None else (prior.value if prior is not None else 1.0)
+
+    def names(self, *, inertia: bool) -> tuple[str, ...]:
+        """Of the shared parameters, in the covariance's order, with `inertia` or without."""
+        return (*STRAP, *(("inertia",) if inertia else ()), *(("gain",) if self.free_gain else ()))
+
+    @property
+    def count(self) -> int:
+        """Samples that count."""
+        return sum(int(t.times(0.0)[1].sum()) for t in self.trials)
+
+    def leave_out(self, seconds: float) -> None:
+        """Mark doubtful samples in every trial.
+
+        Parameters
+        ----------
+        seconds : float
+            For how long a torque that was not known stays in the mismatch.
+
+        Raises
+        ------
+        IdentificationError
+            If little is left of a trial.
+        """
+        for trial in self.trials:
+            trial.leave_out(seconds)
+            share = float(np.mean(~trial.doubtful))
+            if share < 0.2:
+                raise IdentificationError(
+                    f"{trial.swing.name}: the strap's torque is known in {100 * share:.0f} % of the trial, expected "
+                    "20 % or more: the orthosis sticks, or hardly moves; swing further or faster"
+                )
+
+    def start(self) -> StrapPoint:
+        """Clocks by correlation of the two angles, the strap by least squares of its torque on the mismatch seen.
+
+        Returns
+        -------
+        StrapPoint
+
+        Raises
+        ------
+        IdentificationError
+            If IMU and actuator share too few samples.
+        """
+        shifts, offsets, rows, sides = [], [], [], []
+        for trial in self.trials:
+            shift = clock_shift(trial.swing)
+            time, keep = trial.times(shift)
+            if keep.sum() < FEWEST:
+                raise IdentificationError(
+                    f"{trial.swing.name}: {int(keep.sum())} samples of the IMU fall into the trial, expected {FEWEST} "
+                    "or more: the IMU and the actuator did not record together"
+                )
+            t = time[keep]
+            seen = trial.swing.imu_angle[keep] / self.gain - trial.angle(t)
+            shifts.append(shift)
+            offsets.append(float(np.mean(seen)) * self.gain)
+            tau = trial.sample(trial.torque.torque[:, None], t)[0][:, 0]
+            seen = seen - seen.mean()
+            rows.append(np.column_stack([seen, np.gradient(seen, t)]))
+            sides.append(tau - tau.mean())
+        found, *_ = np.linalg.lstsq(np.vstack(rows), np.concatenate(sides), rcond=None)
+        spread = np.std(np.concatenate(sides)) / max(np.std(np.vstack(rows)[:, 0]), 1e-9)
+        stiffness = float(found[0]) if found[0] > 0.1 * spread else float(spread)
+        damping = float(found[1]) if found[1] > 0.0 else 0.05 * stiffness
+        return StrapPoint(stiffness, damping, 0.0, self.gain, np.array(shifts), np.array(offsets))
+
+    def solve(self, start: StrapPoint, *, inertia: bool, hold_strap: bool = False) -> StrapPoint:
+        """Levenberg and Marquardt's search, from more clocks than one: a late clock looks like damping.
+
+        Parameters
+        ----------
+        start : StrapPoint
+        inertia : bool
+            Whether it is free.
+        hold_strap : bool
+            Whether only clocks and offsets are.
+
+        Returns
+        -------
+        StrapPoint
+        """
+        if hold_strap or inertia:
+            return self._search(start, inertia, hold_strap)[0]
+        found = [self._search(replace(start, shifts=start.shifts + d), inertia, False) for d in (-0.1, 0.0, 0.1)]
+        return min(found, key=lambda pair: pair[1])[0]
+
+    def _search(self, start: StrapPoint, inertia: bool, hold_strap: bool) -> tuple[StrapPoint, float]:
+        free = self._free(inertia, hold_strap)
+        floor = np.array([FLOOR * start.stiffness, FLOOR * start.damping])
+        x, damp = self._vector(start), 1e-3
+        scale = np.concatenate([[start.stiffness, max(start.damping, 1e-3), 0.05, 0.1], np.full(len(x) - 4, 0.05)])
+        residual, jacobian, cost = self._evaluate(x)
+        done = False
+        for _ in range(ITERATIONS):
+            z = jacobian[:, free] * scale[free]
+            gram, slope = z.T @ z, z.T @ residual
+            while damp < 1e9:
+                step = np.linalg.solve(gram + damp * np.diag(np.diag(gram) + 1e-12), slope)
+                y = x.copy()
+                y[free] += scale[free] * step
+                y[:2] = np.maximum(y[:2], floor)
+                r, j, c = self._evaluate(y)
+                if c <= cost:
+                    break
+                damp *= 5.0
+            else:
+                done = True
+                break
+            gained = cost - c
+            x, residual, jacobian, cost, damp = y, r, j, c, max(damp / 10.0, 1e-12)
+            if gained <= TOLERANCE * cost:
+                done = True
+                break
+        return self._point(x, done), cost
+
+    def _evaluate(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
+        residual, jacobian, _ = self._linearised(x)
+        # A window that moves with the clock must not be rewarded for holding fewer samples.
+        rows = len(residual) - (self.prior is not None and self.free_gain)
+        return residual, jacobian, float(residual @ residual) / max(rows, 1)
+
+    def _linearised(self, x: np.ndarray, body: bool = False) -> tuple[np.ndarray, np.ndarray, list[np.ndarray]]:
+        """Residuals, their Jacobian with the sign of the model's, and derivatives by each body's parameters."""
+        k, b, i, g = x[:4]
+        residuals, jacobians, bodies = [], [], []
+        for index, trial in enumerate(self.trials):
+            shift, offset = x[4 + 2 * index : 6 + 2 * index]
+            time, keep = trial.times(shift)
+            t = time[keep]
+            series, rate = trial.sample(trial.forcing.derivatives(k, b, i), t)
+            angle = trial.angle(t) + series[:, 0]
+            residuals.append(trial.swing.imu_angle[keep] - offset - g * angle)
+            j = np.zeros((len(t), len(x)))
+            j[:, :3], j[:, 3] = g * series[:, 1:], angle
+            j[:, 4 + 2 * index], j[:, 5 + 2 * index] = g * (trial.angle(t, 1) + rate), 1.0
+            jacobians.append(j)
+            if body:
+                bodies.append(g * trial.sample(trial.forcing.response(k, b, i)[:, 1:], t)[0])
+        if self.prior is not None and self.free_gain and not body:
+            noise = np.sqrt(np.mean(np.concatenate(residuals) ** 2))
+            row = np.zeros((1, len(x)))
+            row[0, 3] = noise / self.prior.standard_error
+            residuals.append(np.array([(self.prior.value - g) * row[0, 3]]))
+            jacobians.append(row)
+        return np.concatenate(residuals), np.vstack(jacobians), bodies
+
+    def covariance(self, point: StrapPoint, *, inertia: bool) -> np.ndarray:
+        """Of the shared parameters: the IMU's coloured error, the calibration's, and the body's parameters'.
+
+        Parameters
+        ----------
+        point : StrapPoint
+        inertia : bool
+            Whether it was free.
+
+        Returns
+        -------
+        ndarray, shape (p, p)
+            In the order of `names`.
+
+        Raises
+        ------
+        IdentificationError
+            If stiffness and damping cannot be told apart.
+        """
+        x = self._vector(point)
+        free = self._free(inertia, False)
+        residual, jacobian, bodies = self._linearised(x, body=True)
+        z = jacobian[:, free]
+        lengths = [len(b) for b in bodies]
+        bread = z.T @ z
+        if self.prior is not None and self.free_gain:
+            at = int(np.sum(free[:3]))
+            extra = np.zeros(len(bread))
+            extra[at] = np.mean(residual**2) / self.prior.standard_error**2
+            bread = bread + np.diag(extra)
+        try:
+            spread = np.linalg.inv(bread)
+            noise = sandwich(z, residual, lengths)
+        except np.linalg.LinAlgError as error:
+            raise IdentificationError(
+                "the swings do not tell the strap's stiffness from its damping: swing at more than one speed"
+            ) from error
+        # The sandwich is of the data alone; the calibration takes its share of the estimate, and of its error.
+        turn = spread @ (z.T @ z)
+        total = turn @ noise @ turn.T
+        if self.prior is not None and self.free_gain:
+            total = total + np.outer(spread[:, at], spread[:, at]) * extra[at] ** 2 * self.prior.standard_error**2
+        push = -spread @ sum(z[e - n : e].T @ b for b, n, e in zip(bodies, lengths, np.cumsum(lengths), strict=True))
+        total = total + push @ self.trials[0].torque.covariance @ push.T
+        shared = len(self.names(inertia=inertia))
+        return total[:shared, :shared]
+
+    def residuals(self, point: StrapPoint) -> tuple[np.ndarray, ...]:
+        """Of each trial at all of the IMU's times [rad], at a `point`; NaN where a sample does not count."""
+        found = []
+        for trial, shift, offset in zip(self.trials, point.shifts, point.offsets, strict=True):
+            time, keep = trial.times(shift)
+            series = trial.forcing.response(point.stiffness, point.damping, point.inertia)[:, :1]
+            model = trial.angle(time[keep]) + trial.sample(series, time[keep])[0][:, 0]
+            residual = np.full(len(time), np.nan)
+            residual[keep] = trial.swing.imu_angle[keep] - offset - point.gain * model
+            found.append(residual)
+        return tuple(found)
+
+    def at_bound(self, point: StrapPoint, start: StrapPoint) -> tuple[bool, bool]:
+        """Whether stiffness and damping were stopped above 0, at a `point`, for their sizes at the `start`."""
+        return point.stiffness <= 1e-4 * start.stiffness, point.damping <= 1e-4 * start.damping
+
+    def _free(self, inertia: bool, hold_strap: bool) -> np.ndarray:
+        free = np.ones(4 + 2 * len(self.trials), bool)
+        free[:2], free[2], free[3] = not hold_strap, inertia, self.free_gain and not hold_strap
+        return free
+
+    def _vector(self, p: StrapPoint) -> np.ndarray:
+        pairs = np.column_stack([p.shifts, p.offsets]).ravel()
+        return np.concatenate([[p.stiffness, p.damping, p.inertia, p.gain], pairs])
+
+    def _point(self, x: np.ndarray, converged: bool) -> StrapPoint:
+        return StrapPoint(*(float(v) for v in x[:4]), x[4::2].copy(), x[5::2].copy(), converged)

@@ -1,0 +1,350 @@
+"""One wearer's coupling to the orthosis: fitted from either side, as published, judged on swings that were not fitted.
+
+Arrays in, values out: what is read from files, and what a simulation hands over, take the same way.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from ..._errors import IdentificationError
+from ..parameter import Parameter, Verdict
+from ..transfer.transfer_function_fit import fit_percent
+from .coupled_impedance import (
+    CouplingFit,
+    Instrument,
+    align,
+    fit_coupling,
+    limb_angle,
+    mismatch,
+    seen_mismatch,
+)
+from .published_coupling import (
+    PublishedCoupling,
+    fit_two_poles,
+    published_mismatch,
+    solve_balance,
+    torque_mismatch,
+)
+from .strap_search import clock_shift
+from .strap_slip import Slip, find_slip, unexplained
+from .strap_torque import Limb, Orthosis, Swing, from_limb, from_orthosis
+
+EDGE = 1.0
+"""Seconds at either end of a swing that are not judged: what went before them is not known."""
+SIDES = ("orthosis", "limb", "published")
+"""Models that are judged: the strap by the orthosis's balance, by the limb's, and the thesis's two poles."""
+
+
+@dataclass(frozen=True, eq=False)
+class JudgedSwing:
+    """A swing, the mismatch that the IMU saw, and what the models make of it.
+
+    Attributes
+    ----------
+    recording, split : str
+    time : ndarray, shape (m,)
+        The IMU's, on the actuator's clock [s]; within the trial.
+    seen : ndarray, shape (m,)
+        Mismatch by the IMU [rad].
+    simulated : Mapping[str, ndarray]
+        By model, as `SIDES` names them: shape (m,) [rad].
+    fit : Mapping[str, float]
+        Of each model, against what was seen [%], as MATLAB's ``compare`` has it.
+    ceiling : float
+        What a perfect model would reach against the IMU's own error [%]; NaN where that error is not known.
+    instrument : Instrument
+        Clock and mounting of the IMU in this trial.
+    predicted : ndarray, shape (n,)
+        Mismatch by the orthosis's balance at the actuator's own times [rad].
+    published : ndarray, shape (n,), or None
+        The same by the thesis's two poles.
+    """
+
+    recording: str
+    split: str
+    time: np.ndarray
+    seen: np.ndarray
+    simulated: Mapping[str, np.ndarray]
+    fit: Mapping[str, float]
+    ceiling: float
+    instrument: Instrument
+    predicted: np.ndarray = field(repr=False)
+    published: np.ndarray | None = field(default=None, repr=False)
+
+    @property
+    def rmse(self) -> float:
+        """Of the orthosis side's model against the IMU [rad]."""
+        return float(np.sqrt(np.mean((self.seen - self.simulated["orthosis"]) ** 2)))
+
+
+@dataclass(frozen=True, eq=False)
+class WearerCoupling:
+    """What is known of one wearer's strap.
+
+    Attributes
+    ----------
+    participant : str
+    orthosis_side : CouplingFit
+    limb_side : CouplingFit or None
+        None where the muscles' torque is not known, or that side gave nothing.
+    published : Mapping[str, PublishedCoupling]
+        ``"balance"``, least squares of the thesis's equation 2.2, and ``"two_poles"``, its equation 2.7.
+    judged : tuple of JudgedSwing
+    slips : tuple of Slip
+        Trials in which the strap slipped; they were not fitted.
+    verdicts : tuple of Verdict
+    """
+
+    participant: str
+    orthosis_side: CouplingFit
+    limb_side: CouplingFit | None
+    published: Mapping[str, PublishedCoupling]
+    judged: tuple[JudgedSwing, ...]
+    slips: tuple[Slip, ...]
+    verdicts: tuple[Verdict, ...]
+
+    def mean_fit(self, model: str = "orthosis", split: str = "heldout") -> float:
+        """Mean fit of a `model` over the trials of a `split` [%]; NaN where there are none."""
+        found = [j.fit[model] for j in self.judged if j.split == split and model in j.fit]
+        return float(np.mean(found)) if found else float("nan")
+
+    def mean_ceiling(self, split: str = "heldout") -> float:
+        """Mean of the fit that the IMU's own error allows, over the trials of a `split` [%]."""
+        found = [j.ceiling for j in self.judged if j.split == split]
+        return float(np.mean(found)) if found else float("nan")
+
+
+def identify_wearer(
+    participant: str,
+    swings: Sequence[Swing],
+    orthosis: Orthosis,
+    *,
+    limb: Limb | None = None,
+    gain: Parameter | None = None,
+    imu_sd: float = float("nan"),
+) -> WearerCoupling:
+    """Fit the strap on the fitted swings, from both sides and as published; judge all on every swing.
+
+    Parameters
+    ----------
+    participant : str
+    swings : sequence of Swing
+        Strapped once; those whose split is ``"heldout"`` are only judged.
+    orthosis : Orthosis
+    limb : Limb, optional
+        With a knee torque in every swing, the other side and the thesis's form are fitted too.
+    gain : Parameter, optional
+        Of the IMU's angle, from its calibration.
+    imu_sd : float
+        Error of the IMU's angle as its calibration found it [rad].
+
+    Returns
+    -------
+    WearerCoupling
+
+    Raises
+    ------
+    IdentificationError
+        If no swing is left to fit, or the swings do not tell stiffness from damping.
+    """
+    fitted = [s for s in swings if s.split == "fitted"]
+    if not fitted:
+        raise IdentificationError(f"{participant}: found no swing to fit, expected one or more")
+    torques = {s.name: from_orthosis(s, orthosis) for s in swings}
+    slips = [slip for s in swings if (slip := find_slip(s.name, *unexplained(s, torques[s.name], clock_shift(s))))]
+    used = [s for s in fitted if s.name not in {slip.recording for slip in slips}]
+    if not used:
+        _refuse_slipped(participant, [slip for slip in slips if slip.recording in {s.name for s in fitted}])
+    fit = fit_coupling(used, [torques[s.name] for s in used], gain=gain)
+    instruments = dict(zip([s.name for s in used], fit.instruments, strict=True))
+    for swing in swings:
+        if swing.name not in instruments:
+            instruments[swing.name] = align(swing, torques[swing.name], fit)
+    muscles = limb is not None and all(s.knee_torque is not None for s in swings)
+    angles = {s.name: limb_angle(s, instruments[s.name]) for s in swings} if muscles else {}
+    other, failure = _limb_side(used, limb, angles, gain) if muscles else (None, "no torque of the muscles is known")
+    published = _published(used, angles, orthosis, limb) if muscles else {}
+    judged = tuple(
+        _judge(s, torques[s.name], instruments[s.name], fit, other, published, angles, orthosis, limb, imu_sd)
+        for s in swings
+    )
+    made = WearerCoupling(participant, fit, other, published, judged, tuple(slips), ())
+    return WearerCoupling(participant, fit, other, published, judged, tuple(slips), coupling_verdicts(made, failure))
+
+
+def coupling_verdicts(found: WearerCoupling, no_limb: str = "") -> tuple[Verdict, ...]:
+    """Which side's figures can be trusted, and why.
+
+    Parameters
+    ----------
+    found : WearerCoupling
+    no_limb : str
+        Why there is nothing from the limb's side.
+
+    Returns
+    -------
+    tuple of Verdict
+    """
+    who, fit = found.participant, found.orthosis_side
+    said = [
+        Verdict(
+            "warning",
+            f"{who}: the strap slipped by {np.degrees(s.step):+.1f} deg {s.time:.1f} s into {s.recording}; that trial "
+            "was not fitted, and what is judged on it mixes two mountings.",
+        )
+        for s in found.slips
+    ]
+    judged = [j for j in found.judged if j.split == "heldout"]
+    if judged:
+        reached, ceiling = found.mean_fit(), found.mean_ceiling()
+        limit = f" (the IMU's own error allows {ceiling:.1f} %)" if np.isfinite(ceiling) else ""
+        kind = "good" if reached > 0.8 * (ceiling if np.isfinite(ceiling) else 100.0) else "warning"
+        text = f"{who}: a strap of {_read(fit.stiffness)} and {_read(fit.damping)} explains {reached:.1f} % of the "
+        said.append(Verdict(kind, f"{text}mismatch in swings it was not fitted on{limit}."))
+    else:
+        said.append(Verdict("warning", f"{who}: no swing is held out: nothing says how the strap predicts new ones."))
+    for parameter in (fit.stiffness, fit.damping):
+        if parameter.at_bound:
+            said.append(
+                Verdict(
+                    "warning",
+                    f"{who}: the {parameter.name} was stopped at its bound of zero and is rejected: the torque of the "
+                    "strap and the mismatch do not belong together, or the IMU's clock took its place.",
+                )
+            )
+        elif not parameter.identifiable:
+            said.append(
+                Verdict("warning", f"{who}: the {parameter.name} is not told from zero ({_interval(parameter)}).")
+            )
+    said.append(_inertia_verdict(who, fit))
+    said.append(_side_verdict(found, no_limb))
+    if found.published:
+        said.append(_published_verdict(found))
+    return tuple(said)
+
+
+# --- steps ----------------------------------------------------------------------------------------------------------
+
+
+def _refuse_slipped(participant: str, slips: Sequence[Slip]) -> None:
+    where = ", ".join(f"{s.recording} at {s.time:.1f} s by {np.degrees(s.step):+.1f} deg" for s in slips)
+    raise IdentificationError(
+        f"{participant}: the strap slipped in every fitted swing ({where}), expected one mounting throughout a trial; "
+        "tighten it, or cut the trials there with a window"
+    )
+
+
+def _compared(swing, torque, instrument, fit) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Times, the mismatch seen, and that of a strap, at the IMU's samples within the trial."""
+    model = mismatch(torque, swing.fs, stiffness=fit.stiffness.value, damping=fit.damping.value)
+    time, seen = seen_mismatch(swing, instrument)
+    inside = np.isfinite(seen) & (time >= swing.time[0] + EDGE) & (time <= swing.time[-1] - EDGE)
+    return time[inside], seen[inside], np.interp(time[inside], swing.time, model)
+
+
+def _limb_side(
+    used: Sequence[Swing], limb: Limb, angles: Mapping[str, np.ndarray], gain: Parameter | None
+) -> tuple[CouplingFit | None, str]:
+    try:
+        torques = [from_limb(s, limb, angles[s.name]) for s in used]
+        return fit_coupling(used, torques, side="limb", gain=gain, free_gain=False), ""
+    except IdentificationError as error:
+        return None, str(error)
+
+
+def _published(used, angles, orthosis, limb) -> dict[str, PublishedCoupling]:
+    fs = used[0].fs
+    torques = [torque_mismatch(s, angles[s.name], orthosis, limb) for s in used]
+    seen = [angles[s.name] - s.position for s in used]
+    return {"balance": solve_balance(torques, seen, fs), "two_poles": fit_two_poles(torques, seen, fs)}
+
+
+def _judge(swing, torque, instrument, fit, other, published, angles, orthosis, limb, imu_sd) -> JudgedSwing:
+    time, seen, model = _compared(swing, torque.torque, instrument, fit)
+    simulated = {"orthosis": model}
+    if other is not None:
+        simulated["limb"] = _compared(swing, from_limb(swing, limb, angles[swing.name]).torque, instrument, other)[2]
+    literal = None
+    if published:
+        rhs = torque_mismatch(swing, angles[swing.name], orthosis, limb)
+        literal = published_mismatch(published["two_poles"], rhs, angles[swing.name] - swing.position, swing.fs)
+        simulated["published"] = np.interp(time, swing.time, literal)
+    fits = {name: fit_percent(seen, values) for name, values in simulated.items()}
+    ceiling = 100.0 * (1.0 - imu_sd / float(np.std(seen)))
+    return JudgedSwing(
+        swing.name,
+        swing.split,
+        time,
+        seen,
+        simulated,
+        fits,
+        ceiling,
+        instrument,
+        mismatch(torque.torque, swing.fs, stiffness=fit.stiffness.value, damping=fit.damping.value),
+        literal,
+    )
+
+
+# --- verdicts -------------------------------------------------------------------------------------------------------
+
+
+def _read(parameter: Parameter) -> str:
+    half = 1.96 * parameter.standard_error
+    return f"{parameter.value:.3g} ± {half:.2g} {parameter.unit}"
+
+
+def _interval(parameter: Parameter) -> str:
+    low, high = parameter.interval()
+    return f"{low:.3g} to {high:.3g} {parameter.unit}"
+
+
+def _inertia_verdict(who: str, fit: CouplingFit) -> Verdict:
+    low, high = fit.inertia.interval()
+    if low <= 0.0 <= high:
+        return Verdict(
+            "good", f"{who}: nothing in the strap behaves like an inertia ({_interval(fit.inertia)}), as none should."
+        )
+    return Verdict(
+        "warning",
+        f"{who}: the strap seems to have an inertia ({_interval(fit.inertia)}), which none has: something else turns "
+        "with the mismatch's acceleration, such as an error of the IMU or of the orthosis's own inertia.",
+    )
+
+
+def _side_verdict(found: WearerCoupling, no_limb: str) -> Verdict:
+    who, fit, other = found.participant, found.orthosis_side, found.limb_side
+    if other is None:
+        return Verdict("note", f"{who}: the strap is known from the orthosis's balance alone; {no_limb}.")
+    apart = abs(other.stiffness.value - fit.stiffness.value)
+    agree = apart <= 1.96 * np.hypot(other.stiffness.standard_error, fit.stiffness.standard_error)
+    split = "heldout" if np.isfinite(found.mean_fit()) else "fitted"
+    ours, theirs = found.mean_fit("orthosis", split), found.mean_fit("limb", split)
+    use = "held-out" if split == "heldout" else "fitted"
+    if ours >= theirs:
+        said = f"trust the orthosis's side: it explains {ours:.1f} % of the mismatch in {use} swings, the limb's "
+        said += f"{theirs:.1f} %; its torque comes from a spring and two encoders, the other's from EMG and the IMU "
+        said += "differentiated twice"
+    else:
+        said = f"the limb's side explains more of the mismatch in {use} swings ({theirs:.1f} against {ours:.1f} %): "
+        said += "the orthosis's own parameters or its friction are wrong"
+    # The error of the limb's torque is in the model's input: it bends the estimate, and no residual shows that.
+    said += f". The limb's side gives {_read(other.stiffness)} and {_read(other.damping)}"
+    said += ", which agrees." if agree else ", off by more than both intervals: its own leaves out its torque's error."
+    return Verdict("note" if ours >= theirs else "warning", f"{who}: {said}")
+
+
+def _published_verdict(found: WearerCoupling) -> Verdict:
+    literal = found.published["two_poles"]
+    split = "heldout" if np.isfinite(found.mean_fit()) else "fitted"
+    stopped = f", {' and '.join(literal.at_bound)} at a bound of zero" if literal.at_bound else ""
+    stopped += ", a strap that pushes where it is pulled" if literal.stiffness < 0.0 else ""
+    return Verdict(
+        "note",
+        f"{found.participant}: the thesis's form, in which the strap's torque cancels, gives {literal.stiffness:.3g} "
+        f"N*m/rad, {literal.damping:.3g} N*m*s/rad and {literal.inertia:.3g} kg*m^2{stopped}, and explains "
+        f"{found.mean_fit('published', split):.1f} %.",
+    )

@@ -1,0 +1,454 @@
+r"""The grey box: a pendulum with known or estimated gravity, friction and a spring, fitted to sampled motions.
+
+.. math::
+   I\ddot q + b\dot q + c\tanh(\dot q/w) + m\,\sin q + k\,q + \tau_0 = \tau
+
+A regression on filtered signals, linear in every parameter, starts it. Then the simulated angle is fitted to the
+measured one with exact derivatives, every record's initial state among the unknowns. Parameters stay physical; where
+one ends at its bound, the fit says what the records would have it be without.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import least_squares, lsq_linear
+from scipy.stats import norm
+
+from ..._errors import IdentificationError
+from ...models.card import named
+from ...models.pendulum import NAMES, UNITS, PendulumDrive, PendulumMotion, pendulum_drive, simulate_pendulum
+from ...models.transfer_function import filtered_powers
+from ...signals.input_output import InputOutput
+from ..parameter import Parameter, Whiteness
+from ..uncertainty import sandwich, whiteness
+from .srivc import SINGULAR
+from .transfer_function_fit import Response, fit_percent, require_samples
+
+WIDTH_SHARE = 0.02
+"""Width of the smooth sign of velocity, as a share of the records' largest speed, where none is given."""
+
+FREE = NAMES
+"""What is estimated where nothing else is said."""
+
+LEAST_INERTIA = 1e-6
+"""Share of the first guess below which inertia does not fall."""
+
+STIFFEST = 0.5
+"""Largest product of a step and friction's rate at rest, (b + c/w)/I; steps are divided until it is not passed."""
+
+MOST_SUBSTEPS = 16
+"""More would only follow a friction whose smooth sign is too narrow."""
+
+SPAN = 0.02
+"""Reach of the differences that make a rough velocity to start from [s]."""
+
+
+@dataclass(frozen=True)
+class PendulumFit:
+    """An identified pendulum.
+
+    Attributes
+    ----------
+    parameters : tuple of Parameter
+        The free ones, in the order of `pellucid.models.pendulum.NAMES`. `at_bound` where a bound holds it; its standard
+        error is then that of the value the records would have it take.
+    known : Mapping[str, float]
+        Those held at a given value, SI.
+    covariance : ndarray, shape (p, p)
+    reasons : Mapping[str, str]
+        Why a parameter ended at its bound, by its name.
+    responses : tuple of Response
+        Of the fitted records; `initial` is the initial angle [rad] and velocity [rad/s].
+    hold : str
+        What the torque was taken to do between samples.
+    width : float
+        Of the smooth sign of velocity [rad/s].
+    residual_sd : float
+        [rad]
+    evaluations : int
+        Simulations of all records.
+    converged : bool
+    whiteness : Whiteness
+    """
+
+    parameters: tuple[Parameter, ...]
+    known: Mapping[str, float]
+    covariance: np.ndarray
+    reasons: Mapping[str, str]
+    responses: tuple[Response, ...]
+    hold: str
+    width: float
+    residual_sd: float
+    evaluations: int
+    converged: bool
+    whiteness: Whiteness
+
+    def __getitem__(self, name: str) -> Parameter:
+        return named(self.parameters, name, "this fit")
+
+    @property
+    def values(self) -> np.ndarray:
+        """All six values, shape (6,), SI; zero where a term was neither free nor known."""
+        free = {p.name: p.value for p in self.parameters}
+        return np.array([free.get(name, self.known.get(name, 0.0)) for name in NAMES])
+
+
+def fit_pendulum(
+    records: Sequence[InputOutput],
+    *,
+    hold: str,
+    free: Sequence[str] = FREE,
+    known: Mapping[str, float] | None = None,
+    bounds: Mapping[str, tuple[float, float]] | None = None,
+    width: float | None = None,
+) -> PendulumFit:
+    """Identify a pendulum from torques and the angles they made.
+
+    Parameters
+    ----------
+    records : sequence of InputOutput
+        Torque [N*m] in, angle [rad] out, 0 where it hangs; each with an initial state of its own.
+    hold : {"zero", "first"}
+        What the torque does between samples.
+    free : sequence of str
+        Parameters to estimate, of "inertia", "damping", "coulomb", "gravity", "stiffness", "offset"; those neither
+        free nor known are zero. Gravity and stiffness part only where the angle is large.
+    known : mapping of str to float, optional
+        Values held, SI: a gravity found from static holds.
+    bounds : mapping of str to tuple of float, optional
+        Lower and upper bound, SI, in place of the physical ones: all but the offset are not negative.
+    width : float, optional
+        Of the smooth sign of velocity [rad/s].
+
+    Returns
+    -------
+    PendulumFit
+
+    Raises
+    ------
+    IdentificationError
+        If a name is unknown, inertia is neither free nor known, a record is too short, does not move, or misses
+        samples, or the parameters cannot be told apart.
+    """
+    known = dict(known or {})
+    wrong = [name for name in (*free, *known, *(bounds or {})) if name not in NAMES]
+    if wrong:
+        raise IdentificationError(f"pendulum: found parameters {', '.join(wrong)}, expected some of {', '.join(NAMES)}")
+    names = [name for name in NAMES if name in free and name not in known]
+    if not names or ("inertia" not in names and known.get("inertia", 0.0) <= 0.0):
+        raise IdentificationError("pendulum: found no inertia, expected it free or known and positive")
+    for record in records:
+        _require(record, len(names) + 2)
+    speeds = [_speed(r) for r in records]
+    if width is None:
+        width = WIDTH_SHARE * max(float(np.quantile(np.abs(v), 0.99)) for v in speeds)
+    problem = _Problem(tuple(records), tuple(names), known, hold, width)
+    lower, upper = _bounds(names, bounds or {})
+    best = None
+    for rate in _rates(records):
+        start = problem.started(rate, speeds, lower, upper)
+        if start is None:
+            continue
+        error = problem.cost(start)
+        if best is None or error < best[0]:
+            best = (error, start)
+    if best is None or not np.isfinite(best[0]):
+        raise IdentificationError(
+            f"{_names(records)}: no first guess can be simulated; check the torque's sign and unit"
+        )
+    start = best[1]
+    if "inertia" in names:
+        i = names.index("inertia")
+        lower[i] = max(lower[i], LEAST_INERTIA * start[i])
+    k = len(names)
+    free_state = np.full(2 * len(records), np.inf)
+    low, high = np.concatenate([lower, -free_state]), np.concatenate([upper, free_state])
+    problem.prepare(start)
+    found = least_squares(
+        problem.residual, np.clip(start, low, high), jac=problem.jacobian, bounds=(low, high), x_scale="jac",
+        xtol=1e-7, ftol=1e-9, max_nfev=40,
+    )  # fmt: skip
+    return _finished(problem, found.x, lower, upper, int(found.nfev), bool(found.success), k)
+
+
+def judged_pendulum(fit: PendulumFit, record: InputOutput) -> Response:
+    """Simulate a record with frozen parameters; only its initial state is estimated.
+
+    Parameters
+    ----------
+    fit : PendulumFit
+    record : InputOutput
+
+    Returns
+    -------
+    Response
+
+    Raises
+    ------
+    IdentificationError
+        If the record is too short, misses samples or does not move, or its simulation diverges.
+    """
+    _require(record, 2)
+    held = dict(zip(NAMES, fit.values, strict=True))
+    problem = _Problem((record,), (), held, fit.hold, fit.width)
+    start = np.array([record.output[0], _speed(record)[0]])
+    problem.prepare(start)
+    found = least_squares(problem.residual, start, jac=problem.jacobian, x_scale="jac", max_nfev=30)
+    return problem.responses(found.x)[0]
+
+
+class _Problem:
+    """Records, free parameters, and the motions last simulated, from which the next simulation starts."""
+
+    def __init__(
+        self,
+        records: tuple[InputOutput, ...],
+        names: tuple[str, ...],
+        known: Mapping[str, float],
+        hold: str,
+        width: float,
+    ):
+        self.records, self.names, self.known, self.hold, self.width = records, names, known, hold, width
+        self.columns = [NAMES.index(name) for name in names]
+        self.lengths = [len(r) for r in records]
+        self.drives: list[PendulumDrive] = []
+        self.guesses: list[np.ndarray] = []
+        self.last: tuple[np.ndarray, list[PendulumMotion] | None] | None = None
+        self.prepared = 0
+
+    def full(self, x: np.ndarray) -> np.ndarray:
+        """All six parameters, shape (6,)."""
+        values = np.array([self.known.get(name, 0.0) for name in NAMES])
+        values[self.columns] = x[: len(self.names)]
+        return values
+
+    def prepare(self, x: np.ndarray) -> None:
+        """Steps short enough for the friction of `x`; motions start from the measured ones."""
+        inertia, damping, coulomb = self.full(x)[:3]
+        longest = max(float(np.median(np.diff(r.time))) for r in self.records)
+        wanted = longest * (damping + coulomb / self.width) / inertia / STIFFEST
+        substeps = int(np.clip(np.ceil(wanted), 1, MOST_SUBSTEPS))
+        if substeps == self.prepared:
+            return
+        self.prepared, self.last = substeps, None
+        self.drives = [
+            pendulum_drive(r.time, r.input, hold=self.hold, width=self.width, substeps=substeps) for r in self.records
+        ]
+        self.guesses = [_refined(r, substeps) for r in self.records]
+
+    def motions(self, x: np.ndarray) -> list[PendulumMotion] | None:
+        """Every record simulated; None where one diverges."""
+        if self.last is not None and np.array_equal(self.last[0], x):
+            return self.last[1]
+        values, k = self.full(x), len(self.names)
+        try:
+            made = [
+                simulate_pendulum(values, x[k + 2 * i : k + 2 * i + 2], drive, guess)
+                for i, (drive, guess) in enumerate(zip(self.drives, self.guesses, strict=True))
+            ]
+        except IdentificationError:
+            made = None
+        if made is not None:
+            self.guesses = [m.states for m in made]
+        self.last = (np.array(x), made)
+        return made
+
+    def residual(self, x: np.ndarray) -> np.ndarray:
+        """Simulated less measured angle, shape (m,)."""
+        made = self.motions(x)
+        if made is None:  # a trial step that diverges must look bad, not break the solver
+            return np.full(sum(self.lengths), 1e3)
+        return np.concatenate([m.position - r.output for m, r in zip(made, self.records, strict=True)])
+
+    def jacobian(self, x: np.ndarray) -> np.ndarray:
+        """Its derivatives, shape (m, free + 2 records)."""
+        made, k = self.motions(x), len(self.names)
+        matrix = np.zeros((sum(self.lengths), len(x)))
+        begin = 0
+        for i, motion in enumerate(made or ()):
+            rows = slice(begin, begin + self.lengths[i])
+            matrix[rows, :k] = motion.jacobian[:, self.columns]
+            matrix[rows, k + 2 * i : k + 2 * i + 2] = motion.jacobian[:, 6:]
+            begin += self.lengths[i]
+        return matrix
+
+    def cost(self, x: np.ndarray) -> float:
+        """Sum of squares, infinite where a record's simulation diverges."""
+        self.prepare(x)
+        residual = self.residual(x)
+        return float(residual @ residual) if self.last is not None and self.last[1] is not None else float("inf")
+
+    def started(self, rate: float, speeds: list[np.ndarray], lower: np.ndarray, upper: np.ndarray) -> np.ndarray | None:
+        """Parameters and initial states from a regression on signals filtered by (s + rate)^2."""
+        blocks, targets = [], []
+        denominator = np.poly([-rate, -rate])
+        held = np.array([self.known.get(name, 0.0) for name in NAMES])
+        for i, (record, speed) in enumerate(zip(self.records, speeds, strict=True)):
+            q = record.output
+            sign = np.tanh(speed / self.width)
+            signals = np.column_stack([record.input, q - q[0], sign, np.sin(q), q, np.ones(len(q))])
+            powers = filtered_powers(denominator, record.time, signals, hold="first")
+            plain = powers[:, 2, :]
+            columns = np.column_stack([powers[:, 0, 1], powers[:, 1, 1], plain[:, 2:]])
+            # The initial velocity is what the filtered acceleration does not know.
+            impulse = np.zeros((len(q), len(self.records)))
+            t = record.time - record.time[0]
+            impulse[:, i] = t * np.exp(-rate * t)
+            blocks.append(np.hstack([columns[:, self.columns], impulse]))
+            targets.append(plain[:, 0] - columns @ held)
+        w, y = np.concatenate(blocks), np.concatenate(targets)
+        scale = np.linalg.norm(w, axis=0)
+        if not np.isfinite(scale).all() or np.any(scale == 0.0):
+            return None
+        open_ends = np.full(len(self.records), np.inf)
+        low = np.concatenate([lower, -open_ends]) * scale
+        high = np.concatenate([upper, open_ends]) * scale
+        values = lsq_linear(w / scale, y, (low, high)).x / scale
+        x = np.concatenate(
+            [values[: len(self.names)], *([r.output[0], v[0]] for r, v in zip(self.records, speeds, strict=True))]
+        )
+        return x if self.full(x)[0] > 0.0 else None
+
+    def responses(self, x: np.ndarray) -> tuple[Response, ...]:
+        """Every record beside its simulation.
+
+        Raises
+        ------
+        IdentificationError
+            If one diverges.
+        """
+        made, k = self.motions(x), len(self.names)
+        if made is None:
+            raise IdentificationError(f"{_names(self.records)}: the simulated pendulum diverges")
+        return tuple(
+            Response(
+                recording=r.recording,
+                split=r.split,
+                time=r.time,
+                input=r.input,
+                measured=r.output,
+                simulated=m.position,
+                fit=fit_percent(r.output, m.position),
+                rmse=float(np.sqrt(np.mean((r.output - m.position) ** 2))),
+                initial=tuple(float(v) for v in x[k + 2 * i : k + 2 * i + 2]),
+                offset=0.0,
+            )
+            for i, (r, m) in enumerate(zip(self.records, made, strict=True))
+        )
+
+
+def _finished(
+    problem: _Problem, x: np.ndarray, lower: np.ndarray, upper: np.ndarray, evaluations: int, converged: bool, k: int
+) -> PendulumFit:
+    x = x.copy()
+    # The solver stays strictly inside; a value this near its bound is on it.
+    near = 1e-6 * np.maximum(np.abs(x[:k]), 1e-9)
+    jacobian = problem.jacobian(x)
+    scale = np.linalg.norm(jacobian, axis=0)
+    noise = np.linalg.norm(problem.residual(x)) / np.sqrt(len(jacobian))
+    near = np.maximum(near, 1e-4 * noise * np.sqrt(len(jacobian)) / np.maximum(scale[:k], np.finfo(float).tiny))
+    held_low, held_high = x[:k] <= lower + near, x[:k] >= upper - near
+    x[:k] = np.where(held_low, lower, np.where(held_high, upper, x[:k]))
+    residual, jacobian = problem.residual(x), problem.jacobian(x)
+    scale = np.linalg.norm(jacobian, axis=0)
+    singular = np.linalg.svd(jacobian / np.maximum(scale, np.finfo(float).tiny), full_matrices=False)
+    if np.any(scale == 0.0) or singular[1][-1] <= SINGULAR * singular[1][0]:
+        share = np.abs(singular[2][-1])[:k]
+        tied = [n for n, s in zip(problem.names, share, strict=True) if s > 0.1 * share.max()]
+        raise IdentificationError(f"{_names(problem.records)}: {', '.join(tied)} cannot be told apart")
+    covariance = sandwich(jacobian, -residual, problem.lengths)[:k, :k]
+    # Where all parameters would go without bounds, to first order.
+    wanted = x[:k] - (np.linalg.lstsq(jacobian / scale, residual, rcond=None)[0] / scale)[:k]
+    slope = jacobian.T @ residual
+    parameters, reasons = [], {}
+    for i, name in enumerate(problem.names):
+        error = float(np.sqrt(max(covariance[i, i], 0.0)))
+        held = bool(held_low[i] or held_high[i])
+        made = Parameter(name, UNITS[NAMES.index(name)], float(x[i]), error, at_bound=held)
+        low, high = made.interval()
+        parameters.append(Parameter(name, made.unit, made.value, error, held, identifiable=not low <= 0.0 <= high))
+        if held:
+            edge = lower[i] if held_low[i] else upper[i]
+            reasons[name] = _reason(made, edge, float(wanted[i]), float(slope[i]))
+    return PendulumFit(
+        parameters=tuple(parameters),
+        known=dict(problem.known),
+        covariance=covariance,
+        reasons=reasons,
+        responses=problem.responses(x),
+        hold=problem.hold,
+        width=problem.width,
+        residual_sd=float(np.sqrt(residual @ residual / max(len(residual) - len(x), 1))),
+        evaluations=evaluations,
+        converged=converged,
+        whiteness=whiteness(-residual, problem.lengths),
+    )
+
+
+def _reason(parameter: Parameter, edge: float, wanted: float, slope: float) -> str:
+    half = float(norm.ppf(0.975)) * parameter.standard_error
+    side = "below" if wanted < edge else "above"
+    low, high = wanted - half, wanted + half
+    text = (
+        f"{parameter.name} ended at its bound, {edge:.4g} {parameter.unit}: the squared error falls on beyond it "
+        f"(slope {2.0 * slope:+.3g} rad^2 per {parameter.unit}), towards {wanted:.3g}, whose 95 % interval, "
+        f"{low:.3g} to {high:.3g}, "
+    )
+    if low <= edge <= high:
+        return text + "holds the bound: the records do not show this term"
+    return text + f"lies {side} the bound: another term that the model lacks or holds makes up for it"
+
+
+def _bounds(names: Sequence[str], given: Mapping[str, tuple[float, float]]) -> tuple[np.ndarray, np.ndarray]:
+    pairs = [given.get(name, (-np.inf if name == "offset" else 0.0, np.inf)) for name in names]
+    for name, (low, high) in zip(names, pairs, strict=True):
+        if not low < high:
+            raise IdentificationError(f"pendulum: {name}: found bounds {low:g} to {high:g}, expected the lower first")
+    return np.array([p[0] for p in pairs], float), np.array([p[1] for p in pairs], float)
+
+
+def _rates(records: Sequence[InputOutput]) -> np.ndarray:
+    """Filter rates to start from, shape (3,) [1/s]: about, and faster than, what the motion mostly is."""
+    cycles = []
+    for r in records:
+        still = r.output - r.output.mean()
+        speed = _speed(r)
+        cycles.append(float(np.sqrt(np.mean(speed**2) / np.mean(still**2))))
+    step = max(float(np.median(np.diff(r.time))) for r in records)
+    middle = float(np.median(cycles))
+    return np.minimum(middle * np.array([1.0, 3.0, 9.0]), 0.5 / step)
+
+
+def _speed(record: InputOutput) -> np.ndarray:
+    """Rough velocity, shape (n,) [rad/s]: differences over twice `SPAN`, which keeps an encoder's steps small."""
+    n = len(record)
+    reach = max(1, round(SPAN / float(np.median(np.diff(record.time)))))
+    after, before = np.minimum(np.arange(n) + reach, n - 1), np.maximum(np.arange(n) - reach, 0)
+    return (record.output[after] - record.output[before]) / (record.time[after] - record.time[before])
+
+
+def _refined(record: InputOutput, substeps: int) -> np.ndarray:
+    """Measured states at every step, shape (m + 1, 2)."""
+    fine = np.concatenate(
+        [(record.time[:-1, None] + np.diff(record.time)[:, None] * np.arange(substeps) / substeps).ravel(),
+         record.time[-1:]]
+    )  # fmt: skip
+    speed = _speed(record)
+    return np.column_stack([np.interp(fine, record.time, record.output), np.interp(fine, record.time, speed)])
+
+
+def _require(record: InputOutput, unknowns: int) -> None:
+    where = require_samples(record, unknowns)
+    if not np.all(np.diff(record.time) > 0.0):
+        raise IdentificationError(f"{where}: found time that does not increase, expected one that does")
+    if np.ptp(record.output) == 0.0:
+        raise IdentificationError(
+            f"{where}: found an angle that stays at {record.output[0]:.6g} rad, expected a motion"
+        )
+
+
+def _names(records: Sequence[InputOutput]) -> str:
+    return "recording " + ", ".join(f"'{r.recording}'" for r in records)

@@ -1,0 +1,478 @@
+r"""Fit of a continuous-time transfer function to sampled responses: the simulated output against the measured one.
+
+For a denominator the response is linear in everything else, so that only the denominator is searched (variable
+projection [1]_): with W the linear columns and D = dy/da, a step solves
+
+.. math::
+   \min_{\delta a} \lVert r - (I - W W^+) D\,\delta a \rVert^2 + \mu \lVert \Lambda\,\delta a \rVert^2 ,
+
+and the numerator, every record's initial state and offset follow by least squares. D is exact. A step that makes a pole
+unstable or the error larger is shortened. The covariance is that of all coefficients together, and allows for coloured
+residuals.
+
+.. [1] G. H. Golub, V. Pereyra, "The differentiation of pseudo-inverses and nonlinear least squares problems whose
+   variables separate", SIAM J. Numer. Anal. 10, 1973.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.linalg import qr
+
+from ..._errors import IdentificationError
+from ...models.card import named
+from ...models.transfer_function import HOLDS, ResponseBasis, TransferFunction, response_basis, time_steps
+from ...signals.input_output import InputOutput
+from ..parameter import Parameter, Whiteness
+from ..uncertainty import sandwich, whiteness
+from .srivc import SINGULAR, Experiment, first_transfer_functions, solve_linear
+
+SAMPLES_EACH = 5
+"""Samples that each unknown must have at least."""
+
+TOLERANCE = 1e-7
+"""Share of the residual by which a full step would still change the output when the search stops."""
+
+MAX_ITERATIONS = 60
+
+AT_THE_EDGE = 1e-6
+"""A pole nearer to the imaginary axis than this share of its size, or of one over the record, is held there."""
+
+FASTEST = 10.0
+"""No pole is faster than this many times the highest rate that the sampling shows, pi over the time step."""
+
+
+@dataclass(frozen=True)
+class Response:
+    """A record, and what an identified transfer function makes of its input.
+
+    Attributes
+    ----------
+    recording, split : str
+    time, input, measured, simulated : ndarray, shape (n,)
+        SI.
+    fit : float
+        100 (1 - ||y - y_s|| / ||y - mean y||) [%], as MATLAB's ``compare`` has it.
+    rmse : float
+        In the output's unit.
+    initial : tuple of float
+        Estimated initial state: coefficients of Q, highest power first; the first is the free response at the start.
+    offset : float
+        Estimated constant of the output; 0 where none was asked for.
+    """
+
+    recording: str
+    split: str
+    time: np.ndarray
+    input: np.ndarray
+    measured: np.ndarray
+    simulated: np.ndarray
+    fit: float
+    rmse: float
+    initial: tuple[float, ...]
+    offset: float
+
+    @property
+    def residual(self) -> np.ndarray:
+        """What the simulation misses, shape (n,), in the output's unit."""
+        return self.measured - self.simulated
+
+
+@dataclass(frozen=True)
+class TransferFit:
+    """An identified transfer function.
+
+    Attributes
+    ----------
+    transfer_function : TransferFunction
+    hold : str
+        What the input was taken to do between samples.
+    parameters : tuple of Parameter
+        a_{n-1} ... a_0, then b_m ... b_0.
+    covariance : ndarray, shape (p, p)
+        Of the parameters, initial states and offsets estimated with them.
+    physical : tuple of Parameter
+        Of two poles and no zeros: inertia 1/b0, damping a1/b0, stiffness a0/b0, by the delta method; empty otherwise.
+    responses : tuple of Response
+        Of the fitted records.
+    residual_sd : float
+        In the output's unit.
+    iterations : int
+    converged : bool
+    whiteness : Whiteness
+    notes : tuple of str
+    """
+
+    transfer_function: TransferFunction
+    hold: str
+    parameters: tuple[Parameter, ...]
+    covariance: np.ndarray
+    physical: tuple[Parameter, ...]
+    responses: tuple[Response, ...]
+    residual_sd: float
+    iterations: int
+    converged: bool
+    whiteness: Whiteness
+    notes: tuple[str, ...] = ()
+
+    def __getitem__(self, name: str) -> Parameter:
+        return named((*self.parameters, *self.physical), name, "this fit")
+
+
+def fit_transfer_function(
+    records: Sequence[InputOutput],
+    poles: int,
+    zeros: int = 0,
+    *,
+    hold: str,
+    offset: bool = False,
+    units: tuple[str, str] = ("1", "1"),
+    start: TransferFunction | None = None,
+) -> TransferFit:
+    """Identify a transfer function from one or more records of the same system.
+
+    Parameters
+    ----------
+    records : sequence of InputOutput
+        Each keeps an initial state of its own.
+    poles, zeros : int
+        At least 1, and no more zeros than poles.
+    hold : {"zero", "first"}
+        What the input does between samples: held, or straight from one to the next.
+    offset : bool
+        Estimate a constant of each record's output. With the initial state free a constant c of the output and one of
+        the input, -c over the static gain, are the same thing: only one of them can be known.
+    units : tuple of str
+        Of the input and of the output, for the parameters' units.
+    start : TransferFunction, optional
+        Where to start; refined instrumental variables find a start where it is left out.
+
+    Returns
+    -------
+    TransferFit
+
+    Raises
+    ------
+    IdentificationError
+        If a record is too short, its time does not increase, its input or output never changes, or the records cannot
+        tell the coefficients apart.
+    """
+    if poles < 1 or not 0 <= zeros <= poles:
+        raise IdentificationError(f"found {poles} poles and {zeros} zeros, expected at least 1 pole and no more zeros")
+    if hold not in HOLDS:
+        raise IdentificationError(f"hold: found {hold!r}, expected one of {', '.join(HOLDS)}")
+    records = tuple(records)
+    own = poles + offset
+    for record in records:
+        _require(record, poles + zeros + 1 + own)
+    experiment = Experiment(records, poles, zeros, hold, offset)
+    starts = first_transfer_functions(experiment) if start is None else [start]
+    if starts[0].order != poles:
+        raise IdentificationError(f"start: found {starts[0].order} poles, expected {poles}")
+    starts = [each for each in starts if _visible(experiment, each)] or starts[:1]
+    found = _search(experiment, starts[0])
+    # At the edge of stability a search is stuck as often as it is done.
+    if not found.settled or _at_the_edge(found.point.denominator, experiment):
+        others = [_search(experiment, other) for other in starts[1:]]
+        found = min((found, *others), key=lambda each: each.point.error)
+    return _finished(experiment, found, units)
+
+
+def judged(transfer_function: TransferFunction, record: InputOutput, *, hold: str, offset: bool = False) -> Response:
+    """Simulate a record with frozen coefficients; its initial state, and its offset if asked for, are estimated.
+
+    Parameters
+    ----------
+    transfer_function : TransferFunction
+    record : InputOutput
+    hold : {"zero", "first"}
+    offset : bool
+
+    Returns
+    -------
+    Response
+
+    Raises
+    ------
+    IdentificationError
+        If the record's time does not increase, or its output never changes.
+    """
+    _require(record, transfer_function.order + offset, moving=False)
+    zeros = len(transfer_function.numerator) - 1
+    basis = response_basis(transfer_function.denominator, zeros, record.time, record.input, hold=hold)
+    forced = basis.numerator @ np.asarray(transfer_function.numerator)
+    columns = np.column_stack([basis.initial, np.ones(len(record))]) if offset else basis.initial
+    scale = np.maximum(np.linalg.norm(columns, axis=0), np.finfo(float).tiny)
+    own = np.linalg.lstsq(columns / scale, record.output - forced, rcond=None)[0] / scale
+    return _response(record, forced + columns @ own, own, transfer_function.order)
+
+
+def fit_percent(measured: np.ndarray, simulated: np.ndarray) -> float:
+    """100 (1 - ||y - y_s|| / ||y - mean y||) [%] of two signals, each of shape (n,); 0 is no better than the mean."""
+    return float(100.0 * (1.0 - np.linalg.norm(measured - simulated) / np.linalg.norm(measured - np.mean(measured))))
+
+
+def coefficient_units(poles: int, zeros: int, units: tuple[str, str]) -> tuple[str, ...]:
+    """Units of a_{n-1} ... a_0, b_m ... b_0, as plain text.
+
+    Parameters
+    ----------
+    poles, zeros : int
+    units : tuple of str
+        Of the input and of the output.
+
+    Returns
+    -------
+    tuple of str
+    """
+    given, made = units
+    ratio = "" if given == made else made if given == "1" else f"{made}/({given}" if "*" in given else f"{made}/{given}"
+    found = [f"1/s^{k}" if k > 1 else "1/s" for k in range(1, poles + 1)]
+    for k in range(poles - zeros, poles + 1):
+        second = "" if k == 0 else "s" if k == 1 else f"s^{k}"
+        if "(" in ratio:
+            found.append(f"{ratio}*{second})" if second else f"{ratio})")
+        elif "/" in ratio and second:
+            top, bottom = ratio.split("/", 1)
+            found.append(f"{top}/({bottom}*{second})")
+        elif second:
+            found.append(f"{ratio or '1'}/{second}")
+        else:
+            found.append(ratio or "1")
+    return tuple(found)
+
+
+# --- the search -----------------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class _Point:
+    """A denominator, and everything else at its best."""
+
+    denominator: np.ndarray
+    bases: list[ResponseBasis]
+    linear: np.ndarray
+    residual: np.ndarray
+    columns: np.ndarray
+
+    @property
+    def error(self) -> float:
+        return float(self.residual @ self.residual)
+
+
+def _at(experiment: Experiment, denominator: np.ndarray) -> _Point | None:
+    """None where the response overflows, or a pole is unstable or too fast to be seen."""
+    poles = np.roots(np.concatenate([[1.0], denominator]))
+    if np.any(poles.real > 0.0) or np.any(np.abs(poles) > FASTEST * _fastest(experiment)):
+        return None
+    bases = experiment.bases(np.concatenate([[1.0], denominator]))
+    if not all(np.isfinite(b.numerator).all() and np.isfinite(b.initial).all() for b in bases):
+        return None
+    return _Point(denominator, bases, *solve_linear(experiment, bases))
+
+
+@dataclass(frozen=True)
+class _Found:
+    """Where a search ended: the point, dy/da there, iterations, and whether it settled."""
+
+    point: _Point
+    slopes: np.ndarray
+    iterations: int
+    settled: bool
+
+
+def _fastest(experiment: Experiment) -> float:
+    """The highest rate that the sampling shows [rad/s]."""
+    return float(np.pi / np.median(np.concatenate([np.diff(r.time) for r in experiment.records])))
+
+
+def _visible(experiment: Experiment, start: TransferFunction) -> bool:
+    return bool(np.all(np.abs(start.poles) <= FASTEST * _fastest(experiment)))
+
+
+def _search(experiment: Experiment, start: TransferFunction) -> _Found:
+    """Levenberg-Marquardt on the denominator."""
+    point = _at(experiment, np.asarray(start.reflected().denominator[1:]))
+    if point is None:
+        raise IdentificationError(
+            f"{_names(experiment)}: the first guess has a pole at {np.max(np.abs(start.poles)):.3g} 1/s, faster than "
+            f"the sampling shows ({_fastest(experiment):.3g} 1/s)"
+        )
+    floor = 1e-12 * float(np.linalg.norm(experiment.output))
+    damping, settled, steps = 1e-3, False, 0
+    slopes = experiment.by_denominator(point.bases, point.linear)
+    while not settled and steps < MAX_ITERATIONS:
+        steps += 1
+        q = qr(point.columns / np.linalg.norm(point.columns, axis=0), mode="economic", pivoting=True)[0]
+        reduced = slopes - q @ (q.T @ slopes)
+        scale = np.maximum(np.linalg.norm(reduced, axis=0), np.finfo(float).tiny)
+        reduced = reduced / scale
+        full = np.linalg.lstsq(reduced, point.residual, rcond=None)[0]
+        settled = bool(np.linalg.norm(reduced @ full) <= TOLERANCE * np.linalg.norm(point.residual) + floor)
+        if settled:
+            break
+        better = None
+        while better is None and damping < 1e10:
+            rows = np.vstack([reduced, np.sqrt(damping) * np.eye(experiment.poles)])
+            step = np.linalg.lstsq(rows, np.append(point.residual, np.zeros(experiment.poles)), rcond=None)[0]
+            tried = _at(experiment, point.denominator + step / scale)
+            better = tried if tried is not None and tried.error < point.error else None
+            damping = max(damping / 10.0, 1e-12) if better else damping * 10.0
+        if better is None:  # no step helps any more: the edge of stability, or the last bit
+            settled = True
+            break
+        point = better
+        slopes = experiment.by_denominator(point.bases, point.linear)
+    return _Found(point, slopes, steps, settled)
+
+
+def _finished(experiment: Experiment, found: _Found, units: tuple[str, str]) -> TransferFit:
+    point, settled = found.point, found.settled
+    n, m = experiment.poles, experiment.zeros
+    jacobian = np.hstack([found.slopes, point.columns])
+    _require_regular(experiment, jacobian)
+    p = n + m + 1
+    covariance = sandwich(jacobian, point.residual, experiment.lengths)[:p, :p]
+    made = TransferFunction(tuple(point.linear[: m + 1]), (1.0, *point.denominator))
+    values = np.array([*point.denominator, *point.linear[: m + 1]])
+    names = [f"a{i}" for i in range(n - 1, -1, -1)] + [f"b{i}" for i in range(m, -1, -1)]
+    texts = coefficient_units(n, m, units)
+    parameters = tuple(
+        _parameter(name, unit, value, variance)
+        for name, unit, value, variance in zip(names, texts, values, np.diag(covariance), strict=True)
+    )
+    states = experiment.states(point.linear[m + 1 :])
+    ends = np.cumsum(experiment.lengths)
+    responses = tuple(
+        _response(record, record.output - point.residual[end - len(record) : end], own, n)
+        for record, own, end in zip(experiment.records, states, ends, strict=True)
+    )
+    notes = [] if settled else [f"the search had not settled after {found.iterations} steps"]
+    notes += _pole_notes(made, experiment)
+    return TransferFit(
+        transfer_function=made,
+        hold=experiment.hold,
+        parameters=parameters,
+        covariance=covariance,
+        physical=_physical(values, covariance, units) if (n, m) == (2, 0) else (),
+        responses=responses,
+        residual_sd=float(np.sqrt(point.error / max(len(jacobian) - jacobian.shape[1], 1))),
+        iterations=found.iterations,
+        converged=settled,
+        whiteness=whiteness(point.residual, experiment.lengths),
+        notes=tuple(notes),
+    )
+
+
+def _parameter(name: str, unit: str, value: float, variance: float) -> Parameter:
+    made = Parameter(name, unit, float(value), float(np.sqrt(max(variance, 0.0))))
+    low, high = made.interval()
+    return Parameter(name, unit, made.value, made.standard_error, identifiable=not low <= 0.0 <= high)
+
+
+def _physical(values: np.ndarray, covariance: np.ndarray, units: tuple[str, str]) -> tuple[Parameter, ...]:
+    """Inertia, damping and stiffness of I q'' + b q' + k q = u, by the delta method."""
+    a1, a0, b0 = values
+    given, made = units
+    texts = {("N*m", "rad"): ("kg*m^2", "N*m*s/rad", "N*m/rad"), ("N", "m"): ("kg", "N*s/m", "N/m")}.get(
+        units, (f"{given}*s^2/{made}", f"{given}*s/{made}", f"{given}/{made}")
+    )
+    slopes = np.array([[0.0, 0.0, -1.0 / b0**2], [1.0 / b0, 0.0, -a1 / b0**2], [0.0, 1.0 / b0, -a0 / b0**2]])
+    variances = np.diag(slopes @ covariance @ slopes.T)
+    return tuple(
+        _parameter(name, unit, value, variance)
+        for name, unit, value, variance in zip(
+            ("inertia", "damping", "stiffness"), texts, (1.0 / b0, a1 / b0, a0 / b0), variances, strict=True
+        )
+    )
+
+
+def _response(record: InputOutput, simulated: np.ndarray, own: np.ndarray, poles: int) -> Response:
+    return Response(
+        recording=record.recording,
+        split=record.split,
+        time=record.time,
+        input=record.input,
+        measured=record.output,
+        simulated=simulated,
+        fit=fit_percent(record.output, simulated),
+        rmse=float(np.sqrt(np.mean((record.output - simulated) ** 2))),
+        initial=tuple(float(x) for x in own[:poles]),
+        offset=float(own[poles]) if len(own) > poles else 0.0,
+    )
+
+
+def _at_the_edge(denominator: np.ndarray, experiment: Experiment) -> list[complex]:
+    """Poles that the search holds at the imaginary axis, one of each pair."""
+    slowest = 1.0 / max(float(r.time[-1] - r.time[0]) for r in experiment.records)
+    poles = np.roots(np.concatenate([[1.0], denominator]))
+    return [p for p in poles if abs(p.real) <= AT_THE_EDGE * max(abs(p), slowest) and p.imag >= 0.0]
+
+
+def _pole_notes(made: TransferFunction, experiment: Experiment) -> list[str]:
+    notes = [
+        f"a pole at {abs(p.imag) / (2 * np.pi):.3g} Hz lies at the edge of stability: the records show no damping there"
+        for p in _at_the_edge(np.asarray(made.denominator[1:]), experiment)
+    ]
+    fast = [p for p in made.poles if abs(p) > _fastest(experiment)]
+    return notes + [
+        f"a pole at {p.real:.3g} 1/s is faster than the sampling shows: fewer poles say as much" for p in fast
+    ]
+
+
+def require_samples(record: InputOutput, unknowns: int) -> str:
+    """Refuse a `record` with missing samples or too few for so many `unknowns`; what further messages begin with.
+
+    Raises
+    ------
+    IdentificationError
+        Naming the recording.
+    """
+    where = f"recording '{record.recording}'"
+    table = np.column_stack([record.time, record.input, record.output])
+    if not np.isfinite(table).all():
+        raise IdentificationError(f"{where}: found missing samples, expected a number in each")
+    if len(record) < SAMPLES_EACH * unknowns:
+        raise IdentificationError(
+            f"{where}: found {len(record)} samples, expected at least {SAMPLES_EACH * unknowns}, {SAMPLES_EACH} for "
+            f"each of {unknowns} unknowns"
+        )
+    return where
+
+
+def _require(record: InputOutput, unknowns: int, *, moving: bool = True) -> None:
+    where = require_samples(record, unknowns)
+    try:
+        time_steps(record.time)
+    except IdentificationError as error:
+        raise IdentificationError(f"{where}, {error}") from None
+    for what, values in (("input", record.input), ("output", record.output)):
+        if np.ptp(values) == 0.0 and (moving or what == "output"):
+            raise IdentificationError(
+                f"{where}: found an {what} that stays at {values[0]:.6g} in all {len(record)} samples, expected one "
+                "that moves"
+            )
+
+
+def _require_regular(experiment: Experiment, jacobian: np.ndarray) -> None:
+    n, m = experiment.poles, experiment.zeros
+    scale = np.linalg.norm(jacobian, axis=0)
+    if not np.isfinite(scale).all() or np.any(scale == 0.0):
+        raise IdentificationError(f"{_names(experiment)}: a coefficient changes nothing in the response")
+    _, singular, rows = np.linalg.svd(jacobian / scale, full_matrices=False)
+    if singular[-1] > SINGULAR * singular[0]:
+        return
+    names = [f"a{i}" for i in range(n - 1, -1, -1)] + [f"b{i}" for i in range(m, -1, -1)]
+    share = np.abs(rows[-1])
+    tied = [name for name, s in zip(names, share, strict=False) if s > 0.1 * share.max()]
+    raise IdentificationError(
+        f"{_names(experiment)}: {', '.join(tied) or 'initial states'} cannot be told apart (condition number above "
+        f"{1 / SINGULAR:.0e}): a pole cancels a zero, or the input is too poor for {n} poles and {m} zeros"
+    )
+
+
+def _names(experiment: Experiment) -> str:
+    return "recording " + ", ".join(f"'{r.recording}'" for r in experiment.records)

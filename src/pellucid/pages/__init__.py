@@ -1,0 +1,1 @@
+"""What a page is made of: sections, tables, drawings, and the words and units of figures. Knows no procedure."""

@@ -1,0 +1,218 @@
+"""Numbers and units as people read them: rounded by their uncertainty, in degrees or millimetres, in words."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+
+from ..fit.parameter import Parameter
+from ..models.joint import SYMBOLS
+
+MINUS = "\N{MINUS SIGN}"
+_SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+
+LABELS: Mapping[str, str] = MappingProxyType(
+    {
+        "inertia": "Inertia",
+        "gravity": "Gravity, sine",
+        "gravity_cosine": "Gravity, cosine",
+        "offset": "Offset",
+        "viscous": "Viscous friction",
+        "viscous_positive": "Viscous friction, + direction",
+        "viscous_negative": "Viscous friction, \N{MINUS SIGN} direction",
+        "coulomb": "Coulomb friction",
+        "coulomb_positive": "Coulomb friction, + direction",
+        "coulomb_negative": "Coulomb friction, \N{MINUS SIGN} direction",
+        "stribeck": "Stribeck friction",
+        "stribeck_velocity": "Stribeck velocity",
+        "load_friction": "Load friction",
+        "load_motoring": "Load friction, motoring",
+        "load_generating": "Load friction, generating",
+        "drive_constant": "Drive constant",
+    }
+)
+
+FAMILIES: Mapping[str, str] = MappingProxyType(
+    {
+        "symmetric": "Coulomb and viscous friction, the same in both directions",
+        "directional": "Coulomb and viscous friction of its own in each direction",
+        "load": "friction that grows with the load the joint carries",
+        "stribeck": "friction that falls with speed near standstill (Stribeck)",
+        "combined": "direction, load and Stribeck effect together",
+    }
+)
+
+METHODS: Mapping[str, str] = MappingProxyType(
+    {
+        "ls": "least squares",
+        "wls": "weighted",
+        "irls": "robust",
+        "iv": "instrumental variables",
+        "didim": "DIDIM",
+        "output_error": "output error",
+    }
+)
+
+MODES: Mapping[str, str] = MappingProxyType({"closed_loop": "closed loop", "openloop": "open loop"})
+
+EFFORTS: Mapping[str, str] = MappingProxyType({"N*m": "Torque", "N": "Force", "A": "Current", "V": "Voltage"})
+
+
+@dataclass(frozen=True)
+class Reading:
+    """How a motion is shown: what one SI unit of position becomes, and what it is then called."""
+
+    scale: float
+    position: str
+
+    @property
+    def velocity(self) -> str:
+        """Unit of velocity, as shown."""
+        return f"{self.position}/s"
+
+
+READINGS: Mapping[str, Reading] = MappingProxyType(
+    {"rotary": Reading(180.0 / math.pi, "deg"), "prismatic": Reading(1e3, "mm")}
+)
+
+
+def unit_text(unit: str) -> str:
+    """A unit with its typography: ``kg*m^2`` becomes ``kg·m²``, the unit 1 nothing."""
+    if unit == "1":
+        return ""
+    head, *powers = unit.split("^")
+    text = head
+    for part in powers:
+        digits = len(part) - len(part.lstrip("-0123456789"))
+        text += part[:digits].translate(_SUPERSCRIPT) + part[digits:]
+    return text.replace("*", "·")
+
+
+def decimals_of(uncertainty: float) -> int | None:
+    """Decimals that two significant digits of `uncertainty` need (negative: tens); None where it says nothing."""
+    if not math.isfinite(uncertainty) or uncertainty <= 0.0:
+        return None
+    # Through the text, so that 0.0996 counts as 0.10.
+    return 1 - int(f"{uncertainty:.1e}".split("e")[1])
+
+
+def number(value: float, uncertainty: float = math.nan, digits: int = 4) -> str:
+    """`value` rounded to what its `uncertainty` lets one read, or to `digits` significant digits without one.
+
+    Parameters
+    ----------
+    value : float
+    uncertainty : float
+        Same unit as `value`; its second significant digit is the last one shown.
+    digits : int
+        Significant digits where there is no uncertainty.
+
+    Returns
+    -------
+    str
+        With a true minus sign; powers of ten where decimals would not fit.
+
+    Examples
+    --------
+    >>> number(95.10894, 0.1085)
+    '95.11'
+    """
+    if not math.isfinite(value):
+        return "–" if math.isnan(value) else ("∞" if value > 0 else f"{MINUS}∞")
+    decimals = decimals_of(uncertainty)
+    if decimals is None:
+        decimals = digits - 1 - (int(f"{value:.{digits - 1}e}".split("e")[1]) if value else 0)
+    decimals = min(decimals, 15)
+    rounded = round(value, decimals)
+    fits = decimals <= 6 or (decimals <= 9 and abs(rounded) >= 0.1)
+    if rounded != 0.0 and (not fits or abs(rounded) >= 1e6):
+        exponent = int(f"{rounded:e}".split("e")[1])
+        mantissa = f"{rounded / 10.0**exponent:.{max(decimals + exponent, 0)}f}"
+        text = f"{mantissa}×10{str(exponent).translate(_SUPERSCRIPT)}"
+    else:
+        text = f"{0.0 if rounded == 0.0 else rounded:.{max(min(decimals, 6 if rounded == 0.0 else 9), 0)}f}"
+    return text.replace("-", MINUS)
+
+
+def interval(low: float, high: float, uncertainty: float) -> str:
+    """`low` to `high`, with the decimals that their `uncertainty` allows."""
+    return f"{number(low, uncertainty)} to {number(high, uncertainty)}"
+
+
+def parameter_interval(parameter: Parameter, level: float) -> str:
+    """A parameter's interval as text; a physical bound cuts it, and a value that was chosen has none."""
+    if parameter.standard_error == 0.0:
+        return "–"
+    low, high = parameter.interval(level)
+    symbol = SYMBOLS.get(parameter.name)
+    if parameter.at_bound and symbol is not None:
+        low, high = max(low, symbol.lower), min(high, symbol.upper)
+    return interval(low, high, parameter.standard_error)
+
+
+def parameter_note(parameter: Parameter, level: float) -> str:
+    """What has to be said of a parameter beside its interval, in a few words; nothing where all is well."""
+    low, high = parameter.interval(level)
+    if parameter.at_bound:
+        return "at its bound"
+    if parameter.standard_error == 0.0:
+        return "not fitted"
+    if parameter.identifiable:
+        return ""
+    return "may be zero" if low <= 0.0 <= high else "unclear"
+
+
+def relative_sd(parameter: Parameter) -> str:
+    """Standard error as a percentage of the value, as text; a dash where the value is at a bound or all but zero."""
+    if parameter.at_bound or parameter.standard_error == 0.0:
+        return "–"
+    return "> 1000" if parameter.relative_sd > 1000.0 else percent(parameter.relative_sd)
+
+
+def percent(value: float) -> str:
+    """A percentage as read: three significant digits above 0.1 %, two below, without the sign."""
+    if not math.isfinite(value):
+        return number(value)
+    if value == 0.0:
+        return "0"
+    if abs(value) < 1e-4:
+        return "< 0.0001"
+    if abs(value) >= 100.0:
+        return number(value, digits=3)
+    return number(value, digits=3 if abs(value) >= 0.1 else 2)
+
+
+def prose(text: str) -> str:
+    """A plain sentence with its typography: capital first letter, minus signs, units, R², names in words."""
+    for method, words in METHODS.items():
+        text = text.replace(f"'{method}'", words)
+    for name in (n for n in LABELS if "_" in n):
+        text = re.sub(rf"\b{name}\b", name.replace("_positive", " +").replace("_negative", f" {MINUS}"), text)
+    text = re.sub(r"(?<=[a-z])_(?=[a-z])", " ", text)
+    text = re.sub(r"(?<=\d) (?=%)", "\N{NO-BREAK SPACE}", text)
+    text = re.sub(r"(?<![\w^])-(?=[\d.])", MINUS, units_in(text))
+    text = re.sub(r"\bR2\b", "R²", text)
+    return text[:1].upper() + text[1:]
+
+
+def units_in(text: str) -> str:
+    """A sentence with its units' typography: N·m, kg·m²; a name of an instrument's file stays as it is."""
+    text = re.sub(r"(?<=[A-Za-z])\*(?=[A-Za-z])", "·", text)
+    return re.sub(r"(?<=[a-z])\^2\b", "²", text)
+
+
+def label(name: str) -> str:
+    """A parameter's name in words."""
+    return LABELS.get(name, name.replace("_", " "))
+
+
+def cell_text(value: str | float | int | None) -> str:
+    """A table's cell as text: three digits of a figure, all of a count, a dash for what is not there."""
+    if isinstance(value, str):
+        return "held out" if value == "heldout" else value
+    if value is None:
+        return "–"
+    return str(value) if isinstance(value, int) else number(value, digits=3)

@@ -1,0 +1,157 @@
+"""What a figure draws of a signal: breaks where samples are missing, outlines of long lines, windows, medians.
+
+Arrays in, arrays out; nothing here knows a figure.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from ..fit.parameter import Prediction, Simulation
+from .quantities import Reading
+
+LINE_POINTS = 900
+"""A line keeps at most about so many points: the extremes of every stretch, so that no peak is lost."""
+
+
+def by_recording(parts: Sequence[Prediction] | Sequence[Simulation]) -> list[list]:
+    """Stretches of one recording together, in the order of the recordings."""
+    groups: dict[str, list] = {}
+    for part in parts:
+        groups.setdefault(part.recording, []).append(part)
+    return list(groups.values())
+
+
+def whole(group: Sequence[Simulation]) -> Simulation:
+    """Simulated stretches of one recording as one, with breaks between; its errors pool them."""
+
+    def one(of: Callable) -> np.ndarray:
+        return joined(group, of)[0]
+
+    names = list(group[0].measured)
+    measured = {n: one(lambda s, n=n: s.measured[n]) for n in names}
+    simulated = {n: one(lambda s, n=n: s.simulated[n]) for n in names}
+    errors = {
+        n: 100.0 * float(np.sqrt(np.nansum((measured[n] - simulated[n]) ** 2) / np.nansum(measured[n] ** 2)))
+        for n in names
+    }
+    off = measured["position"] - simulated["position"]
+    return Simulation(
+        group[0].recording, group[0].split, group[0].mode, one(lambda s: s.time), measured, simulated, errors,
+        float(np.sqrt(np.nanmean(off**2))), float(np.nanmean(np.abs(off))),
+    )  # fmt: skip
+
+
+def whole_recordings(simulations: Sequence[Simulation]) -> list[Simulation]:
+    """Stretches of one recording and mode joined, errors pooled over them."""
+    modes = dict.fromkeys(s.mode for s in simulations)
+    return [whole(g) for mode in modes for g in by_recording([s for s in simulations if s.mode == mode])]
+
+
+def joined(group: Sequence, *of: Callable) -> tuple[np.ndarray, ...]:
+    """Arrays of several stretches one after the other, with a break between."""
+    parts = [[np.append(np.asarray(f(p), float), np.nan) for p in group] for f in of]
+    return tuple(np.concatenate(p)[:-1] for p in parts)
+
+
+def pooled_error(group: Sequence[Prediction]) -> float:
+    """Effort error of several stretches together [%]."""
+    residual = np.concatenate([p.residual for p in group])
+    return 100.0 * float(np.linalg.norm(residual) / np.linalg.norm(np.concatenate([p.effort for p in group])))
+
+
+def broken(time: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """A NaN wherever samples are missing, so that no line bridges what was not scored."""
+    steps = np.diff(time)
+    known = steps[np.isfinite(steps)]
+    if not len(known):
+        return time, values
+    gaps = np.flatnonzero(steps > 3.5 * np.median(known)) + 1
+    return np.insert(time, gaps, np.nan), np.insert(values, gaps, np.nan)
+
+
+def outline(time: np.ndarray, values: np.ndarray, points: int = LINE_POINTS) -> tuple[np.ndarray, np.ndarray]:
+    """Of `time` and `values`, the least and the largest sample of each of `points` / 2 stretches; breaks stay."""
+    if len(time) <= points:
+        return time, values
+    keep = {0, len(time) - 1, *np.flatnonzero(~np.isfinite(time) | ~np.isfinite(values)).tolist()}
+    for part in np.array_split(np.arange(len(time)), points // 2):
+        good = part[np.isfinite(values[part])]
+        if len(good):
+            keep.update((int(good[np.argmin(values[good])]), int(good[np.argmax(values[good])])))
+    index = np.array(sorted(keep))
+    return time[index], values[index]
+
+
+def every(points: int, *arrays: np.ndarray) -> tuple[np.ndarray, ...]:
+    """About `points` samples of each array, evenly spaced; breaks in the first one stay."""
+    step = max(1, len(arrays[0]) // points)
+    keep = np.zeros(len(arrays[0]), bool)
+    keep[::step] = True
+    keep |= ~np.isfinite(arrays[0])
+    return tuple(a[keep] for a in arrays)
+
+
+def busiest(time: np.ndarray, values: np.ndarray, share: float = 0.035) -> tuple[float, float]:
+    """The window, a `share` of all `time`, in which the `values` vary most: where a zoom tells most. Free of breaks
+    if there is one."""
+    t0, t1 = float(np.nanmin(time)), float(np.nanmax(time))
+    good = np.isfinite(time) & np.isfinite(values)
+    time, values = time[good], values[good]
+    width = max(share * (t1 - t0), 16.0 * float(np.median(np.diff(time))) if len(time) > 1 else 0.0)
+    width = min(width, t1 - t0)
+    starts = np.linspace(t0, t1 - width, 60)
+    expected = np.median([np.sum((time >= s) & (time <= s + width)) for s in starts])
+
+    def variation(start: float) -> float:
+        inside = values[(time >= start) & (time <= start + width)]
+        if len(inside) < 3:
+            return -1.0
+        # Turning points as well as range: a single jump says little about a fit.
+        return float(np.ptp(inside) + 0.1 * np.sum(np.abs(np.diff(inside)))) * min(1.0, len(inside) / expected)
+
+    start = float(max(starts, key=variation))
+    return start, start + width
+
+
+def running_median(x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Median of `y` over stretches of `x`, at the median of each: none narrower than a 22nd of the range, so that
+    clustered samples stay one point, and none with too few samples to have a median worth drawing."""
+    order = np.argsort(x, kind="stable")
+    width = np.subtract(*np.quantile(x, (0.99, 0.01))) / 22.0
+    least = max(12, len(x) // 80)
+    parts, start = [], 0
+    for stop in range(1, len(order) + 1):
+        if stop - start >= least and x[order[stop - 1]] - x[order[start]] >= width:
+            parts.append(order[start:stop])
+            start = stop
+    if len(order) - start >= least:
+        parts.append(order[start:])
+    return np.array([np.median(x[p]) for p in parts]), np.array([np.median(y[p]) for p in parts])
+
+
+def autocorrelation(x: np.ndarray, lags: int) -> np.ndarray:
+    """Autocorrelation of `x` at 0 to `lags` samples, shape (lags + 1,)."""
+    x = np.asarray(x, float) - np.mean(x)
+    n = len(x)
+    spectrum = np.fft.rfft(x, 2 * n)
+    full = np.fft.irfft(np.abs(spectrum) ** 2)[: lags + 1]
+    out = np.zeros(lags + 1)
+    out[: len(full)] = full / full[0] if full[0] > 0.0 else 0.0
+    return out
+
+
+def difference_unit(simulations: Sequence[Simulation], reading: Reading) -> tuple[float, str]:
+    """Scale and unit for differences in position: finer than the reading's where they are tiny."""
+    largest = max(
+        float(np.nanmax(np.abs(np.asarray(s.measured["position"]) - np.asarray(s.simulated["position"]))))
+        for s in simulations
+    )
+    shown = reading.scale * largest
+    if reading.position == "mm" and shown < 0.1:
+        return reading.scale * 1e3, "µm"
+    if reading.position == "deg" and shown < 0.05:
+        return reading.scale * 1e3, "mdeg"
+    return reading.scale, reading.position

@@ -1,0 +1,221 @@
+"""The second half of the reproduction's page: how transparent the laws are to virtual people."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from ...pages.drawing import draw
+from ...pages.page import Section
+from ...pages.quantities import MINUS, number, prose
+from ...pages.tables import Row, Table
+from ...procedures.assessment import assessment_figures
+from ..reproduction import Reproduced
+from ..row_sections import cell
+from .law_comparison import CONTROLLERS, UNPOWERED
+from .transparency import CONTROL, LAWS, OWN_LAWS, Transparency
+from .transparency_figures import LawChange, change_figure
+from .transparency_rows import STATISTICS
+
+MARKS = {"the paper": "measured", "as published": "fitted", "to first rest": "heldout", "content": "directional"}
+"""What is drawn of each law, and in which colour."""
+
+OWN_WORDS = dict(zip(OWN_LAWS, ("Own, encoder", "Own, sensor"), strict=True))
+"""What the toolkit's own laws are called in figures and tables."""
+
+
+def transparency_sections(made: Transparency, rows: Mapping[str, Reproduced]) -> tuple[Section, ...]:
+    """Changes from control, Tables III to V, Figs. 6 to 8, and what is behind them.
+
+    Parameters
+    ----------
+    made : Transparency
+    rows : mapping of str to Reproduced
+        By id.
+
+    Returns
+    -------
+    tuple of Section
+    """
+    sections = [_changes(made, rows), _tables(made, rows), _circumstances(made, rows), _all_laws(rows)]
+    if made.recorded.findings is not None:
+        sections.insert(2, _figures(made))
+    return tuple(sections)
+
+
+def _changes(made: Transparency, rows: Mapping[str, Reproduced]) -> Section:
+    panels = {}
+    table = []
+    for name, title in (("duration", "Duration"), ("vmax", "Peak velocity"), ("emgacc", "EMG/Acc")):
+        laws = []
+        for law in (*LAWS, *OWN_LAWS):
+            found = {
+                "as published": rows[f"transparency.{name}.{law.lower()}"],
+                "to first rest": rows[f"transparency.{name}.first_rest.{law.lower()}"],
+                "content": rows[f"transparency.{name}.content.{law.lower()}"],
+            }
+            marks = {kind: _times(row) for kind, row in found.items()}
+            printed = found["as published"].published
+            if printed is not None:
+                marks["the paper"] = (1.0 + printed / 100.0,) * 3
+            laws.append(LawChange(OWN_WORDS.get(law, law), marks))
+            cells = (_signed(row.ours) for row in found.values())
+            between = f"{_signed(found['as published'].lower)} to {_signed(found['as published'].upper)}"
+            ours, *others = cells
+            beside = "–" if printed is None else _signed(printed)
+            table.append(Row((title, OWN_WORDS.get(law, law), beside, ours, between, *others)))
+        panels[title] = laws
+    studies = len(made.studies)
+    return Section(
+        "laws",
+        "Do the laws change how people move?",
+        (
+            f"Six virtual people reach for five amplitudes up and down, without a robot, under the paper's three laws "
+            f"and under the toolkit's best two, {studies} times with other people. They were set by how they move "
+            "without a robot; each law is built from an identification of the robot. What they do in it is therefore a "
+            "prediction.",
+            "The published rule ends a movement after the last sample above 5 % of its largest speed, and so counts "
+            "every correction at the target. Where friction holds the robot, people correct again and again: most of "
+            "the change in duration is that, and not slower movement, as the same movements up to their first rest "
+            "show. How finely people correct hardly shows without a robot. As drawn they aim more finely than the "
+            "target is wide; people who are content as soon as they are on the target were tried after the others had "
+            "been frozen, and are shown apart.",
+        ),
+        (
+            Table(
+                ("Index", "Law", "Paper (%)", "Ours (%)", "Over studies", "To first rest", "Content"),
+                tuple(table),
+                frozenset({2, 3, 5, 6}),
+                caption="Change from control in the mean",
+                wide=True,
+            ),
+        ),
+        (
+            draw(
+                change_figure, panels, "changes", roles=MARKS,
+                caption="Every index under every law, times its value in control; bars reach over the studies. The "
+                "paper prints no change of EMG/Acc, only the order FC < PCFr < CLPC.",
+            ),
+        ),
+    )  # fmt: skip
+
+
+def _signed(value: float, decimals: int = 1) -> str:
+    return f"{value:+.{decimals}f}".replace("-", MINUS)
+
+
+def _times(row: Reproduced) -> tuple[float, float, float]:
+    values = (row.ours, row.ours if row.lower is None else row.lower, row.ours if row.upper is None else row.upper)
+    return tuple(1.0 + value / 100.0 for value in values)
+
+
+def _tables(made: Transparency, rows: Mapping[str, Reproduced]) -> Section:
+    tables = []
+    conditions = (CONTROL, *LAWS)
+    for name, caption, keys in (
+        ("table3", "Table III: duration of movements over people (s)", conditions),
+        ("table4", "Table IV: largest velocity over people (rad/s)", conditions),
+        (
+            "table5",
+            "Table V: R² of mean velocity over amplitude",
+            [f"{c}_{w}" for c in conditions for w in ("up", "down")],
+        ),
+    ):
+        shown = []
+        for key in keys:
+            of = [rows[f"transparency.{name}.{key.lower()}.{statistic}"] for statistic in STATISTICS]
+            said = key.replace("_", ", ")
+            shown.append(Row((said, "paper", *(f"{row.published:.3f}" for row in of))))
+            shown.append(Row((said, "ours", *(f"{row.ours:.3f}" for row in of)), True))
+        heads = ("", "", "Mean", "SD", "Min", "Median", "Max")
+        tables.append(Table(heads, tuple(shown), frozenset(range(2, 7)), caption=caption, wide=True))
+    said = []
+    for name, word in (("duration", "duration"), ("vmax", "peak velocity")):
+        row = rows[f"transparency.control.{name}"]
+        said.append(f"{word} {_signed(row.ours)} % ({_signed(row.lower)} to {_signed(row.upper)})")
+    return Section(
+        "tables",
+        "Tables III to V",
+        (f"Ours are medians over {len(made.studies)} studies. Without a robot, against the paper: {', '.join(said)}.",),
+        tuple(tables),
+    )
+
+
+def _figures(made: Transparency) -> Section:
+    found = made.recorded.findings
+    shown = {name: found.assessed[name] for name in ("duration", "vmax", "emgacc") if name in found.assessed}
+    return Section(
+        "figures",
+        "Figs. 6 to 8, from recordings",
+        (
+            "The first study went through markers, encoder and EMG, and was assessed as any lab's recordings are.",
+            prose(found.paragraph),
+        ),
+        (),
+        (
+            draw(assessment_figures.profile_figure, found.profiles, found.profile_of, found.conditions),
+            draw(assessment_figures.isochrony_figure, found.isochrony, found.conditions),
+            draw(assessment_figures.index_figure, shown, found.conditions),
+        ),
+    )
+
+
+def _circumstances(made: Transparency, rows: Mapping[str, Reproduced]) -> Section:
+    required = {name: rows[f"transparency.required.{name}"].ours for name in ("inertia", "viscous", "coulomb")}
+    needed = ", or ".join(
+        f"{number(value, digits=2)} {unit}"
+        for value, unit in zip(
+            required.values(), ("kg·m² of inertia", "N·m·s/rad", "N·m of Coulomb friction"), strict=True
+        )
+        if np.isfinite(value)
+    )
+    energy = "; ".join(f"{law} {_signed(rows[f'transparency.energy.{law.lower()}'].ours, 2)} J" for law in LAWS)
+    said = [
+        f"The change of 20 % that the paper found under CLPC and PCFr would take, by the choice of durations alone, "
+        f"{needed} more than an arm has.",
+        f"Energy given over a closed cycle, the largest of 99 %: {energy}. What FC adds along the motion, by "
+        "two gravities, friction and its inertia term, is more than the robot's friction takes away.",
+    ]
+    if made.recorded.refused:
+        said.append(f"The assessment refused the first study's recordings: {made.recorded.refused.splitlines()[0]}")
+    k = Table(
+        ("k of eq. 8", "Up (N·m)", "Down (N·m)"),
+        tuple(
+            Row((cell(k), f"{up:.3f}", f"{down:.3f}"), k in made.exponents)
+            for k, (up, down) in sorted(made.torques.items())
+        ),
+        frozenset({1, 2}),
+        caption="Interaction torque (RMS) of the five people who chose k; it takes "
+        f"{cell(made.exponents[0])} up and {cell(made.exponents[1])} down (the paper's people: "
+        f"{cell(rows['transparency.exponent.up'].published)} and {cell(rows['transparency.exponent.down'].published)})",
+    )
+    return Section("behind", "What is behind it", tuple(said), (k,))
+
+
+def _all_laws(rows: Mapping[str, Reproduced]) -> Section:
+    table = []
+    for law in (*CONTROLLERS, UNPOWERED):
+        torque = rows.get(f"transparency.torque.{law}_over_fc")
+        given, resting = rows[f"transparency.given.{law}"].ours, rows[f"transparency.resting.{law}"].ours
+        over = ("1", "") if torque is None else (f"{torque.ours:.2f}", f"{torque.lower:.2f} to {torque.upper:.2f}")
+        table.append(Row((law.replace("_", " "), *over, _signed(given, 3), f"{resting:.3f}"), law in OWN_LAWS))
+    return Section(
+        "alllaws",
+        "Every law, on robots it was not chosen on",
+        (
+            f"{rows['transparency.given.fc'].note.capitalize()}; each robot is identified for itself. The dithered law "
+            "keeps the robot from sticking by a tremble of its motor: what that does hangs on how far a real "
+            "transmission yields before it slips.",
+        ),
+        (
+            Table(
+                ("Law", "Torque over FC's", "Over robots", "Energy given (J)", "At rest (rad/s)"),
+                tuple(table),
+                frozenset({1, 3, 4}),
+                caption="Interaction torque (RMS), median over robots; energy over a movement there and back (99 % of "
+                "them) and speed two seconds after a movement, each on its worst robot",
+                wide=True,
+            ),
+        ),
+    )

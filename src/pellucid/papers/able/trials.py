@@ -1,0 +1,173 @@
+"""The published comparison, played on a virtual elbow: every model over the paper's trials and over unseen ones."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.stats import ttest_rel
+
+from ...fit.slider.slider_fit import METHODS, SliderFit
+from ...lab.elbow.protocol import Trial, trials
+from ...lab.elbow.rig import ElbowRig
+from ...lab.elbow.study import record_in_memory
+from ...procedures.slider.identify_slider import directional_friction, fit_slider
+from ..processes import finished
+
+SETS = {
+    "published": ("constant_", "sweep_", "slow_"),
+    "unseen": ("unseen_constant_", "unseen_sweep_", "unseen_slow_"),
+}
+"""The paper's 18 trials, 12 of them fitted, and 18 never fitted, by how their names begin."""
+
+
+COMPARED = ("constant_velocity", "swept_sine", "slow")
+"""Protocols that the comparison fits or judges; holds and the excitation for all at once are left out of the draws."""
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """One rig, one seed.
+
+    Parameters
+    ----------
+    rig : str
+    seed : int
+    recordings : dict of str to tuple of str
+        Names of the 18 trials of each of `SETS`.
+    errors : dict of str to dict of str to ndarray
+        Set, then method: mean absolute current error of each trial, shape (18,) [A].
+    torque_errors : dict of str to dict of str to ndarray
+        The same in torque, shape (18,) [N*m].
+    gravity_error : dict of str to float
+        "consistent" and "load": largest gravity error over the workspace, over the largest gravity torque.
+    inertia_error : dict of str to float
+        Largest relative error over the rail.
+    slider_error : float
+        Largest error of a carriage's place [m].
+    implied_friction : tuple of float
+        Least and most that the dissociated model implies at rest [N*m].
+    least_inertia : float
+        Of the dissociated model on the rail [kg*m^2].
+    parameters : dict of str to dict of str to float
+        Method, then name, SI.
+    """
+
+    rig: str
+    seed: int
+    recordings: dict[str, tuple[str, ...]]
+    errors: dict[str, dict[str, np.ndarray]]
+    torque_errors: dict[str, dict[str, np.ndarray]]
+    gravity_error: dict[str, float]
+    inertia_error: dict[str, float]
+    slider_error: float
+    implied_friction: tuple[float, float]
+    least_inertia: float
+    parameters: dict[str, dict[str, float]]
+
+    def mean(self, which: str, method: str) -> float:
+        """Mean over the 18 trials of a set [A]."""
+        return float(self.errors[which][method].mean())
+
+    def ratio(self, which: str, over: str, under: str) -> float:
+        """Mean error of one method over that of another.
+
+        Parameters
+        ----------
+        which : str
+            One of `SETS`.
+        over, under : str
+            Methods.
+
+        Returns
+        -------
+        float
+        """
+        return self.mean(which, over) / self.mean(which, under)
+
+    def p_value(self, which: str) -> float:
+        """Of the paired t-test between the pooled and the dissociated model, two-sided."""
+        return float(ttest_rel(self.errors[which]["pooled"], self.errors[which]["dissociated"]).pvalue)
+
+
+def own(names: Sequence[str], prefixes: Sequence[str]) -> tuple[str, ...]:
+    """Names that are a prefix and a number."""
+    return tuple(n for prefix in prefixes for n in names if n.startswith(prefix) and n[len(prefix) :].isdigit())
+
+
+def compare_models(rig: ElbowRig, seed: int, made: tuple[Trial, ...]) -> tuple[Comparison, SliderFit]:
+    """Record the protocol on a rig, identify, and judge.
+
+    Parameters
+    ----------
+    rig : ElbowRig
+    seed : int
+    made : tuple of Trial
+
+    Returns
+    -------
+    Comparison, SliderFit
+    """
+    config, recordings, taken = record_in_memory(rig, made, seed=seed)
+    fit = fit_slider(config, recordings)
+    by_name = {m: {e.recording: e for e in fit.errors[m]} for m in METHODS}
+    sets = {which: own(tuple(by_name["pooled"]), prefixes) for which, prefixes in SETS.items()}
+    x, q = np.linspace(*fit.rail, 7), np.linspace(rig["range"]["low"], rig["range"]["high"], 41)
+    true_gravity = np.array([rig.gravity(s)[0] * np.sin(q) + rig.gravity(s)[1] * np.cos(q) for s in x])
+    true_inertia = np.array([rig.inertia(s) for s in x])
+    gravity_error, inertia_error = {}, {}
+    for method in ("consistent", "load"):
+        estimate = fit[method]
+        gravity = estimate.model.gravity(estimate.values, x[:, None], q[None, :])
+        gravity_error[method] = float(np.abs(gravity - true_gravity).max() / np.abs(true_gravity).max())
+        inertia = estimate.model.inertia(estimate.values, x)
+        inertia_error[method] = float(np.abs(inertia / true_inertia - 1.0).max())
+    model = fit["dissociated"].model
+    friction = directional_friction(model, x, q)
+    true_place = {one.trial.name: one.trial.slider for one in taken}
+    comparison = Comparison(
+        rig=rig.name,
+        seed=seed,
+        recordings=sets,
+        errors={w: {m: np.array([by_name[m][n].current for n in names]) for m in METHODS} for w, names in sets.items()},
+        torque_errors={
+            w: {m: np.array([by_name[m][n].torque for n in names]) for m in METHODS} for w, names in sets.items()
+        },
+        gravity_error=gravity_error,
+        inertia_error=inertia_error,
+        slider_error=max(abs(p.slider - true_place[p.recording]) for p in fit.geometry.placements),
+        implied_friction=(float(friction.min()), float(friction.max())),
+        least_inertia=min(float(model.inertia(d, x).min()) for d in ("up", "down")),
+        parameters={m: {p.name: p.value for p in e.parameters} for m, e in fit.estimates.items()},
+    )
+    return comparison, fit
+
+
+def _one(rig: ElbowRig, seed: int) -> Comparison:
+    return compare_models(rig, seed, tuple(t for t in trials(rig) if t.protocol in COMPARED))[0]
+
+
+def compare_many(
+    jobs: Sequence[tuple[ElbowRig, int]], *, workers: int | None, on_progress: Callable[[str, float], None]
+) -> list[Comparison]:
+    """The same for many rigs and seeds, in processes of their own.
+
+    Parameters
+    ----------
+    jobs : sequence of (ElbowRig, int)
+    workers : int or None
+        As of `finished`.
+    on_progress : callable
+        Called with a text and the share done.
+
+    Returns
+    -------
+    list of Comparison
+        In the order of `jobs`.
+    """
+    found: dict[int, Comparison] = {}
+    for i, comparison in finished([(_one, *job) for job in jobs], workers):
+        found[i] = comparison
+        on_progress(f"{len(found)} of {len(jobs)} identifications", len(found) / len(jobs))
+    return [found[i] for i in range(len(jobs))]

@@ -1,0 +1,151 @@
+"""Step 3 on the virtual shank exoskeleton: the knee's torque from EMG, by muscles and by all they are compared with."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from ...estimators.adaptive_correction import adaptive_correction
+from ...estimators.families import ESTIMATORS
+from ...estimators.features import features
+from ...estimators.hill import HillMap, fit_hill
+from ...estimators.reconstructions import SEEN, CorrectedMap
+from ...estimators.torque_map import fit_torque_map
+from ...fit.swing.leg_balance import torque_of_a_bare_leg
+from ...procedures.emg_torque.seated_swings import FLEXORS
+from .steps import BodyFound, LegFound
+from .trials import ActiveSwing, SubjectTaken, active_swing
+
+BASELINES = ("nmco", "nmcoa", "nmnc", "mbp", "ridge", "boost", "motion")
+"""Estimators of `ESTIMATORS` that are fitted and judged on the same swings."""
+
+RECORDED = ("nmco", "nmcoa", "nmnc", "mbp", "ridge")
+"""Those of them that are also given recorded EMG alone."""
+
+MEASURES = ("rmse", "maxe", "mae")
+
+
+@dataclass(frozen=True)
+class Errors:
+    """RMSE, largest and mean absolute error of a torque [N m].
+
+    Attributes
+    ----------
+    rmse, maxe, mae : float
+    """
+
+    rmse: float
+    maxe: float
+    mae: float
+
+
+def errors(found: np.ndarray, true: np.ndarray, *, truncated: bool = False) -> Errors:
+    """Errors of a torque.
+
+    Parameters
+    ----------
+    found, true : ndarray, shape (n,)
+        [N m]
+    truncated : bool
+        Both are cut off at 0 first, as the paper has it.
+
+    Returns
+    -------
+    Errors
+    """
+    if truncated:
+        found, true = np.maximum(found, 0.0), np.maximum(true, 0.0)
+    off = np.abs(found - true)
+    return Errors(float(np.sqrt(np.mean(off**2))), float(off.max()), float(off.mean()))
+
+
+@dataclass(frozen=True, eq=False)
+class TorqueFound:
+    """One subject's torque in the swing that was held out.
+
+    Attributes
+    ----------
+    time, reference, active, muscles, eq12 : ndarray, shape (n,)
+        [s]; by balance, true beyond what relaxed muscles pull, true of all they pull, and by eq. 12 as published [N m].
+    predicted : mapping of str to ndarray, shape (n,)
+        By estimator [N m].
+    envelopes : mapping of str to ndarray, shape (n,)
+        Of the recorded muscles, relative.
+    hill, recorded : HillMap
+        With and without unrecorded flexors.
+    """
+
+    time: np.ndarray
+    reference: np.ndarray = field(repr=False)
+    active: np.ndarray = field(repr=False)
+    muscles: np.ndarray = field(repr=False)
+    eq12: np.ndarray = field(repr=False)
+    predicted: Mapping[str, np.ndarray] = field(repr=False)
+    envelopes: Mapping[str, np.ndarray] = field(repr=False)
+    hill: HillMap
+    recorded: HillMap
+
+    def judged(self, estimator: str, against: str = "active", *, truncated: bool = False) -> Errors:
+        """Errors of an estimator.
+
+        Parameters
+        ----------
+        estimator : str
+        against : str
+            One of the torques: reference, active, muscles, eq12.
+        truncated : bool
+            See `errors`.
+
+        Returns
+        -------
+        Errors
+        """
+        return errors(self.predicted[estimator], getattr(self, against), truncated=truncated)
+
+
+def find_torque(empty: BodyFound, leg: LegFound, taken: SubjectTaken) -> TorqueFound:
+    """Calibrate on a subject's first swing and predict the second one; every setting is chosen within the first.
+
+    Parameters
+    ----------
+    empty : BodyFound
+    leg : LegFound
+    taken : SubjectTaken
+
+    Returns
+    -------
+    TorqueFound
+    """
+    loaded = leg.body.corrected["rich"]
+    fitted, held = (active_swing(taken, what, loaded, flexors=True) for what in ("swing_1", "swing_2"))
+    alone, alone_held = _without_flexors(fitted), _without_flexors(held)
+    hill, recorded = fit_hill([fitted.trial]), fit_hill([alone.trial])
+    predicted = {"hill": hill.predict(held.trial), "hill.recorded": recorded.predict(alone_held.trial)}
+    seen = features(fitted.trial, SEEN).x
+    learnt = adaptive_correction([(seen, fitted.trial.torque - hill.predict(fitted.trial))])
+    predicted["hill.adaptive"] = CorrectedMap("hill", hill, learnt).predict(held.trial)
+    for name in BASELINES:
+        predicted[name] = _fit(name, fitted).predict(held.trial)
+    for name in RECORDED:
+        predicted[f"{name}.recorded"] = _fit(name, alone).predict(alone_held.trial)
+    # As published: calibrated on the torque of eq. 12, judged on it.
+    of_eq12 = [torque_of_a_bare_leg(empty.published, leg.body.published, s.motion).torque for s in (fitted, held)]
+    as_published = fit_hill([replace(alone.trial, torque=of_eq12[0])])
+    predicted["hill.eq12"] = as_published.predict(alone_held.trial)
+    trial = held.trial
+    return TorqueFound(
+        trial.time, trial.torque, held.active, held.muscles, of_eq12[1], predicted,
+        dict(alone_held.trial.envelopes), hill, recorded,
+    )  # fmt: skip
+
+
+def _without_flexors(swing: ActiveSwing) -> ActiveSwing:
+    kept = {name: e for name, e in swing.trial.envelopes.items() if name != FLEXORS}
+    return replace(swing, trial=replace(swing.trial, envelopes=kept))
+
+
+def _fit(name: str, swing: ActiveSwing):
+    whole = ESTIMATORS[name].whole
+    return whole([swing.trial], name, False) if whole else fit_torque_map([swing.trial], name)

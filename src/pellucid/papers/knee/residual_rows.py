@@ -1,0 +1,219 @@
+"""Figures of the controllers that are compared on a worn orthosis: rows, and what the page says and draws of them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+
+import numpy as np
+
+from ...lab.knee.rig import knee_orthosis
+from ...pages.drawing import draw
+from ...pages.page import Section
+from ...pages.tables import Row, number_table
+from ..processes import finished
+from ..reproduction import Reproduced, spread
+from .controllers import DELAY, GAIN_DB, NAMES
+from .residual import FRESH, SWINGS, ControllerRow, judge_changes, judge_wearer
+from .residual_figures import ControllerRatios, torque_ratios
+
+WANTED = 0.5
+"""Share of zero-impedance mode's strap torque that is asked for [1]."""
+
+MOST_DB, MOST_DELAY = 40.0, 0.1
+"""Beyond these margins nothing was searched [dB], [s]."""
+
+DRAWN, SEEN = "drawn", "rig"
+"""Groups of wearers: drawn ones that nobody had seen, and the rig's own, who were there while controllers were made."""
+
+GROUPS: Mapping[str, str] = {DRAWN: "drawn wearers, never seen before", SEEN: "the rig's own"}
+
+ROLES = {GROUPS[DRAWN]: "fitted", GROUPS[SEEN]: "measured"}
+
+
+def group_of(row: ControllerRow) -> str:
+    """`DRAWN` or `SEEN`."""
+    return DRAWN if row.subject.startswith("D") else SEEN
+
+
+def residual_rows(compared: Sequence[ControllerRow]) -> list[Reproduced]:
+    """Strap torque, mismatch and margins of every controller.
+
+    Parameters
+    ----------
+    compared : sequence of ControllerRow
+
+    Returns
+    -------
+    list of Reproduced
+        ``knee.residual.<what>.<controller>``: medians and ranges over drawn wearers and swings; the same of the rig's
+        own wearers with ``.rig`` behind. Margins are the smallest of all wearers.
+    """
+    rows: list[Reproduced] = []
+
+    def add(what: str, kind: str, quantity: str, unit: str, values: Iterable[float], note: str) -> None:
+        median, low, high = spread(values)
+        rows.append(Reproduced(f"knee.residual.{what}.{kind}", quantity, unit, None, median, low, high, note=note))
+
+    for kind, words in NAMES.items():
+        mine = [r for r in compared if r.controller == kind]
+        for group, ending in ((DRAWN, ""), (SEEN, f".{SEEN}")):
+            own = [r for r in mine if group_of(r) == group]
+            if not own:
+                continue
+            note = f"RMS; {len({r.subject for r in own})} wearers ({GROUPS[group]}), {len(own)} swings"
+            for what, quantity, unit, of in _JUDGED:
+                add(what, kind + ending, f"{quantity}, {words}", unit, map(of, own), note)
+        rows += _margins(kind, words, mine)
+    return rows
+
+
+_JUDGED: tuple[tuple[str, str, str, Callable[[ControllerRow], float]], ...] = (
+    ("torque_ratio", "Interaction torque as a share of zero-impedance mode's", "1", lambda r: r.ratio),
+    ("torque_rms", "Interaction torque", "N*m", lambda r: r.strap_torque),
+    ("mismatch_rms", "Angle between leg and orthosis", "deg", lambda r: float(np.degrees(r.mismatch))),
+)
+
+
+def _margins(kind: str, words: str, rows: Sequence[ControllerRow]) -> list[Reproduced]:
+    made = []
+    linear = [r for r in rows if r.gain_db is not None]
+    if linear and kind not in ("zero_impedance", "no_control"):
+        covers = "smallest of all wearers, with the strap as identified and both its constants 30 % off, friction at "
+        covers += "0.1 to 4 rad/s, with and without EMG"
+        for what, quantity, unit, most, values in (
+            ("gain_margin", "Gain margin", "dB", MOST_DB, [r.gain_db for r in linear]),
+            ("delay_margin", "Delay margin", "s", MOST_DELAY, [r.delay for r in linear]),
+        ):
+            least = min(values)
+            note = covers if np.isfinite(least) else f"{covers}; none below {most:g} {unit}, where the search ends"
+            made.append(
+                Reproduced(
+                    f"knee.residual.{what}.{kind}", f"{quantity}, {words}", unit, None, min(least, most), note=note
+                )
+            )
+    tried = {r.subject: r.holds for r in rows if r.holds is not None}
+    if tried:
+        made.append(
+            Reproduced(
+                f"knee.residual.holds.{kind}", f"Wearers with whom it does not sway, {words}", "1", None,
+                float(np.mean(list(tried.values()))),
+                note=f"simulated with {GAIN_DB:g} dB more gain, and with {1e3 * DELAY:g} ms more delay",
+            )
+        )  # fmt: skip
+    return made
+
+
+def change_rows(judged: Sequence[Mapping[str, Sequence[ControllerRow]]]) -> list[tuple[str, str, str]]:
+    """The compensator where something has changed, in a table's rows.
+
+    Parameters
+    ----------
+    judged : sequence of mapping
+        As `residual.robustness` gives it, one a wearer.
+
+    Returns
+    -------
+    list of tuple of str
+        What has changed, the controller, median and range of its share of zero-impedance mode's torque.
+    """
+    made = []
+    for what in judged[0]:
+        for kind in dict.fromkeys(r.controller for r in judged[0][what]):
+            median, low, high = spread(r.ratio for one in judged for r in one[what] if r.controller == kind)
+            made.append((what, NAMES[kind], f"{median:.3f} ({low:.3f} to {high:.3f})"))
+    return made
+
+
+def residual_section(compared: Sequence[ControllerRow]) -> Section:
+    """What the page shows of the comparison.
+
+    Parameters
+    ----------
+    compared : sequence of ControllerRow
+
+    Returns
+    -------
+    Section
+    """
+    rows = {row.id: row for row in residual_rows(compared)}
+    kinds = [kind for kind in NAMES if any(r.controller == kind for r in compared)]
+
+    def cell(what: str, kind: str, scale: float = 1.0) -> str:
+        row = rows.get(f"knee.residual.{what}.{kind}")
+        if row is None:
+            return "–"
+        between = "" if row.lower is None else f" ({scale * row.lower:.3g} to {scale * row.upper:.3g})"
+        return f"{scale * row.ours:.3g}{between}"
+
+    cells = [
+        Row(
+            (
+                NAMES[kind],
+                cell("torque_ratio", kind),
+                cell("torque_ratio", f"{kind}.{SEEN}"),
+                cell("torque_rms", kind),
+                cell("mismatch_rms", kind),
+                cell("gain_margin", kind),
+                cell("delay_margin", kind, 1e3),
+                cell("holds", kind, 100.0),
+            ),
+            kind == "residual",
+        )
+        for kind in kinds
+    ]
+    heads = (
+        "", "Share of torque, drawn wearers", "The same, the rig's own", "Torque (N·m)", "Mismatch (deg)",
+        "Gain margin (dB)", "Delay margin (ms)", "No sway (%)",
+    )  # fmt: skip
+    best = rows.get("knee.residual.torque_ratio.residual")
+    lines = [
+        ControllerRatios(
+            NAMES[kind],
+            {
+                words: np.array([r.ratio for r in compared if r.controller == kind and group_of(r) == group])
+                for group, words in GROUPS.items()
+                if any(group_of(r) == group for r in compared)
+            },
+        )
+        for kind in kinds
+    ]
+    said = (
+        "The thesis ends with a compensator that uses the identified strap and EMG still to be made. Here it is, built "
+        "from each wearer's own recordings. Every controller's constants were chosen on further drawn wearers by one "
+        "criterion, the least strap torque within 6 dB and 20 ms; the rig's own three wearers were known while "
+        "controllers were made, the drawn ones judged here were not."
+    )
+    if best is not None:
+        said += f" The compensator leaves {100 * best.ours:.0f} % of the strap's torque in zero-impedance mode."
+    return Section(
+        "residual",
+        "The thesis's further work: the strap's torque compensated",
+        (said,),
+        (
+            number_table(heads, cells, "Medians and ranges over wearers and swings; margins are the smallest of all."),
+        ),
+        (
+            draw(
+                torque_ratios, lines, "residual", roles=ROLES, wanted=WANTED,
+                caption="Strap torque of every controller, a dot for each wearer and swing, a bar their median; the "
+                "line is half of zero-impedance mode's.",
+            ),
+        ),
+    )  # fmt: skip
+
+
+def main() -> None:
+    """Judge every wearer, and the compensator where something is not as it was identified; print what came out."""
+    rig = knee_orthosis()
+    fresh = [f"D{seed}" for seed in FRESH]
+    judged = dict(finished([(judge_wearer, rig, name, SWINGS) for name in (*rig.subjects, *fresh)]))
+    for row in residual_rows([row for i in sorted(judged) for row in judged[i]]):
+        between = "" if row.lower is None else f" ({row.lower:.4g} to {row.upper:.4g})"
+        print(f"{row.id}: {row.ours:.4g}{between} {row.unit}")
+    wrong = dict(finished([(judge_changes, rig, name) for name in fresh]))
+    for row in change_rows([wrong[i] for i in sorted(wrong)]):
+        print(*row, sep="; ")
+
+
+if __name__ == "__main__":
+    main()

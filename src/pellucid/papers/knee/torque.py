@@ -1,0 +1,184 @@
+"""Torque of the knee from EMG on the virtual orthosis: Table 3.4's estimators, each repetition left out in turn."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from ...estimators.cross_validation import Score, score
+from ...estimators.features import MOTION_LOWPASS
+from ...estimators.strapped_reference import strapped_torque
+from ...estimators.torque_map import torque_map_cv
+from ...estimators.torque_reference import MovedBody, human_torque
+from ...estimators.torque_trial import TorqueTrial
+from ...fit.strap.strap_torque import Orthosis
+from ...lab.knee.rig import KneeRig
+from ...signals.emg_chain import emg_chain
+from .trials import Taken
+from .wearers import WearerFound
+
+ESTIMATORS = ("boost", "bagging", "tree", "ridge")
+"""Table 3.4's three, and a ridge regression as the plain alternative."""
+
+AS_PUBLISHED = ("boost_published", "bagging_published", "tree_published")
+"""The same three with the defaults of the tool that the thesis used."""
+
+PROTOCOLS = ("published", "both_ways")
+"""The thesis's steps, 0, 5 and 10 N m one way, and these followed by the same the other way."""
+
+KEPT = 5
+"""Every so many samples are kept: 100 a second."""
+
+
+@dataclass(frozen=True, eq=False)
+class TorqueMap:
+    """One estimator on one subject's torque steps.
+
+    Parameters
+    ----------
+    subject, estimator, protocol : str
+        The last one of `PROTOCOLS`.
+    score : Score
+        Of all trials, each predicted without its repetition.
+    words : str
+        Features and settings of the first repetition's map.
+    predicted : mapping of str to ndarray, shape (n,)
+        By trial [N m].
+    """
+
+    subject: str
+    estimator: str
+    protocol: str
+    score: Score
+    words: str
+    predicted: Mapping[str, np.ndarray] = field(repr=False)
+
+
+@dataclass(frozen=True, eq=False)
+class TorqueSteps:
+    """One subject's torque steps, ready for maps.
+
+    Parameters
+    ----------
+    subject, protocol : str
+        The second one of `PROTOCOLS`.
+    trials : tuple of TorqueTrial
+        Their torque is what orthosis, strap and limb tell of the knee's.
+    actuator : mapping of str to ndarray, shape (n,)
+        By trial: the spring's torque [N m].
+    as_one : mapping of str to ndarray, shape (n,)
+        By trial: the same as if the strap did not yield [N m].
+    true : mapping of str to ndarray, shape (n,)
+        By trial: the knee's torque as only the simulation knows it, muscles and ligaments [N m].
+    """
+
+    subject: str
+    protocol: str
+    trials: tuple[TorqueTrial, ...]
+    actuator: Mapping[str, np.ndarray] = field(repr=False)
+    as_one: Mapping[str, np.ndarray] = field(repr=False)
+    true: Mapping[str, np.ndarray] = field(repr=False)
+
+    @property
+    def targets(self) -> dict[str, np.ndarray]:
+        """What maps are fitted to and judged on, by trial: shape (n,) each [N m]."""
+        return {t.name: t.torque for t in self.trials}
+
+    def true_error(self, predicted: Mapping[str, np.ndarray]) -> float:
+        """RMS error of torques, by trial, against the knee's true ones [N m]."""
+        return score(*(np.concatenate([t[n] for n in self.true]) for t in (self.true, predicted))).rmse
+
+
+def torque_steps(rig: KneeRig, taken: Taken, orthosis: Orthosis, found: WearerFound) -> TorqueSteps:
+    """A subject's torque steps with their envelopes.
+
+    Parameters
+    ----------
+    rig : KneeRig
+    taken : Taken
+        All that the subject did.
+    orthosis : Orthosis
+    found : WearerFound
+        Limb and strap as identified.
+
+    Returns
+    -------
+    TorqueSteps
+    """
+    chain, kept = emg_chain(taken.config.emg_torque.chain), slice(None, None, KEPT)
+    limb, strap = found.stages.limb.limb, found.stages.coupling.orthosis_side
+    body = MovedBody(orthosis.gravity + limb.gravity, orthosis.inertia + limb.inertia, orthosis.viscous)
+    trials, actuator, as_one, true = [], {}, {}, {}
+    for r in taken.of("torque_steps"):
+        emg, truth = r.streams["emg"], taken.truth[r.name]
+        torque = strapped_torque(
+            r.time, r["position"], r["torque"], orthosis=orthosis, limb=limb, stiffness=strap.stiffness.value,
+            damping=strap.damping.value, lowpass=MOTION_LOWPASS,
+        )  # fmt: skip
+        envelopes = {
+            m: np.interp(r.time, emg.time, chain.zero_phase(emg[f"emg.{m}"], emg.fs))
+            for m in taken.config.emg_torque.muscles
+        }
+        trials.append(
+            TorqueTrial(
+                name=r.name, joint="knee", time=r.time[kept], envelopes={m: e[kept] for m, e in envelopes.items()},
+                angles={"knee": r["position"][kept]}, torque=torque[kept], group=r.name.rsplit("_", 1)[-1],
+                participant=r.participant,
+            )
+        )  # fmt: skip
+        actuator[r.name] = r["torque"][kept]
+        as_one[r.name] = human_torque(r["position"], r["torque"], body, lowpass=MOTION_LOWPASS, fs=r.fs)[kept]
+        true[r.name] = (truth.muscle_torque + _ligaments(rig, truth.limb_position))[kept]
+    return TorqueSteps(found.name, "both_ways", tuple(trials), actuator, as_one, true)
+
+
+def published_steps(steps: TorqueSteps, duration: float) -> TorqueSteps:
+    """The thesis's own steps, which come first in every trial.
+
+    Parameters
+    ----------
+    steps : TorqueSteps
+        Both ways.
+    duration : float
+        Of the thesis's steps [s].
+
+    Returns
+    -------
+    TorqueSteps
+    """
+    inside = {t.name: t.time < duration for t in steps.trials}
+    trials = tuple(
+        replace(
+            t, time=t.time[i], torque=t.torque[i], envelopes={m: e[i] for m, e in t.envelopes.items()},
+            angles={j: a[i] for j, a in t.angles.items()},
+        )
+        for t, i in ((t, inside[t.name]) for t in steps.trials)
+    )  # fmt: skip
+    parts = ({name: values[inside[name]] for name, values in of.items()} for of in
+             (steps.actuator, steps.as_one, steps.true))  # fmt: skip
+    return TorqueSteps(steps.subject, "published", trials, *parts)
+
+
+def judge_map(steps: TorqueSteps, estimator: str) -> TorqueMap:
+    """One estimator, each repetition predicted by a map chosen and fitted without it.
+
+    Parameters
+    ----------
+    steps : TorqueSteps
+    estimator : str
+        One of `ESTIMATORS` or `AS_PUBLISHED`.
+
+    Returns
+    -------
+    TorqueMap
+    """
+    found = torque_map_cv(steps.trials, (estimator,))[estimator]
+    return TorqueMap(steps.subject, estimator, steps.protocol, found.score, found.choices[0].words, found.predicted)
+
+
+def _ligaments(rig: KneeRig, position: np.ndarray) -> np.ndarray:
+    """Passive torque towards flexion at the end of extension, shape (n,) [N m]."""
+    passive = rig["passive"]
+    return passive["torque"] * np.exp(np.clip((passive["angle"] - position) / passive["scale"], -80.0, 5.0))

@@ -1,0 +1,87 @@
+"""The thesis's experiments on the virtual orthosis, in memory: recordings as `simulate` writes them, and the truth."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ...fit.joint.gravity_holds import find_holds
+from ...lab.knee.protocol import Task, bench_trials, worn_trials
+from ...lab.knee.rig import KneeRig
+from ...lab.knee.study import record_in_memory
+from ...lab.knee.trial import KneeTruth
+from ...recordings.recording import Recording
+from ...recordings.study_file import StudyFile
+from ...signals.input_output import InputOutput, input_output
+
+STRAP_ONLY = ("imu_on_orthosis", "relaxed_holds", "free_swing")
+"""Protocols that a strap takes; the thesis's others are for EMG."""
+
+
+@dataclass(frozen=True, eq=False)
+class Taken:
+    """What was recorded, and what only the simulation knows.
+
+    Parameters
+    ----------
+    config : StudyFile
+        What study.toml would say.
+    recordings : tuple of Recording
+    truth : mapping of str to KneeTruth
+        By recording.
+    """
+
+    config: StudyFile
+    recordings: tuple[Recording, ...]
+    truth: dict[str, KneeTruth]
+
+    def of(self, protocol: str, use: str | None = None) -> list[Recording]:
+        """Recordings of a `protocol`, and of a `use` if one is given."""
+        return [r for r in self.recordings if r.protocol == protocol and use in (None, r.use)]
+
+    def responses(self, protocol: str, use: str | None = None) -> list[InputOutput]:
+        """The same as the spring's torque in and the orthosis's angle out."""
+        return [input_output(r, ("torque", "position")) for r in self.of(protocol, use)]
+
+
+def take(rig: KneeRig, seed: int, subjects: Sequence[str] = (), *, protocols: Sequence[str] = ()) -> Taken:
+    """Do the experiments on the orthosis alone, and those of some subjects.
+
+    Parameters
+    ----------
+    rig : KneeRig
+    seed : int
+        A trial's noise depends on it and on the trial alone.
+    subjects : sequence of str
+        Names; nobody if empty.
+    protocols : sequence of str
+        Of the subjects' trials; all if empty.
+
+    Returns
+    -------
+    Taken
+    """
+    made: list[Task] = bench_trials(rig)
+    for name in subjects:
+        worn = worn_trials(rig, rig.subjects[name])
+        made += [task for task in worn if not protocols or task[0].protocol in protocols]
+    config, recordings, taken = record_in_memory(rig, made, seed=seed)
+    return Taken(config, recordings, {one.trial.name: one.truth for one in taken})
+
+
+def held_angles(responses: Sequence[InputOutput]) -> tuple[np.ndarray, np.ndarray]:
+    """Angles and torques of holds, as a plot of them shows.
+
+    Parameters
+    ----------
+    responses : sequence of InputOutput
+
+    Returns
+    -------
+    angle, torque : ndarray, shape (k,)
+        [rad], [N m].
+    """
+    holds = [h for r in responses for h in find_holds(r.time, r.output, r.input, recording=r.recording)]
+    return np.array([h.angle for h in holds]), np.array([h.torque for h in holds])

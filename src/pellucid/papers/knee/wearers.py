@@ -1,0 +1,319 @@
+"""Orthosis and wearers identified as `identify` does it, and judged by what only a simulation knows."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from ...fit.joint.gravity_holds import cosine_moment, line_of_best_fit
+from ...fit.parameter import Parameter
+from ...fit.strap.limb_imu import limb_by_imu
+from ...fit.strap.orthosis_alone import HOLD, OrthosisFit, fit_orthosis
+from ...fit.strap.strap_torque import Swing
+from ...fit.strap.wearer_coupling import EDGE, WearerCoupling, identify_wearer
+from ...fit.transfer.transfer_function_fit import TransferFit, fit_percent, fit_transfer_function
+from ...lab.knee.rig import KneeRig, Subject
+from ...models.anthropometry import de_leva, shank_length, winter
+from ...procedures.coupling.coupling_findings import WearerStages
+from ...procedures.coupling.identify_coupling import identify_worn
+from ...signals.inertial import inertial
+from ...signals.input_output import input_output
+from .trials import STRAP_ONLY, Taken, held_angles, take
+
+STRAP = ("stiffness", "damping", "inertia")
+"""Parameters of a strap; the last is 0."""
+
+
+@dataclass(frozen=True, eq=False)
+class Bench:
+    """The orthosis alone.
+
+    Parameters
+    ----------
+    fit : OrthosisFit
+    brief : TransferFit
+        The published form from the thesis's own 5 s of each frequency.
+    angle, torque : ndarray, shape (k,)
+        Of the holds [rad], [N m].
+    gravity, inertia : float
+        True ones [N m], [kg m^2].
+    """
+
+    fit: OrthosisFit
+    brief: TransferFit
+    angle: np.ndarray
+    torque: np.ndarray
+    gravity: float
+    inertia: float
+
+    @property
+    def as_published(self) -> dict[str, float]:
+        """Gravity torque [N m] by the thesis's trend line (its slope) and by its cosine."""
+        return {
+            "line": line_of_best_fit(self.angle, self.torque).slope,
+            "cosine": cosine_moment(self.angle, self.torque),
+        }
+
+
+@dataclass(frozen=True, eq=False)
+class Mismatch:
+    """Limb less orthosis in one swing.
+
+    Parameters
+    ----------
+    recording, split : str
+    time, true, predicted : ndarray, shape (n,)
+        [s]; what it was, and what the strap makes of the orthosis's balance [rad].
+    published : ndarray, shape (n,), or None
+        The same by the thesis's form.
+    seen_time, seen : ndarray, shape (m,)
+        By the IMU [s], [rad].
+    """
+
+    recording: str
+    split: str
+    time: np.ndarray
+    true: np.ndarray
+    predicted: np.ndarray
+    published: np.ndarray | None
+    seen_time: np.ndarray
+    seen: np.ndarray
+
+    def fit(self, model: str = "predicted") -> float:
+        """How much of the true mismatch a `model` explains [%]: "predicted", "published", or "seen", the IMU itself."""
+        if model == "seen":
+            return fit_percent(np.interp(self.seen_time, self.time, self.true), self.seen)
+        return fit_percent(self.true[self._inside], getattr(self, model)[self._inside])
+
+    def rmse(self, model: str = "predicted") -> float:
+        """Error of a `model` [rad]."""
+        return float(np.sqrt(np.mean((self.true - getattr(self, model))[self._inside] ** 2)))
+
+    @property
+    def _inside(self) -> np.ndarray:
+        """Away from the ends, where what went before is not known."""
+        return (self.time >= self.time[0] + EDGE) & (self.time <= self.time[-1] - EDGE)
+
+
+@dataclass(frozen=True, eq=False)
+class WearerFound:
+    """One subject.
+
+    Parameters
+    ----------
+    name : str
+    seed : int
+    stages : WearerStages
+        With all that the IMU senses.
+    swings : tuple of Mismatch
+    six_axes : WearerStages or None
+        Without its magnetometer.
+    six_axes_swings : tuple of Mismatch
+    best_published : tuple of Mismatch
+        The thesis's form given the muscles' true torque.
+    held : tuple of ndarray, shape (k,)
+        Angles [rad] and torques [N m] of the relaxed leg's holds.
+    subject : Subject
+        With the truth.
+    """
+
+    name: str
+    seed: int
+    stages: WearerStages
+    swings: tuple[Mismatch, ...]
+    subject: Subject
+    six_axes: WearerStages | None = None
+    six_axes_swings: tuple[Mismatch, ...] = ()
+    best_published: tuple[Mismatch, ...] = ()
+    held: tuple[np.ndarray, np.ndarray] = field(default=(np.zeros(0), np.zeros(0)))
+
+    def of(self, axes: int) -> tuple[WearerStages, tuple[Mismatch, ...]]:
+        """What was found with an IMU of 9 or 6 `axes`."""
+        return (self.stages, self.swings) if axes == 9 else (self.six_axes, self.six_axes_swings)
+
+    def holds(self, name: str) -> bool:
+        """Whether the 95 % interval of the strap's "stiffness", "damping" or "inertia" (which is 0) holds the truth."""
+        low, high = getattr(self.stages.coupling.orthosis_side, name).interval()
+        return bool(low <= self.subject.strap.get(name, 0.0) <= high)
+
+
+def mean_fit(swings: Sequence[Mismatch], model: str = "predicted", split: str = "heldout") -> float:
+    """Mean fit of swings.
+
+    Parameters
+    ----------
+    swings : sequence of Mismatch
+    model, split : str
+        As `Mismatch.fit` takes it; which of the swings count.
+
+    Returns
+    -------
+    float
+        [%]
+    """
+    return float(np.mean([s.fit(model) for s in swings if s.split == split]))
+
+
+@dataclass(frozen=True)
+class Drawn:
+    """One subject and seed, judged by the truth: errors and fits in percent.
+
+    Parameters
+    ----------
+    subject : str
+    seed : int
+    gravity_error : float
+        Of the limb's gravity torque, with its sign.
+    fit, rmse : float
+        Of the mismatch in held-out swings against the true one [%], [rad].
+    fit_to_imu, ceiling : float
+        Against the IMU's mismatch, and what the IMU's own error allows.
+    strap : mapping of str to Parameter
+        Stiffness, damping and inertia.
+    holds : mapping of str to bool
+        Whether their intervals hold the truth, for the inertia 0.
+    """
+
+    subject: str
+    seed: int
+    gravity_error: float
+    fit: float
+    rmse: float
+    fit_to_imu: float
+    ceiling: float
+    strap: Mapping[str, Parameter]
+    holds: Mapping[str, bool]
+
+
+def drawn_from(found: WearerFound) -> Drawn:
+    """A wearer's figures against the truth.
+
+    Parameters
+    ----------
+    found : WearerFound
+
+    Returns
+    -------
+    Drawn
+    """
+    coupling, held = found.stages.coupling, [s for s in found.swings if s.split == "heldout"]
+    return Drawn(
+        found.name,
+        found.seed,
+        100.0 * (found.stages.limb.gravity.value / found.subject.gravity - 1.0),
+        mean_fit(found.swings),
+        float(np.mean([s.rmse() for s in held])),
+        coupling.mean_fit(),
+        coupling.mean_ceiling(),
+        {name: getattr(coupling.orthosis_side, name) for name in STRAP},
+        {name: found.holds(name) for name in STRAP},
+    )
+
+
+def identify_bench(rig: KneeRig, seed: int) -> Bench:
+    """Record the orthosis alone, and identify it.
+
+    Parameters
+    ----------
+    rig : KneeRig
+    seed : int
+
+    Returns
+    -------
+    Bench
+    """
+    taken = take(rig, seed)
+    held = taken.responses("gravity_holds")
+    fit = fit_orthosis(held, *(taken.responses("sine_tracking", use) for use in ("fit", "validate")))
+    brief = fit_transfer_function(taken.responses("sine_brief"), 2, 0, hold=HOLD, units=("N*m", "rad"))
+    gravity = float(np.hypot(*rig.orthosis_gravity))
+    return Bench(fit, brief, *held_angles(held), gravity, rig["orthosis"]["inertia"])
+
+
+def identify_straps(rig: KneeRig, seed: int) -> list[WearerFound]:
+    """Record of all subjects what their straps need, and identify them.
+
+    Parameters
+    ----------
+    rig : KneeRig
+    seed : int
+
+    Returns
+    -------
+    list of WearerFound
+    """
+    taken = take(rig, seed, list(rig.subjects), protocols=STRAP_ONLY)
+    found = identify_worn(taken.config, taken.recordings)
+    return [
+        WearerFound(name, seed, stages, _mismatches(taken, stages.coupling), rig.subjects[name])
+        for name, stages in found.wearers.items()
+    ]
+
+
+def identify_subject(rig: KneeRig, name: str, seed: int) -> tuple[WearerFound, Taken]:
+    """Record everything that one subject does, and identify limb and strap with six and with nine axes.
+
+    Parameters
+    ----------
+    rig : KneeRig
+    name : str
+    seed : int
+
+    Returns
+    -------
+    WearerFound, Taken
+    """
+    taken = take(rig, seed, [name])
+    asked = taken.config.coupling
+    without = taken.config.model_copy(update={"coupling": asked.model_copy(update={"magnetometer": False})})
+    found, six = (identify_worn(config, taken.recordings) for config in (taken.config, without))
+    stages, other = found.wearers[name], six.wearers[name]
+    made = WearerFound(
+        name, seed, stages, _mismatches(taken, stages.coupling), rig.subjects[name], other,
+        _mismatches(taken, other.coupling), _with_true_torque(taken, found.orthosis, stages),
+        held_angles(taken.responses("relaxed_holds")),
+    )  # fmt: skip
+    return made, taken
+
+
+def tape_measure(subject: Subject) -> dict[str, float]:
+    """Gravity torque of shank and foot by tables of shares [N m].
+
+    Parameters
+    ----------
+    subject : Subject
+
+    Returns
+    -------
+    dict of str to float
+        ``"winter"`` (knee to ankle), ``"published"`` (his shares of knee to heel) and ``"de_leva"``.
+    """
+    return {
+        "winter": winter(subject.weight, shank_length(subject.height)).gravity(),
+        "published": winter(subject.weight, subject.shank_length).gravity(),
+        "de_leva": de_leva(subject.weight, subject.height, subject.sex).gravity(),
+    }
+
+
+def _mismatches(taken: Taken, coupling: WearerCoupling) -> tuple[Mismatch, ...]:
+    by_name = {r.name: r for r in taken.recordings}
+    return tuple(
+        Mismatch(
+            j.recording, j.split, by_name[j.recording].time, taken.truth[j.recording].mismatch, j.predicted,
+            j.published, j.time, j.seen,
+        )
+        for j in coupling.judged
+    )  # fmt: skip
+
+
+def _with_true_torque(taken: Taken, orthosis: OrthosisFit, stages: WearerStages) -> tuple[Mismatch, ...]:
+    """What the thesis's form could reach if EMG told the muscles' torque without any error."""
+    made = []
+    for recording in taken.of("free_swing"):
+        record = input_output(recording, ("torque", "position"))
+        time, angle = limb_by_imu(inertial(recording.streams["imu"]), record, method="vqf", axes=6)
+        torque = taken.truth[recording.name].muscle_torque
+        made.append(Swing(recording.name, record.split, record.time, record.output, record.input, time, angle, torque))
+    return _mismatches(taken, identify_wearer("", made, orthosis.orthosis, limb=stages.limb.limb))

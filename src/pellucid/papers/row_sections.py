@@ -1,0 +1,76 @@
+"""Sections that a reproduction's page ends with: what print contradicts, and every figure beside print."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from ..pages.page import Section
+from ..pages.quantities import MINUS, unit_text, units_in
+from ..pages.tables import Row, Table
+from .reproduction import Reproduced
+
+FROM_PRINT = ("recomputed", "cannot be")
+"""Verdicts of rows that come from print alone."""
+
+
+def cell(value: float | None) -> str:
+    """A number of a table, "–" where there is none."""
+    if value is None:
+        return "–"
+    text = f"{value:.4g}" if value == 0.0 or abs(value) >= 1e-4 else f"{value:.1e}"
+    return text.replace("-", MINUS)
+
+
+def _said(text: str) -> str:
+    """Plain text with units and differences as they are set; a difference keeps to its line."""
+    return units_in(text).replace(" - ", f"\N{NO-BREAK SPACE}{MINUS}\N{NO-BREAK SPACE}")
+
+
+def row_sections(rows: Sequence[Reproduced], *, over: str, remarks: bool) -> tuple[Section, Section]:
+    """Both sections.
+
+    Parameters
+    ----------
+    rows : sequence of Reproduced
+    over : str
+        What a row's range is over, as the column's head says it.
+    remarks : bool
+        Whether every figure's note is shown, rather than its verdict.
+
+    Returns
+    -------
+    tuple of Section
+    """
+    printed = [r for r in rows if r.verdict in FROM_PRINT]
+    recomputed = (
+        Row(
+            (_said(r.quantity), cell(r.published), cell(r.ours), unit_text(r.unit) or "–", r.verdict, _said(r.note)),
+            r.verdict == "cannot be",
+        )
+        for r in printed
+    )
+    every = (
+        Row(
+            (
+                r.id,
+                cell(r.published),
+                cell(r.ours),
+                "" if r.lower is None else f"{cell(r.lower)} to {cell(r.upper)}",
+                unit_text(r.unit) or "–",
+                _said(r.note) if remarks else r.verdict,
+            )
+        )
+        for r in rows
+        if r not in printed
+    )
+    numbers = frozenset({1, 2})
+    checked = ("What", "Printed", "Recomputed", "Unit", "Verdict", "Why")
+    heads = ("Figure", "Published", "Ours", over, "Unit", "Remark" if remarks else "Verdict")
+    return (
+        Section(
+            "print",
+            "What can be recomputed from print",
+            tables=(Table(checked, tuple(recomputed), numbers, wide=True),),
+        ),
+        Section("rows", "Every figure", tables=(Table(heads, tuple(every), numbers, wide=True),)),
+    )

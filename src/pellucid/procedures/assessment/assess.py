@@ -1,0 +1,365 @@
+"""Do conditions change how people move? From a study's recordings to tables, tests and a paragraph."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from ..._errors import RecordingError, StudyError
+from ...assessment.clocks import delay_notes, with_assumed_delays
+from ...assessment.comparison import compare_conditions
+from ...assessment.indices import INDICES, index_table, isochrony
+from ...assessment.power import EFFECTS, needed_for_effects
+from ...assessment.session import UP, Measured, Session, activities, joined, measure
+from ...recordings.quality import Fault
+from ...recordings.recording import Recording
+from ...recordings.study import Study
+from ...recordings.study_procedures import Assessment
+from ...signals.movements import MovementRule
+from ...signals.pointing import PointingRecord, assessed, labels, pointing_record, with_rule
+from .assessment_findings import Assessed, AssessmentFindings, Needed, Profile, Sensitivity
+from .assessment_rows import result_rows
+from .assessment_tables import tables
+from .pointing_faults import pointing_faults
+from .statements import headline, paragraph, verdicts
+
+SEED = 1
+"""Of the bootstraps and of the simulated studies."""
+
+WATCHED = ("duration", "vmax", "vmean", "acceleration", "peak_time_up", "peak_time_down", "emg_level", "emgacc")
+"""Indices that are computed again with other filters and rules: the published ones, and the level of EMG."""
+
+TIMED = ("emgacc", "emg_level")
+"""Indices that hang on the delay between markers and EMG."""
+
+PLANNED = ("duration", "vmax", "peak_time_up", "peak_time_down", "end_absolute", "emg_level", "emgacc")
+"""Indices for which the participants needed are told ..."""
+
+CHANGES = (0.05, 0.1, 0.2, 0.3)
+"""... to find changes from control of these shares."""
+
+STUDIES = 1000
+"""Simulated for each number of participants, unless more are asked for."""
+
+Progress = Callable[[str, float], None]
+
+
+def assess(
+    study: Study, on_progress: Progress | None = None, *, studies: int = STUDIES, executor: Any = None
+) -> AssessmentFindings:
+    """Compare a study's conditions.
+
+    Parameters
+    ----------
+    study : Study
+        With a table ``[assessment]``, and recordings that name participants and conditions.
+    on_progress : callable, optional
+        Called with a text and the share done, 0 to 1.
+    studies : int
+        To simulate for each number of participants, to tell how many are needed.
+    executor : object, optional
+        On which they are simulated, as for `power.power_curve`.
+
+    Returns
+    -------
+    AssessmentFindings
+
+    Raises
+    ------
+    StudyError
+        If study.toml has no such table.
+    RecordingError
+        If a recording is not fit to be used, or nobody was recorded in every condition.
+    """
+    spec = study.config.assessment
+    if spec is None:
+        raise StudyError(
+            f"{study.folder}: found no table [assessment] in study.toml, expected one that names the control"
+        )
+    tell = on_progress or (lambda text, share: None)
+    tell("reading recordings", 0.05)
+    return assess_recordings(
+        study.name, study.recordings(), spec, on_progress=on_progress, studies=studies, executor=executor
+    )
+
+
+def assess_recordings(
+    name: str,
+    recordings: Sequence[Recording],
+    spec: Assessment,
+    *,
+    on_progress: Progress | None = None,
+    studies: int = STUDIES,
+    executor: Any = None,
+) -> AssessmentFindings:
+    """Compare conditions of recordings that need not be files.
+
+    Parameters
+    ----------
+    name : str
+        Of the study.
+    recordings : sequence of Recording
+        Those that name a condition take part.
+    spec : Assessment
+        What ``[assessment]`` says.
+    on_progress : callable, optional
+        Called with a text and the share done, 0 to 1.
+    studies, executor
+        As for `assess`.
+
+    Returns
+    -------
+    AssessmentFindings
+
+    Raises
+    ------
+    RecordingError
+        As `assess`.
+    """
+    tell = on_progress or (lambda text, share: None)
+    used = assessed(recordings)
+    conditions = _conditions(used, spec.control)
+    participants, without = _participants(used, conditions)
+    used = [r for r in used if r.participant in participants]
+    tell("finding movements", 0.1)
+    records = [pointing_record(recording, spec) for recording in used]
+    named = labels(records)
+    faults = [fault for record in records for fault in pointing_faults(record, spec, named)]
+    _require_none_refused(faults)
+    records, delays = with_assumed_delays(records)
+    rules = _rules(records, spec)
+    parts: dict[str, list[Session]] = {words: [] for words in rules}
+    shifted: list[Session] = []
+    for i, person in enumerate(participants):
+        tell(f"indices, {person}", 0.2 + 0.6 * i / len(participants))
+        own = [record for record in records if record.recording.participant == person]
+        # One person's EMG at a time: that of a whole study need not fit into memory.
+        emg, largest, clocks = activities(own, spec, with_rule(spec))
+        _require_none_refused(clocks)
+        faults += clocks
+        for words, rule in rules.items():
+            first = words == next(iter(rules))
+            parts[words].append(measure(own, spec, rule, emg, largest, named=named, detailed=first))
+        if delays.recordings and emg:
+            moved = {n: a.later(delays.span) if n in delays.recordings else a for n, a in emg.items()}
+            shifted.append(measure(own, spec, with_rule(spec), moved, largest, named=named, detailed=False))
+    sessions = {words: joined(each) for words, each in parts.items() if any(part.movements for part in each)}
+    session = next(iter(sessions.values()))
+    found = _assessed(session.movements, participants, conditions, spec)
+    sensitivity = _sensitivity(sessions, spec, participants, conditions)
+    if any(part.movements for part in shifted):
+        words = f"{1e3 * delays.span:.0f} ms"
+        sensitivity += _sensitivity({words: joined(shifted)}, spec, participants, conditions, TIMED)
+    tell("participants needed", 0.85)
+    needed = _needed(found, spec, len(conditions) - 1, studies, executor)
+    lines = isochrony(session.movements, participants, conditions)
+    profiles, profile_of = _profiles(session, participants, conditions)
+    left_out = Counter()
+    for reasons in session.left_out.values():
+        left_out.update(reasons)
+    made = AssessmentFindings(
+        study=name,
+        headline="",
+        tables=(),
+        verdicts=(),
+        rows=(),
+        cards={},
+        checksums={recording.name: recording.checksum for recording in used},
+        confidence=spec.confidence,
+        control=spec.control,
+        conditions=conditions,
+        participants=participants,
+        without=without,
+        movements=len(session.movements),
+        left_out=dict(left_out),
+        assessed=found,
+        isochrony=lines,
+        sensitivity=sensitivity,
+        needed=needed,
+        profiles=profiles,
+        profile_of=profile_of,
+        measured=session.movements,
+    )
+    notes = [fault.message for fault in faults] + delay_notes(delays) + _without_index(found, participants, conditions)
+    return _told(made, notes)
+
+
+def _require_none_refused(faults: Sequence[Fault]) -> None:
+    refused = [fault.message for fault in faults if fault.severity == "refuse"]
+    if refused:
+        raise RecordingError("\n".join(refused))
+
+
+def _told(made: AssessmentFindings, notes: Sequence[str]) -> AssessmentFindings:
+    return replace(
+        made,
+        headline=headline(made),
+        paragraph=paragraph(made),
+        verdicts=verdicts(made, notes),
+        tables=tables(made),
+        rows=result_rows(made),
+    )
+
+
+def _conditions(used: Sequence[Recording], control: str) -> tuple[str, ...]:
+    """Control first, the others in the order of the recordings."""
+    found = list(dict.fromkeys(recording.condition for recording in used))
+    if control not in found:
+        raise RecordingError(
+            f'assess: found the conditions {", ".join(found) or "none"}, expected the control "{control}" among them'
+        )
+    if len(found) < 2:
+        raise RecordingError(f'assess: found no condition but "{control}", expected another to compare with it')
+    lower = Counter(condition.lower() for condition in found)
+    if len(lower) < len(found):
+        raise RecordingError(f"assess: found the conditions {', '.join(found)}, expected names that differ in letters")
+    return (control, *(condition for condition in found if condition != control))
+
+
+def _participants(used: Sequence[Recording], conditions: Sequence[str]) -> tuple[tuple[str, ...], dict[str, str]]:
+    """Those recorded in every condition, and why the others are left out."""
+    recorded: dict[str, set[str]] = {}
+    for recording in used:
+        recorded.setdefault(recording.participant, set()).add(recording.condition)
+    without = {}
+    for person, own in recorded.items():
+        absent = [condition for condition in conditions if condition not in own]
+        if absent:
+            without[person] = f"no recording in {', '.join(absent)}"
+    kept = tuple(person for person in recorded if person not in without)
+    if not kept:
+        said = "; ".join(f"{person}: {why}" for person, why in without.items())
+        raise RecordingError(f"assess: found nobody who was recorded in all of {', '.join(conditions)} ({said})")
+    return kept, without
+
+
+def _assessed(
+    movements: Sequence[Measured],
+    participants: Sequence[str],
+    conditions: Sequence[str],
+    spec: Assessment,
+    names: Sequence[str] = tuple(INDICES),
+) -> dict[str, Assessed]:
+    found = {}
+    for name in names:
+        table = index_table(movements, INDICES[name], participants, conditions, spec.control)
+        if table is None:
+            continue
+        # A stream of its own for each index: leaving one out does not move another's interval.
+        rng = np.random.default_rng([SEED, list(INDICES).index(name)])
+        control = spec.control if spec.control in table.conditions else None
+        compared = compare_conditions(
+            table.values, table.conditions, control, against_zero=table.index.over_control,
+            confidence=spec.confidence, rng=rng,
+        )  # fmt: skip
+        found[name] = Assessed(table, compared)
+    return found
+
+
+def _without_index(found: Mapping[str, Assessed], participants: Sequence[str], conditions: Sequence[str]) -> list[str]:
+    """Who lacks an index that others have, in words."""
+    lacking: dict[tuple[str, ...], list[str]] = {}
+    for each in found.values():
+        absent = tuple(person for person in participants if person not in each.table.participants)
+        if absent:
+            lacking.setdefault(absent, []).append(each.table.index.short)
+    return [
+        f"{', '.join(absent)}: found no value of {', '.join(names)} in movements that are alike in all of "
+        f"{', '.join(conditions)}, expected some: left out of {'it' if len(names) == 1 else 'them'}."
+        for absent, names in lacking.items()
+    ]
+
+
+def _rules(records: Sequence[PointingRecord], spec: Assessment) -> dict[str, MovementRule]:
+    """The study's rule, first, and those it is compared with; those with the same filter stand together."""
+    rules = {}
+    rates = [1.0 / float(np.median(np.diff(record.time))) for record in records]
+    rules[f"{spec.lowpass:g} Hz"] = with_rule(spec)
+    for share in sorted(set(spec.thresholds) - {spec.threshold}):
+        rules[f"{100 * share:g} %"] = with_rule(spec, threshold=share)
+    rules["first rest"] = with_rule(spec, ends="peak")
+    for cutoff in sorted(set(spec.cutoffs) - {spec.lowpass}):
+        if 2.0 * cutoff < 0.95 * min(rates):
+            rules[f"{cutoff:g} Hz"] = with_rule(spec, lowpass=cutoff)
+    return rules
+
+
+def _sensitivity(
+    sessions: Mapping[str, Session],
+    spec: Assessment,
+    participants: Sequence[str],
+    conditions: Sequence[str],
+    names: Sequence[str] = WATCHED,
+) -> tuple[Sensitivity, ...]:
+    return tuple(
+        _sensitive(words, each, condition, spec.control)
+        for words, session in sessions.items()
+        for each in _assessed(session.movements, participants, conditions, spec, names).values()
+        for condition in each.table.conditions
+        if condition != spec.control
+    )
+
+
+def _sensitive(words: str, each: Assessed, condition: str, control: str) -> Sensitivity:
+    own = float(each.table.column(condition).mean())
+    base = float(each.table.column(control).mean()) if control in each.table.conditions else float("nan")
+    p = float("nan") if each.comparison.p_value is None else each.comparison.p_value
+    change = own if each.table.index.over_control else own / base - 1.0
+    return Sensitivity(words, each.name, condition, base, change, p)
+
+
+def _needed(
+    found: Mapping[str, Assessed], spec: Assessment, comparisons: int, studies: int, executor: Any
+) -> tuple[Needed, ...]:
+    wanted: list[tuple[str, float | None, float]] = [("", None, effect) for effect in EFFECTS]
+    for name in PLANNED:
+        each = found.get(name)
+        if each is None or len(each.table.participants) < 3 or not each.comparison.against_control:
+            continue
+        # The condition in which people differ most: the plan should do for all of them.
+        deviation = max(a.deviation for a in each.comparison.against_control)
+        share = each.share_of_control(spec.control)
+        if share is not None and deviation > 0.0:
+            wanted += [(name, change, change * share / deviation) for change in CHANGES]
+    effects = [effect for _, _, effect in wanted]
+    people = needed_for_effects(
+        effects, comparisons=comparisons, alpha=1.0 - spec.confidence, studies=studies, seed=SEED, executor=executor
+    )
+    return tuple(Needed(*each, n) for each, n in zip(wanted, people, strict=True))
+
+
+def _profiles(
+    session: Session, participants: Sequence[str], conditions: Sequence[str]
+) -> tuple[tuple[Profile, ...], str]:
+    """Mean movements upwards of the middle amplitude, from their start; each participant counts the same."""
+    cells = {m.cell for m in session.movements if m.cell[1] == UP} or {m.cell for m in session.movements}
+    cell = sorted(cells, key=str)[0] if None in {c[0] for c in cells} else sorted(cells)[len(cells) // 2]
+    chosen = [m for m in session.movements if m.cell == cell]
+    longest = 1.5 * max(
+        (np.median([m.movement.duration for m in chosen if m.condition == c] or [0.0]) for c in conditions), default=0.0
+    )
+    time = np.linspace(-0.1 * longest, longest, 200)
+    made = []
+    for condition in conditions:
+        people = []
+        for person in participants:
+            own = [m for m in chosen if (m.participant, m.condition) == (person, condition)]
+            if own:
+                people.append(np.mean([_about_start(session, m, time) for m in own], axis=0))
+        if people:
+            made.append(Profile(condition, time, *np.mean(people, axis=0)))
+    said = f"{cell[0]:g} deg {cell[1]}" if cell[0] is not None else f"movements {cell[1]}"
+    return tuple(made), said
+
+
+def _about_start(session: Session, m: Measured, time: np.ndarray) -> np.ndarray:
+    motion = session.motions[m.recording]
+    at = m.movement.start + time
+    angle = np.interp(at, motion.time, motion.angle) - motion.angle[m.movement.first]
+    sign = m.movement.direction
+    velocity = np.interp(at, motion.time, motion.velocity)
+    return sign * np.array([angle, velocity, np.interp(at, motion.time, motion.acceleration)])

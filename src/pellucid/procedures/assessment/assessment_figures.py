@@ -1,0 +1,174 @@
+"""Figures of an assessment: mean movements by condition, isochrony, and every participant's indices.
+
+Each condition has one colour on all figures; control is dark grey.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from ...assessment.indices import DOWN, UP, Isochrony
+from ...pages.drawing import Drawing, dots, key, line, tidy
+from ...pages.quantities import unit_text
+from ...pages.style import FIGURE_WIDTH, colour
+from .assessment_findings import Assessed, Profile
+
+TONES = ("measured", "fitted", "heldout", "directional", "load", "stribeck", "combined", "good")
+"""Control's colour, and those of the other conditions in their order; more than these share the last."""
+
+DIRECTIONS = {UP: "Upwards", DOWN: "Downwards"}
+
+
+def tones(conditions: Sequence[str]) -> dict[str, str]:
+    """Colour of every condition, control first.
+
+    Parameters
+    ----------
+    conditions : sequence of str
+
+    Returns
+    -------
+    dict of str to str
+        As #rrggbb.
+    """
+    return {c: colour(TONES[min(i, len(TONES) - 1)]) for i, c in enumerate(conditions)}
+
+
+def profile_figure(profiles: Sequence[Profile], what: str, conditions: Sequence[str]) -> Drawing:
+    """Mean angle, velocity and acceleration of one kind of movement, from its start.
+
+    Parameters
+    ----------
+    profiles : sequence of Profile
+    what : str
+        Which movements.
+    conditions : sequence of str
+
+    Returns
+    -------
+    Drawing
+    """
+    tone = tones(conditions)
+    figure = Figure(figsize=(FIGURE_WIDTH, 3.2), layout="constrained")
+    axes = figure.subplots(1, 3)
+    parts = (("Angle (deg)", "angle"), ("Velocity (deg/s)", "velocity"), ("Acceleration (deg/s²)", "acceleration"))
+    for axis, (text, name) in zip(axes, parts, strict=True):
+        axis.axhline(0.0, color=colour("faint"), linewidth=0.8, zorder=1)
+        for profile in profiles:
+            line(axis, profile.time, np.degrees(getattr(profile, name)), color=tone[profile.condition], linewidth=1.5)
+        tidy(axis, first=True, text=text)
+        axis.set_xlabel("Time from start (s)")
+    key(axes[0], [(profile.condition, tone[profile.condition]) for profile in profiles])
+    axes[0].set_ylim(top=1.18 * axes[0].get_ylim()[1])
+    return Drawing(
+        "profiles",
+        figure,
+        f"Mean movements of {what}, aligned at their start: over each participant's movements, then over participants.",
+    )
+
+
+def isochrony_figure(lines: Sequence[Isochrony], conditions: Sequence[str]) -> Drawing:
+    """Mean velocity, and duration, over amplitude: every participant, means over them, and straight lines.
+
+    Parameters
+    ----------
+    lines : sequence of Isochrony
+    conditions : sequence of str
+
+    Returns
+    -------
+    Drawing
+    """
+    tone = tones(conditions)
+    directions = [d for d in DIRECTIONS if any(each.direction == d for each in lines)]
+    figure = Figure(figsize=(FIGURE_WIDTH, 5.6), layout="constrained")
+    axes = figure.subplots(2, len(directions), squeeze=False, sharex=True, sharey="row")
+    for column, direction in enumerate(directions):
+        top, bottom = axes[:, column]
+        for each in (x for x in lines if x.direction == direction):
+            for person in each.people:
+                own = np.array(person).T
+                for axis, values in ((top, np.degrees(own[1])), (bottom, own[2])):
+                    line(axis, np.degrees(own[0]), values, color=tone[each.condition], linewidth=0.7, alpha=0.35)
+            amplitude, velocity, duration = np.array(each.points).T
+            for axis, values, slope, offset, scale in (
+                (top, velocity, each.velocity_slope, each.velocity_intercept, np.degrees(1.0)),
+                (bottom, duration, each.duration_slope, each.duration_intercept, 1.0),
+            ):
+                degrees = np.degrees(amplitude)
+                line(axis, degrees, scale * (slope * amplitude + offset), color=tone[each.condition], linewidth=1.3)
+                dots(axis, degrees, scale * values, tone[each.condition], alpha=0.9, size=6.0)
+        top.set_title(DIRECTIONS[direction], fontweight="bold")
+        tidy(top, first=column == 0, text="Mean velocity (deg/s)")
+        tidy(bottom, first=column == 0, text="Duration (s)")
+        bottom.set_xlabel("Amplitude (deg)")
+        bottom.margins(x=0.04)
+    shown = [c for c in conditions if any(each.condition == c for each in lines)]
+    axes[0, -1].set_ylim(top=1.1 * axes[0, -1].get_ylim()[1])
+    key(axes[0, -1], [(c, tone[c]) for c in shown])
+    said = "; ".join(
+        f"{each.condition} {each.direction} {each.velocity_slope:.2f} 1/s, "
+        f"{np.degrees(each.velocity_intercept):.0f} deg/s"
+        for each in lines
+    )
+    return Drawing(
+        "isochrony",
+        figure,
+        "Means over participants at each amplitude, with straight lines; thin lines are participants. Mean velocity's "
+        "slope and offset: " + said + ".",
+    )
+
+
+def index_figure(assessed: Mapping[str, Assessed], conditions: Sequence[str]) -> Drawing:
+    """Every participant in every condition: a line a participant, over boxes.
+
+    Parameters
+    ----------
+    assessed : mapping of str to Assessed
+        One panel for each.
+    conditions : sequence of str
+
+    Returns
+    -------
+    Drawing
+    """
+    tone = tones(conditions)
+    columns = min(len(assessed), 3)
+    rows = -(-len(assessed) // columns)
+    figure = Figure(figsize=(FIGURE_WIDTH, 0.4 + 2.9 * rows), layout="constrained")
+    axes = figure.subplots(rows, columns, squeeze=False).ravel()
+    for axis, each in zip(axes, assessed.values(), strict=False):
+        _panel(axis, each, tone)
+    for axis in axes[len(assessed) :]:
+        axis.set_visible(False)
+    return Drawing(
+        "indices",
+        figure,
+        "Each line is a participant: the mean over movements. Boxes hold the middle half of the participants, their "
+        "bar is the median, whiskers reach the extremes.",
+    )
+
+
+def _panel(axis, each: Assessed, tone: Mapping[str, str]) -> None:
+    table = each.table
+    at = np.arange(len(table.conditions))
+    factor, unit = table.index.shown
+    for row in factor * table.values:
+        line(axis, at, row, color=colour("faint"), linewidth=0.9, zorder=2)
+    for x, condition in zip(at, table.conditions, strict=True):
+        values = factor * table.column(condition)
+        low, first, middle, third, high = np.quantile(values, (0.0, 0.25, 0.5, 0.75, 1.0))
+        axis.plot((x, x), (low, first), color=tone[condition], linewidth=1.0, zorder=3)
+        axis.plot((x, x), (third, high), color=tone[condition], linewidth=1.0, zorder=3)
+        box = ([x - 0.22, x + 0.22, x + 0.22, x - 0.22, x - 0.22], [first, first, third, third, first])
+        axis.plot(*box, color=tone[condition], linewidth=1.2, zorder=3)
+        axis.plot((x - 0.22, x + 0.22), (middle, middle), color=tone[condition], linewidth=2.2, zorder=4)
+        dots(axis, np.full(len(values), float(x)), values, tone[condition], alpha=0.8, size=4.0)
+    unit = unit_text(unit)
+    tidy(axis, first=True, text=f"{table.index.short}" + (f" ({unit})" if unit else ""), ticks=5)
+    axis.set_xticks(at, [condition.replace("_", "\n") for condition in table.conditions])
+    axis.set_xlim(-0.6, len(at) - 0.4)
+    axis.grid(visible=False, axis="x")

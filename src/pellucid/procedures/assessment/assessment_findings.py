@@ -1,0 +1,146 @@
+"""What an assessment found, with what its tables, figures and sentences need."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from ...assessment.comparison import Comparison
+from ...assessment.indices import IndexTable, Isochrony
+from ...assessment.session import Measured
+from ..result import Findings
+
+
+@dataclass(frozen=True, eq=False)
+class Assessed:
+    """One index: every participant's values (`table`) and what they say of the conditions (`comparison`)."""
+
+    table: IndexTable
+    comparison: Comparison
+
+    @property
+    def name(self) -> str:
+        """Of the index."""
+        return self.table.index.name
+
+    def share_of_control(self, control: str) -> float | None:
+        """What a change is to be divided by to become a share of control's mean; None where shares say little."""
+        if self.table.index.over_control:
+            return 1.0
+        if not self.table.index.scaled or control not in self.table.conditions:
+            return None
+        return float(self.table.column(control).mean())
+
+
+@dataclass(frozen=True)
+class Sensitivity:
+    """Change from control by one rule for movements.
+
+    Attributes
+    ----------
+    words : str
+        The rule.
+    index, condition : str
+    control : float
+        Mean in the control condition, in the index's unit; NaN for an index over control.
+    change : float
+        From control, as a share.
+    p_value : float
+        Friedman's, counted where it can be.
+    """
+
+    words: str
+    index: str
+    condition: str
+    control: float
+    change: float
+    p_value: float
+
+
+@dataclass(frozen=True, eq=False)
+class Profile:
+    """Mean movement of one condition, all participants' movements of one kind.
+
+    Attributes
+    ----------
+    condition : str
+    time : ndarray, shape (n,)
+        From the movement's start [s].
+    angle, velocity, acceleration : ndarray, shape (n,)
+        The angle from where it started [rad], [rad/s], [rad/s^2].
+    """
+
+    condition: str
+    time: np.ndarray
+    angle: np.ndarray
+    velocity: np.ndarray
+    acceleration: np.ndarray
+
+
+@dataclass(frozen=True)
+class Needed:
+    """Participants with whom a change from control would be found in 8 of 10 studies.
+
+    Attributes
+    ----------
+    index : str
+        ``""`` where the effect stands for that of any index.
+    change : float or None
+        As a share of control's mean.
+    effect : float
+        The change over the standard deviation of participants' changes (d of pairs).
+    participants : int or None
+        None where more than were tried.
+    """
+
+    index: str
+    change: float | None
+    effect: float
+    participants: int | None
+
+
+@dataclass(frozen=True, kw_only=True)
+class AssessmentFindings(Findings):
+    """Everything an assessment found.
+
+    Attributes
+    ----------
+    paragraph : str
+        What was found and what was not, in plain sentences.
+    control : str
+    conditions, participants : tuple of str
+        That were compared; control is the first condition.
+    without : Mapping[str, str]
+        Participants who were left out, and why.
+    movements : int
+        That were used.
+    left_out : Mapping[str, int]
+        Stretches without a movement that could be used, by why.
+    assessed : Mapping[str, Assessed]
+        By index.
+    isochrony : tuple of Isochrony
+    sensitivity : tuple of Sensitivity
+    needed : tuple of Needed
+    profiles : tuple of Profile
+    profile_of : str
+        Which movements the profiles are the means of.
+    measured : tuple of Measured
+        Every movement that was used, by the study's own rule.
+    """
+
+    paragraph: str = ""
+    control: str = ""
+    conditions: tuple[str, ...] = ()
+    participants: tuple[str, ...] = ()
+    without: Mapping[str, str] = field(default_factory=dict)
+    movements: int = 0
+    left_out: Mapping[str, int] = field(default_factory=dict)
+    assessed: Mapping[str, Assessed] = field(default_factory=dict, repr=False)
+    isochrony: tuple[Isochrony, ...] = field(default=(), repr=False)
+    sensitivity: tuple[Sensitivity, ...] = field(default=(), repr=False)
+    needed: tuple[Needed, ...] = ()
+    profiles: tuple[Profile, ...] = field(default=(), repr=False)
+    profile_of: str = ""
+    measured: tuple[Measured, ...] = field(default=(), repr=False)

@@ -1,0 +1,164 @@
+"""The report of an assessment: what was found, what was not, and every participant."""
+
+from __future__ import annotations
+
+from importlib.metadata import version
+
+from ...pages.drawing import draw
+from ...pages.page import Page, Section, Tile
+from ...pages.quantities import cell_text, number, prose
+from ...pages.tables import Row, Table
+from ...recordings.study import Study
+from ..result import FigureTable
+from . import assessment_figures as figures
+from . import assessment_tables as tables
+from .assessment_findings import AssessmentFindings
+
+TILES = (("duration", "Duration"), ("vmax", "Peak velocity"), ("emgacc", "EMG/Acc"), ("torque_rms", "Interaction"))
+DRAWN = (
+    "duration", "vmax", "acceleration", "peak_time_up", "peak_time_down", "sparc", "end_absolute", "end_spread",
+    "emg_level", "emgacc", "torque_rms", "work",
+)  # fmt: skip
+"""Indices with a panel."""
+
+
+def page(study: Study, findings: AssessmentFindings) -> Page:
+    """Everything that an assessment found, as a page.
+
+    Parameters
+    ----------
+    study : Study
+    findings : AssessmentFindings
+
+    Returns
+    -------
+    Page
+    """
+    sections = [_found(findings), _people(findings), _movements(findings)]
+    if findings.isochrony:
+        sections.append(_isochrony(findings))
+    sections += [_sensitivity(findings)]
+    if findings.needed:
+        sections.append(_needed(findings))
+    sections.append(_method(study, findings))
+    return Page(
+        title=f"{findings.study}: transparency",
+        kicker="Pellucid report",
+        headline=prose(findings.headline),
+        tiles=_tiles(findings),
+        sections=tuple(sections),
+        footer=f"Written by pellucid {version('pellucid')}. Every figure is beside this page as SVG and PDF, every "
+        "number in results.json.",
+    )
+
+
+def _tiles(findings: AssessmentFindings) -> tuple[Tile, ...]:
+    made = []
+    for name, words in TILES:
+        each = findings.assessed.get(name)
+        if each is None:
+            continue
+        others = [c for c in each.table.conditions if c != findings.control]
+        against = {a.condition: a for a in each.comparison.against_control}
+        if each.table.index.over_control:
+            shown, unit = {c: 100.0 * float(each.table.column(c).mean()) for c in others}, "% over control"
+        elif against:
+            shown, unit = {c: 100.0 * (against[c].relative or 0.0) for c in others}, f"% against {findings.control}"
+        elif others:
+            shown, unit = {c: float(each.table.column(c).mean()) for c in others}, "N·m RMS"
+        least = min(shown, key=lambda c: abs(shown[c]))
+        rest = ", ".join(f"{c} {number(v, digits=3)}" for c, v in shown.items() if c != least)
+        made.append(Tile(f"{words}, {least}", number(shown[least], digits=3), unit, rest))
+    return tuple(made)
+
+
+def _found(findings: AssessmentFindings) -> Section:
+    shown = [tables.summary_table(findings), tables.test_table(findings)]
+    if any(each.comparison.nemenyi is not None for each in findings.assessed.values()):
+        shown.append(tables.pair_table(findings))
+    shown.append(tables.effect_table(findings))
+    return Section(
+        "assess_found",
+        "What was found, and what was not",
+        (
+            *map(prose, findings.paragraph.split("\n\n")),
+            *(prose(v.text) for v in findings.verdicts if v.kind != "note"),
+        ),
+        tuple(_table(each) for each in shown if each.rows),
+        notes=tuple(prose(v.text) for v in findings.verdicts if v.kind == "note"),
+    )
+
+
+def _people(findings: AssessmentFindings) -> Section:
+    drawn = {name: findings.assessed[name] for name in DRAWN if name in findings.assessed}
+    described = tuple(_table(tables.description_table(findings, each)) for each in findings.assessed.values())
+    drawing = draw(figures.index_figure, drawn, findings.conditions)
+    return Section("assess_people", "Every participant", tables=described, drawings=(drawing,))
+
+
+def _movements(findings: AssessmentFindings) -> Section:
+    drawing = draw(figures.profile_figure, findings.profiles, findings.profile_of, findings.conditions)
+    return Section("assess_movements", "Movements", drawings=(drawing,))
+
+
+def _isochrony(findings: AssessmentFindings) -> Section:
+    drawing = draw(figures.isochrony_figure, findings.isochrony, findings.conditions)
+    table = _table(tables.isochrony_table(findings))
+    return Section("assess_isochrony", "Isochrony", tables=(table,), drawings=(drawing,))
+
+
+def _sensitivity(findings: AssessmentFindings) -> Section:
+    said = (
+        "The published indices again: with other cut-offs of the angle's filter; with other shares of the largest "
+        "speed that begin and end a movement; with movements that end where the speed first falls below the share, in "
+        "place of where it last does. A column in ms is by how much later the markers of recordings without an encoder "
+        "are taken to be."
+    )
+    table = tables.sensitivity_table(findings)
+    shown = (_table(table),) if table.rows else ()
+    return Section("assess_filters", "Other filters", (said,), shown)
+
+
+def _needed(findings: AssessmentFindings) -> Section:
+    said = (
+        f"With how many participants signed ranks against {findings.control}, corrected after Holm for the smallest of "
+        f"the p values, would be significant in 8 of 10 studies. Changes from {findings.control} are drawn from a "
+        "normal distribution with the standard deviation that this study's participants show in the condition in "
+        "which they differ most; it is itself uncertain where they are few."
+    )
+    shown = tables.needed_table(findings), tables.effect_size_table(findings)
+    return Section("assess_needed", "Participants needed", (said,), tuple(_table(each) for each in shown if each.rows))
+
+
+def _method(study: Study, findings: AssessmentFindings) -> Section:
+    spec = study.config.assessment
+    said = [
+        f"The angle passes a zero-phase Butterworth low-pass of order {spec.order} at {spec.lowpass:g} Hz. A movement "
+        f"lasts from the first to the last sample above {100 * spec.threshold:g} % of its largest speed. A "
+        "participant's value is the mean over movements that are alike, then over amplitudes and directions."
+    ]
+    said.append(
+        "The end-point error is that of the movement's last sample, along its direction; where the target's 0 lies in "
+        f"the angle is told by the participant's movements in {findings.control}, in the mean of both directions. The "
+        "variable error is the standard deviation of the end points of movements that are alike."
+    )
+    if spec.agonists:
+        said.append(
+            "EMG is band-passed from 20 to 450 Hz (order 4), centred, rectified, divided by the muscle's largest value "
+            f"in all of the participant's recordings, and taken {spec.advance:g} s earlier than the motion. EMG/Acc is "
+            "the mean RMS of the agonists over the largest acceleration of upward movements, relative to the same "
+            f"participant and amplitude in {findings.control}, less 1."
+        )
+    said.append(
+        "Friedman's test with its p counted over all orders; Nemenyi's by the studentised range; signed ranks against "
+        f"{findings.control} with counted p, corrected after Holm; intervals by bootstrap over participants, widened "
+        "for few of them."
+    )
+    return Section("assess_method", "How", (" ".join(said),), notes=study.notes)
+
+
+def _table(table: FigureTable) -> Table:
+    rows = tuple(Row(tuple(cell_text(cell) for cell in row)) for row in table.rows)
+    words = 2 if len(table.heads) > 1 and table.heads[1] in ("", "Rule", "Change") and table.heads[0] != "" else 1
+    words = 2 if table.heads[:2] == ("", "") else words
+    return Table(table.heads, rows, numeric=frozenset(range(words, len(table.heads))), caption=table.title, wide=True)

@@ -1,0 +1,117 @@
+"""An assessment's figures as rows of results.json."""
+
+from __future__ import annotations
+
+import hashlib
+import re
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ...recordings.results import ResultRow
+
+if TYPE_CHECKING:
+    from .assessment_findings import Assessed, AssessmentFindings
+
+COMMAND = "assess"
+
+
+def result_rows(found: AssessmentFindings) -> tuple[ResultRow, ...]:
+    """Every figure of an assessment.
+
+    ``<study>.transparency.<index>.<condition>`` is the change of the mean from control in % (SPARC, LDLJ and the signed
+    end-point error: in their own unit; interaction: the mean itself); ``<study>.assess.<index>.<condition>.<what>`` the
+    rest.
+
+    Parameters
+    ----------
+    found : AssessmentFindings
+
+    Returns
+    -------
+    tuple of ResultRow
+    """
+    # One checksum for all recordings together: every figure comes from all of them.
+    digest = hashlib.sha256("".join(sorted(found.checksums.values())).encode()).hexdigest()
+    rows: list[ResultRow] = []
+
+    def add(name: str, value: float | None, unit: str, note: str = "") -> None:
+        rows.append(ResultRow(f"{found.study}.{name}", value, unit, COMMAND, "fitted", digest, note))
+
+    add("assess.participants", len(found.participants), "1", _without(found))
+    add(
+        "assess.movements", found.movements, "1", ", ".join(f"{n} left out: {why}" for why, n in found.left_out.items())
+    )
+    for each in found.assessed.values():
+        _index_rows(found, each, add)
+    for line in found.isochrony:
+        head = f"assess.isochrony.{line.condition.lower()}.{line.direction}"
+        for what, r2 in (("velocity", line.velocity_r2), ("duration", line.duration_r2)):
+            for name, value in _describe(np.array(r2)).items():
+                add(f"{head}.{what}.r2.{name}", value, "1", "each participant's own line")
+        add(f"{head}.velocity.slope", line.velocity_slope, "1/s", "mean velocity over amplitude, means of participants")
+        add(f"{head}.velocity.intercept", line.velocity_intercept, "rad/s")
+        add(f"{head}.duration.slope", line.duration_slope, "s/rad", "duration over amplitude, means of participants")
+        add(f"{head}.duration.intercept", line.duration_intercept, "s")
+    for s in found.sensitivity:
+        rule = re.sub(r"[^a-z0-9]+", "_", s.words.replace(" Hz", "hz").replace("%", "percent").lower())
+        add(f"assess.sensitivity.{rule}.{s.index}.{s.condition.lower()}", 100.0 * s.change, "%", s.words)
+    for each in found.needed:
+        note = f"signed ranks against control, power 0.8, d of pairs {each.effect:.3g}"
+        note += "" if each.participants else "; more than were tried"
+        what = f"d_{each.effect:g}" if each.change is None else f"{each.index}.{100 * each.change:g}_percent"
+        add(f"assess.needed.{what.replace('.', '_') if each.change is None else what}", each.participants, "1", note)
+    return tuple(rows)
+
+
+def _index_rows(found: AssessmentFindings, each: Assessed, add) -> None:
+    index, compared = each.table.index, each.comparison
+    against = {a.condition: a for a in compared.against_control}
+    for condition in each.table.conditions:
+        low = condition.lower()
+        column = each.table.column(condition)
+        for name, value in _describe(column).items():
+            add(f"assess.{index.name}.{low}.{name}", value, index.unit)
+        headline = f"transparency.{index.name}.{low}"
+        own = against.get(condition)
+        if index.over_control:
+            add(headline, 100.0 * float(column.mean()), "%", "over control, mean of participants")
+        elif own is not None and own.relative is not None and index.scaled:
+            add(headline, 100.0 * own.relative, "%", "change of the mean from control")
+        elif own is not None:
+            add(headline, own.change, index.unit, "change of the mean from control")
+        elif condition != found.control:
+            add(headline, float(column.mean()), index.unit, "mean of participants; control has none")
+        if own is not None:
+            head = f"assess.{index.name}.{low}"
+            add(f"{head}.change", own.change, index.unit)
+            add(f"{head}.change.low", own.interval[0], index.unit, "bootstrap over participants")
+            add(f"{head}.change.high", own.interval[1], index.unit, "bootstrap over participants")
+            add(f"{head}.p", own.p_value, "1", "signed ranks, counted")
+            add(f"{head}.p_holm", own.holm, "1")
+            add(f"{head}.rank_biserial", own.rank_biserial, "1")
+            add(f"{head}.cliff", own.cliff, "1")
+            add(f"{head}.dz", own.standardised, "1")
+    if compared.friedman is not None:
+        add(f"assess.{index.name}.friedman.chi2", compared.friedman.statistic, "1")
+        add(f"assess.{index.name}.friedman.p", compared.friedman.p_value, "1", "chi-squared")
+        add(f"assess.{index.name}.friedman.p_exact", compared.friedman.exact_p_value, "1", "counted")
+        add(f"assess.{index.name}.kendall_w", compared.kendall, "1")
+        for i, one in enumerate(compared.conditions):
+            for other in compared.conditions[i + 1 :]:
+                add(f"assess.{index.name}.nemenyi.{one.lower()}_{other.lower()}", compared.pair(one, other), "1")
+
+
+def _describe(column: np.ndarray) -> dict[str, float]:
+    """Mean, standard deviation (n - 1), least, median, largest."""
+    return {
+        "mean": float(np.mean(column)),
+        "sd": float(np.std(column, ddof=1)) if len(column) > 1 else float("nan"),
+        "min": float(np.min(column)),
+        "median": float(np.median(column)),
+        "max": float(np.max(column)),
+    }
+
+
+def _without(found: AssessmentFindings) -> str:
+    return "; ".join(f"{person} left out: {why}" for person, why in found.without.items())

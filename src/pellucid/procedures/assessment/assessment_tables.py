@@ -1,0 +1,371 @@
+"""An assessment's figures as the tables that a paper would print."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ...assessment.indices import INDICES
+from ...assessment.power import SIZES
+from ..result import FigureTable
+
+if TYPE_CHECKING:
+    from .assessment_findings import Assessed, AssessmentFindings, Needed
+
+MINUS = "\N{MINUS SIGN}"
+UNITS = {"rad/s": "rad/s", "rad/s^2": "rad/s²", "N*m": "N·m", "1": ""}
+
+SHOWN = ("duration", "vmax", "end_absolute", "emg_level", "emgacc", "torque_rms")
+"""Indices with a table of their own among an assessment's tables; a report has one for each."""
+
+
+def tables(found: AssessmentFindings) -> tuple[FigureTable, ...]:
+    """Tables of an assessment: a summary, the main indices, pairs, isochrony, other filters, participants needed.
+
+    Parameters
+    ----------
+    found : AssessmentFindings
+
+    Returns
+    -------
+    tuple of FigureTable
+    """
+    made = [summary_table(found)]
+    made += [description_table(found, found.assessed[name]) for name in SHOWN if name in found.assessed]
+    if any(each.comparison.nemenyi is not None for each in found.assessed.values()):
+        made.insert(1, test_table(found))
+        made.append(pair_table(found))
+    if found.isochrony:
+        made.append(isochrony_table(found))
+    if found.sensitivity:
+        made.append(range_table(found))
+    made += [table for table in (needed_table(found), effect_size_table(found)) if table.rows]
+    return tuple(made)
+
+
+def summary_table(found: AssessmentFindings) -> FigureTable:
+    """Every index: mean ± SD in each condition, with an asterisk where Nemenyi's test tells it from control.
+
+    Parameters
+    ----------
+    found : AssessmentFindings
+
+    Returns
+    -------
+    FigureTable
+    """
+    rows = []
+    for each in found.assessed.values():
+        decimals = _row_decimals(each)
+        cells = (_mean_cell(found, each, condition, decimals) for condition in found.conditions)
+        rows.append((words(each, short=True), *cells))
+    n = len(found.participants)
+    title = f"Mean ± SD over {n} participants; * differs from {found.control} (Nemenyi)" if n > 1 else "One participant"
+    return FigureTable(title, ("Index", *found.conditions), tuple(rows))
+
+
+def _mean_cell(found: AssessmentFindings, each: Assessed, condition: str, decimals: int) -> str | None:
+    if condition not in each.table.conditions:
+        return None
+    column = each.table.index.shown[0] * each.table.column(condition)
+    shown = _fixed(float(column.mean()), decimals)
+    if len(column) > 1:
+        shown += f"±{_fixed(float(np.std(column, ddof=1)), decimals)}"
+    known = found.control in each.table.conditions and condition != found.control
+    differs = known and each.comparison.pair(found.control, condition) < 1.0 - found.confidence
+    return shown + ("*" if differs else "")
+
+
+def _row_decimals(each: Assessed) -> int:
+    """Three digits of the largest mean, or standard deviation, are what a reader compares along a row."""
+    values = each.table.index.shown[0] * each.table.values
+    largest = np.abs(values.mean(axis=0)).max()
+    if len(values) > 1:
+        largest = max(largest, values.std(axis=0, ddof=1).max())
+    return min(max(2 - int(f"{largest:.2e}".split("e")[1]), 0), 3) if largest > 0.0 else 3
+
+
+def words(each: Assessed, *, short: bool = False) -> str:
+    """An index with its unit, as tables call it.
+
+    Parameters
+    ----------
+    each : Assessed
+    short : bool
+        As narrow tables do.
+
+    Returns
+    -------
+    str
+    """
+    index = each.table.index
+    unit = UNITS.get(index.shown[1], index.shown[1])
+    return (index.short if short else index.words) + (f" ({unit})" if unit else "")
+
+
+def p_text(p: float | None) -> str | None:
+    """A p value as tables print it.
+
+    Parameters
+    ----------
+    p : float or None
+
+    Returns
+    -------
+    str or None
+        None where there is none.
+    """
+    if p is None or np.isnan(p):
+        return None
+    return "<0.001" if p < 1e-3 else f"{p:.3f}"
+
+
+def test_table(found: AssessmentFindings) -> FigureTable:
+    """Friedman's test of every index.
+
+    Parameters
+    ----------
+    found : AssessmentFindings
+
+    Returns
+    -------
+    FigureTable
+    """
+    rows = []
+    for each in found.assessed.values():
+        test = each.comparison.friedman
+        if test is not None:
+            kendall = each.comparison.kendall
+            told = test.degrees_of_freedom, p_text(test.p_value), p_text(test.exact_p_value), kendall
+            rows.append((each.table.index.short, test.statistic, *told))
+    heads = ("Index", "χ²", "df", "p", "p counted", "Kendall W")
+    return FigureTable("Do conditions differ at all (Friedman)", heads, tuple(rows))
+
+
+def needed_table(found: AssessmentFindings) -> FigureTable:
+    """Participants needed to find changes from control, by index.
+
+    Parameters
+    ----------
+    found : AssessmentFindings
+
+    Returns
+    -------
+    FigureTable
+    """
+    changes = sorted({each.change for each in found.needed if each.change is not None})
+    cells = {(each.index, each.change): each for each in found.needed}
+    rows = []
+    for name in dict.fromkeys(each.index for each in found.needed if each.index):
+        # What people differ by is the same behind every change.
+        spread = 100.0 * changes[0] / cells[name, changes[0]].effect
+        rows.append((INDICES[name].short, _short(spread), *(_people(cells[name, change]) for change in changes)))
+    heads = ("Index", "SD of changes %", *(f"{100 * change:g} %" for change in changes))
+    return FigureTable(
+        f"Participants who would show a change from {found.control} in 8 of 10 studies", heads, tuple(rows)
+    )
+
+
+def effect_size_table(found: AssessmentFindings) -> FigureTable:
+    """Participants needed against effect size, whatever the index.
+
+    Parameters
+    ----------
+    found : AssessmentFindings
+
+    Returns
+    -------
+    FigureTable
+    """
+    generic = [each for each in found.needed if each.change is None]
+    m = len(found.conditions) - 1
+    title = (
+        f"Participants needed against effect size: signed ranks, {m} comparison{'s' if m != 1 else ''} with "
+        f"{found.control}, power 0.8"
+    )
+    row = ("Participants", *(_people(each) for each in generic))
+    return FigureTable(title, ("d of pairs", *(f"{each.effect:g}" for each in generic)), (row,) if generic else ())
+
+
+def _people(needed: Needed) -> str | int:
+    return f">{SIZES[-1]}" if needed.participants is None else needed.participants
+
+
+def description_table(found: AssessmentFindings, each: Assessed) -> FigureTable:
+    """One index: what describes it in each condition, and how it changes from control.
+
+    Parameters
+    ----------
+    found : AssessmentFindings
+    each : Assessed
+
+    Returns
+    -------
+    FigureTable
+    """
+    index = each.table.index
+    against = {a.condition: a for a in each.comparison.against_control}
+    share, factor = each.share_of_control(found.control), index.shown[0]
+    decimals = _decimals(factor * each.table.values)
+    rows = []
+    for condition in each.table.conditions:
+        column = factor * each.table.column(condition)
+        sd = float(np.std(column, ddof=1)) if len(column) > 1 else None
+        row: list = [column.mean(), sd, column.min(), np.median(column), column.max()]
+        row = [None if x is None else _fixed(float(x), decimals) for x in row]
+        own = against.get(condition)
+        if own is not None:
+            scale = factor if share is None else 100.0 / share
+            row += [_short(scale * own.change), _range(scale, own.interval), p_text(own.holm)]
+        elif against:
+            row += [None, None, None]
+        rows.append((condition, *row))
+    heads = ("", "Mean", "SD", "Min", "Median", "Max")
+    if against:
+        heads += ("Δ" if share is None else "Δ %", f"{100 * found.confidence:g} % CI", "p")
+    return FigureTable(words(each), heads, tuple(rows))
+
+
+def effect_table(found: AssessmentFindings) -> FigureTable:
+    """How much every index changes from control: the change, its interval, effect sizes, p alone and corrected.
+
+    Parameters
+    ----------
+    found : AssessmentFindings
+
+    Returns
+    -------
+    FigureTable
+    """
+    rows = []
+    for each in found.assessed.values():
+        for a in each.comparison.against_control:
+            sizes = a.standardised, a.rank_biserial, a.cliff
+            factor = each.table.index.shown[0]
+            told = _short(factor * a.change), _range(factor, a.interval), *sizes, p_text(a.p_value), p_text(a.holm)
+            rows.append((words(each, short=True), a.condition, *told))
+    level = f"{100 * found.confidence:g} % CI"
+    heads = ("Index", "", "Change", level, "d of pairs", "Rank-biserial", "Cliff's δ", "p", "p (Holm)")
+    return FigureTable(f"Changes from {found.control}", heads, tuple(rows))
+
+
+def _decimals(values: np.ndarray) -> int:
+    """As many decimals as two digits of the largest standard deviation need, and one more; three digits will do."""
+    sd = float(np.std(values, axis=0, ddof=1).max()) if len(values) > 1 else 0.0
+    most = 3 if np.abs(values).max() >= 0.05 else 4
+    return min(max(2 - int(f"{sd:.1e}".split("e")[1]), 0), most) if sd > 0.0 else 3
+
+
+def _fixed(value: float, decimals: int) -> str:
+    return f"{value:.{decimals}f}".replace("-", MINUS)
+
+
+def _range(scale: float, interval: tuple[float, float]) -> str | None:
+    low, high = (scale * end for end in interval)
+    if np.isnan(low):
+        return None
+    largest = max(abs(low), abs(high))
+    digits = 2 if largest >= 10.0 else 1
+    decimals = min(max(digits - int(f"{largest:.1e}".split("e")[1]), 0), 5) if largest > 0.0 else 0
+    # On which side of 0 an end lies is what a reader looks for.
+    while decimals < 5 and any(end != 0.0 and round(end, decimals) == 0.0 for end in (low, high)):
+        decimals += 1
+    return f"{_fixed(low, decimals)} to {_fixed(high, decimals)}"
+
+
+def _short(value: float, digits: int = 3) -> str:
+    text = f"{value:.0f}" if abs(value) >= 10.0**digits else f"{value:.{digits}g}"
+    return (f"{value:.0f}" if "e+" in text else text).replace("-", MINUS)
+
+
+def pair_table(found: AssessmentFindings) -> FigureTable:
+    """Nemenyi's p of every pair of conditions; the time of the peak is compared in each direction by itself.
+
+    Parameters
+    ----------
+    found : AssessmentFindings
+
+    Returns
+    -------
+    FigureTable
+    """
+    pairs = [(one, other) for i, one in enumerate(found.conditions) for other in found.conditions[i + 1 :]]
+    rows = []
+    for each in found.assessed.values():
+        if each.comparison.nemenyi is not None:
+            has = ({*pair} <= set(each.table.conditions) for pair in pairs)
+            cells = (p_text(each.comparison.pair(*pair)) if h else None for pair, h in zip(pairs, has, strict=True))
+            rows.append((each.table.index.short, *cells))
+    heads = ("Index", *(f"{one}, {other}" for one, other in pairs))
+    return FigureTable("Which conditions differ (Nemenyi's p)", heads, tuple(rows))
+
+
+def isochrony_table(found: AssessmentFindings) -> FigureTable:
+    """Straight lines of mean velocity over amplitude.
+
+    Parameters
+    ----------
+    found : AssessmentFindings
+
+    Returns
+    -------
+    FigureTable
+    """
+    rows = []
+    for line in found.isochrony:
+        r2 = np.array(line.velocity_r2)
+        sd = float(np.std(r2, ddof=1)) if len(r2) > 1 else None
+        described = float(r2.mean()), sd, float(r2.min()), float(np.median(r2)), float(r2.max())
+        rows.append((line.condition, line.direction, *described, line.velocity_slope, line.velocity_intercept))
+    heads = ("", "", "R²", "SD", "Min", "Median", "Max", "Slope", "Offset")
+    title = "Isochrony: mean velocity (rad/s) = slope (1/s) × amplitude + offset; R² of each participant"
+    return FigureTable(title, heads, tuple(rows))
+
+
+def sensitivity_table(found: AssessmentFindings) -> FigureTable:
+    """Changes from control, and Friedman's p, by other filters, thresholds and ends of movements.
+
+    Parameters
+    ----------
+    found : AssessmentFindings
+
+    Returns
+    -------
+    FigureTable
+    """
+    rules = tuple(dict.fromkeys(s.words for s in found.sensitivity))
+    cells = {(s.words, s.index, s.condition): s for s in found.sensitivity}
+    rows: list[tuple] = []
+    for index, condition in dict.fromkeys((s.index, s.condition) for s in found.sensitivity):
+        own = [cells.get((rule, index, condition)) for rule in rules]
+        changes = (None if s is None or np.isnan(s.change) else _fixed(100.0 * s.change, 1) for s in own)
+        rows.append((INDICES[index].short, f"{condition} %", *changes))
+        last = [c for i, c in dict.fromkeys((s.index, s.condition) for s in found.sensitivity) if i == index][-1]
+        if condition == last:
+            rows.append((INDICES[index].short, "p", *(None if s is None else p_text(s.p_value) for s in own)))
+    title = f"Change from {found.control} by other filters, thresholds and ends of movements (first column: as chosen)"
+    return FigureTable(title, ("Index", "", *rules), tuple(rows))
+
+
+def range_table(found: AssessmentFindings) -> FigureTable:
+    """How far changes from control move with filters, thresholds and ends of movements; `sensitivity_table` has all.
+
+    Parameters
+    ----------
+    found : AssessmentFindings
+
+    Returns
+    -------
+    FigureTable
+    """
+    rows = []
+    for index, condition in dict.fromkeys((s.index, s.condition) for s in found.sensitivity):
+        own = [s for s in found.sensitivity if (s.index, s.condition) == (index, condition) and np.isfinite(s.change)]
+        changes = [100.0 * s.change for s in own]
+        p = [s.p_value for s in own if np.isfinite(s.p_value)]
+        told = (p_text(min(p)), p_text(max(p))) if p else (None, None)
+        cells = (_fixed(each, 1) for each in (changes[0], min(changes), max(changes)))
+        rows.append((INDICES[index].short, condition, *cells, *told))
+    title = f"Change from {found.control} (%) as chosen, and over all filters, thresholds and ends tried"
+    return FigureTable(title, ("Index", "", "Chosen", "Least", "Most", "p from", "to"), tuple(rows))

@@ -1,0 +1,187 @@
+"""Are these recordings fit to be assessed? What is wrong with the movements in them, by name."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+
+import numpy as np
+
+from ..._errors import RecordingError
+from ...recordings.quality import Fault
+from ...recordings.recording import Recording
+from ...recordings.study import Study
+from ...recordings.study_procedures import Assessment
+from ...signals.amplitude_check import MISTAKEN, strays
+from ...signals.emg_quality import inspect_emg
+from ...signals.movements import Movement, MovementRule
+from ...signals.pointing import PointingRecord, assessed, labels, pointing_record
+
+SCALE = (0.75, 1.35)
+"""Measured over labelled amplitudes, in the median, beyond which labels or angle have another unit or zero ..."""
+
+MISSED = (0.5, 2.0)
+"""... and where people aimed at targets with a robot on, which may keep them from getting there."""
+
+TOLD = 0.02
+"""Seconds from which on it is told that two clocks parted; what is less is taken back all the same."""
+
+LEFT_OUT = 0.2
+"""Share of a recording's movements that may be left out before it is told."""
+
+
+def assessment_faults(study: Study) -> list[Fault]:
+    """What is wrong with recordings that are to be assessed.
+
+    Parameters
+    ----------
+    study : Study
+        With a table ``[assessment]``.
+
+    Returns
+    -------
+    list of Fault
+
+    Raises
+    ------
+    RecordingError
+        If a file cannot be read at all.
+    """
+    spec = study.config.assessment
+    faults: list[Fault] = []
+    records = []
+    for recording in assessed(study.recordings()):
+        try:
+            records.append(pointing_record(recording, spec))
+        except RecordingError as error:
+            faults.append(_refused(recording, spec, str(error)))
+        if spec.agonists or spec.antagonists:
+            faults += inspect_emg(recording.streams.get(spec.emg, recording))
+    named = labels(records)
+    for record in records:
+        faults += pointing_faults(record, spec, named)
+    faults += _missing_conditions(study, [record.recording for record in records])
+    return faults
+
+
+def _refused(recording: Recording, spec: Assessment, message: str) -> Fault:
+    return Fault("refuse", "movements", recording.path.name, spec.angle, message, "movements", message)
+
+
+def _missing_conditions(study: Study, recordings: Sequence[Recording]) -> list[Fault]:
+    conditions = list(dict.fromkeys(recording.condition for recording in recordings))
+    faults = []
+    for person in dict.fromkeys(recording.participant for recording in recordings):
+        own = {recording.condition for recording in recordings if recording.participant == person}
+        absent = ", ".join(condition for condition in conditions if condition not in own)
+        if absent:
+            message = f"participant {person}: found no recording in {absent}: left out of every comparison"
+            faults.append(Fault("note", "condition", "study.toml", "", absent, "every condition", message))
+    return faults
+
+
+def pointing_faults(record: PointingRecord, spec: Assessment, labels: Sequence[float]) -> list[Fault]:
+    """What is wrong with the movements of a recording.
+
+    Parameters
+    ----------
+    record : PointingRecord
+    spec : Assessment
+    labels : sequence of float
+        All amplitudes that the study labels, without sign [rad].
+
+    Returns
+    -------
+    list of Fault
+        Of the kinds ``"amplitude"`` and ``"movements"`` (refused), ``"left_out"``, ``"missed"``, ``"drift"`` and
+        ``"lost_marker"`` (noted).
+    """
+    _, found, left_out = record.movements(MovementRule(spec.lowpass, spec.order, spec.threshold))
+    faults = []
+    total = len(found) + len(left_out)
+
+    def add(severity: str, kind: str, what: str, expected: str) -> None:
+        message = f"{record.where}, {record.source}: found {what}, expected {expected}"
+        faults.append(Fault(severity, kind, record.recording.path.name, record.source, what, expected, message))
+
+    reasons = Counter(each.kind for each in left_out)
+    # Who cannot hold a robot still is not at rest when the next target comes: that is what the robot does to people.
+    restless = reasons["unfinished"] if spec.target in record.recording and _worn(record, spec) else 0
+    if len(left_out) - restless > 0.5 * total:
+        kind, _ = reasons.most_common(1)[0]
+        one = next(each for each in left_out if each.kind == kind)
+        what = f"{len(found)} movements in {total} stretches, most often {one.found} ({one.stretch.begin:.4g} s)"
+        add("refuse", "movements", what, one.expected)
+    elif len(left_out) > LEFT_OUT * total:
+        said = ", ".join(f"{count} {REASONS[kind]}" for kind, count in reasons.most_common())
+        add("note", "left_out", f"{len(left_out)} of {total} movements that had to be left out ({said})", "hardly any")
+    missing = ~np.isfinite(record.angle)
+    if missing.any():
+        share = 100.0 * float(missing.mean())
+        what = f"an angle that is missing in {share:.2g} % of the samples{_which_marker(record, spec)}"
+        add("note", "lost_marker", what, "all of them")
+    if abs(record.drift) * (record.time[-1] - record.time[0]) > TOLD:
+        what = f"a clock that runs {1e6 * record.drift:+.0f} millionths fast against the channel position's"
+        add("note", "drift", what, "one clock; it was corrected")
+    named = [m for m in found if m.amplitude is not None]
+    if named:
+        faults += _label_faults(record, spec, named, np.asarray(labels))
+    return faults
+
+
+def _worn(record: PointingRecord, spec: Assessment) -> bool:
+    return record.recording.condition != spec.control
+
+
+def _which_marker(record: PointingRecord, spec: Assessment) -> str:
+    """Which of the segment's markers was lost how often, where the angle is one of markers."""
+    optical = record.recording.optical
+    if not spec.segment or optical is None:
+        return ""
+    gone = {name: float(np.mean(~np.isfinite(optical.markers[name][:, 0]))) for name in spec.segment}
+    return " (" + ", ".join(f"{name} lost in {100.0 * each:.2g} %" for name, each in gone.items() if each) + ")"
+
+
+REASONS = {
+    "lost": "with a marker lost",
+    "still": "that did not reach half-way",
+    "direction": "the other way",
+    "no_peak": "without a clear peak of the speed",
+    "too_few_samples": "with too few samples",
+    "unfinished": "not finished when the next target came",
+}
+"""What `NoMovement.kind` says, after a number."""
+
+
+def _label_faults(
+    record: PointingRecord, spec: Assessment, named: Sequence[Movement], labels: np.ndarray
+) -> list[Fault]:
+    reach = np.array([m.reach for m in named])
+    label = np.array([m.amplitude for m in named])
+    name = record.recording.path.name
+    aimed = spec.target in record.recording
+
+    def fault(severity: str, kind: str, what: str, expected: str) -> list[Fault]:
+        channel = spec.target if aimed else "amplitude"
+        message = f"{record.where}, {channel}: found {what}, expected {expected}"
+        return [Fault(severity, kind, name, channel, what, expected, message)]
+
+    scale = float(np.median(reach / label))
+    allowed = MISSED if aimed and _worn(record, spec) else SCALE
+    if not allowed[0] <= scale <= allowed[1]:
+        return fault(
+            "refuse",
+            "amplitude",
+            f"movements {scale:.3g} times as large as their labels say",
+            "amplitudes as labelled: look at the units of angle and target, and at what the angle is an angle of",
+        )
+    found = strays(reach, label, labels)
+    share = float(found.wrong.mean())
+    if found.mislabelled or (share > MISTAKEN and not aimed):
+        said = found.mislabelled or f"{int(found.wrong.sum())} of {len(named)} movements {found.commonest(label)}"
+        return fault("refuse", "amplitude", said, "movements that go as far as their labels say")
+    if share > MISTAKEN:
+        miss = np.degrees(float(np.median(np.abs(reach - label)[found.wrong])))
+        what = f"{int(found.wrong.sum())} of {len(named)} movements that missed by {miss:.2g} deg in the median"
+        return fault("note", "missed", f"{what}, nearer to another target", "targets that are reached; they are used")
+    return []

@@ -1,0 +1,265 @@
+"""What an assessment found and what it did not, in sentences that do not say more than the numbers do."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ...assessment.indices import INDICES
+from ...assessment.signed_rank import smallest_p
+from ...fit.parameter import Verdict
+from .assessment_tables import UNITS
+from .pointing_faults import REASONS
+
+if TYPE_CHECKING:
+    from ...assessment.comparison import AgainstControl
+    from .assessment_findings import Assessed, AssessmentFindings
+
+MAIN = ("duration", "vmax", "end_absolute", "emgacc", "torque_rms", "emg_level")
+"""Indices that the paragraph goes through; of the others it says whether conditions differ."""
+
+ISOCHRONOUS = 0.8
+"""Mean R² of amplitude and mean velocity from which on the relation counts as kept."""
+
+
+def headline(found: AssessmentFindings) -> str:
+    """The result in one sentence.
+
+    Parameters
+    ----------
+    found : AssessmentFindings
+
+    Returns
+    -------
+    str
+    """
+    who = f"{len(found.participants)} participant" + ("s" if len(found.participants) != 1 else "")
+    said = f"{len(found.conditions)} conditions, {who}, {found.movements} movements"
+    duration = found.assessed.get("duration")
+    if duration is None or not duration.comparison.against_control:
+        return f"{said}."
+    parts = [
+        f"{a.condition} {_percent(a.relative)}" for a in duration.comparison.against_control if a.relative is not None
+    ]
+    return f"{said}; duration against {found.control}: {', '.join(parts)}."
+
+
+def paragraph(found: AssessmentFindings) -> str:
+    """What was found and what was not; what belongs to one index stands apart, behind an empty line.
+
+    Parameters
+    ----------
+    found : AssessmentFindings
+
+    Returns
+    -------
+    str
+    """
+    alpha = 1.0 - found.confidence
+    n = len(found.participants)
+    parts = [
+        [
+            f"{n} participant{'s' if n != 1 else ''} made {found.movements} movements in {len(found.conditions)} "
+            f"conditions ({', '.join(found.conditions)}; control: {found.control})."
+        ]
+    ]
+    if n < 2:
+        parts[0].append("With one participant there is no test: the figures describe this person and nobody else.")
+    parts += [_index_sentences(found, found.assessed[name], alpha) for name in MAIN if name in found.assessed]
+    rest = _other_indices(found, alpha)
+    if n > 2 and any(_told_apart(found, each, alpha) is False for each in found.assessed.values()):
+        rest.append(
+            f"A condition that no test tells from {found.control} is not thereby equal to it: its interval "
+            "(CI, by bootstrap over participants) says how large the change may be."
+        )
+    parts += [rest, _isochrony_sentence(found) + ([_limits(found, alpha)] if n > 1 else [])]
+    return "\n\n".join(" ".join(part) for part in parts if part)
+
+
+def _told_apart(found: AssessmentFindings, each: Assessed, alpha: float) -> bool | None:
+    """Whether Friedman's and Nemenyi's tests tell every condition from control; None without a test against it."""
+    if each.comparison.p_value is None or not each.comparison.against_control:
+        return None
+    if each.table.index.over_control:
+        return each.comparison.p_value < alpha
+    pairs = (each.comparison.pair(found.control, a.condition) for a in each.comparison.against_control)
+    return each.comparison.p_value < alpha and all(p < alpha for p in pairs)
+
+
+def _index_sentences(found: AssessmentFindings, each: Assessed, alpha: float) -> list[str]:
+    index, compared = each.table.index, each.comparison
+    factor, unit = index.shown
+    unit = UNITS.get(unit, unit)
+    against = {a.condition: a for a in compared.against_control}
+    parts = []
+    for condition in each.table.conditions:
+        mean = float(factor * np.mean(each.table.column(condition)))
+        own = against.get(condition)
+        change = _plain_change(found, each, condition) if own is None else _change(found, each, own)
+        if index.over_control:
+            told, _, interval = (change or _percent(mean)).partition(", ")
+            parts.append(f"{told} in {condition}" + (f" ({interval})" if interval else ""))
+            continue
+        parts.append(f"{mean:.3g}{' ' if unit else ''}{unit} in {condition}" + (f" ({change})" if change else ""))
+    said = [f"{_mean_of(index.words)} was {_listed(parts)}."]
+    if index.over_control:
+        said = [f"EMG over acceleration (EMG/Acc) changed from {found.control} by {_listed(parts)}."]
+    if compared.friedman is None:
+        return said
+    test = compared.friedman
+    exact = "exact " if test.exact_p_value is not None else ""
+    result = f"Friedman's χ²({test.degrees_of_freedom}) = {test.statistic:.3g}, {exact}{_p(compared.p_value)}"
+    if compared.p_value >= alpha:
+        return [*said, f"No difference between conditions was found ({result})."]
+    pairs = [
+        (a, b, compared.pair(a, b))
+        for i, a in enumerate(compared.conditions)
+        for b in compared.conditions[i + 1 :]
+        if compared.pair(a, b) < alpha
+    ]
+    which = _listed([f"{a} from {b} ({_p(q)})" for a, b, q in pairs])
+    told = f"Nemenyi's test told {which}" if pairs else "Nemenyi's test could not say which"
+    return [*said, f"Conditions differed ({result}); {told}."]
+
+
+def _mean_of(words: str) -> str:
+    """``Duration`` becomes ``Mean duration``; a name that begins with an abbreviation keeps its capitals."""
+    return f"Mean {words if words[:2].isupper() else words[:1].lower() + words[1:]}"
+
+
+def _change(found: AssessmentFindings, each: Assessed, own: AgainstControl) -> str:
+    """A change from control with its interval, in % where that says something."""
+    share = each.share_of_control(found.control)
+    scale, unit = (each.table.index.shown[0], "") if share is None else (100.0 / share, " %")
+    text = f"{_signed(scale * own.change)}{unit}"
+    if np.isnan(own.interval[0]):
+        return text
+    low, high = (scale * end for end in own.interval)
+    return f"{text}, {100 * found.confidence:g} % CI {_signed(low)} to {_signed(high)}{unit}"
+
+
+def _plain_change(found: AssessmentFindings, each: Assessed, condition: str) -> str:
+    """A change from control without a test, of one participant."""
+    share = each.share_of_control(found.control)
+    if len(each.table.values) > 1 or share is None or each.table.index.over_control or condition == found.control:
+        return ""
+    return f"{_signed(100.0 * (float(each.table.column(condition).mean()) / share - 1.0))} %"
+
+
+def _other_indices(found: AssessmentFindings, alpha: float) -> list[str]:
+    others = [e for e in found.assessed.values() if e.name not in MAIN and e.comparison.p_value is not None]
+    differ = [e for e in others if e.comparison.p_value < alpha]
+    same = [e for e in others if e.comparison.p_value >= alpha]
+
+    def named(each: Assessed) -> str:
+        return f"{_mean_of(each.table.index.words)[5:]} ({_p(each.comparison.p_value)})"
+
+    said = [f"Conditions also differed in {_listed(list(map(named, differ)))}."] if differ else []
+    return said + ([f"No difference was found in {_listed(list(map(named, same)))}."] if same else [])
+
+
+def _listed(parts: Sequence[str]) -> str:
+    return " and ".join([", ".join(parts[:-1]), parts[-1]] if len(parts) > 1 else parts)
+
+
+def _isochrony_sentence(found: AssessmentFindings) -> list[str]:
+    if not found.isochrony:
+        return []
+    means = {(line.condition, line.direction): float(np.mean(line.velocity_r2)) for line in found.isochrony}
+    (condition, direction), lowest = min(means.items(), key=lambda item: item[1])
+    where = f"{lowest:.2f}, in {condition} {direction}wards"
+    if lowest >= ISOCHRONOUS:
+        said = f"grew with amplitude along a straight line in every condition (mean R² at least {where})"
+    else:
+        said = f"did not grow with amplitude along a straight line in every condition (mean R² as low as {where})"
+    return [
+        f"Mean velocity {said}; this relation alone says little about transparency, since it survives a robot that "
+        "slows people down."
+    ]
+
+
+def _limits(found: AssessmentFindings, alpha: float) -> str:
+    n, m = len(found.participants), len(found.conditions) - 1
+    best = m * smallest_p(n)
+    if best >= alpha:
+        return (
+            f"With {n} participants the signed-rank test against control cannot give less than p = {best:.2g} after "
+            f"correction for {m} comparison{'s' if m != 1 else ''}, whatever the effect."
+        )
+    planned = [each for each in found.needed if each.change is not None]
+    short = [each for each in planned if each.participants is not None and each.participants > n]
+    if short:
+        each = min(short, key=lambda e: e.participants)
+        return (
+            f"A change of {INDICES[each.index].words.lower()} by {100 * each.change:g} % would have needed about "
+            f"{each.participants} participants to be found in 8 of 10 studies."
+        )
+    enough = [each for each in planned if each.participants is not None]
+    if not enough:
+        return "How many participants would be needed cannot be told from fewer than three."
+    each = min(enough, key=lambda e: (e.index != "duration", e.change))
+    return (
+        f"There were participants enough to find a change of {INDICES[each.index].words.lower()} by "
+        f"{100 * each.change:g} % in 8 of 10 studies like this one."
+    )
+
+
+def verdicts(found: AssessmentFindings, notes: Sequence[str] = ()) -> tuple[Verdict, ...]:
+    """What a reader must know before using the numbers.
+
+    Parameters
+    ----------
+    found : AssessmentFindings
+    notes : sequence of str
+        On recordings.
+
+    Returns
+    -------
+    tuple of Verdict
+    """
+    said = [
+        Verdict("warning", f"{person} is left out of every comparison: {why}.") for person, why in found.without.items()
+    ]
+    if len(found.participants) == 1:
+        said.append(
+            Verdict("warning", f"Only {found.participants[0]} can be compared: one participant, so nothing is tested.")
+        )
+    total = sum(found.left_out.values())
+    if total:
+        words = ", ".join(
+            f"{n} {REASONS.get(why, 'that went as far as another label')}" for why, n in found.left_out.items()
+        )
+        said.append(Verdict("note", f"{total} of {total + found.movements} movements were left out: {words}."))
+    said += _filter_verdicts(found)
+    said += [Verdict("note", note) for note in notes]
+    return tuple(said)
+
+
+def _filter_verdicts(found: AssessmentFindings) -> list[Verdict]:
+    """Does another filter or rule turn a result around?"""
+    alpha = 1.0 - found.confidence
+    turned = []
+    for index in dict.fromkeys(s.index for s in found.sensitivity):
+        p = {s.words: s.p_value for s in found.sensitivity if s.index == index and np.isfinite(s.p_value)}
+        yes, no = ([words for words, q in p.items() if (q < alpha) == differs] for differs in (True, False))
+        if yes and no:
+            said = f"only with {_listed(yes)}" if len(yes) <= len(no) else f"not with {_listed(no)}"
+            turned.append(f"{_mean_of(INDICES[index].words)[5:]} ({said})")
+    if not turned:
+        return []
+    text = f"Whether conditions differ hangs on the filter or on where movements end: {'; '.join(turned)}."
+    return [Verdict("warning", text)]
+
+
+def _percent(share: float) -> str:
+    return f"{100.0 * share:+.1f} %"
+
+
+def _signed(value: float) -> str:
+    return f"{value:+.0f}" if abs(value) >= 100.0 else f"{value:+.1f}"
+
+
+def _p(p: float) -> str:
+    return "p < 0.001" if p < 1e-3 else f"p = {p:.3f}"

@@ -1,0 +1,241 @@
+"""Figures of an orthosis and its wearers: gravity, response to a torque, limbs, the mismatch, what is known of straps.
+
+Angles are drawn in degrees. Fitted is blue, held out is orange, what was measured is dark grey, on every figure.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from ...fit.joint.gravity_holds import GravityFit, line_of_best_fit
+from ...fit.parameter import Parameter
+from ...fit.strap.wearer_coupling import JudgedSwing
+from ...fit.transfer.transfer_function_fit import Response
+from ...pages.drawing import Drawing, Head, dots, heads, key, line, one_panel, tidy
+from ...pages.quantities import number, unit_text
+from ...pages.style import FIGURE_WIDTH, colour
+from .coupling_findings import WearerStages
+
+SHOWN = 12.0
+"""Seconds of a response or a swing that are drawn."""
+DOT = 5.0
+"""Diameter of a hold, in points."""
+ROOM = 0.14
+"""Share of a panel's height that is kept free of curves for the names of its lines."""
+STRAP = (("stiffness", "Stiffness"), ("damping", "Damping"), ("inertia", "Inertia"))
+"""What is known of a strap, and how it is called."""
+
+
+def gravity_figure(fit: GravityFit) -> Drawing:
+    """Torque that holds the orthosis, over its angle: holds, the sine through them, and the published straight line.
+
+    Parameters
+    ----------
+    fit : GravityFit
+
+    Returns
+    -------
+    Drawing
+    """
+    figure, axis = one_panel(3.6)
+    axis.axhline(0.0, color=colour("faint"), linewidth=0.8, zorder=1)
+    angle = np.array([h.angle for h in fit.holds])
+    torque = np.array([h.torque for h in fit.holds])
+    span = np.linspace(angle.min(), angle.max(), 121)
+    straight = line_of_best_fit(angle, torque)
+    line(axis, np.degrees(span), straight.slope * span + straight.intercept, color=colour("stribeck"), linewidth=1.2)
+    line(axis, np.degrees(span), fit.torque(span), color=colour("fitted"), linewidth=1.8)
+    dots(axis, np.degrees(angle), torque, colour("measured"), alpha=0.9, size=DOT)
+    tidy(axis, first=True, text="Torque (N·m)")
+    axis.set_xlabel("Angle from hanging (deg)")
+    names = [("holds", colour("measured")), ("m g l sin", colour("fitted")), ("line", colour("stribeck"))]
+    key(axis, names, room=ROOM)
+    return Drawing(
+        "gravity",
+        figure,
+        "Torque that holds the orthosis still. The sine leaves "
+        f"{1e3 * float(np.abs(fit.residual).max()):.0f} mN·m at most, the straight line of the published method "
+        f"{1e3 * straight.largest_residual:.0f} mN·m; its slope is {straight.slope:.3f} N·m/rad.",
+    )
+
+
+def response_figure(pendulum: Response, linear: Response) -> Drawing:
+    """The orthosis's answer to a torque it was not fitted to: measured, by the pendulum, by the published form.
+
+    Parameters
+    ----------
+    pendulum, linear : Response
+        Of the same recording.
+
+    Returns
+    -------
+    Drawing
+    """
+    figure, axis = one_panel(3.4)
+    start = pendulum.time[0]
+    shown = pendulum.time <= start + SHOWN
+    for values, role, width in (
+        (pendulum.measured, "measured", 2.6),
+        (linear.simulated, "stribeck", 1.2),
+        (pendulum.simulated, "heldout", 1.2),
+    ):
+        line(axis, pendulum.time[shown] - start, np.degrees(values[shown]), color=colour(role), linewidth=width)
+    tidy(axis, first=True, text="Angle (deg)")
+    axis.set_xlabel("Time (s)")
+    names = [("measured", colour("measured")), ("pendulum", colour("heldout")), ("two poles", colour("stribeck"))]
+    key(axis, names, room=ROOM)
+    rest = f"pendulum {pendulum.fit:.1f} %, two poles {linear.fit:.1f} %"
+    heads([axis], [Head(pendulum.recording.replace("_", " "), rest, colour("heldout"))])
+    return Drawing(
+        "response",
+        figure,
+        "The orthosis's answer to a torque of another amplitude than was fitted: measured, simulated as a pendulum "
+        "with friction, and by the published transfer function with two poles. Only initial states are estimated here.",
+    )
+
+
+def limbs_figure(orthosis: GravityFit, wearers: Mapping[str, WearerStages]) -> Drawing:
+    """What each limb adds to the torque that holds the orthosis, over the angle.
+
+    Parameters
+    ----------
+    orthosis : GravityFit
+    wearers : mapping of str to WearerStages
+        Those with a limb.
+
+    Returns
+    -------
+    Drawing
+    """
+    figure = Figure(figsize=(FIGURE_WIDTH, 3.4), layout="constrained")
+    panels = np.atleast_1d(figure.subplots(1, len(wearers), sharey=True))
+    texts = []
+    for axis, (who, stages) in zip(panels, wearers.items(), strict=True):
+        limb = stages.limb
+        axis.axhline(0.0, color=colour("faint"), linewidth=0.8, zorder=1)
+        holds = [h for trial in limb.trials for h in trial]
+        angle = np.array([h.angle for h in holds])
+        added = np.array([h.torque for h in holds]) - orthosis.torque(angle)
+        span = np.linspace(angle.min(), angle.max(), 121)
+        drawn = limb.gravity.value * np.sin(span - limb.zero.value)
+        line(axis, np.degrees(span), drawn, color=colour("fitted"), linewidth=1.8)
+        dots(axis, np.degrees(angle), added, colour("measured"), alpha=0.8, size=DOT)
+        tidy(axis, first=axis is panels[0], text="Torque (N·m)")
+        axis.set_xlabel("Angle (deg)")
+        size = number(limb.gravity.value, limb.gravity.standard_error)
+        texts.append(Head(who, f"{size} N·m", colour("fitted")))
+    heads(list(panels), texts)
+    return Drawing(
+        "limbs",
+        figure,
+        "Torque that a relaxed limb on a rigid plate adds to the orthosis's own, at every hold of every trial, and the "
+        "sine through them.",
+    )
+
+
+def mismatch_figure(who: str, swing: JudgedSwing) -> Drawing:
+    """The mismatch in one swing: by the IMU, and by the models.
+
+    Parameters
+    ----------
+    who : str
+        Participant.
+    swing : JudgedSwing
+
+    Returns
+    -------
+    Drawing
+    """
+    figure, axis = one_panel(3.2)
+    axis.axhline(0.0, color=colour("faint"), linewidth=0.8, zorder=1)
+    middle = 0.5 * (swing.time[0] + swing.time[-1])
+    shown = np.abs(swing.time - middle) <= 0.5 * SHOWN
+    time = swing.time[shown]
+    entries = [("IMU", colour("measured"))]
+    line(axis, time, np.degrees(swing.seen[shown]), color=colour("measured"), linewidth=2.6, alpha=0.7)
+    if "published" in swing.simulated:
+        line(axis, time, np.degrees(swing.simulated["published"][shown]), color=colour("stribeck"), linewidth=1.1)
+        entries.append(("as published", colour("stribeck")))
+    role = "heldout" if swing.split == "heldout" else "fitted"
+    line(axis, time, np.degrees(swing.simulated["orthosis"][shown]), color=colour(role), linewidth=1.4)
+    entries.insert(1, ("strap", colour(role)))
+    tidy(axis, first=True, text="Mismatch (deg)")
+    axis.set_xlabel("Time (s)")
+    key(axis, entries, room=ROOM)
+    rest = f"{swing.fit['orthosis']:.1f} % of what the IMU saw"
+    if np.isfinite(swing.ceiling):
+        rest += f"; {swing.ceiling:.1f} % if the model were perfect"
+    heads([axis], [Head(f"{who}, {swing.recording.replace('_', ' ')}", rest, colour(role))])
+    return Drawing(
+        f"mismatch_{who}",
+        figure,
+        f"Angle between limb and orthosis of {who}: by the IMU, and as the identified strap answers the torque that "
+        "the orthosis's balance gives. "
+        + ("This swing was not fitted." if role == "heldout" else "This swing was fitted.")
+        + (" The published equation has no strap in it." if len(entries) > 2 else ""),
+    )
+
+
+def straps_figure(wearers: Mapping[str, WearerStages], level: float) -> Drawing:
+    """Intervals of stiffness, damping and inertia, participant by participant, from either side.
+
+    Parameters
+    ----------
+    wearers : mapping of str to WearerStages
+    level : float
+        Of the intervals.
+
+    Returns
+    -------
+    Drawing
+    """
+    figure = Figure(figsize=(FIGURE_WIDTH, 1.5 + 0.5 * len(wearers)), layout="constrained")
+    panels = figure.subplots(1, len(STRAP), sharey=True)
+    names = list(wearers)
+    both = False
+    for axis, (attribute, word) in zip(panels, STRAP, strict=True):
+        axis.axvline(0.0, color=colour("faint"), linewidth=0.8, zorder=1)
+        for row, who in enumerate(names):
+            found = wearers[who].coupling
+            _interval(axis, row - 0.12, getattr(found.orthosis_side, attribute), level, "fitted")
+            if found.limb_side is not None and attribute != "inertia":
+                both = True
+                _interval(axis, row + 0.18, getattr(found.limb_side, attribute), level, "load")
+        unit = unit_text(getattr(wearers[names[0]].coupling.orthosis_side, attribute).unit)
+        tidy(axis, first=axis is panels[0])
+        axis.set_xlabel(f"{word} ({unit})")
+        axis.margins(x=0.08)
+    panels[0].set_yticks(range(len(names)), names)
+    panels[0].set_ylim(len(names) - 0.5, -0.6)
+    if both:
+        key(panels[1], [("orthosis's side", colour("fitted")), ("limb's side", colour("load"))])
+    limb = " The limb's side errs by its torque's own error, which its interval does not hold." if both else ""
+    return Drawing(
+        "straps",
+        figure,
+        f"What is known of every strap: values and {100.0 * level:.4g} % intervals. A strap has no inertia: that "
+        f"interval must hold zero.{limb}",
+    )
+
+
+def _interval(axis, row: float, parameter: Parameter, level: float, role: str) -> None:
+    low, high = parameter.interval(level)
+    axis.plot([low, high], [row, row], color=colour(role), linewidth=2.2, solid_capstyle="round", zorder=3)
+    dots(axis, np.array([parameter.value]), np.array([row]), colour(role), alpha=1.0, size=6.0)
+
+
+def drawn_swing(swings: Sequence[JudgedSwing]) -> JudgedSwing:
+    """The one to draw: the first that was held out, else the first.
+
+    Parameters
+    ----------
+    swings : sequence of JudgedSwing
+
+    Returns
+    -------
+    JudgedSwing
+    """
+    return next((s for s in swings if s.split == "heldout"), swings[0])

@@ -1,0 +1,334 @@
+"""What is written down of an orthosis and its wearers: tables, verdicts, figures with their ids, cards."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from importlib.metadata import version
+
+import numpy as np
+
+from ...fit.joint.gravity_holds import accuracy
+from ...fit.parameter import Parameter, Verdict
+from ...fit.strap.limb_alone import VISCOUS_SPREAD, LimbFit
+from ...fit.strap.limb_imu import ImuCalibration
+from ...fit.strap.limb_muscles import MuscleTorque
+from ...fit.strap.orthosis_alone import ORDER, OrthosisFit
+from ...fit.strap.published_coupling import PublishedCoupling
+from ...fit.strap.wearer_coupling import WearerCoupling
+from ...models.parameter_card import ParameterCard
+from ...recordings.results import ResultRow
+from ..result import FigureTable, Findings, ParameterTable
+
+WORDS: Mapping[str, str] = {
+    "winter": "Winter, knee to ankle",
+    "published": "Winter, knee to heel (as published)",
+    "de_leva": "de Leva",
+}
+"""Tables of shares, as a reader knows them."""
+LIMB_DAMPING = Parameter("damping", "N*m*s/rad", 0.0, VISCOUS_SPREAD, identifiable=False)
+"""Nothing recorded here tells a relaxed knee's damping."""
+GOOD_FIT = 95.0
+"""From here on [%] a model of the orthosis alone leaves nothing that matters."""
+
+
+@dataclass(frozen=True, eq=False)
+class WearerStages:
+    """What every stage found of one participant.
+
+    Attributes
+    ----------
+    calibration : ImuCalibration or None
+    limb : LimbFit or None
+    muscles : MuscleTorque or None
+    coupling : WearerCoupling
+    at_work : Mapping[str, str]
+        Relaxed trials in which muscles were at work, and what was seen.
+    dropped : Mapping[str, str]
+        Swings that could not be used, and why.
+    notes : tuple of str
+        Why a stage is missing.
+    """
+
+    calibration: ImuCalibration | None
+    limb: LimbFit | None
+    muscles: MuscleTorque | None
+    coupling: WearerCoupling
+    at_work: Mapping[str, str]
+    dropped: Mapping[str, str]
+    notes: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class CouplingFindings(Findings):
+    """An orthosis and its wearers.
+
+    Attributes
+    ----------
+    orthosis : OrthosisFit
+    wearers : Mapping[str, WearerStages]
+        By participant.
+    refused : Mapping[str, str]
+        Participants whose strap could not be identified, and why.
+    """
+
+    orthosis: OrthosisFit
+    wearers: Mapping[str, WearerStages]
+    refused: Mapping[str, str]
+
+
+def coupling_findings(
+    study: str,
+    orthosis: OrthosisFit,
+    wearers: Mapping[str, WearerStages],
+    refused: Mapping[str, str],
+    notes: Mapping[str, str],
+    checksums: Mapping[str, str],
+    confidence: float,
+) -> CouplingFindings:
+    """Tables, verdicts, rows and cards of what the stages found.
+
+    Parameters
+    ----------
+    study : str
+    orthosis : OrthosisFit
+    wearers : mapping of str to WearerStages
+    refused : mapping of str to str
+        Participants without a result, and why.
+    notes : mapping of str to str
+        What was undone in recordings, by name.
+    checksums : mapping of str to str
+    confidence : float
+
+    Returns
+    -------
+    CouplingFindings
+    """
+    return CouplingFindings(
+        study=study,
+        headline=_headline(orthosis, wearers),
+        tables=tuple(_tables(orthosis, wearers)),
+        verdicts=tuple(_verdicts(orthosis, wearers, refused, notes)),
+        rows=tuple(_rows(study, orthosis, wearers, refused, checksums, confidence)),
+        cards=_cards(study, orthosis, wearers, checksums, confidence),
+        checksums=checksums,
+        confidence=confidence,
+        orthosis=orthosis,
+        wearers=wearers,
+        refused=refused,
+    )
+
+
+def _headline(orthosis: OrthosisFit, wearers: Mapping[str, WearerStages]) -> str:
+    held = [w.coupling.mean_fit() for w in wearers.values()]
+    straps = ", ".join(f"{who} {w.coupling.orthosis_side.stiffness.value:.3g} N*m/rad" for who, w in wearers.items())
+    judged = f", which explain {np.nanmean(held):.1f} % of held-out mismatch" if np.isfinite(held).any() else ""
+    return f"Straps of {straps}{judged}; orthosis {orthosis.mean_fit():.1f} % held out."
+
+
+def _tables(orthosis: OrthosisFit, wearers: Mapping[str, WearerStages]) -> Iterator[ParameterTable | FigureTable]:
+    yield ParameterTable("Orthosis", orthosis.parameters)
+    yield ParameterTable("Orthosis, published form", orthosis.linear.physical)
+    rows = [
+        (name, orthosis.checks[name].fit, orthosis.linear_checks[name].fit, orthosis.checks[name].rmse)
+        for name in orthosis.checks
+    ]
+    if rows:
+        heads = ("Recording", "Pendulum [%]", "Published form [%]", "RMSE [rad]")
+        yield FigureTable("Orthosis, held out", heads, tuple(rows))
+    for who, stages in wearers.items():
+        fit = stages.coupling.orthosis_side
+        yield ParameterTable(f"{who}: strap", fit.parameters)
+        if stages.limb is not None:
+            known = tuple(p for p in (stages.limb.gravity, stages.limb.inertia) if np.isfinite(p.value))
+            yield ParameterTable(f"{who}: limb", known)
+    heads = ("Participant", "Split", "Recording", "Orthosis side [%]", "Limb side [%]", "Published [%]", "Ceiling [%]")
+    judged = [
+        (who, j.split, j.recording, *(j.fit.get(n) for n in ("orthosis", "limb", "published")), _known(j.ceiling))
+        for who, stages in wearers.items()
+        for j in stages.coupling.judged
+    ]
+    yield FigureTable("Mismatch explained", heads, tuple(judged))
+
+
+def _known(value: float) -> float | None:
+    return value if np.isfinite(value) else None
+
+
+def _verdicts(
+    orthosis: OrthosisFit,
+    wearers: Mapping[str, WearerStages],
+    refused: Mapping[str, str],
+    notes: Mapping[str, str],
+) -> Iterator[Verdict]:
+    reached, linear = orthosis.mean_fit(), orthosis.mean_fit(linear=True)
+    if np.isfinite(reached):
+        yield Verdict(
+            "good" if reached >= GOOD_FIT else "warning",
+            f"The orthosis as a pendulum with friction fits sines it was not fitted to by {reached:.1f} %, the "
+            f"published form, in which a spring stands for gravity, by {linear:.1f} %.",
+        )
+    for name, reason in orthosis.pendulum.reasons.items():
+        yield Verdict("note", f"The orthosis's {name} is at its bound: {reason}")
+    for who, stages in wearers.items():
+        yield from stages.coupling.verdicts
+        for name, why in stages.at_work.items():
+            yield Verdict("warning", f"{who}: {name} was not relaxed and is not used: {why}.")
+        for name, why in stages.dropped.items():
+            yield Verdict("warning", f"{who}: {name} is not used: {why}.")
+        for note in stages.notes:
+            yield Verdict("warning", f"{who}: {note}.")
+    for who, why in refused.items():
+        yield Verdict("warning", f"{who}: refused. {why}.")
+    for name, note in notes.items():
+        yield Verdict("note", f"{name}: {note}.")
+
+
+# --- figures --------------------------------------------------------------------------------------------------------
+
+
+def _rows(
+    study: str,
+    orthosis: OrthosisFit,
+    wearers: Mapping[str, WearerStages],
+    refused: Mapping[str, str],
+    checksums: Mapping[str, str],
+    confidence: float,
+) -> Iterator[ResultRow]:
+    def row(what: str, value, unit: str, split: str, note: str = "", checksum: str | None = None) -> ResultRow:
+        return ResultRow(f"{study}.{what}", value, unit, "identify", split, checksum, note)
+
+    def parameter(what: str, p: Parameter, extra: str = "") -> ResultRow:
+        low, high = p.interval(confidence)
+        note = f"{100.0 * confidence:.4g} % interval {low:.6g} to {high:.6g}" + ("; at its bound" if p.at_bound else "")
+        return row(what, p.value, p.unit, "fitted", "; ".join(filter(None, [note, extra])))
+
+    for p in orthosis.parameters:
+        yield parameter(f"orthosis.{p.name}", p)
+    for p in orthosis.linear.physical:
+        yield parameter(f"orthosis.published_form.{p.name}", p)
+    for linear, name in ((False, "orthosis.fit"), (True, "orthosis.published_form.fit")):
+        yield row(f"{name}.fitted", orthosis.mean_fit("fitted", linear=linear), "%", "fitted", "mean over recordings")
+        note = "mean over recordings of another amplitude, initial states estimated"
+        yield row(name, _known(orthosis.mean_fit(linear=linear)), "%", "heldout", note)
+        checks = orthosis.linear_checks if linear else orthosis.checks
+        for recording, response in checks.items():
+            yield row(f"{name}.{recording}", response.fit, "%", "heldout", checksum=checksums.get(recording))
+    for who, stages in wearers.items():
+        yield from _limb_rows(who, stages, row, parameter)
+        yield from _coupling_rows(who, stages.coupling, row, parameter, checksums)
+    for who, why in refused.items():
+        yield row(f"{who}.coupling.fit", None, "%", "heldout", f"refused: {why}")
+
+
+def _limb_rows(who: str, stages: WearerStages, row, parameter) -> Iterator[ResultRow]:
+    if stages.calibration is not None:
+        note = "IMU on the orthosis against its encoder, the part not fitted"
+        yield row(f"{who}.imu.rmse", stages.calibration.sd, "rad", "heldout", note)
+    if stages.limb is not None:
+        yield parameter(f"{who}.limb.gravity", stages.limb.gravity)
+        if np.isfinite(stages.limb.inertia.value):
+            yield parameter(f"{who}.limb.inertia", stages.limb.inertia, "shares of the body, scaled by gravity")
+        for table, segment in stages.limb.segments.items():
+            of_found, of_table = accuracy(stages.limb.gravity.value, segment.gravity())
+            near = f"agreement {of_found:.2f} % of the one found, {of_table:.2f} % of this one"
+            yield row(f"{who}.limb.gravity.{table}", segment.gravity(), "N*m", "fitted", f"{WORDS[table]}; {near}")
+    if stages.muscles is not None:
+        note = "plain linear map from EMG, repetition by repetition"
+        yield row(f"{who}.muscles.rmse", stages.muscles.rmse, "N*m", "heldout", note)
+
+
+def _coupling_rows(who: str, found: WearerCoupling, row, parameter, checksums) -> Iterator[ResultRow]:
+    head, fit = f"{who}.coupling", found.orthosis_side
+    yield parameter(f"{head}.k", fit.stiffness)
+    yield parameter(f"{head}.b", fit.damping)
+    yield parameter(f"{head}.inertia", fit.inertia, "must hold 0: a strap has none")
+    if found.limb_side is not None:
+        yield parameter(f"{head}.limb_side.k", found.limb_side.stiffness)
+        yield parameter(f"{head}.limb_side.b", found.limb_side.damping)
+    for form, literal in found.published.items():
+        yield from _published_rows(f"{head}.published_form.{form}", literal, row)
+    names = {"orthosis": "fit", "limb": "limb_side.fit", "published": "published_form.fit"}
+    against = "mean over swings not fitted, against the IMU's mismatch"
+    for model, name in names.items():
+        if any(model in j.fit for j in found.judged):
+            yield row(f"{head}.{name}", _known(found.mean_fit(model)), "%", "heldout", against)
+            yield row(f"{head}.{name}.fitted", _known(found.mean_fit(model, "fitted")), "%", "fitted")
+    yield row(f"{head}.ceiling", _known(found.mean_ceiling()), "%", "heldout", "what the IMU's own error allows")
+    for j in found.judged:
+        split = "heldout" if j.split == "heldout" else "fitted"
+        yield row(f"{head}.fit.{j.recording}", j.fit["orthosis"], "%", split, checksum=checksums.get(j.recording))
+        yield row(f"{head}.rmse.{j.recording}", j.rmse, "rad", split, checksum=checksums.get(j.recording))
+
+
+def _published_rows(head: str, literal: PublishedCoupling, row) -> Iterator[ResultRow]:
+    for name, value, unit in (
+        ("inertia", literal.inertia, "kg*m^2"),
+        ("b", literal.damping, "N*m*s/rad"),
+        ("k", literal.stiffness, "N*m/rad"),
+    ):
+        note = "at its bound" if {"b": "damping", "k": "stiffness"}.get(name, name) in literal.at_bound else ""
+        yield row(f"{head}.{name}", value, unit, "fitted", note)
+
+
+# --- cards ----------------------------------------------------------------------------------------------------------
+
+
+def _cards(
+    study: str,
+    orthosis: OrthosisFit,
+    wearers: Mapping[str, WearerStages],
+    checksums: Mapping[str, str],
+    confidence: float,
+) -> dict[str, ParameterCard]:
+    def card(kind: str, name: str, parameters, covariance, files: str | None, processing: str, **settings):
+        return ParameterCard(
+            kind,
+            study,
+            name,
+            tuple(p.on_card(confidence) for p in parameters),
+            tuple(tuple(float(x) for x in row) for row in np.atleast_2d(covariance)),
+            settings,
+            processing,
+            confidence,
+            {n: c for n, c in checksums.items() if files is None or n.startswith(f"{files}_")},
+            version("pellucid"),
+        )
+
+    by_name = {p.name: p for p in orthosis.parameters}
+    made = {
+        "orthosis": card(
+            "orthosis",
+            "orthosis",
+            [by_name[name] for name in ORDER],
+            orthosis.covariance,
+            None,
+            "gravity from holds; inertia and friction by output error on sines",
+            zero=float(orthosis.orthosis.zero),
+            torque_offset=float(orthosis.orthosis.offset),
+        )
+    }
+    for who, stages in wearers.items():
+        fit = stages.coupling.orthosis_side
+        made[f"{who}.coupling"] = card(
+            "coupling",
+            f"{who}.coupling",
+            [fit.stiffness, fit.damping],
+            fit.covariance,
+            who,
+            "output error on the IMU's angle, torque by the orthosis's balance",
+            participant=who,
+        )
+        if stages.limb is not None and np.isfinite(stages.limb.inertia.value):
+            limb = stages.limb
+            made[f"{who}.limb"] = card(
+                "limb",
+                f"{who}.limb",
+                [limb.inertia, limb.gravity, LIMB_DAMPING],
+                limb.limb.covariance,
+                who,
+                "gravity on a rigid plate, muscles at rest; inertia by shares of the body",
+                participant=who,
+                zero=float(limb.zero.value),
+            )
+    return made

@@ -1,0 +1,126 @@
+"""The report of an orthosis and its wearers: what was found, stage by stage, and which side of a strap to trust."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ...pages.drawing import draw
+from ...pages.page import Page, Section, Tile
+from ...pages.quantities import number, prose, unit_text
+from ...pages.tables import number_table
+from ...recordings.study import Study
+from ..study_page import figure_tables, parameter_tables, study_page
+from . import coupling_figures as figures
+from .coupling_findings import CouplingFindings
+
+NAMES = {"vqf": "VQF", "madgwick": "Madgwick's filter"}
+"""Of the ways from an IMU to an orientation."""
+
+
+def page(study: Study, findings: CouplingFindings) -> Page:
+    """Everything that was found, as a page.
+
+    Parameters
+    ----------
+    study : Study
+    findings : CouplingFindings
+
+    Returns
+    -------
+    Page
+    """
+    return study_page(
+        title=f"{findings.study}: wearers and their orthosis",
+        headline=prose(findings.headline),
+        tiles=_tiles(findings),
+        sections=(
+            _found(findings),
+            _orthosis(findings),
+            *([_limbs(findings)] if any(w.limb is not None for w in findings.wearers.values()) else []),
+            _straps(findings),
+            _provenance(study, findings),
+        ),
+    )
+
+
+def _tiles(findings: CouplingFindings) -> tuple[Tile, ...]:
+    gravity = findings.orthosis.gravity.gravity
+    tiles = [Tile("Orthosis, gravity", number(gravity.value, gravity.standard_error), "N·m", "held out horizontally")]
+    for who, stages in findings.wearers.items():
+        strap, reached = stages.coupling.orthosis_side.stiffness, stages.coupling.mean_fit()
+        more = f"explains {reached:.1f} % of held-out mismatch" if np.isfinite(reached) else "nothing is held out"
+        tiles.append(Tile(f"Strap, {who}", number(strap.value, strap.standard_error), unit_text(strap.unit), more))
+    return tuple(tiles)
+
+
+def _found(findings: CouplingFindings) -> Section:
+    return Section(
+        "coupling_found",
+        "What was found",
+        tuple(prose(v.text) for v in findings.verdicts if v.kind != "note"),
+        figure_tables(findings),
+        notes=tuple(prose(v.text) for v in findings.verdicts if v.kind == "note"),
+    )
+
+
+def _orthosis(findings: CouplingFindings) -> Section:
+    fit = findings.orthosis
+    drawings = [draw(figures.gravity_figure, fit.gravity)]
+    if fit.checks:
+        name = next(iter(fit.checks))
+        drawings.append(draw(figures.response_figure, fit.checks[name], fit.linear_checks[name]))
+    return Section(
+        "coupling_orthosis",
+        "The orthosis alone",
+        (
+            "Gravity comes from angles at which the orthosis was held, inertia and friction from sines that led it. "
+            "The published form has no gravity of its own: a spring has to stand for it, and fits one amplitude only.",
+        ),
+        parameter_tables(findings, "Orthosis"),
+        tuple(drawings),
+    )
+
+
+def _limbs(findings: CouplingFindings) -> Section:
+    known = {who: stages for who, stages in findings.wearers.items() if stages.limb is not None}
+    rows = []
+    for who, stages in known.items():
+        shares = {name: number(s.gravity(), digits=4) for name, s in stages.limb.segments.items()}
+        found = number(stages.limb.gravity.value, stages.limb.gravity.standard_error)
+        rows.append((who, found, *(shares.get(name, "–") for name in ("winter", "published", "de_leva"))))
+    heads = ("Participant", "Found", "Winter, knee to ankle", "Winter, knee to heel", "de Leva")
+    table = number_table(heads, rows, "Gravity of shank and foot (N·m): found, and by shares.", wide=False)
+    drawing = draw(figures.limbs_figure, findings.orthosis.gravity, known)
+    tables = (table, *parameter_tables(findings, ": limb"))
+    return Section("coupling_limbs", "The limbs", tables=tables, drawings=(drawing,))
+
+
+def _straps(findings: CouplingFindings) -> Section:
+    drawings = [draw(figures.straps_figure, findings.wearers, findings.confidence)]
+    for who, stages in findings.wearers.items():
+        drawings.append(draw(figures.mismatch_figure, who, figures.drawn_swing(stages.coupling.judged)))
+    return Section(
+        "coupling_straps",
+        "The straps",
+        (
+            "A strap's torque comes from the balance of one body; the mismatch answers it through stiffness and "
+            "damping. In the sum of both balances, as published, that torque cancels.",
+        ),
+        parameter_tables(findings, ": strap"),
+        tuple(drawings),
+    )
+
+
+def _provenance(study: Study, findings: CouplingFindings) -> Section:
+    asked = study.config.coupling
+    axes = 9 if asked.magnetometer else 6
+    return Section(
+        "coupling_provenance",
+        "How",
+        (
+            f"Limb angle by {NAMES[asked.orientation]} with {axes} axes; torque and angle low-passed alike at 15 Hz, "
+            "zero-phase; the IMU's clock, mounting and gain estimated with the strap. "
+            f"{len(findings.checksums)} recordings; their checksums are on the cards.",
+        ),
+        notes=study.notes,
+    )

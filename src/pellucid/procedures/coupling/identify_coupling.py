@@ -1,0 +1,297 @@
+"""A wearer strapped to an orthosis, in the published order: orthosis, IMU, limb, muscles, and then the strap.
+
+Every stage uses what the ones before it found. A stage that fails for one participant is told, and the others go on.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import replace
+
+import numpy as np
+
+from ..._errors import IdentificationError, PellucidError
+from ...fit.strap.limb_alone import fit_limb
+from ...fit.strap.limb_imu import calibrate_imu, limb_by_imu
+from ...fit.strap.limb_muscles import Levels, MuscleTorque, at_work, envelopes, find_levels, fit_muscle_torque
+from ...fit.strap.orthosis_alone import OrthosisFit, fit_orthosis
+from ...fit.strap.strap_torque import Swing
+from ...fit.strap.wearer_coupling import identify_wearer
+from ...recordings.quality import Fault
+from ...recordings.recording import Recording
+from ...recordings.study import Study
+from ...recordings.study_file import Participant, StudyFile
+from ...recordings.study_procedures import Coupling
+from ...signals.emg_chain import EmgChain, emg_chain
+from ...signals.inertial import inertial
+from ...signals.input_output import InputOutput, input_output
+from ...signals.wrapping import unwrap
+from .coupling_findings import CouplingFindings, WearerStages, coupling_findings
+
+Progress = Callable[[str, float], None]
+
+CHAIN = "knee"
+"""From raw EMG to envelopes, zero-phase: nothing is late where nothing must be in time."""
+CHANNELS = ("torque", "position")
+"""Of the spring on the orthosis, and of the orthosis itself."""
+BEYOND = np.radians(30.0)
+"""How far a worn orthosis may leave the angles at which it was identified alone [rad]."""
+PROTOCOLS = ("gravity_holds", "sine_tracking", "imu_on_orthosis", "relaxed_holds", "mvc", "torque_steps", "free_swing")
+
+
+def identify_coupling(study: Study, on_progress: Progress | None = None) -> CouplingFindings:
+    """Identify orthosis, limbs and straps of a study with ``[coupling]``.
+
+    Recordings are told apart by their protocol: ``gravity_holds``, ``sine_tracking``, ``imu_on_orthosis``,
+    ``relaxed_holds``, ``mvc``, ``torque_steps``, ``free_swing``. What is marked to validate is judged, never fitted.
+
+    Parameters
+    ----------
+    study : Study
+    on_progress : callable, optional
+        Called with a text and the share done, 0 to 1.
+
+    Returns
+    -------
+    CouplingFindings
+
+    Raises
+    ------
+    RecordingError
+        If a file cannot be read at all.
+    IdentificationError
+        As `identify_worn`.
+    """
+    tell = on_progress or (lambda text, share: None)
+    tell("reading recordings", 0.0)
+    recordings = study.recordings()
+    return identify_worn(study.config, recordings, on_progress=lambda text, share: tell(text, 0.3 + 0.7 * share))
+
+
+def identify_worn(
+    config: StudyFile, recordings: Sequence[Recording], *, on_progress: Progress | None = None
+) -> CouplingFindings:
+    """The same from recordings that are at hand already.
+
+    Parameters
+    ----------
+    config : StudyFile
+        study.toml, with ``[coupling]``.
+    recordings : sequence of Recording
+    on_progress : callable, optional
+
+    Returns
+    -------
+    CouplingFindings
+
+    Raises
+    ------
+    IdentificationError
+        If nothing of this kind is asked for, the orthosis cannot be identified, or no participant's strap can.
+    """
+    tell = on_progress or (lambda text, share: None)
+    asked = config.coupling
+    if asked is None:
+        raise IdentificationError("study.toml: found no [coupling], expected one for a wearer strapped to an orthosis")
+    trials = _Trials(recordings)
+    tell("the orthosis alone", 0.0)
+    sines = trials.of("sine_tracking")
+    trials.learn_range()
+    orthosis = fit_orthosis(
+        [trials.actuator(r) for r in trials.of("gravity_holds")],
+        [trials.actuator(r) for r in sines if r.use == "fit"],
+        [trials.actuator(r) for r in sines if r.use == "validate"],
+    )
+    wearers: dict[str, WearerStages] = {}
+    refused: dict[str, str] = {}
+    everyone = trials.participants()
+    for i, who in enumerate(everyone):
+        tell(who, 0.2 + 0.75 * i / len(everyone))
+        try:
+            wearers[who] = _wearer(trials, who, orthosis, asked, config.participants.get(who))
+        except PellucidError as error:
+            refused[who] = str(error)
+    if not wearers:
+        raise IdentificationError(
+            "no participant's strap can be identified:\n" + ("\n".join(refused.values()) or "no free_swing is recorded")
+        )
+    tell("writing down", 0.95)
+    checksums = {r.name: r.checksum for r in trials.recordings}
+    return coupling_findings(config.name, orthosis, wearers, refused, trials.notes, checksums, asked.confidence)
+
+
+def faults(study: Study) -> list[Fault]:
+    """What keeps recordings from being used, and what is undone in them.
+
+    Parameters
+    ----------
+    study : Study
+        With ``[coupling]``.
+
+    Returns
+    -------
+    list of Fault
+
+    Raises
+    ------
+    RecordingError
+        If a file cannot be read at all.
+    """
+    asked = study.config.coupling
+    found: list[Fault] = []
+
+    def add(severity: str, kind: str, r: Recording, channel: str, text: str) -> None:
+        where = f"{r.path.name} (recording {r.name})"
+        message = text if text.startswith(r.path.stem) else f"{where}: {text}"
+        found.append(Fault(severity, kind, r.path.name, channel, text, "a trial as its protocol has it", message))
+
+    trials = _Trials(study.recordings())
+    with suppress(PellucidError):  # told below, where the recording's turn comes
+        trials.learn_range()
+    for r in trials.recordings:
+        if r.protocol not in PROTOCOLS:
+            continue
+        try:
+            # Steps of torque are held wherever the wearer holds them.
+            (trials.worn if r.protocol in ("relaxed_holds", "free_swing") else trials.actuator)(r)
+        except PellucidError as error:
+            add("refuse", "magnitude", r, "position", str(error))
+        if r.protocol in ("imu_on_orthosis", "free_swing"):
+            try:
+                trials.imu(r, asked)
+            except PellucidError as error:
+                add("refuse", "gap", r, asked.imu, str(error))
+    for name, text in trials.notes.items():
+        add("note", "wrap", next(r for r in trials.recordings if r.name == name), "position", text)
+    for who in trials.participants():
+        for name, text in _not_relaxed(trials, who, asked).items():
+            add("refuse", "not_relaxed", next(r for r in trials.recordings if r.name == name), asked.emg, text)
+    return found
+
+
+class _Trials:
+    """A study's recordings by protocol and participant, made ready when they are asked for."""
+
+    def __init__(self, recordings: Sequence[Recording]):
+        self.recordings = tuple(recordings)
+        self.notes: dict[str, str] = {}
+        self.low, self.high = -np.inf, np.inf
+
+    def of(self, protocol: str, participant: str | None = None) -> list[Recording]:
+        return [r for r in self.recordings if r.protocol == protocol and r.participant == participant]
+
+    def participants(self) -> list[str]:
+        return list(dict.fromkeys(r.participant for r in self.recordings if r.participant is not None))
+
+    def actuator(self, recording: Recording) -> InputOutput:
+        """Torque in, angle out, without wraps."""
+        made = input_output(recording, CHANNELS)
+        undone = unwrap(made.output)
+        said = [undone.said("position", made.time).rstrip("."), *made.notes]
+        if any(said):
+            self.notes[recording.name] = "; ".join(filter(None, said))
+        # A whole turn more or less is the same hanging angle.
+        turns = np.round(np.median(undone.angle) / (2.0 * np.pi))
+        return replace(made, output=undone.angle - 2.0 * np.pi * turns)
+
+    def learn_range(self) -> None:
+        """Between which angles the orthosis was while it was identified."""
+        alone = [self.actuator(r).output for r in (*self.of("gravity_holds"), *self.of("sine_tracking"))]
+        if alone:
+            self.low, self.high = (float(f([f(q) for q in alone])) for f in (min, max))
+
+    def worn(self, recording: Recording) -> InputOutput:
+        """The actuator's record of a trial with a wearer, its angle where the orthosis's gravity is known."""
+        record = self.actuator(recording)
+        low, high = float(record.output.min()), float(record.output.max())
+        if low < self.low - BEYOND or high > self.high + BEYOND:
+            raise IdentificationError(
+                f"{recording.path.name} (recording {recording.name}), channel position: found {np.degrees(low):.0f} to "
+                f"{np.degrees(high):.0f} deg, expected angles near those at which the orthosis was identified, "
+                f"{np.degrees(self.low):.0f} to {np.degrees(self.high):.0f} deg: the encoder's zero has moved"
+            )
+        return record
+
+    def imu(self, recording: Recording, asked: Coupling):
+        stream = recording.stream(asked.imu)
+        return inertial(stream, "imu", magnetometer=asked.magnetometer)
+
+
+def _wearer(
+    trials: _Trials, who: str, orthosis: OrthosisFit, asked: Coupling, participant: Participant | None
+) -> WearerStages:
+    """All stages of one participant."""
+    chosen = {"method": asked.orientation, "axes": 9 if asked.magnetometer else 6}
+    notes: list[str] = []
+    calibration = None
+    for recording in trials.of("imu_on_orthosis", who):
+        calibration = calibrate_imu(trials.imu(recording, asked), trials.actuator(recording), **chosen)
+    limb, muscles = None, None
+    working = _not_relaxed(trials, who, asked)
+    try:
+        relaxed = [trials.worn(r) for r in trials.of("relaxed_holds", who)]
+        limb = fit_limb(relaxed, orthosis.gravity, participant, at_work=working)
+        muscles = _muscles(trials, who, asked, orthosis.gravity.gravity.value + limb.gravity.value)
+    except PellucidError as error:
+        notes.append(str(error))
+    swings, dropped = [], {}
+    for recording in trials.of("free_swing", who):
+        try:
+            swings.append(_swing(trials, recording, asked, muscles, chosen))
+        except PellucidError as error:
+            dropped[recording.name] = str(error)
+    if not swings:
+        raise IdentificationError(f"{who}: no free swing can be used: " + ("; ".join(dropped.values()) or "none found"))
+    known = limb.limb if limb is not None and np.isfinite(limb.inertia.value) else None
+    sd = calibration.sd if calibration is not None else float("nan")
+    coupling = identify_wearer(who, swings, orthosis.orthosis, limb=known, imu_sd=sd)
+    return WearerStages(calibration, limb, muscles, coupling, working, dropped, tuple(notes))
+
+
+def _swing(
+    trials: _Trials, recording: Recording, asked: Coupling, muscles: MuscleTorque | None, chosen: Mapping
+) -> Swing:
+    record = trials.worn(recording)
+    time, angle = limb_by_imu(trials.imu(recording, asked), record, **chosen)
+    torque = None
+    if muscles is not None and asked.emg in recording.streams:
+        torque = muscles(_at(recording.stream(asked.emg), emg_chain(CHAIN), record.time), record.output)
+    return Swing(recording.name, record.split, record.time, record.output, record.input, time, angle, torque)
+
+
+def _levels(trials: _Trials, who: str, asked: Coupling, chain: EmgChain) -> Levels | None:
+    maximal = [r.streams[asked.emg] for r in trials.of("mvc", who) if asked.emg in r.streams]
+    return find_levels(maximal, (), chain) if maximal else None
+
+
+def _not_relaxed(trials: _Trials, who: str, asked: Coupling) -> dict[str, str]:
+    """Relaxed trials in which muscles were at work, and what was seen."""
+    chain = emg_chain(CHAIN)
+    recorded = [r for r in trials.of("relaxed_holds", who) if asked.emg in r.streams]
+    try:
+        levels = _levels(trials, who, asked, chain) if recorded else None
+        if levels is None:
+            return {}
+        said = {r.name: at_work(r.streams[asked.emg], chain, levels) for r in recorded}
+    except PellucidError as error:
+        return {r.name: str(error) for r in recorded}
+    return {name: text for name, text in said.items() if text}
+
+
+def _muscles(trials: _Trials, who: str, asked: Coupling, gravity: float) -> MuscleTorque | None:
+    """The plain map from EMG to torque; None where no EMG was recorded against torques."""
+    chain = emg_chain(CHAIN)
+    steps = [r for r in trials.of("torque_steps", who) if r.use == "fit" and asked.emg in r.streams]
+    levels = _levels(trials, who, asked, chain)
+    if not steps or levels is None:
+        return None
+    records = [trials.actuator(r) for r in steps]
+    made = [_at(r.streams[asked.emg], chain, record.time) for r, record in zip(steps, records, strict=True)]
+    fs = (len(records[0]) - 1) / float(records[0].time[-1] - records[0].time[0])
+    return fit_muscle_torque([r.output for r in records], [r.input for r in records], made, levels, fs, gravity)
+
+
+def _at(emg: Recording, chain: EmgChain, time: np.ndarray) -> dict[str, np.ndarray]:
+    """A stream's envelopes at the actuator's times."""
+    return {muscle: np.interp(time, emg.time, envelope) for muscle, envelope in envelopes(emg, chain).items()}

@@ -1,0 +1,1 @@
+"""Torque of joints from EMG: trials, calibration, judgement, report."""

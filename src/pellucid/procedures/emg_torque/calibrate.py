@@ -1,0 +1,301 @@
+"""Torque maps of a study: every estimator calibrated on what may be fitted and judged on what may not."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from math import inf
+
+import numpy as np
+
+from ..._errors import IdentificationError
+from ...estimators.cross_validation import score
+from ...estimators.families import ESTIMATORS
+from ...estimators.hill import HillMap
+from ...estimators.smoothing import smoothing_delay
+from ...estimators.torque_map import fit_torque_map, torque_map_cv
+from ...estimators.torque_trial import TorqueTrial
+from ...fit.parameter import Verdict
+from ...recordings.study import Study
+from ...signals.emg_chain import emg_chain
+from ..isolated_muscle.isolated_muscle import isolated_findings
+from ..result import FigureTable, Findings
+from .calibration_rows import calibration_rows
+from .judged import CAUSAL, JUDGED, Calibrated, Judged, TorqueTrace, estimators_for
+from .leave_one_out import moments_left_out, repetitions_left_out
+from .leg_extension_trials import EXTENSION
+from .muscle_findings import (
+    MuscleSummary,
+    muscle_cards,
+    muscle_summaries,
+    muscle_tables,
+    muscle_verdicts_of,
+    partial_errors,
+)
+from .seated_swings import SWINGS, seated_swings
+from .torque_card import torque_card
+from .trial_sources import STEPS, moment_trials, moved_body, step_trials
+
+CARD = "ridge"
+"""The estimator whose causal map becomes a card: a robot can run a sum of products."""
+
+Progress = Callable[[str, float], None]
+
+
+@dataclass(frozen=True, kw_only=True)
+class CalibrationFindings(Findings):
+    """What calibration found, with what its figures need.
+
+    Attributes
+    ----------
+    judged : tuple of Judged
+    traces : tuple of TorqueTrace
+    muscles : tuple of MuscleSummary
+        Calibrated ones, by joint or participant.
+    """
+
+    judged: tuple[Judged, ...] = field(default=(), repr=False)
+    traces: tuple[TorqueTrace, ...] = field(default=(), repr=False)
+    muscles: tuple[MuscleSummary, ...] = field(default=(), repr=False)
+
+
+def calibrate(study: Study, on_progress: Progress | None = None) -> Findings:
+    """Calibrate maps from EMG to torque and judge them on what was not fitted.
+
+    Recordings with moments are fitted or held out as the study says. Torque steps against an orthosis are judged trial
+    by trial, each repetition left out in turn; they need the cards of the orthosis and of the limb.
+
+    Parameters
+    ----------
+    study : Study
+        With a table ``[emg_torque]``, or ``[isolated_muscle]``: a muscle without EMG, at a known excitation.
+    on_progress : callable, optional
+        Called with a text and the share done, 0 to 1.
+
+    Returns
+    -------
+    Findings
+        `CalibrationFindings` of torque from EMG.
+
+    Raises
+    ------
+    IdentificationError
+        If the study asks for no torque from EMG, nothing can be fitted or judged, or cards are missing.
+    RecordingError
+        If a recording is not fit to be used.
+    """
+    if study.config.isolated_muscle is not None:
+        return isolated_findings(study)
+    if study.config.emg_torque is None:
+        raise IdentificationError(f"{study.folder}: found no table [emg_torque] in study.toml, expected one")
+    tell = on_progress or (lambda text, share: None)
+    found = _judge_by(study)(study, tell)
+    judged, trials = found.judged, found.trials
+    return CalibrationFindings(
+        study=study.name,
+        headline=_headline(judged),
+        tables=(*_tables(judged), *muscle_tables(found.muscles)),
+        verdicts=(*_verdicts(study, judged, trials), *muscle_verdicts_of(found)),
+        rows=calibration_rows(study.name, judged, trials),
+        cards={**found.cards, **muscle_cards(study, found.muscles, trials)},
+        checksums={trial.name: trial.checksum for trial in trials},
+        judged=tuple(judged),
+        traces=tuple(found.traces),
+        muscles=muscle_summaries(found),
+    )
+
+
+def _judge_by(study: Study) -> Callable[[Study, Progress], Calibrated]:
+    protocols = {recording.protocol for recording in study.recordings()}
+    if STEPS in protocols:
+        return _by_repetition
+    if EXTENSION in protocols:
+        return repetitions_left_out
+    if SWINGS in protocols and study.config.loaded_swing is not None:
+        return seated_swings
+    if len(study.recordings()) > 2 and all(recording.use == "fit" for recording in study.recordings()):
+        return moments_left_out
+    return _by_recording
+
+
+def _by_recording(study: Study, tell: Progress) -> Calibrated:
+    found, joints = Calibrated(), study.config.emg_torque.joints
+    trials = {joint: moment_trials(study, joint) for joint in joints}
+    runs = [
+        (joint, name, causal)
+        for causal, names in ((False, JUDGED), (True, CAUSAL))
+        for joint in joints
+        for name in estimators_for(trials[joint], joint, found, names)
+    ]
+    traces: dict[tuple[str, str], TorqueTrace] = {}
+    for i, (joint, name, causal) in enumerate(runs):
+        tell(f"{joint}, {ESTIMATORS[name].words}", i / len(runs))
+        fitted = [trial for trial in trials[joint] if not trial.heldout]
+        held = [trial for trial in trials[joint] if trial.heldout]
+        if not fitted or not held:
+            raise IdentificationError(
+                f"{study.folder}, joint {joint}: found {len(fitted)} recordings to fit and {len(held)} to judge, "
+                "expected at least one of each"
+            )
+        fit = fit_torque_map(fitted, name, causal=causal)
+        if causal and name == CARD:
+            found.cards[f"torque_map_{joint}"] = torque_card(study, fit, fitted, f"torque_map_{joint}")
+        if isinstance(fit, HillMap) and name == "hill" and not causal:
+            found.muscles[joint], found.shown[joint] = fit, held[0]
+        for trial in held:
+            made = fit.predict(trial)
+            half = fit.half_width(trial) if name == "hill" else None
+            found.judged.append(
+                Judged(
+                    joint, name, causal, trial.name, score(trial.torque, made), fit.choice.score, fit.choice.words,
+                    seconds=fit.fit.seconds if isinstance(fit, HillMap) else None,
+                    coverage=None if half is None else float(np.mean(np.abs(trial.torque - made) <= half)),
+                    partial=partial_errors(trial.torque, made) if isinstance(fit, HillMap) else (),
+                )
+            )  # fmt: skip
+            if not causal:
+                empty = TorqueTrace(joint, trial.name, trial.time, trial.torque, {}, {})
+                trace = traces.setdefault((joint, trial.name), empty)
+                trace.predicted[name] = made
+                if half is not None:
+                    trace.half_width[name] = half
+    found.traces.extend(
+        traces[joint, trial.name] for joint in joints for trial in trials[joint] if (joint, trial.name) in traces
+    )
+    # Joints share their files.
+    found.trials.extend(trials[joints[0]])
+    return found
+
+
+def _by_repetition(study: Study, tell: Progress) -> Calibrated:
+    steps = [recording for recording in study.recordings() if recording.protocol == STEPS]
+    people = list(dict.fromkeys(recording.participant for recording in steps))
+    found = Calibrated()
+    for i, person in enumerate(people):
+        body, joint = moved_body(study, person), study.config.emg_torque.joints[0]
+        what = person or joint
+        for causal, names in ((False, JUDGED), (True, CAUSAL)):
+            trials = step_trials(study, person, body, causal=causal, joint=joint)
+            base, span = (i + 0.8 * causal) / len(people), (0.2 if causal else 0.8) / len(people)
+            names = estimators_for(trials, what, found, names)
+            results = torque_map_cv(
+                trials,
+                names,
+                causal=causal,
+                on_progress=lambda text, share, b=base, s=span, p=person: tell(f"{p}, {text}", b + s * share),
+            )
+            for name, result in results.items():
+                words = " / ".join(dict.fromkeys(choice.words for choice in result.choices))
+                found.judged.append(Judged(what, name, causal, "", result.score, None, words, "steps"))
+            if causal:
+                card = f"torque_map_{what}"
+                found.cards[card] = torque_card(study, fit_torque_map(trials, CARD, causal=True), trials, card)
+            else:
+                found.trials.extend(trials)
+                # One trial in six, the hardest first: a page need not show all.
+                worst = sorted(trials, key=lambda t: -results[names[0]].by_trial[t.name].rmse)[
+                    :: max(1, len(trials) // 3)
+                ]
+                found.traces.extend(
+                    TorqueTrace(what, t.name, t.time, t.torque, {n: r.predicted[t.name] for n, r in results.items()})
+                    for t in worst[:3]
+                )
+    return found
+
+
+def _tables(judged: Sequence[Judged]) -> tuple[FigureTable, ...]:
+    """One for each joint or person and each recording; R² within what was fitted stands beside the first."""
+    tables = []
+    for what, recording in dict.fromkeys((each.what, each.recording) for each in judged):
+        own = [each for each in judged if (each.what, each.recording) == (what, recording)]
+        rows = [
+            (
+                ESTIMATORS[each.estimator].words + (", causal" if each.causal else ""),
+                each.score.rmse,
+                each.score.r2,
+                None if each.within is None else each.within.r2,
+            )
+            for each in own
+        ]
+        title = f"Torque from EMG: {what}, " + (recording.replace("_", " ") or "each repetition left out in turn")
+        tables.append(
+            FigureTable(title, ("Estimator", f"RMSE ({own[0].unit})", "R²", "R² within the fit"), tuple(rows))
+        )
+    return tuple(tables)
+
+
+def preferred(judged: Sequence[Judged], what: str) -> Judged:
+    """The estimator to name first: what is judged must not choose it.
+
+    Parameters
+    ----------
+    judged : sequence of Judged
+    what : str
+        Joint, or participant.
+
+    Returns
+    -------
+    Judged
+        Of those that see EMG, the one cross-validation within what was fitted prefers; where there was none, the first.
+    """
+    own = [e for e in judged if e.what == what and not e.causal and ESTIMATORS[e.estimator].muscles]
+    own = [e for e in own if e.recording == own[0].recording]
+    return min(own, key=lambda e: e.within.rmse if e.within is not None else inf)
+
+
+def _headline(judged: Sequence[Judged]) -> str:
+    said = []
+    for what in dict.fromkeys(each.what for each in judged):
+        best = preferred(judged, what)
+        said.append(
+            f"{what}: {ESTIMATORS[best.estimator].words} errs by {best.score.rmse:.3g} {best.unit} "
+            f"(R² {best.score.r2:.3f})"
+        )
+    return "; ".join(said) + ", on what was not fitted."
+
+
+def _verdicts(study: Study, judged: Sequence[Judged], trials: Sequence[TorqueTrial]) -> tuple[Verdict, ...]:
+    said = []
+    for what in dict.fromkeys(each.what for each in judged):
+        best = preferred(judged, what)
+        bare = next((e for e in judged if (e.what, e.estimator, e.recording) == (what, "motion", best.recording)), None)
+        if bare is not None and bare.score.rmse <= best.score.rmse:
+            said.append(
+                Verdict(
+                    "note",
+                    f"{what}: joint angles alone err by {bare.score.rmse:.3g} {bare.unit}, no more than the map with "
+                    f"EMG ({best.score.rmse:.3g} {best.unit}): in these movements the torque follows the motion, and "
+                    "the map would not see an effort that does not move the joint.",
+                )
+            )
+        if best.within is not None and best.score.r2 < best.within.r2 - 0.1:
+            said.append(
+                Verdict(
+                    "warning",
+                    f"{what}: R² falls from {best.within.r2:.3f} within what was fitted to {best.score.r2:.3f} on "
+                    f"{best.recording}: record more, and more varied, movement to fit.",
+                )
+            )
+    late = smoothing_delay(0.05, trials[0].fs)
+    chain = study.config.emg_torque.chain
+    if chain == "none":
+        said.append(
+            Verdict(
+                "note",
+                f"Envelopes were recorded, not EMG: how late they are is not known here. Causal figures filter the "
+                f"angles causally, and smoothing makes trees {1e3 * late:.0f} ms late.",
+            )
+        )
+    else:
+        emg = study.config.emg_torque.emg
+        stream = next((r.streams[emg] for r in study.recordings() if emg in r.streams), None)
+        if stream is not None:
+            delay = emg_chain(chain).delay(stream.fs)
+            said.append(
+                Verdict(
+                    "note",
+                    f'The chain "{chain}" run causally is {1e3 * delay.filters:.0f} ms late, and smoothing makes trees '
+                    f"{1e3 * late:.0f} ms later.",
+                )
+            )
+    return tuple(said)

@@ -1,0 +1,122 @@
+"""Figures of torque maps: what was predicted over time, and how far each estimator is off."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from ...pages.drawing import Drawing, key, line, tidy
+from ...pages.quantities import number
+from ...pages.style import FIGURE_WIDTH, colour
+
+SHOWN = {"boost": "fitted", "ridge": "heldout", "hill": "good"}
+"""Estimators whose torque is drawn over time, and their colours."""
+
+TONES = {
+    "boost": "fitted",
+    "bagging": "directional",
+    "tree": "load",
+    "ridge": "heldout",
+    "hill": "good",
+    "ridge_lags": "stribeck",
+    "linear": "combined",
+    "motion": "symmetric",
+}
+"""Colours by estimator; of the defaults of another tool, that of the same kind."""
+
+STRETCH = 8.0
+"""Seconds of a recording that are drawn."""
+
+
+def torque_trace(
+    time: np.ndarray,
+    reference: np.ndarray,
+    predicted: Mapping[str, np.ndarray],
+    name: str,
+    *,
+    words: Mapping[str, str],
+    caption: str,
+    half_width: Mapping[str, np.ndarray] | None = None,
+) -> Drawing:
+    """Torque over time, held out: the reference, what maps made of EMG, and their errors beneath.
+
+    Parameters
+    ----------
+    time, reference : ndarray, shape (n,)
+        [s] and [N m].
+    predicted : Mapping of str to ndarray, shape (n,)
+        By estimator [N m]; those in `SHOWN` are drawn.
+    name : str
+    words : Mapping of str to str
+        What the estimators are.
+    caption : str
+    half_width : Mapping of str to ndarray, shape (n,), optional
+        Half the interval about what an estimator predicts [N m], drawn as a band.
+
+    Returns
+    -------
+    Drawing
+    """
+    shown = {estimator: predicted[estimator] for estimator in SHOWN if estimator in predicted}
+    middle = 0.5 * (time[0] + time[-1])
+    within = np.abs(time - middle) <= 0.5 * STRETCH
+    figure = Figure(figsize=(FIGURE_WIDTH, 4.2), layout="constrained")
+    top, bottom = figure.subplots(2, 1, sharex=True, height_ratios=(2.4, 1.0))
+    line(top, time[within], reference[within], color=colour("measured"), linewidth=2.2, alpha=0.6)
+    for estimator, torque in shown.items():
+        tone = colour(SHOWN[estimator])
+        if half_width and estimator in half_width:
+            low, high = torque - half_width[estimator], torque + half_width[estimator]
+            top.fill_between(time[within], low[within], high[within], color=tone, alpha=0.12, linewidth=0.0, zorder=1)
+        line(top, time[within], torque[within], color=tone, linewidth=1.2)
+        line(bottom, time[within], (torque - reference)[within], color=tone, linewidth=1.0)
+    bottom.axhline(0.0, color=colour("faint"), linewidth=0.8, zorder=1)
+    tidy(top, first=True, text="Torque (N·m)")
+    tidy(bottom, first=True, text="Error (N·m)", ticks=4)
+    bottom.set_xlabel("Time (s)")
+    key(top, [("reference", colour("measured")), *((words[e], colour(SHOWN[e])) for e in shown)])
+    return Drawing(name, figure, caption)
+
+
+def error_by_estimator(
+    errors: Sequence[tuple[str, str, str, float]], name: str, *, heads: Sequence[str], caption: str
+) -> Drawing:
+    """RMSE of every estimator, one panel for each joint or person.
+
+    Parameters
+    ----------
+    errors : sequence of (panel, estimator, its words, RMSE [N m])
+        In the order in which they are drawn.
+    name : str
+    heads : sequence of str
+        Panels, left to right.
+    caption : str
+
+    Returns
+    -------
+    Drawing
+    """
+    rows = list(dict.fromkeys((estimator, words) for _, estimator, words, _ in errors))
+    figure = Figure(figsize=(FIGURE_WIDTH, 1.2 + 0.3 * len(rows)), layout="constrained")
+    axes = figure.subplots(1, len(heads), sharey=True, squeeze=False)[0]
+    for axis, head in zip(axes, heads, strict=True):
+        found = {estimator: rmse for panel, estimator, _, rmse in errors if panel == head}
+        for row, (estimator, _) in enumerate(rows):
+            if estimator not in found:
+                continue
+            tone = colour(TONES.get(estimator.split("_published")[0], "ink"))
+            axis.plot((0.0, found[estimator]), (row, row), color=tone, linewidth=2.0, alpha=0.4, zorder=2)
+            axis.plot([found[estimator]], [row], color=tone, marker="o", markersize=6.0, markeredgewidth=0.0, zorder=3)
+            axis.annotate(
+                number(found[estimator], digits=3), (found[estimator], row), xytext=(7, -0.5),
+                textcoords="offset points", va="center", color=tone, fontsize=8.5,
+            )  # fmt: skip
+        tidy(axis, first=axis is axes[0])
+        axis.set_title(head, fontweight="bold")
+        axis.set_xlim(0.0, 1.18 * max(found.values()))
+        axis.set_xlabel("RMSE (N·m)")
+    axes[0].set_yticks(range(len(rows)), [words for _, words in rows])
+    axes[0].set_ylim(len(rows) - 0.4, -0.6)
+    return Drawing(name, figure, caption)

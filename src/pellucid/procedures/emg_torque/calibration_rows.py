@@ -1,0 +1,66 @@
+"""Figures of a calibration by their ids."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from ...estimators.torque_trial import TorqueTrial
+from ...recordings.results import ResultRow
+from .judged import Judged
+
+
+def calibration_rows(study: str, judged: Sequence[Judged], trials: Sequence[TorqueTrial]) -> tuple[ResultRow, ...]:
+    """Every figure; the first held-out recording's have no name in their id, the others' have.
+
+    Parameters
+    ----------
+    study : str
+        Its name, first part of every id.
+    judged : sequence of Judged
+    trials : sequence of TorqueTrial
+        Whose files they came from.
+
+    Returns
+    -------
+    tuple of ResultRow
+    """
+    sums = {trial.name: trial.checksum for trial in trials}
+    first = next((trial.name for trial in trials if trial.heldout), "")
+    rows: list[ResultRow] = []
+
+    def add(name: str, value: float, unit: str, note: str, *, split: str = "heldout", recording: str = "") -> None:
+        rows.append(ResultRow(f"{study}.{name}", value, unit, "calibrate", split, sums.get(recording), note))
+
+    for each in judged:
+        how, note = each.estimator + (".causal" if each.causal else ""), each.choice
+        if each.kind == "steps":
+            add(f"emg.{each.what}.rmse.{how}", each.score.rmse, "N*m", note)
+            add(f"emg.{each.what}.r2.{how}", each.score.r2, "1", note)
+        elif each.kind == "normalised":
+            add(f"{each.what}.{how}.rmse_normalised", each.score.rmse, "1", f"of the leg's own weight; {note}")
+            add(f"{each.what}.{how}.r2", each.score.r2, "1", note)
+        elif each.kind == "trials":
+            add(f"{each.what}.{how}.rmse", each.score.rmse, "N*m", f"mean over trials left out; {note}")
+            add(f"{each.what}.{how}.r2", each.score.r2, "1", note)
+        else:
+            tail = "" if each.recording == first else f".{each.recording}"
+            add(f"{each.what}.{how}.r2{tail}", each.score.r2, "1", note, recording=each.recording)
+            add(f"{each.what}.{how}.rmse{tail}", each.score.rmse, "N*m", note, recording=each.recording)
+            if each.coverage is not None:
+                words = "share of samples within the 95 % interval"
+                add(f"{each.what}.{how}.coverage{tail}", each.coverage, "1", words, recording=each.recording)
+            for name, words, value in zip(
+                ("positive", "truncated"),
+                ("where the reference pulls along its main direction", "both torques cut off at 0"),
+                each.partial,
+                strict=False,
+            ):
+                add(f"{each.what}.{how}.rmse.{name}{tail}", value, "N*m", words, recording=each.recording)
+            if not tail:
+                if each.within is not None:
+                    words = "cross-validation within what was fitted"
+                    add(f"{each.what}.{how}.r2.cross_validated", each.within.r2, "1", words, split="fitted")
+                if each.seconds is not None:
+                    words = "one calibration, all starts included"
+                    add(f"{each.what}.{how}.seconds", each.seconds, "s", words, split="fitted")
+    return tuple(rows)

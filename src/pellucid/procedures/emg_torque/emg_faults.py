@@ -1,0 +1,156 @@
+"""Are a study's EMG recordings fit for torque maps? Each file by itself, beside its trial, and beside the movement."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from ..._errors import RecordingError
+from ...recordings.quality import Fault
+from ...recordings.recording import Recording
+from ...recordings.study import Study
+from ...signals.emg_chain import EmgChain, emg_chain
+from ...signals.emg_quality import RATE_TOLERANCE, contrast_faults, hum_share, inspect_emg, swapped_faults
+
+MAINS = (50.0, 60.0)
+"""Of the world [Hz]; the one that a recording shows more of counts."""
+
+SETTLED = 0.5
+"""Seconds at either end of a recording at which an envelope has not settled."""
+
+FLEXORS = ("hamstring", "biceps", "semitendinosus", "semimembranosus", "brachialis", "brachioradialis")
+EXTENSORS = ("rectus", "vastus", "triceps", "quadriceps")
+"""Parts of names of muscles that bend, and that stretch, a knee or an elbow."""
+
+
+def emg_faults(study: Study) -> list[Fault]:
+    """What is wrong with a study's EMG, for a torque that is to be found from it.
+
+    Parameters
+    ----------
+    study : Study
+        With a table ``[emg_torque]``.
+
+    Returns
+    -------
+    list of Fault
+        Of the kinds that `inspect_emg`, `contrast_faults` and `swapped_faults` find, and ``"rate"``.
+
+    Raises
+    ------
+    RecordingError
+        If a file cannot be read at all.
+    """
+    asked = study.config.emg_torque
+    found: list[Fault] = []
+    rates: dict[str, float] = {}
+    windows = [entry.name for entry in study.config.recordings if entry.window is not None]
+    for recording in study.recordings():
+        stream = recording.streams.get(asked.emg, recording)
+        if not any(name.startswith("emg.") for name in stream.channels):
+            continue
+        whole = not any(recording.name == name or recording.name.startswith(f"{name}.") for name in windows)
+        chain = None if asked.chain == "none" else emg_chain(asked.chain)
+        own = trial_faults(recording, stream, chain, whole=whole)
+        found += own
+        if not any(fault.severity == "refuse" for fault in own):
+            if not any(fault.kind == "rate" for fault in own):
+                rates[f"{stream.path.name} (recording {recording.name})"] = _mean_rate(stream)
+            if chain is not None:
+                found += _faults_of_envelopes(recording, stream, chain)
+    usual = float(np.median(list(rates.values()))) if rates else 0.0
+    for where, fs in rates.items():
+        if abs(fs - usual) > RATE_TOLERANCE * usual:
+            text, wanted = f"{fs:.4g} Hz", f"{usual:.4g} Hz as in the study's other files"
+            message = f"{where}, channel time: found {text}, expected {wanted}"
+            found.append(Fault("note", "rate", where.split(" (")[0], "time", text, wanted, message))
+    return found
+
+
+def trial_faults(
+    recording: Recording, stream: Recording, chain: EmgChain | None = None, *, whole: bool = True
+) -> list[Fault]:
+    """What is wrong with one trial's EMG.
+
+    Parameters
+    ----------
+    recording : Recording
+        The trial.
+    stream : Recording
+        The file with its EMG; `recording` itself where both are one.
+    chain : EmgChain, optional
+        That is to make envelopes of it.
+    whole : bool
+        False where the trial is only a window of its file, which says nothing about how long EMG should last.
+
+    Returns
+    -------
+    list of Fault
+    """
+    mains = max(MAINS, key=lambda f: _hum(stream, f))
+    found = inspect_emg(stream, mains=mains)
+    if chain is not None:
+        try:
+            chain.require_rate(stream.fs, f"{stream.path.name} (recording {recording.name}), channel time")
+        except RecordingError as error:
+            found.append(_rate_fault("refuse", stream, f"{stream.fs:.5g} Hz", "a rate its chain fits", str(error)))
+    if whole and stream is not recording:
+        found += _length_faults(recording, stream)
+    return found
+
+
+def _hum(stream: Recording, mains: float) -> float:
+    """The largest share of hum over a few of the stream's seconds, which tell 50 from 60 Hz."""
+    seconds = slice(0, round(4.0 * stream.fs))
+    raw = [c.samples[seconds] for n, c in stream.channels.items() if n.startswith("emg.") and c.unit == "V"]
+    return max((hum_share(x, stream.fs, mains) for x in raw if np.isfinite(x).all()), default=0.0)
+
+
+def _mean_rate(stream: Recording) -> float:
+    """Samples a second, gaps counted [Hz]: ticks of another clock make steps of several lengths."""
+    return (len(stream) - 1) / float(stream.time[-1] - stream.time[0])
+
+
+def _length_faults(recording: Recording, stream: Recording) -> list[Fault]:
+    """EMG that ends when its trial does not was taken at another rate than its times say."""
+    trial, emg = (float(r.time[-1] - r.time[0]) for r in (recording, stream))
+    beside = max(2.0 / recording.fs, 2.0 / stream.fs, RATE_TOLERANCE * trial)
+    if abs(float(stream.time[-1] - recording.time[-1])) <= beside:
+        return []
+    text = f"{emg:.4g} s of EMG at {_mean_rate(stream):.4g} Hz, until {stream.time[-1]:.4g} s"
+    wanted = (
+        f"until {recording.time[-1]:.4g} s, as {recording.path.name} lasts; {len(stream)} samples are as long at "
+        f"{(len(stream) - 1) / trial:.4g} Hz"
+    )
+    message = f"{stream.path.name} (recording {recording.name}), channel time: found {text}, expected {wanted}"
+    # An amplifier may run on when the trial has ended; it cannot have stopped before.
+    return [_rate_fault("refuse" if emg < trial else "note", stream, text, wanted, message)]
+
+
+def _rate_fault(severity: str, stream: Recording, found: str, expected: str, message: str) -> Fault:
+    return Fault(severity, "rate", stream.path.name, "time", found, expected, message)
+
+
+def _faults_of_envelopes(recording: Recording, stream: Recording, chain: EmgChain) -> list[Fault]:
+    """Contrast where there must be rest and effort; flexor and extensor where the wearer answers torques."""
+    if recording.protocol not in ("mvc", "torque_steps"):
+        return []
+    raw = {n.removeprefix("emg."): c for n, c in stream.channels.items() if n.startswith("emg.") and c.unit == "V"}
+    try:
+        made = {muscle: chain.zero_phase(c.samples, stream.fs) for muscle, c in raw.items()}
+    except RecordingError:  # too short for the chain's filters: calibration says so where it uses them
+        return []
+    if recording.protocol == "mvc":
+        inside = (stream.time >= stream.time[0] + SETTLED) & (stream.time <= stream.time[-1] - SETTLED)
+        return contrast_faults(stream, {muscle: e[inside] for muscle, e in made.items()})
+    flexor, extensor = _first(raw, FLEXORS), _first(raw, EXTENSORS)
+    if flexor is None or extensor is None or "torque" not in recording:
+        return []
+    # Holding still, the wearer answers the orthosis's torque by its opposite.
+    answered = -np.interp(stream.time, recording.time, recording["torque"])
+    return swapped_faults(stream, flexor, extensor, made, answered)
+
+
+def _first(muscles: Mapping[str, object], parts: Sequence[str]) -> str | None:
+    return next((muscle for muscle in muscles if any(part in muscle for part in parts)), None)

@@ -1,0 +1,114 @@
+"""Estimators judged trial by trial, each left out in turn: moments without a held-out recording, and repetitions."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from ..._errors import IdentificationError
+from ...estimators.cross_validation import Score
+from ...estimators.families import ESTIMATORS
+from ...estimators.torque_map import fit_torque_map, torque_map_cv
+from ...estimators.torque_trial import TorqueTrial
+from ...fit.parameter import Verdict
+from ...recordings.study import Study
+from .judged import Calibrated, Judged, TorqueTrace, estimators_for
+from .leg_extension_trials import EXTENSION, leg_extension_trials
+from .trial_sources import moment_trials
+
+Progress = Callable[[str, float], None]
+
+
+def moments_left_out(study: Study, tell: Progress) -> Calibrated:
+    """Recordings with moments, none of them held out: each is predicted by what was fitted to the others.
+
+    Parameters
+    ----------
+    study : Study
+        With a table ``[emg_torque]``.
+    tell : callable
+        Called with a text and the share done, 0 to 1.
+
+    Returns
+    -------
+    Calibrated
+
+    Raises
+    ------
+    IdentificationError
+        If there are fewer than three recordings.
+    """
+    found, joints = Calibrated(), study.config.emg_torque.joints
+    for i, joint in enumerate(joints):
+        _judge(found, moment_trials(study, joint), joint, "trials", 1.0, _part(tell, i, len(joints)))
+    return found
+
+
+def repetitions_left_out(study: Study, tell: Progress) -> Calibrated:
+    """Leg extensions, each repetition predicted by what was fitted to the same person's others.
+
+    Parameters
+    ----------
+    study : Study
+        With a table ``[emg_torque]``.
+    tell : callable
+        Called with a text and the share done, 0 to 1.
+
+    Returns
+    -------
+    Calibrated
+
+    Raises
+    ------
+    IdentificationError
+        If a person has fewer than three repetitions.
+    """
+    found = Calibrated()
+    people = list(dict.fromkeys(r.participant for r in study.recordings() if r.protocol == EXTENSION))
+    for i, person in enumerate(people):
+        trials, weight = leg_extension_trials(study, person)
+        _judge(found, trials, person or "knee", "normalised", weight, _part(tell, i, len(people)))
+    found.verdicts.append(
+        Verdict(
+            "warning",
+            "No torque was recorded: the reference is a formula in the angle and its acceleration, most of it the sine "
+            "of the angle. Whatever regresses on the angle finds that formula again, without EMG too; its small error "
+            "says nothing of EMG. Compare estimators with muscles among each other.",
+        )
+    )
+    if any(t.muscles is not None and not t.muscles.maximal for t in found.trials):
+        found.verdicts.append(
+            Verdict(
+                "warning",
+                "No maximal contraction was recorded (protocol mvc): envelopes are relative to the largest effort "
+                "seen, whose share of a maximal one is found together with the muscles. Strengths are then none.",
+            )
+        )
+    return found
+
+
+def _judge(found: Calibrated, trials: list[TorqueTrial], what: str, kind: str, unit: float, tell: Progress) -> None:
+    if len(trials) < 3:
+        raise IdentificationError(
+            f"{what}: found {len(trials)} trials ({', '.join(t.name for t in trials)}), expected at least three, each "
+            "to be left out in turn"
+        )
+    names = estimators_for(trials, what, found)
+    results = torque_map_cv(trials, names, on_progress=lambda text, share: tell(f"{what}, {text}", share))
+    for name, result in results.items():
+        # Trials count the same, however long they are.
+        every = list(result.by_trial.values())
+        score = Score(float(np.mean([s.rmse for s in every])) / unit, result.score.r2)
+        words = " / ".join(dict.fromkeys(choice.words for choice in result.choices))
+        found.judged.append(Judged(what, name, False, "", score, None, words, kind))
+    worst = max(trials, key=lambda t: results[names[0]].by_trial[t.name].rmse)
+    made = {name: result.predicted[worst.name] for name, result in results.items()}
+    found.traces.append(TorqueTrace(what, worst.name, worst.time, worst.torque, made))
+    found.trials.extend(trials)
+    if any(ESTIMATORS[name].whole is not None for name in names):
+        found.muscles[what], found.shown[what] = fit_torque_map(trials, "hill"), worst
+
+
+def _part(tell: Progress, i: int, count: int) -> Progress:
+    return lambda text, share: tell(text, (i + share) / count)

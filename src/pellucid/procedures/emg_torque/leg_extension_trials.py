@@ -1,0 +1,95 @@
+r"""Repetitions of a leg extended from sitting, no torque recorded: the reference is that of the shank's motion.
+
+A shank that hangs at rest and is extended by :math:`\alpha` needs (eq. 12 of the paper `hill`, the angle of rest taken
+for that of hanging)
+
+.. math::  \frac{\tau}{m g l} = \frac{I}{m g l}\,\ddot\alpha + \sin\alpha
+
+of which :math:`I/(m g l)` follows from the shank's length alone by anthropometric shares; mass is unknown, and torque
+relative.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ...estimators.features import MOTION_LOWPASS
+from ...estimators.muscle_source import muscle_source
+from ...estimators.torque_trial import TorqueTrial
+from ...models.anthropometry import shank_length, winter
+from ...recordings.study import Study
+from ...signals.filters import central_difference, zero_phase_lowpass
+from ...signals.repetitions import find_repetitions
+from .trial_sources import KEPT_RATE, maxima_of, relative_envelopes
+
+EXTENSION = "leg_extension"
+"""Protocol in which a sitting person extends the leg, again and again."""
+
+USUAL_MAN = (70.0, 1.7)
+"""Mass [kg] and height [m] of whom nothing else is known; height sets I/(m g l), mass only a unit that cancels."""
+
+LEAD = 0.3
+"""EMG ahead of each repetition that muscles remember [s]."""
+
+
+def leg_extension_trials(study: Study, participant: str | None) -> tuple[list[TorqueTrial], float]:
+    """Repetitions by one person, each a trial and a group of its own.
+
+    Parameters
+    ----------
+    study : Study
+        With a table ``[emg_torque]``.
+    participant : str or None
+        Whose; mass and height are taken from the study where it has them.
+
+    Returns
+    -------
+    trials : list of TorqueTrial
+        Knee angles start from straight: hanging is 90 degrees of flexion. Torque is in N m of the assumed leg.
+    weight : float
+        m g l of that leg, by which torque and errors are to be divided [N m].
+
+    Raises
+    ------
+    RecordingError
+        If a channel is missing or unfit, or no repetition can be found.
+    """
+    own = [r for r in study.recordings() if r.participant == participant]
+    found = [r for r in own if r.protocol == EXTENSION]
+    person = study.config.participants.get(participant) if participant else None
+    mass = getattr(person, "mass", None) or USUAL_MAN[0]
+    height = getattr(person, "height", None) or USUAL_MAN[1]
+    leg = winter(mass, shank_length(height))
+    sign = 1.0 if study.config.rig.lifts == "flexion" else -1.0
+    top = maxima_of(study, [r for r in own if r.protocol == "mvc"] or found)
+    trials = []
+    for recording in found:
+        where = f"{recording.path.name} (recording {recording.name}), channel angle.knee"
+        repetitions = find_repetitions(recording["angle.knee"], recording.fs, where=where)
+        angle = zero_phase_lowpass(recording["angle.knee"], MOTION_LOWPASS, 4, recording.fs)
+        extension = -sign * (angle - repetitions.rest)
+        acceleration = central_difference(central_difference(extension, recording.fs), recording.fs)
+        torque = -sign * (leg.inertia * acceleration + leg.gravity() * np.sin(extension))
+        flexion = sign * (0.5 * np.pi - extension)
+        envelopes = relative_envelopes(study, recording, top, causal=False)
+        every = max(1, round(recording.fs / KEPT_RATE))
+        reach = round(LEAD * recording.fs)
+        for i, repetition in enumerate(repetitions.each, start=1):
+            kept = slice(repetition.start, repetition.end, every)
+            ahead = np.arange(repetition.start - every, max(repetition.start - reach, -1), -every)[::-1]
+            trials.append(
+                TorqueTrial(
+                    name=f"{recording.name}_{i}",
+                    joint="knee",
+                    time=recording.time[kept],
+                    envelopes={muscle: x[kept] for muscle, x in envelopes.items()},
+                    angles={"knee": flexion[kept]},
+                    torque=torque[kept],
+                    group=f"{recording.name}_{i}",
+                    participant=participant,
+                    checksum=recording.checksum,
+                    muscles=muscle_source(study, recording, "knee"),
+                    lead={muscle: x[ahead] for muscle, x in envelopes.items()} if len(ahead) else {},
+                )
+            )
+    return trials, leg.gravity()

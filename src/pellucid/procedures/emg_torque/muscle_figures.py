@@ -1,0 +1,88 @@
+"""Figures of calibrated muscles: how far each number moved from anatomy, and what each muscle does in a movement."""
+
+from __future__ import annotations
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from ...pages.drawing import Drawing, line, tidy
+from ...pages.style import FIGURE_WIDTH, colour
+from .muscle_findings import MuscleSummary
+
+SHARED = "joint"
+"""Row of what belongs to no muscle alone."""
+
+
+def departures(found: MuscleSummary, name: str, *, caption: str) -> Drawing:
+    """Every parameter's departure from anatomy with its interval: a panel per quantity, a row per muscle.
+
+    Parameters
+    ----------
+    found : MuscleSummary
+    name : str
+    caption : str
+
+    Returns
+    -------
+    Drawing
+    """
+    split = [_split(p) for p in found.parameters]
+    quantities = list(dict.fromkeys(quantity for quantity, _ in split))
+    own = [q for q in quantities if any(s == q and m for s, m in split)]
+    rows = list(found.muscles)
+    figure = Figure(figsize=(FIGURE_WIDTH, 1.2 + 0.28 * len(rows)), layout="constrained")
+    axes = figure.subplots(1, len(own), sharey=True, squeeze=False)[0]
+    for axis, quantity in zip(axes, own, strict=True):
+        axis.axvspan(-1.0, 1.0, color=colour("rule"), alpha=0.5, linewidth=0.0, zorder=0)
+        for (each, muscle), x, half, bound in zip(
+            split, found.deviation, found.half_width, found.at_bound, strict=True
+        ):
+            if each != quantity or muscle not in rows:
+                continue
+            y, tone = rows.index(muscle), colour("heldout" if bound else "fitted")
+            if not bound:
+                axis.plot((x - half, x + half), (y, y), color=tone, linewidth=1.6, alpha=0.5)
+            axis.plot([x], [y], color=tone, marker="D" if bound else "o", markersize=5.0, markeredgewidth=0.0)
+        tidy(axis, first=axis is axes[0], ticks=4)
+        axis.set_title(quantity.replace("_", " "), fontsize=9.0, fontweight="bold")
+        axis.set_xlim(-4.5, 4.5)
+    axes[len(axes) // 2].set_xlabel("Departure from anatomy, in standard deviations among people")
+    axes[0].set_yticks(range(len(rows)), [m.replace("_", " ") for m in rows])
+    axes[0].set_ylim(len(rows) - 0.4, -0.6)
+    return Drawing(name, figure, caption)
+
+
+def muscle_work(found: MuscleSummary, name: str, *, caption: str) -> Drawing:
+    """Activation of every muscle over a stretch, and the torque it gives the joint.
+
+    Parameters
+    ----------
+    found : MuscleSummary
+    name : str
+    caption : str
+
+    Returns
+    -------
+    Drawing
+    """
+    time, count = np.array(found.time), len(found.muscles)
+    figure = Figure(figsize=(FIGURE_WIDTH, 0.9 + 0.55 * count), layout="constrained")
+    axes = figure.subplots(count, 2, sharex=True, sharey="col", squeeze=False)
+    for row, muscle in enumerate(found.muscles):
+        left, right = axes[row]
+        line(left, time, np.array(found.activation[row]), color=colour("fitted"), linewidth=1.2)
+        line(right, time, np.array(found.torque[row]), color=colour("heldout"), linewidth=1.2)
+        for axis in (left, right):
+            tidy(axis, first=True, ticks=2)
+        left.set_ylabel(muscle.replace("_", " "), rotation=0, ha="right", va="center", fontsize=8.5)
+    axes[0][0].set_title("Activation", fontweight="bold")
+    axes[0][1].set_title("Torque (N·m)", fontweight="bold")
+    for axis in axes[-1]:
+        axis.set_xlabel("Time (s)")
+    return Drawing(name, figure, caption)
+
+
+def _split(parameter: str) -> tuple[str, str]:
+    """Quantity, and the muscle it belongs to; none for what several share."""
+    quantity, _, muscle = parameter.partition(".")
+    return (parameter, "") if quantity == SHARED or not muscle else (quantity, muscle)

@@ -1,0 +1,108 @@
+"""The card of a torque map that a robot can run: an offset, and a coefficient for every feature or product of two."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from importlib.metadata import version
+from math import nan, prod
+
+from ..._errors import PellucidError
+from ...estimators.features import CAUSAL_LOWPASS, MOTION_LOWPASS, features
+from ...estimators.ridge import Ridge
+from ...estimators.torque_map import TorqueMap
+from ...estimators.torque_trial import TorqueTrial
+from ...models.card import CardParameter
+from ...models.parameter_card import ParameterCard
+from ...recordings.study import Study
+
+PRODUCT = " * "
+"""Between the two factors in a term's name."""
+
+_UNITS = {"angle": "rad", "velocity": "rad/s", "acceleration": "rad/s^2"}
+
+
+def torque_card(study: Study, found: TorqueMap, trials: Sequence[TorqueTrial], name: str) -> ParameterCard:
+    """Card of a map by ridge regression.
+
+    Parameters
+    ----------
+    study : Study
+    found : TorqueMap
+        Its regressor is a `Ridge`.
+    trials : sequence of TorqueTrial
+        What it was fitted to.
+    name : str
+        Of the card.
+
+    Returns
+    -------
+    ParameterCard
+        Without intervals: a penalised coefficient is biased, and none would hold the truth.
+
+    Raises
+    ------
+    PellucidError
+        If the map is none by ridge regression.
+    """
+    if not isinstance(found.regressor, Ridge):
+        raise PellucidError(f"card {name}: found a map by {found.name}, expected one by ridge regression")
+    seen = features(trials[0], found.choice.features, causal=found.causal)
+    chain = study.config.emg_torque.chain
+    envelope = "1" if chain in ("none", "able", "hill") else "V"
+
+    def unit(term: str) -> str:
+        factors = [_UNITS.get(factor.split(".")[0], envelope) for factor in term.split(PRODUCT)]
+        below = PRODUCT.strip().join(factor for factor in factors if factor != "1")
+        return f"N*m/({below})" if below and term != "offset" else "N*m"
+
+    lowpass = CAUSAL_LOWPASS if found.causal else MOTION_LOWPASS
+    return ParameterCard(
+        kind="torque_map",
+        study=study.name,
+        name=name,
+        parameters=tuple(
+            CardParameter(term, unit(term), value, nan, (nan, nan), False, True)
+            for term, value in found.regressor.plain(seen.names).items()
+        ),
+        settings={
+            "joint": trials[0].joint,
+            "participant": trials[0].participant or "",
+            "chain": chain,
+            "causal": found.causal,
+            "motion_lowpass": lowpass,
+            "motion_order": 2 if found.causal else 4,
+            "penalty": float(found.regressor.alpha),
+        },
+        processing=f"sees {found.choice.words}; angles low-passed at {lowpass:g} Hz before they are differentiated",
+        checksums={trial.name: trial.checksum for trial in trials},
+        pellucid=version("pellucid"),
+    )
+
+
+def torque_of_card(card: ParameterCard, values: Mapping[str, float]) -> float:
+    """Torque by a card.
+
+    Parameters
+    ----------
+    card : ParameterCard
+        Of the kind ``"torque_map"``.
+    values : Mapping of str to float
+        Every feature by its name, in SI, as the card's processing says.
+
+    Returns
+    -------
+    float
+        [N m]
+
+    Raises
+    ------
+    PellucidError
+        If a feature is missing.
+    """
+    terms = {name: name.split(PRODUCT) for name in card.values if name != "offset"}
+    missing = sorted({factor for factors in terms.values() for factor in factors} - set(values))
+    if missing:
+        raise PellucidError(f"the card {card.name} needs {', '.join(missing)}; found {', '.join(sorted(values))}")
+    return card.values["offset"] + sum(
+        card.values[name] * prod(values[factor] for factor in factors) for name, factors in terms.items()
+    )

@@ -1,0 +1,135 @@
+"""Figures of a hinge between two IMUs: its angle beside the reference, the error over time, where the axis is."""
+
+from __future__ import annotations
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from ...pages.drawing import Drawing, Head, heads, key, label_ends, line, one_panel, origin, tidy
+from ...pages.style import FIGURE_WIDTH, colour
+from .identify_hinge import HingeTrial
+
+CLOSE = 20.0  # seconds of the angle that are drawn
+
+
+def angle_figure(trial: HingeTrial, score_from: float, name: str) -> Drawing:
+    """The angle found beside the reference, over the first seconds judged.
+
+    Parameters
+    ----------
+    trial : HingeTrial
+        With a reference.
+    score_from : float
+        [s]
+    name : str
+        Of the drawing.
+
+    Returns
+    -------
+    Drawing
+    """
+    reference, found = trial.reference, trial.scores["offline"]
+    shown = (reference.time >= score_from) & (reference.time < score_from + CLOSE)
+    time = reference.time[shown]
+    figure, axis = one_panel(3.2)
+    true = np.where(reference.believable, reference.angle, np.nan)[shown]
+    # Both are drawn about the reference, so that what it is not believed in breaks both alike.
+    level = 2.0 * np.pi * np.round(np.nanmedian(true) / (2.0 * np.pi))
+    line(axis, time, np.degrees(true - level), color=colour("measured"), linewidth=2.4)
+    line(axis, time, np.degrees(found.angle[shown] - level), color=colour("heldout"), linewidth=1.2)
+    tidy(axis, first=True, text="Angle (deg)")
+    axis.set_xlabel("Time (s)")
+    key(axis, [("optics", colour("measured")), ("IMUs", colour("heldout"))])
+    heads([axis], [Head(trial.name, f"{np.degrees(found.rms):.2f}° RMS", colour("heldout"))])
+    return Drawing(
+        name,
+        figure,
+        f"Angle of {trial.name}, by both IMUs and by the reference, over the first {CLOSE:g} s that are judged. The "
+        "reference is broken where it jumps more than the joint can.",
+    )
+
+
+def error_figure(trial: HingeTrial, score_from: float, name: str) -> Drawing:
+    """Error over time: of the angle reported, without later samples, and by gyroscopes alone.
+
+    Parameters
+    ----------
+    trial : HingeTrial
+        With a reference.
+    score_from : float
+        [s]
+    name : str
+        Of the drawing.
+
+    Returns
+    -------
+    Drawing
+    """
+    figure, axis = one_panel(3.2)
+    time = trial.reference.time
+    tones = {"gyroscopes": "faint", "causal": "directional", "offline": "heldout"}
+    words = {"gyroscopes": "gyroscopes alone", "causal": "causal", "offline": "whole recording"}
+    for way, role in tones.items():
+        error = np.where(trial.reference.believable, trial.scores[way].error, np.nan)
+        line(axis, time, np.degrees(error), color=colour(role), linewidth=1.0)
+    tidy(axis, first=True, text="Error (deg)")
+    # Gyroscopes leave the frame: what is judged must stay readable.
+    top = 1.3 * max(np.degrees(trial.scores[way].largest) for way in ("offline", "causal"))
+    axis.set_ylim(-top, top)
+    axis.axvline(score_from, color=colour("muted"), linewidth=0.8, linestyle=(0, (4, 3)))
+    axis.set_xlabel("Time (s)")
+    key(axis, [(words[way], colour(role)) for way, role in tones.items()])
+    heads([axis], [Head(trial.name, "error against the reference", colour("muted"))])
+    return Drawing(
+        name,
+        figure,
+        f"Error of the angle of {trial.name}. Left of the dashed line lie the seconds that gave axes, centre and "
+        "offset; what is right of it is judged. Drifting gyroscopes may leave the frame.",
+    )
+
+
+def axes_figure(trials: tuple[HingeTrial, ...], name: str) -> Drawing:
+    """Components of the hinge's axis across its mean direction, recording by recording, with 95 % intervals.
+
+    Parameters
+    ----------
+    trials : tuple of HingeTrial
+    name : str
+        Of the drawing.
+
+    Returns
+    -------
+    Drawing
+    """
+    figure = Figure(figsize=(FIGURE_WIDTH, 3.6), layout="constrained")
+    panels = figure.subplots(1, 2, sharey=True)
+    for side, axis in enumerate(panels):
+        main = int(np.argmax(np.abs(trials[0].hinge.axes[side])))
+        others = [k for k in range(3) if k != main]
+        origin(axis)
+        ends = []
+        for trial in trials:
+            direction = trial.hinge.axes[side]
+            tilt = np.degrees(direction[others] / direction[main])
+            error = 1.96 * np.degrees(np.max(trial.hinge.standard_errors[2 * side : 2 * side + 2]))
+            axis.errorbar(
+                tilt[0],
+                tilt[1],
+                xerr=error,
+                yerr=error,
+                color=colour("fitted"),
+                marker="o",
+                markersize=4.5,
+                linewidth=1.0,
+            )
+            ends.append((float(tilt[1]), trial.name, colour("fitted")))
+        tidy(axis, first=side == 0, text=f"Tilt towards {'xyz'[others[1]]} (deg)")
+        axis.set_xlabel(f"Tilt towards {'xyz'[others[0]]} (deg)")
+        label_ends(axis, ends)
+    heads(panels, [Head(t, "axis of the hinge", colour("muted")) for t in ("Proximal IMU", "Distal IMU")])
+    return Drawing(
+        name,
+        figure,
+        "Where each IMU sees the hinge's axis: tilt away from the sensor's own axis that it is closest to, with 95 % "
+        "intervals, from the first seconds of each recording. The same mounting gives the same tilt.",
+    )

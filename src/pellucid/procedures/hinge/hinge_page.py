@@ -1,0 +1,70 @@
+"""The report of a hinge between two IMUs: its angle and how far it is off, axis and centre, what was done."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ...pages.drawing import draw
+from ...pages.page import Page, Section, Tile
+from ...pages.quantities import prose
+from ...recordings.study import Study
+from ..study_page import figure_tables, parameter_tables, study_page
+from . import hinge_figures as figures
+from .identify_hinge import PROCESSING, HingeFindings, HingeTrial
+
+
+def page(study: Study, findings: HingeFindings) -> Page:
+    """Everything that was found, as a page.
+
+    Parameters
+    ----------
+    study : Study
+    findings : HingeFindings
+
+    Returns
+    -------
+    Page
+    """
+    judged = tuple(t for t in findings.trials if t.scores)
+    return study_page(
+        title=f"{findings.study}: angle of a hinge",
+        headline=findings.headline,
+        tiles=tuple(_tile(t) for t in judged),
+        sections=(
+            _found(findings),
+            *([_angles(study, judged)] if judged else []),
+            _hinges(findings),
+            Section(
+                "hinge_method", "How", paragraphs=(f"{PROCESSING[0].upper()}{PROCESSING[1:]}.",), notes=study.notes
+            ),
+        ),
+    )
+
+
+def _tile(trial: HingeTrial) -> Tile:
+    scores = trial.scores
+    return Tile(
+        f"Angle error, {trial.name}",
+        f"{np.degrees(scores['offline'].rms):.2f}",
+        "deg RMS",
+        f"{np.degrees(scores['causal'].rms):.2f} without later samples",
+    )
+
+
+def _found(findings: HingeFindings) -> Section:
+    told = tuple(prose(v.text) for v in findings.verdicts)
+    return Section("hinge_found", "What was found", told, figure_tables(findings))
+
+
+def _angles(study: Study, judged: tuple[HingeTrial, ...]) -> Section:
+    drawings = []
+    for i, trial in enumerate(judged):
+        start = float(trial.reference.time[0]) + study.config.hinge.score_from
+        drawings.append(draw(figures.angle_figure, trial, start, f"angle_{i + 1}"))
+        drawings.append(draw(figures.error_figure, trial, start, f"error_{i + 1}"))
+    return Section("hinge_angle", "Angle and error", drawings=tuple(drawings))
+
+
+def _hinges(findings: HingeFindings) -> Section:
+    drawing = draw(figures.axes_figure, findings.trials, "axes")
+    return Section("hinge", "Axis and centre", tables=parameter_tables(findings), drawings=(drawing,))

@@ -1,0 +1,1 @@
+"""One muscle, fully active, whose free end is moved."""

@@ -1,0 +1,214 @@
+r"""One muscle, fully active, whose free end is moved: how well Hill's model on an elastic tendon tells its force.
+
+The model rests where its fibre is at l_o and its tendon at its slack length; the recording's rest lies an unknown
+offset from there, which is fitted on the recordings that may be fitted and on nothing else:
+
+.. math::
+   l_{mt}(t) = l_o\cos\varphi_o + l_{ts} + \Delta + A\,x(t), \qquad
+   e = \frac{100}{n F_{iso}} \sum_t |F(t) - \hat F(t)|
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import optimize
+
+from ... import _core
+from ..._errors import IdentificationError
+from ...fit.parameter import Verdict
+from ...models.hill import HillMuscle
+from ...recordings.recording import Recording
+from ...recordings.results import ResultRow
+from ...recordings.study import Study
+from ..result import FigureTable, Findings
+
+PERIOD = 1e-3
+"""Of the simulation [s]."""
+
+REACH = 0.4
+"""How far the offset is searched, in optimal fibre lengths either way."""
+
+
+@dataclass(frozen=True, eq=False)
+class MuscleTrial:
+    """Force of one recording, measured and told.
+
+    Attributes
+    ----------
+    name, use : str
+        Of the recording; ``"fit"`` or ``"validate"``.
+    amplitude : float
+        Of the displacement [m].
+    time, measured, predicted : ndarray, shape (n,)
+        At the recording's samples [s], [N].
+    mae_percent : float
+        Mean absolute error from ``score_from`` on, in percent of the isometric force.
+    """
+
+    name: str
+    use: str
+    amplitude: float
+    time: np.ndarray
+    measured: np.ndarray
+    predicted: np.ndarray
+    mae_percent: float
+
+
+@dataclass(frozen=True, eq=False)
+class IsolatedMuscleFit:
+    """What `isolated_muscle` found.
+
+    Attributes
+    ----------
+    offset : float
+        Rest length less l_o cos(phi_o) + l_ts [m].
+    trials : tuple of MuscleTrial
+    rigid_mae_percent : float
+        Mean over all trials with a rigid tendon, its own offset fitted the same way.
+    """
+
+    offset: float
+    trials: tuple[MuscleTrial, ...]
+    rigid_mae_percent: float
+
+    @property
+    def mae_percent(self) -> float:
+        """Mean over all trials."""
+        return float(np.mean([t.mae_percent for t in self.trials]))
+
+    def rows(self, study: Study) -> list[ResultRow]:
+        """Figures for results.json."""
+        checksum = study.recordings()[0].checksum
+        fitted = ", ".join(t.name for t in self.trials if t.use == "fit")
+        note = f"mean over all amplitudes; offset {1e3 * self.offset:.2f} mm, fitted on {fitted} alone"
+        rows = [ResultRow(f"{study.name}.mae_percent", self.mae_percent, "%", "calibrate", "heldout", checksum, note)]
+        rows += [
+            ResultRow(
+                f"{study.name}.{t.name}.mae_percent", t.mae_percent, "%", "calibrate",
+                "fitted" if t.use == "fit" else "heldout", checksum, f"amplitude {1e3 * t.amplitude:g} mm",
+            )
+            for t in self.trials
+        ]  # fmt: skip
+        note = "tendon rigid, its offset fitted the same way"
+        rows.append(
+            ResultRow(
+                f"{study.name}.rigid.mae_percent", self.rigid_mae_percent, "%", "calibrate", "heldout", checksum, note
+            )
+        )
+        return rows
+
+
+def isolated_findings(study: Study) -> Findings:
+    """What `calibrate` says of a muscle whose length was imposed.
+
+    Parameters
+    ----------
+    study : Study
+        With a table ``[isolated_muscle]``.
+
+    Returns
+    -------
+    Findings
+
+    Raises
+    ------
+    RecordingError
+        If a recording lacks the length or the force.
+    """
+    fit = isolated_muscle(study)
+    heads = ("Trial", "amplitude [mm]", "mean absolute error [% of F_iso]", "")
+    shown = ((t.name, 1e3 * t.amplitude, t.mae_percent, "fitted" if t.use == "fit" else "held out") for t in fit.trials)
+    said = f"{fit.rigid_mae_percent:.1f} % with a rigid tendon; the length's offset is {1e3 * fit.offset:.2f} mm"
+    return Findings(
+        study=study.name,
+        headline=f"force within {fit.mae_percent:.2f} % of its isometric value, mean over the amplitudes",
+        tables=(FigureTable("Force over imposed length", heads, tuple(shown)),),
+        verdicts=(Verdict("note", said),),
+        rows=tuple(fit.rows(study)),
+        cards={},
+        checksums={recording.name: recording.checksum for recording in study.recordings()},
+    )
+
+
+def isolated_muscle(study: Study) -> IsolatedMuscleFit:
+    """Fit the offset of an isolated muscle's length, and tell the force of every recording.
+
+    Parameters
+    ----------
+    study : Study
+        With a table ``[isolated_muscle]``.
+
+    Returns
+    -------
+    IsolatedMuscleFit
+
+    Raises
+    ------
+    IdentificationError
+        If the study has no such table, nothing to fit on, or a recording lacks its amplitude or its displacement.
+    """
+    table = study.config.isolated_muscle
+    if table is None:
+        raise IdentificationError(f"{study.name}: found no table [isolated_muscle], which says what the muscle is")
+    taken = [(recording, *_imposed(recording, study)) for recording in study.recordings()]
+    fitted = [t for t in taken if t[0].use == "fit"]
+    if not fitted:
+        raise IdentificationError(f'{study.name}: found no recording with use = "fit", expected one for the offset')
+
+    def error(offset: float, elastic: bool) -> float:
+        return float(np.mean([_trial(t, study, offset, elastic).mae_percent for t in fitted]))
+
+    offsets = [_search(error, table.optimal_fibre_length, elastic) for elastic in (True, False)]
+    trials = tuple(_trial(t, study, offsets[0], True) for t in taken)
+    rigid = float(np.mean([_trial(t, study, offsets[1], False).mae_percent for t in taken]))
+    return IsolatedMuscleFit(offsets[0], trials, rigid)
+
+
+def _imposed(recording: Recording, study: Study) -> tuple[np.ndarray, np.ndarray, float]:
+    """Time and displacement [m] over the simulation's samples, and the amplitude."""
+    table = study.config.isolated_muscle
+    amplitude = next(e.amplitude for e in study.config.recordings if e.name == recording.name)
+    source = recording.streams.get(table.stream, recording)
+    if amplitude is None or table.displacement not in source:
+        missing = "amplitude" if amplitude is None else f"channel {table.displacement}"
+        raise IdentificationError(f"{recording.name}: found no {missing}, expected the displacement of the free end")
+    time = np.arange(source.time[0], recording.time[-1] + PERIOD, PERIOD)
+    return time, amplitude * np.interp(time, source.time, source[table.displacement]), amplitude
+
+
+def _trial(
+    taken: tuple[Recording, np.ndarray, np.ndarray, float], study: Study, offset: float, elastic: bool
+) -> MuscleTrial:
+    recording, time, displacement, amplitude = taken
+    table = study.config.isolated_muscle
+    muscle = HillMuscle(
+        recording.name, table.optimal_fibre_length, table.tendon_slack_length, table.max_isometric_force,
+        table.pennation, max_velocity=table.max_velocity, damping=table.damping,
+    )  # fmt: skip
+    rest = table.optimal_fibre_length * np.cos(table.pennation) + table.tendon_slack_length
+    length, active = rest + offset + displacement, np.ones_like(time)
+    if elastic:
+        simulated = _core.ElasticMuscle(muscle.vector(), tendon_strain=table.tendon_strain, period=PERIOD)
+        simulated.rest(0.0, float(length[0]))
+        force, _ = simulated.run(_core.activation_dynamics(active, period=PERIOD), length)
+    else:
+        rate = np.gradient(length, PERIOD)
+        force = _core.hill_states(
+            muscle.vector()[np.newaxis], active[np.newaxis], length[np.newaxis], rate[np.newaxis], period=PERIOD
+        )[1][0]
+    measured = recording[table.force]
+    predicted = np.interp(recording.time, time, force)
+    scored = recording.time > table.score_from
+    error = 100.0 * float(np.mean(np.abs(predicted - measured)[scored])) / table.isometric_force
+    return MuscleTrial(recording.name, recording.use, amplitude, recording.time, measured, predicted, error)
+
+
+def _search(error, fibre_length: float, elastic: bool) -> float:
+    """The offset of least error [m]: a grid, since a muscle has the same force on both sides of l_o, then its best."""
+    grid = REACH * fibre_length * np.linspace(-1.0, 1.0, 33)
+    found = [error(offset, elastic) for offset in grid]
+    best = int(np.argmin(found))
+    around = grid[max(best - 1, 0)], grid[min(best + 1, len(grid) - 1)]
+    return float(optimize.minimize_scalar(lambda x: error(x, elastic), bounds=around, method="bounded").x)

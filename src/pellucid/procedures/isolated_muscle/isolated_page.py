@@ -1,0 +1,25 @@
+"""The report of a muscle whose length was imposed: its errors, amplitude by amplitude."""
+
+from __future__ import annotations
+
+from ...pages.page import Page, Section
+from ...recordings.study import Study
+from ..result import Findings
+from ..study_page import figure_tables
+
+
+def page(study: Study, found: Findings) -> Page:
+    """The page of an isolated muscle.
+
+    Parameters
+    ----------
+    study : Study
+    found : Findings
+        From `calibrate`.
+
+    Returns
+    -------
+    Page
+    """
+    section = Section("force", "Force over imposed length", tuple(v.text for v in found.verdicts), figure_tables(found))
+    return Page(study.name, "Isolated muscle", found.headline, sections=(section,), footer=study.config.citation)

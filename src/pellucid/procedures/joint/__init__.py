@@ -1,0 +1,1 @@
+"""A joint with friction: recordings to families, verdicts and a report."""

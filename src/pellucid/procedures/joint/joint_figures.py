@@ -1,0 +1,626 @@
+"""The figures of a report, each a function from a fit to a drawing.
+
+Blue is fitted, orange is held out, dark grey is measured; colours and sizes live in `style`. Only this file,
+`direction_figures` and `drawing` import Matplotlib.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
+
+from ...fit.parameter import FamilyFit, JointFit, Simulation
+from ...models.friction import FrictionCurve, friction_curve
+from ...pages.drawing import Drawing, Head, dots, heads, key, label_ends, line, one_panel, origin, tidy
+from ...pages.quantities import EFFORTS, METHODS, READINGS, label, percent, unit_text
+from ...pages.series import (
+    LINE_POINTS,
+    autocorrelation,
+    broken,
+    busiest,
+    by_recording,
+    difference_unit,
+    every,
+    joined,
+    pooled_error,
+    running_median,
+    whole,
+)
+from ...pages.style import FIGURE_WIDTH, colour, family_colour
+
+COLUMNS = 4
+"""Recordings side by side in one figure."""
+SPLITS = {"fitted": "fitted", "heldout": "held out"}
+"""What a split is called."""
+
+
+@dataclass(frozen=True)
+class Trace:
+    """One recording as it is drawn: arrays of shape (n,) in SI, NaN where the line is to break.
+
+    `split` is "fitted" or "heldout".
+    """
+
+    recording: str
+    split: str
+    time: np.ndarray
+    position: np.ndarray
+    velocity: np.ndarray
+    effort: np.ndarray
+
+
+# --- the recordings -------------------------------------------------------------------------------------------------
+
+
+def recordings(traces: Sequence[Trace], fit: JointFit, name: str = "recordings") -> Drawing:
+    """Position, velocity and effort of each recording against time, fitted and held out apart by colour.
+
+    Parameters
+    ----------
+    traces : sequence of Trace
+        At most `COLUMNS`.
+    fit : JointFit
+    name : str
+
+    Returns
+    -------
+    Drawing
+    """
+    reading = READINGS[fit.motion]
+    figure = Figure(figsize=(FIGURE_WIDTH, 5.4), layout="constrained")
+    axes = figure.subplots(
+        3, len(traces), sharey="row", sharex="col", squeeze=False, width_ratios=_durations([t.time for t in traces])
+    )
+    rows = (
+        (f"Position ({reading.position})", "position", reading.scale),
+        (f"Velocity ({reading.velocity})", "velocity", reading.scale),
+        (_effort_label(fit), "effort", 1.0),
+    )
+    for column, trace in enumerate(traces):
+        for row, (text, signal, scale) in enumerate(rows):
+            axis = axes[row, column]
+            line(axis, trace.time, scale * getattr(trace, signal), color=colour(trace.split), linewidth=1.1)
+            tidy(axis, first=column == 0, text=text, ticks=5)
+        axes[2, column].set_xlabel("Time (s)")
+    heads(axes[0], [Head(t.recording, SPLITS[t.split], colour(t.split)) for t in traces])
+    held = any(t.split == "heldout" for t in traces)
+    return Drawing(
+        name,
+        figure,
+        "What was recorded: joint position, its velocity and the effort at the joint, after the filter. "
+        + ("Blue was fitted; orange was held out and only judged." if held else "Blue was fitted."),
+    )
+
+
+# --- the fit in effort ----------------------------------------------------------------------------------------------
+
+
+def effort(fit: JointFit, family: FamilyFit, name: str = "effort") -> Drawing:
+    """Measured and predicted effort with the prediction interval, and a zoom where the effort changes most.
+
+    Parameters
+    ----------
+    fit : JointFit
+    family : FamilyFit
+    name : str
+
+    Returns
+    -------
+    Drawing
+    """
+    groups = by_recording(family.predictions)
+    shown = [g for g in groups if g[0].split == "fitted"][:2] + [g for g in groups if g[0].split == "heldout"][:4]
+    figure = Figure(figsize=(FIGURE_WIDTH, 0.5 + 2.15 * len(shown)), layout="constrained")
+    axes = figure.subplots(len(shown), 2, squeeze=False, width_ratios=(2.3, 1.0), sharey=True)
+    gaps = False
+    for row, group in enumerate(shown):
+        first = group[0]
+        time, measured, predicted = joined(group, lambda p: p.time, lambda p: p.effort, lambda p: p.predicted)
+        half = first.half_width
+        gaps = gaps or len(broken(time, predicted)[0]) > len(time)
+        wide, zoom = axes[row]
+        window = busiest(time, measured)
+        for axis, (low, high) in ((wide, (np.nanmin(time), np.nanmax(time))), (zoom, window)):
+            within = (time >= low) & (time <= high) | np.isnan(time)
+            t, m, p = time[within], measured[within], predicted[within]
+            # A zoom shows every sample; the overview only needs the outline.
+            bt, bp = broken(*((t, p) if axis is zoom else every(LINE_POINTS, t, p)))
+            axis.fill_between(bt, bp - half, bp + half, color=colour(first.split), alpha=0.2, linewidth=0)
+            line(axis, t, m, color=colour("measured"), linewidth=2.2 if axis is zoom else 1.2)
+            line(axis, t, p, color=colour(first.split), linewidth=1.1)
+            axis.set_xlim(low, high)
+        tidy(wide, first=True, text=_effort_label(fit))
+        tidy(zoom, first=False)
+        zoom.xaxis.set_major_locator(MaxNLocator(4, steps=[1, 2, 2.5, 5, 10]))
+        if window[1] - window[0] < 0.4 * (np.nanmax(time) - np.nanmin(time)):
+            wide.axvspan(*window, color=colour("faint"), alpha=0.25, linewidth=0)
+            zoom.set_title("zoom on the grey window", color=colour("muted"), fontsize=8.5)
+        else:
+            zoom.set_visible(False)
+        error, covered = (
+            pooled_error(group),
+            np.average([p.coverage for p in group], weights=[len(p.time) for p in group]),
+        )
+        rest = f"{SPLITS[first.split]} · error {percent(error)} % · {percent(100.0 * covered)} % of samples inside"
+        heads([wide], [Head(first.recording, rest, colour(first.split))])
+        if row == 0:
+            key(
+                zoom if zoom.get_visible() else wide,
+                [("measured", colour("measured")), ("predicted", colour(first.split))],
+            )
+        for axis in (wide, zoom):
+            axis.set_xlabel("Time (s)" if row == len(shown) - 1 else "")
+    left_out = len(groups) - len(shown)
+    return Drawing(
+        name,
+        figure,
+        f"Effort measured (grey) and predicted by the {family.family} model (colour); the band is the 95 % prediction "
+        "interval. Error is the norm of the difference as a share of the norm of the effort."
+        + (" Lines break where samples are not scored (see Processing)." if gaps else "")
+        + _rest(left_out).replace("the table below", "the table of held-out errors"),
+    )
+
+
+# --- the fit in simulated motion ------------------------------------------------------------------------------------
+
+
+def simulation(
+    fit: JointFit, simulations: Mapping[str, Sequence[Simulation]], mode: str, name: str = "simulation"
+) -> Drawing:
+    """Measured and simulated motion, and their difference in position, for one mode of simulation.
+
+    Parameters
+    ----------
+    fit : JointFit
+    simulations : mapping of str to sequence of Simulation
+        By method; all of `mode`. At most `COLUMNS` recordings are drawn, held-out ones first in line.
+    mode : {"closed_loop", "openloop"}
+    name : str
+
+    Returns
+    -------
+    Drawing
+    """
+    reading = READINGS[fit.motion]
+    reference = next(iter(simulations))
+    chosen = _shown([whole(g) for g in by_recording(simulations[reference])])
+    figure = Figure(figsize=(FIGURE_WIDTH, 7.0), layout="constrained")
+    axes = figure.subplots(
+        4,
+        len(chosen),
+        squeeze=False,
+        sharey="row",
+        sharex="col",
+        width_ratios=_durations([s.time for s in chosen]),
+        height_ratios=(1.1, 0.9, 1.0, 1.0),
+    )
+    off_scale, off_unit = difference_unit(chosen, reading)
+    for column, run in enumerate(chosen):
+        top, off, speed, drive = axes[:, column]
+        for axis, signal, scale in (
+            (top, "position", reading.scale),
+            (speed, "velocity", reading.scale),
+            (drive, "effort", 1.0),
+        ):
+            line(axis, run.time, scale * np.asarray(run.measured[signal]), color=colour("measured"), linewidth=1.1)
+            line(
+                axis, run.time, scale * np.asarray(run.simulated[signal]), color=colour(run.split), linewidth=1.1,
+                dashes=(4, 1.6),
+            )  # fmt: skip
+        for k, (method, runs) in enumerate(simulations.items()):
+            tone = colour(run.split) if method == reference else colour("load")
+            for r in (whole(g) for g in by_recording(runs) if g[0].recording == run.recording):
+                difference = off_scale * (r.measured["position"] - r.simulated["position"])
+                line(off, r.time, difference, color=tone, linewidth=1.0, zorder=3 - 0.1 * k)
+        for axis, text in zip(
+            (top, off, speed, drive),
+            (
+                f"Position ({reading.position})",
+                f"Difference ({off_unit})",
+                f"Velocity ({reading.velocity})",
+                _effort_label(fit),
+            ),
+            strict=True,
+        ):
+            tidy(axis, first=column == 0, text=text, ticks=5)
+        drive.set_xlabel("Time (s)")
+    heads(
+        axes[0],
+        [
+            Head(r.recording, f"{SPLITS[r.split]} · position {percent(r.errors['position'])} %", colour(r.split))
+            for r in chosen
+        ],
+    )
+    key(axes[0, 0], [("measured", colour("measured")), ("simulated", colour(chosen[0].split))])
+    if len(simulations) > 1:
+        tones = [colour(chosen[0].split), *[colour("load")] * (len(simulations) - 1)]
+        key(axes[1, 0], [(METHODS.get(m, m), t) for m, t in zip(simulations, tones, strict=True)])
+    loop = {
+        "closed_loop": "The identified joint simulated under the machine's own controller, from the recorded reference",
+        "openloop": "The identified joint simulated from the recorded command alone, with nothing to correct it",
+    }[mode]
+    return Drawing(
+        name,
+        figure,
+        f"{loop}. Grey is measured, colour simulated; the second row is the difference in position"
+        + (", for each way of estimating the parameters." if len(simulations) > 1 else ".")
+        + _rest(len({s.recording for s in simulations[reference]}) - len(chosen)),
+    )
+
+
+# --- residuals ------------------------------------------------------------------------------------------------------
+
+
+def residuals(fit: JointFit, family: FamilyFit, name: str = "residuals") -> Drawing:
+    """Residual effort against position, velocity and load, with running medians.
+
+    Parameters
+    ----------
+    fit : JointFit
+    family : FamilyFit
+    name : str
+
+    Returns
+    -------
+    Drawing
+    """
+    reading = READINGS[fit.motion]
+    unit = unit_text(fit.effort_unit)
+    figure = Figure(figsize=(FIGURE_WIDTH, 3.3), layout="constrained")
+    axes = figure.subplots(1, 3, sharey=True)
+    columns = (
+        (f"Position ({reading.position})", lambda p: reading.scale * p.position),
+        (f"Velocity ({reading.velocity})", lambda p: reading.scale * p.velocity),
+        (f"Load ({unit})", lambda p: p.load),
+    )
+    everything = np.concatenate([p.residual for p in family.predictions])
+    limit = 1.25 * float(np.quantile(np.abs(everything), 0.995)) or 1.0
+    for axis, (text, of) in zip(axes, columns, strict=True):
+        axis.axhline(0.0, color=colour("muted"), linewidth=0.8)
+        half = family.predictions[0].half_width
+        axis.axhspan(-half, half, color=colour("faint"), alpha=0.18, linewidth=0)
+        for split in SPLITS:
+            chosen = [p for p in family.predictions if p.split == split]
+            if not chosen:
+                continue
+            x = np.concatenate([of(p) for p in chosen])
+            y = np.concatenate([p.residual for p in chosen])
+            dots(axis, x, y, colour(split), alpha=0.28, size=1.7)
+            centre, median = running_median(x, y)
+            axis.plot(centre, median, color=colour("paper"), linewidth=3.4, zorder=5)
+            axis.plot(centre, median, color=colour(split), linewidth=1.8, zorder=6)
+        axis.set_xlabel(text)
+        axis.set_ylim(-limit, limit)
+        tidy(axis, first=axis is axes[0], text=f"Residual ({unit})", ticks=6)
+    present = [s for s in SPLITS if any(p.split == s for p in family.predictions)]
+    key(axes[0], [(SPLITS[s], colour(s)) for s in present])
+    return Drawing(
+        name,
+        figure,
+        "What the model does not explain: measured minus predicted effort against position, velocity and load (the "
+        "effort that gravity and inertia take). Thick lines are running medians, the grey band is the 95 % prediction "
+        "interval. A median that leaves zero points at physics the family lacks.",
+    )
+
+
+def whiteness(fit: JointFit, family: FamilyFit, name: str = "whiteness") -> Drawing:
+    """Autocorrelation of the residuals of the fitted recordings.
+
+    Parameters
+    ----------
+    fit : JointFit
+    family : FamilyFit
+    name : str
+
+    Returns
+    -------
+    Drawing
+    """
+    chosen = [p for p in family.predictions if p.split == "fitted"] or list(family.predictions)
+    longest = max(chosen, key=lambda p: len(p.time))
+    # With samples left out, a lag is a count and no time.
+    even = all(len(broken(p.time, p.time)[0]) == len(p.time) for p in chosen)
+    step = float(np.median(np.diff(longest.time))) if even and len(longest.time) > 1 else 1.0
+    found = family.estimate.whiteness
+    lags = max(2, min(max(found.lags if found else 0, 60), len(longest.time) // 4))
+    correlation = np.average(
+        [autocorrelation(p.residual, lags) for p in chosen], axis=0, weights=[len(p.time) for p in chosen]
+    )
+    count = sum(len(p.time) for p in chosen)
+    figure, axis = one_panel(2.3)
+    bound = 1.96 / np.sqrt(count)
+    axis.axhspan(-bound, bound, color=colour("good"), alpha=0.22, linewidth=0)
+    axis.axhline(0.0, color=colour("muted"), linewidth=0.8)
+    at = step * np.arange(lags + 1)
+    axis.fill_between(at, 0.0, correlation, color=colour("fitted"), alpha=0.15, linewidth=0)
+    axis.plot(at, correlation, color=colour("fitted"), marker="o", markersize=2.2, linewidth=1.1)
+    axis.set_xlim(0.0, at[-1])
+    axis.set_ylim(min(-0.25, 1.1 * correlation.min()), 1.05)
+    axis.set_xlabel("Lag (s)" if even else "Lag (scored samples)")
+    tidy(axis, first=True, text="Autocorrelation", ticks=4)
+    return Drawing(
+        name,
+        figure,
+        "Autocorrelation of the residuals of the fitted recordings. White residuals would stay in the green band. What "
+        "lies outside it is structure that the model or the filter leaves, and it makes the naive intervals too "
+        "narrow: the ones given here are widened for it.",
+    )
+
+
+# --- friction -------------------------------------------------------------------------------------------------------
+
+
+def friction(fit: JointFit, name: str = "friction") -> Drawing:
+    """Friction against velocity: the best family with its interval over the data, and all families beside it.
+
+    Parameters
+    ----------
+    fit : JointFit
+    name : str
+
+    Returns
+    -------
+    Drawing
+    """
+    best = fit.families[fit.best]
+    figure = Figure(figsize=(FIGURE_WIDTH, 4.3), layout="constrained")
+    left, right = figure.subplots(1, 2, sharey=True, width_ratios=(1.35, 1.0))
+    _friction_panel(left, fit, best)
+    left.set_title(
+        f"{best.family} friction, the best family" if len(fit.families) > 1 else f"{best.family} friction", pad=9
+    )
+    ends = []
+    reading = READINGS[fit.motion]
+    for family in fit.families.values():
+        velocity = _velocities(fit, family)
+        is_best = family.family == fit.best
+        for branch in _branches(velocity):
+            curve = _curve(family, branch, 0.0)
+            right.plot(
+                reading.scale * curve.velocity, curve.friction, color=family_colour(family.family),
+                linewidth=2.2 if is_best else 1.3, zorder=4 if is_best else 3,
+            )  # fmt: skip
+        ends.append((float(curve.friction[-1]), family.family, family_colour(family.family)))
+    right.set_title("every family, at no load", pad=9)
+    right.set_xlabel(f"Velocity ({reading.velocity})")
+    tidy(right, first=False, ticks=7)
+    origin(right)
+    label_ends(right, ends)
+    return Drawing(
+        name,
+        figure,
+        "Friction against velocity. Dots are the fitted samples: measured effort less offset, gravity and inertia. The "
+        "line is the identified friction, the band its 95 % interval from the parameters' covariance (often thinner "
+        "than the line)." + (" Dashed: under a heavy load, either way." if _loaded(best) else ""),
+    )
+
+
+def families(fit: JointFit, name: str = "families") -> Drawing:
+    """Small multiples of the friction curve, one panel a family, on common axes.
+
+    Parameters
+    ----------
+    fit : JointFit
+    name : str
+
+    Returns
+    -------
+    Drawing
+    """
+    count = len(fit.families)
+    columns = min(count, 2 if count in (2, 4) else 3)
+    rows = -(-count // columns)
+    figure = Figure(figsize=(FIGURE_WIDTH, 0.3 + (3.0 if columns == 2 else 2.6) * rows), layout="constrained")
+    axes = figure.subplots(rows, columns, sharex=True, sharey=True, squeeze=False)
+    for axis in axes.flat[count:]:
+        axis.set_visible(False)
+    for k, (axis, family) in enumerate(zip(axes.flat, fit.families.values(), strict=False)):
+        _friction_panel(axis, fit, family)
+        if k % columns:
+            axis.set_ylabel("")
+        if k + columns < count:
+            axis.set_xlabel("")
+        else:
+            axis.tick_params(axis="x", labelbottom=True)
+        error, split = (
+            (family.heldout_effort_error, "held out")
+            if np.isfinite(family.heldout_effort_error)
+            else (family.fitted_effort_error, "fitted")
+        )
+        axis.set_title(
+            f"{family.family} · {percent(error)} % {split}" + (" · best" if family.family == fit.best else ""),
+            color=family_colour(family.family),
+            fontweight="bold" if family.family == fit.best else "normal",
+        )
+    return Drawing(
+        name,
+        figure,
+        "The same data through each friction family, with the effort error of its prediction.",
+    )
+
+
+def _friction_panel(axis: Axes, fit: JointFit, family: FamilyFit) -> None:
+    reading = READINGS[fit.motion]
+    chosen = [p for p in family.predictions if p.split == "fitted"] or list(family.predictions)
+    offset = family["offset"].value if "offset" in family.model.names else family.model.known.get("offset", 0.0)
+    x = reading.scale * np.concatenate([p.velocity for p in chosen])
+    y = np.concatenate([p.effort - p.load - offset for p in chosen])
+    dots(axis, x, y, colour("muted"), alpha=0.32, size=1.8 if len(x) > 600 else 2.4)
+    tone = family_colour(family.family)
+    velocity = _velocities(fit, family)
+    top = 0.0
+    for branch in _branches(velocity):
+        curve = _curve(family, branch, 0.0)
+        v, half = reading.scale * curve.velocity, 1.96 * curve.standard_error
+        axis.fill_between(v, curve.friction - half, curve.friction + half, color=tone, alpha=0.28, linewidth=0)
+        axis.plot(v, curve.friction, color=tone, linewidth=2.0, zorder=5)
+        top = max(top, float(np.max(np.abs(curve.friction))))
+    if _loaded(family):
+        heavy = float(np.quantile(np.abs(np.concatenate([p.load for p in chosen])), 0.9))
+        for load in (-heavy, heavy):
+            for branch in _branches(velocity):
+                curve = _curve(family, branch, load)
+                axis.plot(
+                    reading.scale * curve.velocity, curve.friction, color=tone, linewidth=1.1, dashes=(4, 1.8), zorder=5
+                )
+                top = max(top, float(np.max(np.abs(curve.friction))))
+    spread = float(np.quantile(np.abs(y), 0.99))
+    limit = 1.12 * max(top, min(spread, 1.8 * top) if top else spread)
+    axis.set_ylim(-limit, limit)
+    origin(axis)
+    axis.set_xlabel(f"Velocity ({reading.velocity})")
+    tidy(axis, first=True, text=f"Friction ({unit_text(fit.effort_unit)})", ticks=7)
+
+
+def _curve(family: FamilyFit, velocity: np.ndarray, load: float) -> FrictionCurve:
+    estimate = family.estimate
+    return friction_curve(family.model, estimate.values, estimate.covariance, velocity, load)
+
+
+def _velocities(fit: JointFit, family: FamilyFit) -> tuple[float, float]:
+    chosen = [p for p in family.predictions if p.split == "fitted"] or list(family.predictions)
+    speed = np.concatenate([p.velocity for p in chosen])
+    return float(np.quantile(speed, 0.003)), float(np.quantile(speed, 0.997))
+
+
+def _branches(limits: tuple[float, float]) -> list[np.ndarray]:
+    """Negative and positive velocities, dense towards standstill, where Stribeck friction bends."""
+    shape = np.geomspace(1e-3, 1.0, 90)
+    branches = []
+    if limits[0] < 0.0:
+        branches.append((limits[0] * shape)[::-1])
+    if limits[1] > 0.0:
+        branches.append(limits[1] * shape)
+    return branches
+
+
+def _loaded(family: FamilyFit) -> bool:
+    return any(p.name.startswith("load_") and p.value > 1e-3 for p in family.estimate.parameters)
+
+
+# --- estimators and families in numbers -----------------------------------------------------------------------------
+
+
+def estimators(fit: JointFit, family: FamilyFit, name: str = "estimators") -> Drawing:
+    """Every parameter by every way of estimating it, with 95 % intervals.
+
+    Parameters
+    ----------
+    fit : JointFit
+    family : FamilyFit
+    name : str
+
+    Returns
+    -------
+    Drawing
+    """
+    estimates = {family.estimate.method: family.estimate, **family.others}
+    names = family.model.names
+    columns = {5: 3, 6: 3, 9: 3}.get(len(names), min(len(names), 4))
+    rows = -(-len(names) // columns)
+    figure = Figure(figsize=(FIGURE_WIDTH, rows * (0.75 + 0.22 * len(estimates))), layout="constrained")
+    axes = figure.subplots(rows, columns, squeeze=False, sharey=True)
+    for axis in axes.flat[len(names) :]:
+        axis.set_visible(False)
+    for k, (axis, parameter) in enumerate(zip(axes.flat, names, strict=False)):
+        reference = family.estimate[parameter]
+        axis.axvspan(*reference.interval(), color=colour("faint"), alpha=0.25, linewidth=0)
+        for row, (method, estimate) in enumerate(estimates.items()):
+            found = estimate.get(parameter)
+            if found is None:
+                continue
+            tone = colour("fitted") if method == family.estimate.method else colour("measured")
+            axis.plot(found.interval(), (row, row), color=tone, linewidth=1.4)
+            axis.plot([found.value], [row], color=tone, marker="o", markersize=4.2)
+        axis.margins(x=0.06)
+        axis.set_ylim(len(estimates) - 0.5, -0.5)
+        axis.set_yticks(range(len(estimates)), [METHODS.get(m, m) for m in estimates])
+        axis.tick_params(axis="y", labelcolor=colour("ink"), length=0)
+        axis.grid(axis="y", visible=False)
+        axis.xaxis.set_major_locator(MaxNLocator(4, steps=[1, 2, 2.5, 5, 10]))
+        axis.spines["left"].set_visible(False)
+        unit = unit_text(family.model.unit(parameter))
+        axis.set_title(label(parameter) + (f" ({unit})" if unit else ""), fontsize=8.5)
+        if k % columns:
+            axis.tick_params(axis="y", labelleft=False)
+    return Drawing(
+        name,
+        figure,
+        f"Parameters of the {family.family} model by each estimator, with 95 % intervals; the grey band is the "
+        "interval of the reference, filtered least squares.",
+    )
+
+
+def heldout(fit: JointFit, name: str = "heldout") -> Drawing:
+    """Effort error of every family, fitted and held out.
+
+    Parameters
+    ----------
+    fit : JointFit
+    name : str
+
+    Returns
+    -------
+    Drawing
+    """
+    chosen = list(fit.families.values())
+    figure, axis = one_panel(0.75 + 0.34 * len(chosen))
+    for row, family in enumerate(chosen):
+        errors = {"fitted": family.fitted_effort_error, "heldout": family.heldout_effort_error}
+        errors = {s: e for s, e in errors.items() if np.isfinite(e)}
+        if len(errors) == 2:
+            axis.plot(list(errors.values()), (row, row), color=colour("faint"), linewidth=1.6, zorder=2)
+        for split, error in errors.items():
+            axis.plot([error], [row], marker="o", markersize=6.5, color=colour(split), zorder=3)
+            right = split == max(errors, key=errors.get)
+            axis.annotate(
+                f"{percent(error)}", (error, row), xytext=(8 if right else -8, -0.5), textcoords="offset points",
+                ha="left" if right else "right", va="center", color=colour(split), fontsize=9,
+                fontweight="bold" if family.family == fit.best else "normal",
+            )  # fmt: skip
+    axis.set_ylim(len(chosen) - 0.5, -0.6)
+    axis.set_yticks(range(len(chosen)), [f.family for f in chosen])
+    for text, family in zip(axis.get_yticklabels(), chosen, strict=True):
+        text.set_color(family_colour(family.family))
+        text.set_fontweight("bold" if family.family == fit.best else "normal")
+    axis.tick_params(axis="y", length=0)
+    axis.grid(axis="y", visible=False)
+    axis.spines["left"].set_visible(False)
+    low, high = axis.get_xlim()
+    pad = 0.12 * (high - low)
+    axis.set_xlim(max(0.0, low - pad), high + pad)
+    axis.set_xlabel("Effort error (%)")
+    return Drawing(name, figure, "Effort error of each family: blue on what was fitted, orange on what was held out.")
+
+
+# --- common to several ----------------------------------------------------------------------------------------------
+
+
+def _effort_label(fit: JointFit) -> str:
+    return f"{EFFORTS.get(fit.effort_unit, 'Effort')} ({unit_text(fit.effort_unit)})"
+
+
+def _durations(times: Iterable[np.ndarray]) -> list[float]:
+    spans = [float(np.nanmax(t) - np.nanmin(t)) if len(t) else 1.0 for t in times]
+    # Recordings of very different length stay readable side by side.
+    least = 0.35 if len(spans) < 3 else 0.75
+    return [max(s, least * max(spans)) for s in spans]
+
+
+def _shown(runs: Sequence[Simulation]) -> list[Simulation]:
+    """As many as fit side by side: held-out recordings fill at least half of the places."""
+    held, fitted = ([r for r in runs if r.split == s] for s in ("heldout", "fitted"))
+    places = COLUMNS - min(len(held), COLUMNS // 2)
+    fitted = fitted[:places]
+    return fitted + held[: COLUMNS - len(fitted)]
+
+
+def _rest(count: int) -> str:
+    if count <= 0:
+        return ""
+    return f" {count} more {'recording is' if count == 1 else 'recordings are'} in the table below."

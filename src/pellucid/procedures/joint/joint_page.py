@@ -1,0 +1,533 @@
+"""The report: one self-contained HTML page, and its figures as files beside it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from ..._atomic import write_text_atomically
+from ...fit.parameter import Estimate, FamilyFit, JointFit, Parameter
+from ...fit.slider.slider_fit import SliderFit
+from ...pages.drawing import Drawing, draw
+from ...pages.quantities import (
+    EFFORTS,
+    FAMILIES,
+    METHODS,
+    MODES,
+    READINGS,
+    interval,
+    label,
+    number,
+    parameter_interval,
+    parameter_note,
+    percent,
+    prose,
+    relative_sd,
+    unit_text,
+)
+from ...pages.series import whole_recordings
+from ...pages.tables import Row, Table
+from ...pages.templates import render
+from ...recordings.study import Study
+from ...signals.motion import motions
+from ..report import write_procedure_report
+from ..result import Findings
+from ..slider.slider_page import write_slider_report
+from ..study_page import made_with
+from . import joint_figures as figures
+from .identify_joint import identify
+from .joint_figures import Trace
+
+PAGE = "index.html"
+
+WHAT_ESTIMATORS_DO = (
+    (("ls",), "least squares trusts the filtered motion as measured"),
+    (("wls", "irls"), "weighted and robust fits let noisy samples count for less"),
+    (
+        ("iv", "didim"),
+        "instrumental variables and DIDIM put a simulated motion in the place of the measured one, so that its noise "
+        "cannot bias them",
+    ),
+    (("output_error",), "output error fits the simulated response itself"),
+)
+
+
+def write_report(
+    study: Study,
+    fit: JointFit | SliderFit | Findings | None = None,
+    *,
+    on_progress: Callable[[str, float], None] | None = None,
+) -> Path:
+    """Write the report of a study's joint: ``report/index.html``, and every figure as SVG and PDF.
+
+    Parameters
+    ----------
+    study : Study
+    fit : JointFit, SliderFit or Findings, optional
+        What `identify` or `calibrate` found. Left out, that is done again, with the families that model cards name.
+    on_progress : callable, optional
+        Called with a text and the share done, 0 to 1.
+
+    Returns
+    -------
+    Path
+        The page: one file without outside references, the same bytes for the same fit.
+
+    Raises
+    ------
+    OSError
+        If the study's folder cannot be written.
+    PellucidError
+        If a recording can no longer be read, or the joint cannot be identified.
+    """
+    if study.config.procedure is not None or study.rig.drive is None:
+        return write_procedure_report(study, fit, on_progress=on_progress)
+    if study.rig.slider is not None:
+        return write_slider_report(study, fit, on_progress=on_progress)
+    tell = on_progress or (lambda text, share: None)
+    share = 0.0
+    if fit is None:
+        share = 0.7
+        fit = identify(study, families=_identified(study), on_progress=lambda text, done: tell(text, share * done))
+    folder = Path(study.report_dir)
+    folder.mkdir(parents=True, exist_ok=True)
+    plans = _plans(study, fit)
+    drawings: dict[str, list[Drawing]] = {group: [] for group, *_ in plans}
+    for i, (group, make, *arguments) in enumerate(plans):
+        tell("drawing", share + (1.0 - share) * i / len(plans))
+        if make is None:
+            continue
+        drawing = draw(make, *arguments)
+        drawing.save(folder)
+        drawings[group].append(drawing)
+    page = render("template.html.j2", **_content(study, fit, drawings))
+    return write_text_atomically(folder / PAGE, page)
+
+
+def _identified(study: Study) -> tuple[str, ...] | None:
+    """Families that `identify` left cards of, in the usual order; None where there are none."""
+    found = {path.name.split(".")[1] for path in Path(study.models_dir).glob("joint.*.json")}
+    return tuple(f for f in FAMILIES if f in found) or None
+
+
+# --- figures --------------------------------------------------------------------------------------------------------
+
+
+def _plans(study: Study, fit: JointFit) -> list[tuple]:
+    """What to draw: the group in the page, the figure's function, and its arguments."""
+    best = fit.families[fit.best]
+    groups = _in_columns(_traces(study))
+    several = len(fit.families) > 1
+    plans: list[tuple] = [("friction", figures.friction, fit)]
+    plans.append(("friction", figures.families if several else None, fit))
+    for i, group in enumerate(groups):
+        plans.append(
+            ("recordings", figures.recordings, group, fit, f"recordings-{i + 1}" if len(groups) > 1 else "recordings")
+        )
+    plans.append(("effort", figures.effort, fit, best))
+    plans.append(("simulation", None))
+    simulated = _simulated_family(fit)
+    for mode in MODES if simulated is not None else ():
+        runs = {m: [s for s in made if s.mode == mode] for m, made in simulated.simulations.items()}
+        runs = {m: made for m, made in runs.items() if made}
+        if runs:
+            plans.append(("simulation", figures.simulation, fit, runs, mode, f"simulation-{mode.replace('_', '-')}"))
+    plans.append(("heldout", figures.heldout if several else None, fit))
+    plans.append(("residuals", figures.residuals, fit, best))
+    plans.append(("residuals", figures.whiteness, fit, best))
+    compared = _compared_family(fit)
+    plans.append(("estimators", figures.estimators if compared is not None else None, fit, compared))
+    return plans
+
+
+def _traces(study: Study) -> list[Trace]:
+    """Recordings as filtered, stretches of one recording joined by a break; fitted ones first."""
+    whole: dict[str, list] = {}
+    for motion in motions(study):
+        whole.setdefault(motion.recording, []).append(motion)
+
+    def joined(parts: list, signal: str) -> np.ndarray:
+        return np.concatenate([np.append(getattr(m, signal)[m.inner], np.nan) for m in parts])[:-1]
+
+    traces = [
+        Trace(name, parts[0].split, *(joined(parts, s) for s in ("time", "position", "velocity", "effort")))
+        for name, parts in whole.items()
+    ]
+    return sorted(traces, key=lambda t: t.split != "fitted")
+
+
+def _in_columns(traces: Sequence[Trace]) -> list[Sequence[Trace]]:
+    """Groups of nearly equal size, none larger than a figure holds."""
+    count = -(-len(traces) // figures.COLUMNS)
+    return [part for part in (traces[i * len(traces) // count : (i + 1) * len(traces) // count] for i in range(count))]
+
+
+def _simulated_family(fit: JointFit) -> FamilyFit | None:
+    """The family whose simulations are drawn: the best one, or else the first that was simulated."""
+    ordered = [fit.families[fit.best], *fit.families.values()]
+    return next((f for f in ordered if any(f.simulations.values())), None)
+
+
+def _compared_family(fit: JointFit) -> FamilyFit | None:
+    """The family with the most estimators; the best one where several have as many."""
+    ordered = [fit.families[fit.best], *fit.families.values()]
+    most = max(ordered, key=lambda f: len(f.others))
+    return most if most.others else None
+
+
+# --- words and tables -----------------------------------------------------------------------------------------------
+
+
+def _content(study: Study, fit: JointFit, drawings: Mapping[str, list[Drawing]]) -> dict[str, object]:
+    best = fit.families[fit.best]
+    level = study.model.confidence
+    simulated = _simulated_family(fit)
+    compared = _compared_family(fit)
+    effort_word = EFFORTS.get(fit.effort_unit, "Effort").lower()
+    sections = [
+        ("parameters", "Parameters"),
+        ("friction", "Friction"),
+        ("recordings", "Recordings"),
+        ("effort", f"Fit in {effort_word}"),
+        *([("simulation", "Simulated motion")] if drawings["simulation"] else []),
+        ("families", "Families"),
+        ("residuals", "Residuals"),
+        *([("estimators", "Estimators")] if compared is not None else []),
+        ("provenance", "Where this comes from"),
+    ]
+    return {
+        "title": f"{fit.study}: identified joint",
+        "study": fit.study,
+        "headline": prose(_headline(study, fit)),
+        "tiles": _tiles(fit, level),
+        "verdicts": [{"kind": v.kind, "text": prose(v.text)} for v in fit.verdicts],
+        "sections": sections,
+        "best": fit.best,
+        "best_words": FAMILIES.get(fit.best, fit.best),
+        "parameters": _parameters(fit, best.estimate, level),
+        "estimate_notes": [prose(note) for note in best.estimate.notes],
+        "other_parameters": [
+            {"family": f.family, "table": _parameters(fit, f.estimate, level)}
+            for f in fit.families.values()
+            if f.family != fit.best
+        ],
+        "figures": drawings,
+        "effort_word": effort_word,
+        "simulated_family": simulated.family if simulated is not None else "",
+        "simulated": _simulated(fit, simulated),
+        "families_words": _families_words(fit),
+        "families": _families(fit),
+        "by_recording": _by_recording(fit),
+        "diagnostics": _diagnostics(fit),
+        "estimators_words": _estimators_words(compared),
+        "estimators": _estimators(compared, level) if compared is not None else None,
+        "provenance": _provenance(study, fit),
+        "checksums": _checksums(fit),
+    }
+
+
+def _headline(study: Study, fit: JointFit) -> str:
+    best = fit.families[fit.best]
+    names = {s: [p.recording for p in best.predictions if p.split == s] for s in ("fitted", "heldout")}
+    used = {s: len(dict.fromkeys(n)) for s, n in names.items()}
+
+    def recordings(count: int) -> str:
+        return "one recording" if count == 1 else f"{count} recordings"
+
+    text = f"The {study.rig.joint} is a {fit.motion} joint, identified from {recordings(used['fitted'])}. "
+    effort = EFFORTS.get(fit.effort_unit, "effort").lower()
+    if np.isfinite(best.heldout_effort_error):
+        text += (
+            f"On {recordings(used['heldout'])} it has never seen, its model predicts the {effort} with an error of "
+            f"{percent(best.heldout_effort_error)} %"
+        )
+        text += (
+            f"; of {len(fit.families)} friction families, {fit.best} friction is the one to use."
+            if len(fit.families) > 1
+            else "."
+        )
+    else:
+        text += (
+            f"Nothing was held out; on what was fitted, its {fit.best} model leaves an error of "
+            f"{percent(best.fitted_effort_error)} % of the {effort}."
+        )
+    return text
+
+
+def _tiles(fit: JointFit, level: float) -> list[dict[str, str]]:
+    best = fit.families[fit.best]
+    tiles = []
+    if np.isfinite(best.heldout_effort_error):
+        tiles.append(
+            {
+                "what": "Error on held-out data",
+                "figure": percent(best.heldout_effort_error),
+                "unit": "%",
+                "more": f"{percent(best.fitted_effort_error)} % on what was fitted",
+            }
+        )
+    else:
+        tiles.append(
+            {
+                "what": "Error on fitted data",
+                "figure": percent(best.fitted_effort_error),
+                "unit": "%",
+                "more": "nothing was held out",
+            }
+        )
+    # What moves, what falls, what rubs: the parameters of any joint that a reader looks for first.
+    wanted = ("inertia", "gravity", "coulomb", "coulomb_positive", "viscous", "viscous_positive")
+    for name in [n for n in wanted if n in best.model.names][:3]:
+        tiles.append(_tile(best[name], level))
+    if fit.drive_constant is not None:
+        tiles.append(_tile(fit.drive_constant, level))
+    return tiles
+
+
+def _tile(p: Parameter, level: float) -> dict[str, str]:
+    return {
+        "what": label(p.name).replace(" friction", ""),
+        "figure": number(p.value, p.standard_error),
+        "unit": unit_text(p.unit),
+        "more": f"{parameter_interval(p, level)} ({100.0 * level:.4g} %)",
+    }
+
+
+def _parameters(fit: JointFit, estimate: Estimate, level: float) -> Table:
+    booted = any(p.bootstrap is not None for p in estimate.parameters)
+    share = f"{100.0 * level:.4g} %"
+    heads = ["Parameter", "Value", "Unit", f"{share} interval"]
+    if booted:
+        heads.append(f"{share}, bootstrap")
+    heads += ["Relative SD", "Notes"]
+    rows = []
+    shown = list(estimate.parameters)
+    if fit.drive_constant is not None:
+        shown.append(fit.drive_constant)
+    for p in shown:
+        cells = [label(p.name), number(p.value, p.standard_error), unit_text(p.unit) or "–"]
+        cells.append(parameter_interval(p, level))
+        if booted:
+            cells.append(interval(*p.bootstrap, p.standard_error) if p.bootstrap is not None else "–")
+        cells += [f"{relative_sd(p)} %".replace("– %", "–"), parameter_note(p, level)]
+        rows.append(Row(tuple(cells)))
+    return Table(tuple(heads), tuple(rows), frozenset(range(len(heads) - 1)) - {0, 2}, wide=True)
+
+
+def _families_words(fit: JointFit) -> str:
+    if len(fit.families) == 1:
+        return f"Only one family was asked for, {fit.best}: {FAMILIES.get(fit.best, fit.best)}."
+    judged = any(np.isfinite(f.heldout_effort_error) for f in fit.families.values())
+    return "A richer model always fits better; whether it knows more shows on recordings that were not fitted. " + (
+        "Best is the simplest family whose held-out error is close to the smallest."
+        if judged
+        else "Nothing was held out here, so fitted errors decide, which favours rich models."
+    )
+
+
+def _families(fit: JointFit) -> Table:
+    rows = []
+    for f in fit.families.values():
+        rows.append(
+            Row(
+                (
+                    f.family,
+                    FAMILIES.get(f.family, ""),
+                    str(len(f.model.symbols)),
+                    percent(f.fitted_effort_error),
+                    percent(f.heldout_effort_error),
+                    number(f.heldout_r2, digits=4),
+                ),
+                f.family == fit.best,
+            )
+        )
+    return Table(
+        ("Family", "What it knows", "Parameters", "Fitted error (%)", "Held-out error (%)", "Held-out R²"),
+        tuple(rows),
+        frozenset({2, 3, 4, 5}),
+        wide=True,
+    )
+
+
+def _by_recording(fit: JointFit) -> Table:
+    names = {p.recording: p.split for f in fit.families.values() for p in f.predictions}
+    rows = []
+    for recording, split in names.items():
+        cells = [recording, figures.SPLITS.get(split, split)]
+        for f in fit.families.values():
+            found = [p for p in f.predictions if p.recording == recording]
+            cells.append(percent(found[0].effort_error) if found else "–")
+        best = [p for p in fit.families[fit.best].predictions if p.recording == recording]
+        cells.append(f"{100.0 * best[0].coverage:.1f}" if best else "–")
+        rows.append(Row(tuple(cells)))
+    heads = ("Recording", "Use", *(f"{f} (%)" for f in fit.families), f"inside the interval, {fit.best} (%)")
+    return Table(heads, tuple(rows), frozenset(range(2, len(heads))), "Effort error by recording and family.", True)
+
+
+def _diagnostics(fit: JointFit) -> Table:
+    rows = []
+    for f in fit.families.values():
+        e, w = f.estimate, f.estimate.whiteness
+        rows.append(
+            Row(
+                (
+                    f.family,
+                    f"{e.samples}",
+                    number(e.residual_sd, digits=3),
+                    number(e.condition_number, digits=3),
+                    number(e.scaled_condition_number, digits=3),
+                    number(w.lag1, digits=2) if w else "–",
+                    _p_value(w.p_value) if w else "–",
+                    percent(100.0 * w.effective_share) if w else "–",
+                ),
+                f.family == fit.best,
+            )
+        )
+    unit = unit_text(fit.effort_unit)
+    heads = (
+        "Family",
+        "Samples",
+        f"Residual SD ({unit})",
+        "Condition number",
+        "columns scaled",
+        "Lag-1 correlation",
+        "Ljung-Box p",
+        "Independent share (%)",
+    )
+    return Table(
+        heads,
+        tuple(rows),
+        frozenset(range(1, len(heads))),
+        "How well the recordings determine the parameters, and how far the residuals are from white: the independent "
+        "share is how many of 100 samples count once their correlation is allowed for.",
+        True,
+    )
+
+
+def _p_value(p: float) -> str:
+    return "below 0.001" if p < 1e-3 else number(p, digits=2)
+
+
+def _simulated(fit: JointFit, family: FamilyFit | None) -> Table:
+    reading = READINGS[fit.motion]
+    rows = []
+    runs = [
+        (method, s)
+        for method, made in (family.simulations if family is not None else {}).items()
+        for s in whole_recordings(made)
+    ]
+    places = list(dict.fromkeys((s.mode, s.recording) for _, s in runs))
+    for mode, recording in sorted(places, key=lambda place: list(MODES).index(place[0])):
+        for method, s in ((m, s) for m, s in runs if (s.mode, s.recording) == (mode, recording)):
+            rows.append(
+                Row(
+                    (
+                        s.recording,
+                        figures.SPLITS.get(s.split, s.split),
+                        MODES.get(s.mode, s.mode),
+                        METHODS.get(method, method),
+                        *(percent(s.errors.get(k, np.nan)) for k in ("position", "velocity", "acceleration", "effort")),
+                        number(reading.scale * s.rmse, digits=3),
+                    )
+                )
+            )
+    heads = (
+        "Recording",
+        "Use",
+        "Simulation",
+        "Parameters by",
+        "Position (%)",
+        "Velocity (%)",
+        "Acceleration (%)",
+        f"{EFFORTS.get(fit.effort_unit, 'Effort')} (%)",
+        f"Position RMSE ({reading.position})",
+    )
+    return Table(
+        heads,
+        tuple(rows),
+        frozenset(range(4, len(heads))),
+        "Relative errors of the simulated signals: the norm of the difference over the norm of what was measured.",
+        True,
+    )
+
+
+def _estimators_words(family: FamilyFit | None) -> str:
+    """Why the estimators at hand differ, in one sentence."""
+    if family is None:
+        return ""
+    present = {family.estimate.method, *family.others}
+    does = [text for methods, text in WHAT_ESTIMATORS_DO if present & set(methods)]
+    return (
+        f"They weigh the same misfit differently: {', '.join(does[:-1])}{', and ' if len(does) > 1 else ''}{does[-1]}; "
+        "where friction is not quite what the model says, they need not agree."
+    )
+
+
+def _estimators(family: FamilyFit, level: float) -> Table:
+    estimates = {family.estimate.method: family.estimate, **family.others}
+    heads = ["Parameter", *(METHODS.get(m, m) for m in estimates)]
+    rows = []
+    for name in family.model.names:
+        unit = unit_text(family.model.unit(name))
+        cells = [label(name) + (f" ({unit})" if unit else "")]
+        for p in (estimate.get(name) for estimate in estimates.values()):
+            if p is None:
+                cells.append("held")
+                continue
+            half = 0.5 * (p.interval(level)[1] - p.interval(level)[0])
+            cells.append(f"{number(p.value, p.standard_error)} ± {number(half, p.standard_error)}")
+        rows.append(Row(tuple(cells)))
+    rows.append(
+        Row(
+            (
+                "Iterations",
+                *(f"{e.iterations}" + ("" if e.converged else ", not converged") for e in estimates.values()),
+            )
+        )
+    )
+    return Table(
+        tuple(heads),
+        tuple(rows),
+        frozenset(range(1, len(heads))),
+        f"Parameters of the {family.family} model, each with half its {100.0 * level:.4g} % interval.",
+        True,
+    )
+
+
+def _provenance(study: Study, fit: JointFit) -> list[tuple[str, str]]:
+    rig = study.rig
+    effort = EFFORTS.get(fit.effort_unit, "Effort")
+    return [
+        ("Joint", f"{rig.joint}, {fit.motion}" + (f"; positive is {fit.lifts}" if fit.lifts else "")),
+        (effort, _drive(study, fit)),
+        ("Processing", fit.filter_note),
+        *made_with(study),
+    ]
+
+
+def _drive(study: Study, fit: JointFit) -> str:
+    """Where the effort comes from, in words."""
+    drive = study.rig.drive
+    if drive.kind == "torque":
+        return "as a sensor measured it"
+    if drive.constant is None:
+        return f"the drive's own {drive.kind}: no constant is known, so results are per {drive.kind}"
+    # With a resistance, a voltage drive's constant is the motor's own, per ampere.
+    per = "V" if drive.kind == "voltage" and drive.resistance is None else "A"
+    unit = f"{fit.effort_unit}/{per}"
+    text = f"from the drive's {drive.kind}, constant {number(drive.constant)} {unit_text(unit)}"
+    if drive.gear_ratio != 1.0:
+        text += f", gear ratio {drive.gear_ratio:g}"
+    if drive.resistance is not None:
+        text += f", resistance {number(drive.resistance)} Ω (back-EMF allowed for)"
+    return text
+
+
+def _checksums(fit: JointFit) -> Table:
+    splits = {p.recording: p.split for p in fit.families[fit.best].predictions}
+    rows = tuple(
+        Row((name, figures.SPLITS.get(splits.get(name, ""), "–"), digest)) for name, digest in fit.checksums.items()
+    )
+    return Table(("Recording", "Use", "SHA-256 of its file"), rows, wide=True)

@@ -1,0 +1,1 @@
+"""An exoskeleton's swings, empty and with legs in it."""

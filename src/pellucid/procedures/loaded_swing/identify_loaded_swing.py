@@ -1,0 +1,304 @@
+"""Steps 1 and 2 on an exoskeleton that swings empty and with relaxed legs in it: bodies, and legs by difference.
+
+Recordings of protocol "empty_swing" and "loaded_swing" that are to be fitted are fitted together, each body's in one
+regression; of several swings the one that shows inertia best decides. What the paper's swing alone would say is told.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from importlib.metadata import version
+
+import numpy as np
+
+from ..._errors import IdentificationError, PellucidError
+from ...fit.parameter import Parameter, Verdict
+from ...fit.swing.leg_balance import leg_alone
+from ...fit.swing.loaded_swing import Swing, SwingFit, corrected, fit_swings, swing
+from ...models.anthropometry import WINTER_MASS, shank_length, winter
+from ...models.joint import GRAVITY
+from ...models.parameter_card import ParameterCard
+from ...recordings.quality import Fault
+from ...recordings.recording import Recording
+from ...recordings.results import ResultRow
+from ...recordings.study import Study
+from ...recordings.study_file import Participant, StudyFile
+from ..result import FigureTable, Findings, ParameterTable
+
+EMPTY, LOADED = "empty_swing", "loaded_swing"
+"""Protocols: the exoskeleton alone, and with a relaxed leg in it."""
+
+KEPT_RATE = 25.0
+"""Samples kept of a swing [Hz]; nothing in it is faster than the low-pass."""
+
+UNSURE = 0.25
+"""Half an interval, of its value, from which on a parameter is called unsure."""
+
+Progress = Callable[[str, float], None]
+
+
+@dataclass(frozen=True)
+class LegAlone:
+    """One participant's leg.
+
+    Attributes
+    ----------
+    loaded : SwingFit
+        With the exoskeleton.
+    p, q : Parameter
+        p' - p [kg m^2] and q' - q [kg m].
+    usual : tuple of float or None
+        p and q of a leg of that weight and height by Winter's shares.
+    """
+
+    loaded: SwingFit
+    p: Parameter
+    q: Parameter
+    usual: tuple[float, float] | None
+
+
+@dataclass(frozen=True, kw_only=True)
+class LoadedSwingFindings(Findings):
+    """What swings said.
+
+    Attributes
+    ----------
+    empty : SwingFit
+    legs : mapping of str to LegAlone
+        By participant.
+    swings : mapping of str to Swing
+        That were fitted, by recording.
+    """
+
+    empty: SwingFit
+    legs: Mapping[str, LegAlone]
+    swings: Mapping[str, Swing] = field(repr=False)
+
+
+def identify_loaded_swing(study: Study, on_progress: Progress | None = None) -> LoadedSwingFindings:
+    """Identify the exoskeleton and every participant's leg.
+
+    Parameters
+    ----------
+    study : Study
+        With ``[loaded_swing]``.
+    on_progress : callable, optional
+        Called with a text and the share done, 0 to 1.
+
+    Returns
+    -------
+    LoadedSwingFindings
+
+    Raises
+    ------
+    RecordingError
+        If a file cannot be read.
+    IdentificationError
+        As `identify_swings`.
+    """
+    tell = on_progress or (lambda text, share: None)
+    tell("reading recordings", 0.0)
+    return identify_swings(study.config, study.recordings(), on_progress=lambda text, s: tell(text, 0.5 + 0.5 * s))
+
+
+def identify_swings(
+    config: StudyFile, recordings: Sequence[Recording], *, on_progress: Progress | None = None
+) -> LoadedSwingFindings:
+    """The same from recordings that are at hand already.
+
+    Parameters
+    ----------
+    config : StudyFile
+        study.toml, with ``[loaded_swing]``.
+    recordings : sequence of Recording
+    on_progress : callable, optional
+
+    Returns
+    -------
+    LoadedSwingFindings
+
+    Raises
+    ------
+    IdentificationError
+        If nothing of this kind is asked for, a protocol is missing, or swings do not tell the parameters apart.
+    """
+    tell, asked = on_progress or (lambda text, share: None), config.loaded_swing
+    if asked is None:
+        raise IdentificationError("study.toml: found no [loaded_swing], expected one for an exoskeleton's swings")
+    used = [r for r in recordings if r.use == "fit" and r.protocol in (EMPTY, LOADED)]
+    alone = [r for r in used if r.protocol == EMPTY]
+    people = list(dict.fromkeys(r.participant for r in used if r.protocol == LOADED and r.participant))
+    if not alone or not people:
+        lacking = EMPTY if not alone else f"{LOADED} with a participant"
+        raise IdentificationError(
+            f"found {len(alone)} recordings of the exoskeleton alone and {len(people)} participants, expected at least "
+            f"one of each: none is of protocol {lacking}"
+        )
+    swings = {r.name: prepared(r, asked.lowpass) for r in used}
+    form = corrected(0.0)
+    tell("the exoskeleton alone", 0.0)
+    empty = fit_swings([swings[r.name] for r in alone], form)
+    legs = {}
+    for i, who in enumerate(people):
+        tell(who, 0.2 + 0.8 * i / len(people))
+        own = [swings[r.name] for r in used if r.protocol == LOADED and r.participant == who]
+        loaded = fit_swings(own, form)
+        legs[who] = LegAlone(loaded, *leg_alone(empty, loaded), _usual(config.participants.get(who)))
+    return _findings(config, asked.confidence, empty, legs, swings, {r.name: r.checksum for r in used})
+
+
+def prepared(recording: Recording, lowpass: float) -> Swing:
+    """A recording's position and torque through the same zero-phase low-pass [Hz], thinned."""
+    every = max(1, round(recording.fs / max(KEPT_RATE, 5.0 * lowpass)))
+    r = recording
+    return swing(r.time, r["position"], r["torque"], lowpass=lowpass, every=every, recording=r.name)
+
+
+def faults(study: Study) -> list[Fault]:
+    """What keeps swings from being used.
+
+    Parameters
+    ----------
+    study : Study
+        With ``[loaded_swing]``.
+
+    Returns
+    -------
+    list of Fault
+
+    Raises
+    ------
+    RecordingError
+        If a file cannot be read at all.
+    """
+    found = []
+    for r in study.recordings():
+        if r.protocol not in (EMPTY, LOADED):
+            continue
+        where, text = f"{r.path.name} (recording {r.name})", ""
+        reach = float(np.nanmax(np.abs(r["position"])))
+        if reach > np.pi:
+            text = f"found {reach:.3g} rad from hanging, expected less than half a turn: is it in degrees?"
+        else:
+            try:
+                fit_swings([prepared(r, study.config.loaded_swing.lowpass)], corrected(0.0))
+            except PellucidError as error:
+                text = str(error)
+        if text:
+            expected = "a swing about hanging"
+            message = f"{where}, channel position: {text}"
+            found.append(Fault("refuse", "swing", r.path.name, "position", text, expected, message))
+    return found
+
+
+def _usual(person: Participant | None) -> tuple[float, float] | None:
+    if person is None or person.mass is None or person.height is None:
+        return None
+    leg = winter(person.mass, shank_length(person.height))
+    return leg.inertia, leg.mass * leg.centre
+
+
+def _findings(config, confidence, empty, legs, swings, checksums) -> LoadedSwingFindings:
+    study = config.name
+    tables = [ParameterTable("Exoskeleton alone", empty.parameters)]
+    tables += [
+        ParameterTable(f"{who}: leg", (replace(leg.p, name="p' - p"), replace(leg.q, name="q' - q")))
+        for who, leg in legs.items()
+    ]
+    heads = ("Participant", "p' - p (kg*m^2)", "Winter's", "q' - q (kg*m)", "Winter's", "Residual (N*m)")
+    nothing = (None, None)
+    rows = tuple(
+        (who, leg.p.value, (leg.usual or nothing)[0], leg.q.value, (leg.usual or nothing)[1], leg.loaded.residual_rms)
+        for who, leg in legs.items()
+    )
+    results = [
+        ResultRow(f"{study}.{who}.{name}", value, unit, "identify", "fitted", None, note)
+        for who, leg in legs.items()
+        for name, value, unit, note in (
+            ("p", leg.p.value, "kg*m^2", f"+- {1.96 * leg.p.standard_error:.3g}"),
+            ("q", leg.q.value, "kg*m", f"+- {1.96 * leg.q.standard_error:.3g}"),
+            ("residual", leg.loaded.residual_rms, "N*m", ""),
+        )
+    ]
+    results += [
+        ResultRow(f"{study}.exoskeleton.{p.name}", p.value, p.unit, "identify", "fitted", None, "")
+        for p in (empty.p, empty.q)
+    ]
+    mean = float(np.mean([leg.p.value for leg in legs.values()]))
+    return LoadedSwingFindings(
+        study=study,
+        headline=(
+            f"{len(legs)} legs by difference: in the mean {mean:.3g} kg*m^2 about the knee, and "
+            f"{np.mean([leg.q.value for leg in legs.values()]):.3g} kg*m of weight and tissue."
+        ),
+        tables=(*tables, FigureTable("Legs", heads, rows)),
+        verdicts=tuple(_verdicts(config, empty, legs)),
+        rows=tuple(results),
+        cards=_cards(study, empty, legs, checksums, confidence),
+        checksums=checksums,
+        confidence=confidence,
+        empty=empty,
+        legs=legs,
+        swings=swings,
+    )
+
+
+def _verdicts(config: StudyFile, empty: SwingFit, legs: Mapping[str, LegAlone]) -> list[Verdict]:
+    told = []
+    for who, leg in legs.items():
+        half = 1.96 * leg.p.standard_error
+        if half > UNSURE * abs(leg.p.value):
+            told.append(
+                Verdict(
+                    "warning",
+                    f"{who}: the swings do not tell the leg's inertia: {leg.p.value:.3g} +- {half:.2g} kg*m^2; inertia "
+                    f"and weight correlate by {leg.loaded.correlation:.2f}. Swing faster, within the same angles.",
+                )
+            )
+        mass = getattr(config.participants.get(who), "mass", None)
+        # Twice Winter's shank is nobody's.
+        if mass and leg.p.value < leg.q.value**2 / (2.0 * WINTER_MASS * mass):
+            told.append(
+                Verdict(
+                    "warning", f"{who}: found p' - p below (q' - q)^2 / m for any leg of {mass:g} kg of body weight"
+                )
+            )
+    more = {who: 100.0 * (leg.q.value / leg.usual[1] - 1.0) for who, leg in legs.items() if leg.usual}
+    beyond = {who: share for who, share in more.items() if share > 10.0}
+    if beyond:
+        named = ", ".join(f"{who} by {share:.0f} %" for who, share in beyond.items())
+        told.append(
+            Verdict(
+                "note",
+                f"q' - q is above Winter's weight of such a leg ({named}): tissue restores a relaxed leg as its weight "
+                "does, and no swing of this range tells them apart.",
+            )
+        )
+    if not told:
+        told.append(Verdict("good", "Every leg's inertia and weight are told apart."))
+    return told
+
+
+def _cards(study, empty, legs, checksums, confidence) -> dict[str, ParameterCard]:
+    def card(kind: str, name: str, parts: Sequence[Parameter], who: str | None) -> ParameterCard:
+        files = {n: c for n, c in checksums.items() if who is None or n.startswith(f"{who}_")}
+        covariance = np.diag([p.standard_error**2 for p in parts])
+        settings = {} if who is None else {"participant": who}
+        return ParameterCard(
+            kind, study, name, tuple(p.on_card(confidence) for p in parts),
+            tuple(tuple(float(x) for x in row) for row in covariance), settings,
+            "swings by least squares; a leg is the difference of two bodies", confidence, files, version("pellucid"),
+        )  # fmt: skip
+
+    def body(p: Parameter, q: Parameter) -> list[Parameter]:
+        weight = replace(
+            q, name="gravity", unit="N*m", value=GRAVITY * q.value, standard_error=GRAVITY * q.standard_error
+        )
+        return [weight, replace(p, name="inertia")]
+
+    friction = [p for p in empty.others if p.name in ("viscous", "coulomb", "offset")]
+    made = {"orthosis": card("orthosis", "orthosis", [*body(empty.p, empty.q), *friction], None)}
+    for who, leg in legs.items():
+        made[f"{who}.limb"] = card("limb", f"{who}.limb", body(leg.p, leg.q), who)
+    return made

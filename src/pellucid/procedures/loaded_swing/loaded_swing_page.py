@@ -1,0 +1,67 @@
+"""The report of an exoskeleton's swings: bodies, legs by difference, and the torque that was and was not explained."""
+
+from __future__ import annotations
+
+from ...pages.drawing import Drawing, draw
+from ...pages.knee_figures import Traces, over_time
+from ...pages.page import Page, Section, Tile
+from ...pages.quantities import number, prose
+from ...recordings.study import Study
+from ..study_page import figure_tables, parameter_tables, study_page
+from .identify_loaded_swing import LoadedSwingFindings
+
+DRAWN, SHOWN = 4, 20.0
+"""Recordings that are drawn, and how long of each [s]."""
+
+
+def page(study: Study, findings: LoadedSwingFindings) -> Page:
+    """Everything that was found, as a page.
+
+    Parameters
+    ----------
+    study : Study
+    findings : LoadedSwingFindings
+
+    Returns
+    -------
+    Page
+    """
+    tiles = [Tile("Exoskeleton, inertia", number(findings.empty.p.value, findings.empty.p.standard_error), "kg·m²")]
+    tiles += [
+        Tile(f"Leg, {who}", number(leg.p.value, leg.p.standard_error), "kg·m²", f"{number(leg.q.value, digits=3)} kg·m")
+        for who, leg in findings.legs.items()
+    ]
+    told = tuple(prose(v.text) for v in findings.verdicts)
+    return study_page(
+        title=f"{findings.study}: legs in an exoskeleton",
+        headline=prose(findings.headline),
+        tiles=tuple(tiles),
+        sections=(
+            Section("swing_found", "What was found", told, figure_tables(findings)),
+            Section("swing_torque", "The motor's torque", drawings=(_torque(findings),)),
+            Section("swing_parameters", "Parameters", tables=parameter_tables(findings)),
+            Section(
+                "swing_provenance",
+                "How",
+                (
+                    f"Position and torque low-passed alike at {study.config.loaded_swing.lowpass:g} Hz, zero-phase; "
+                    "least squares of inertia, weight, viscous and Coulomb friction and an offset; intervals allow for "
+                    f"coloured residuals. {len(findings.checksums)} recordings; their checksums are on the cards.",
+                ),
+            ),
+        ),
+    )
+
+
+def _torque(findings: LoadedSwingFindings) -> Drawing:
+    panels = []
+    for name in list(findings.swings)[:DRAWN]:
+        made = findings.swings[name]
+        who = next((w for w in findings.legs if name.startswith(f"{w}_")), None)
+        fit = findings.empty if who is None else findings.legs[who].loaded
+        shown = made.time < made.time[0] + SHOWN
+        lines = {"measured": made.torque[shown], "fitted": fit.torque(made)[shown]}
+        rest = "exoskeleton alone" if who is None else f"with {who}'s leg"
+        panels.append(Traces(name.replace("_", " "), rest, made.time[shown], lines, "Torque (N·m)"))
+    roles = {"measured": "measured", "fitted": "fitted"}
+    return draw(over_time, panels, "swing_torque", roles=roles, caption="Torque of the motor, and what swings take.")

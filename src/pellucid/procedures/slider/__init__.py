@@ -1,0 +1,1 @@
+"""A joint with a carriage: recordings to three-step and coherent models."""

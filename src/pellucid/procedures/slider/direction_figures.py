@@ -1,0 +1,622 @@
+"""Figures of a joint whose friction depends on direction, each a function from plain arrays to a drawing.
+
+Models are named by the caller and keep one colour each; what was measured, or is true, is dark grey. SI in; angles and
+small lengths are drawn in degrees and millimetres. A `caption` replaces the figure's own.
+"""
+
+from __future__ import annotations
+
+import textwrap
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator, MultipleLocator
+
+from ...pages.drawing import Drawing, line, one_panel, origin, tidy
+from ...pages.quantities import number
+from ...pages.style import FIGURE_WIDTH, colour
+
+ROLES = ("heldout", "fitted", "load", "directional", "stribeck", "combined", "good")
+"""Roles that models take in turn, where the caller names none: the first two are those most often compared."""
+
+KNOWN_ROLES: Mapping[str, str] = {
+    "truth": "measured",
+    "measured": "measured",
+    "up": "heldout",
+    "down": "load",
+    "static": "directional",
+    "consistent": "fitted",
+}
+"""Roles of names that mean the same in every figure."""
+
+SHAPES: Mapping[str, tuple[str, str]] = {"sweep": ("o", "●"), "constant": ("^", "▲"), "slow": ("s", "■")}
+"""Marker of a trial's protocol, and the same shape as a letter."""
+OTHER_SHAPE = ("D", "◆")
+"""Marker of any other protocol."""
+
+PANEL_POINTS = 72.0 * FIGURE_WIDTH - 70.0
+"""Width of a panel that fills the page, in points."""
+NAME_POINTS = 6.4
+"""Width of a character of a name, in points."""
+
+
+def paired_errors(
+    errors: Mapping[str, np.ndarray],
+    protocols: Sequence[str],
+    name: str = "paired-errors",
+    *,
+    roles: Mapping[str, str] | None = None,
+    caption: str = "",
+) -> Drawing:
+    """Mean absolute current error of several models over the same trials: boxes, and trials joined by thin lines.
+
+    Parameters
+    ----------
+    errors : mapping of str to ndarray, shape (k,)
+        Model to error of each trial [A].
+    protocols : sequence of str
+        Protocol of each trial, as in `SHAPES`; k of them.
+    name : str
+    roles : mapping of str to str, optional
+        Colours of models, as roles of `style`.
+    caption : str
+
+    Returns
+    -------
+    Drawing
+    """
+    tones = _tones(errors, roles)
+    table = np.column_stack([np.asarray(e, float) for e in errors.values()])
+    figure, axis = one_panel(4.3)
+    # Trials stand apart within a column, in their own order, so that none hides another.
+    shift = 0.13 * np.linspace(-1.0, 1.0, len(table)) if len(table) > 1 else np.zeros(1)
+    columns = np.arange(table.shape[1], dtype=float)
+    for row, off in zip(table, shift, strict=True):
+        axis.plot(columns + off, row, color=colour("faint"), linewidth=0.7, zorder=2)
+    for column, tone in enumerate(tones.values()):
+        values = table[:, column]
+        known = values[np.isfinite(values)]
+        if not len(known):
+            continue
+        axis.boxplot(
+            [known], positions=[column], widths=0.42, showfliers=False, patch_artist=True, manage_ticks=False, zorder=3,
+            boxprops={"facecolor": tone, "alpha": 0.16, "edgecolor": tone, "linewidth": 1.0},
+            medianprops={"color": tone, "linewidth": 2.2}, whiskerprops={"color": tone, "linewidth": 1.0},
+            capprops={"color": tone, "linewidth": 1.0},
+        )  # fmt: skip
+        for protocol in dict.fromkeys(protocols):
+            chosen = np.array([p == protocol for p in protocols])
+            axis.plot(
+                (column + shift)[chosen], values[chosen], color=tone, marker=_shape(protocol)[0], markersize=4.6,
+                markeredgewidth=0.0, linestyle="none", zorder=4,
+            )  # fmt: skip
+        median = float(np.median(known))
+        axis.annotate(
+            f"{number(median, digits=3)} A", (column + 0.21, median), xytext=(6, 0), textcoords="offset points",
+            va="center", color=tone, fontsize=9.5, fontweight="bold", zorder=6,
+            bbox={"boxstyle": "square,pad=0.12", "facecolor": colour("paper"), "alpha": 0.8, "linewidth": 0},
+        )  # fmt: skip
+    tidy(axis, first=True, text="Mean absolute current error (A)")
+    axis.set_xlim(-0.5, table.shape[1] - 0.5)
+    axis.set_ylim(0.0, 1.06 * float(np.nanmax(table)))
+    _categories(axis.xaxis, tones)
+    _names(axis, [(f"{_shape(p)[1]} {p}", colour("muted")) for p in dict.fromkeys(protocols)])
+    return Drawing(
+        name,
+        figure,
+        caption
+        or f"Mean absolute error of the predicted current over {len(table)} trials, by model. Each dot is a trial, "
+        "its shape the protocol, and a thin line joins the same trial under different models. Boxes hold the middle "
+        "half of the trials, whiskers reach as far as 1.5 times its width, and the number is the median.",
+    )
+
+
+def current_trace(
+    time: np.ndarray,
+    measured: np.ndarray,
+    predictions: Mapping[str, np.ndarray],
+    velocity: np.ndarray | None = None,
+    name: str = "current",
+    *,
+    roles: Mapping[str, str] | None = None,
+    caption: str = "",
+) -> Drawing:
+    """Motor current against time, measured and by several models, with the velocity in a small panel beneath.
+
+    Parameters
+    ----------
+    time, measured : ndarray, shape (n,)
+        [s] and [A].
+    predictions : mapping of str to ndarray, shape (n,)
+        Model to current [A].
+    velocity : ndarray, shape (n,), optional
+        [rad/s].
+    name : str
+    roles : mapping of str to str, optional
+        Colours of models, as roles of `style`.
+    caption : str
+
+    Returns
+    -------
+    Drawing
+    """
+    tones = _tones(predictions, roles)
+    figure = Figure(figsize=(FIGURE_WIDTH, 3.4 if velocity is None else 4.6), layout="constrained")
+    if velocity is None:
+        top = bottom = figure.subplots()
+    else:
+        top, bottom = figure.subplots(2, 1, sharex=True, height_ratios=(2.6, 1.0))
+        line(bottom, time, np.degrees(velocity), color=colour("measured"), linewidth=1.1)
+        bottom.axhline(0.0, color=colour("faint"), linewidth=0.8, zorder=1)
+        tidy(bottom, first=True, text="Velocity (deg/s)", ticks=4)
+    top.axhline(0.0, color=colour("faint"), linewidth=0.8, zorder=1)
+    line(top, time, measured, color=colour("measured"), linewidth=1.8, alpha=0.75)
+    for model, values in predictions.items():
+        line(top, time, values, color=tones[model], linewidth=1.3)
+    tidy(top, first=True, text="Motor current (A)")
+    bottom.set_xlabel("Time (s)")
+    _names(top, [("measured", colour("measured")), *tones.items()])
+    return Drawing(
+        name,
+        figure,
+        caption
+        or "Motor current during one trial: measured (grey) and predicted by each model (colour)"
+        + ("." if velocity is None else ", with the joint's velocity beneath."),
+    )
+
+
+def gravity_by_direction(
+    angle_deg: np.ndarray,
+    torques: Mapping[str, np.ndarray],
+    name: str = "gravity",
+    *,
+    roles: Mapping[str, str] | None = None,
+    caption: str = "",
+) -> Drawing:
+    """Gravity torque against the joint's angle, by the way it was found.
+
+    Parameters
+    ----------
+    angle_deg : ndarray, shape (n,)
+        [deg].
+    torques : mapping of str to ndarray, shape (n,)
+        Torque [N m], for example for up, down, static, consistent and truth.
+    name : str
+    roles : mapping of str to str, optional
+        Colours, as roles of `style`.
+    caption : str
+
+    Returns
+    -------
+    Drawing
+    """
+    figure, axis = _curves(angle_deg, torques, roles, 3.9, "Gravity torque (N·m)", "Joint angle (deg)")
+    axis.axhline(0.0, color=colour("faint"), linewidth=0.8, zorder=1)
+    axis.xaxis.set_major_locator(MaxNLocator(10, steps=[1, 1.5, 3, 4.5, 6, 9, 10]))
+    return Drawing(
+        name,
+        figure,
+        caption
+        or "Gravity torque against the joint's angle. Curves from moving one way alone carry that way's friction; "
+        "where they part, friction was taken for gravity.",
+    )
+
+
+def inertia_by_slider(
+    x: np.ndarray,
+    inertias: Mapping[str, np.ndarray],
+    truth: np.ndarray | None = None,
+    name: str = "inertia",
+    *,
+    roles: Mapping[str, str] | None = None,
+    caption: str = "",
+) -> Drawing:
+    """Inertia against the position of the slider.
+
+    Parameters
+    ----------
+    x : ndarray, shape (n,)
+        Position of the slider [m]; drawn in millimetres.
+    inertias : mapping of str to ndarray, shape (n,)
+        Inertia [kg m^2] by the way it was found.
+    truth : ndarray, shape (n,), optional
+        True inertia [kg m^2].
+    name : str
+    roles : mapping of str to str, optional
+        Colours, as roles of `style`.
+    caption : str
+
+    Returns
+    -------
+    Drawing
+    """
+    curves = {**inertias, **({} if truth is None else {"truth": truth})}
+    figure, _ = _curves(1e3 * np.asarray(x, float), curves, roles, 3.7, "Inertia (kg·m²)", "Slider position (mm)")
+    return Drawing(
+        name,
+        figure,
+        caption
+        or "Inertia about the joint's axis against the slider's position"
+        + ("." if truth is None else "; dashed is the true one."),
+    )
+
+
+def friction_by_load(
+    load: np.ndarray,
+    frictions: Mapping[str, np.ndarray],
+    name: str = "friction-load",
+    *,
+    roles: Mapping[str, str] | None = None,
+    caption: str = "",
+) -> Drawing:
+    """Friction against the load that the drive transmits.
+
+    Parameters
+    ----------
+    load : ndarray, shape (n,)
+        [N m].
+    frictions : mapping of str to ndarray, shape (n,)
+        Friction torque [N m], by model.
+    name : str
+    roles : mapping of str to str, optional
+        Colours, as roles of `style`.
+    caption : str
+
+    Returns
+    -------
+    Drawing
+    """
+    figure, axis = _curves(load, frictions, roles, 3.7, "Friction (N·m)", "Transmitted load (N·m)")
+    origin(axis)
+    return Drawing(name, figure, caption or "Friction torque against the load that the drive transmits, by model.")
+
+
+def error_by_trial(
+    labels: Sequence[str],
+    errors: Mapping[str, np.ndarray],
+    name: str = "error-by-trial",
+    *,
+    unit: str = "A",
+    roles: Mapping[str, str] | None = None,
+    caption: str = "",
+) -> Drawing:
+    """Error of every trial by every model, a row a trial.
+
+    Parameters
+    ----------
+    labels : sequence of str
+        Names of the k trials.
+    errors : mapping of str to ndarray, shape (k,)
+        Error of each trial [`unit`], by model.
+    name : str
+    unit : str
+    roles : mapping of str to str, optional
+        Colours, as roles of `style`.
+    caption : str
+
+    Returns
+    -------
+    Drawing
+    """
+    tones = _tones(errors, roles)
+    table = np.column_stack([np.asarray(e, float) for e in errors.values()])
+    figure, axis = one_panel(1.0 + 0.24 * len(labels))
+    for row, values in enumerate(table):
+        known = values[np.isfinite(values)]
+        if len(known):
+            axis.plot((known.min(), known.max()), (row, row), color=colour("faint"), linewidth=1.4, zorder=2)
+    for column, tone in enumerate(tones.values()):
+        axis.plot(
+            table[:, column], np.arange(len(table)), color=tone, marker="o", markersize=5.6, markeredgewidth=0.0,
+            linestyle="none", zorder=3,
+        )  # fmt: skip
+    axis.set_xlim(0.0, 1.05 * float(np.nanmax(table)))
+    _rows(axis, labels)
+    axis.set_xlabel(f"Error e ({unit})")
+    _names(axis, list(tones.items()))
+    return Drawing(
+        name, figure, caption or "Error of every trial by every model; a grey line spans the models of one trial."
+    )
+
+
+def ratio_by_rig(
+    names: Sequence[str],
+    medians: np.ndarray,
+    low: np.ndarray,
+    high: np.ndarray,
+    published: float | None = None,
+    name: str = "ratio-by-rig",
+    *,
+    caption: str = "",
+) -> Drawing:
+    """Error without over error with the directional model, rig by rig, with its spread over seeds.
+
+    Parameters
+    ----------
+    names : sequence of str
+        Of the r rigs.
+    medians, low, high : ndarray, shape (r,)
+        Ratio: its median over seeds, and the ends of its spread.
+    published : float, optional
+        Where to draw the line of what was published.
+    name : str
+    caption : str
+
+    Returns
+    -------
+    Drawing
+    """
+    medians, low, high = (np.asarray(v, float) for v in (medians, low, high))
+    figure, axis = one_panel(1.1 + 0.36 * len(names))
+    tone = colour("fitted")
+    for row, (middle, least, most) in enumerate(zip(medians, low, high, strict=True)):
+        axis.plot((least, most), (row, row), color=tone, linewidth=2.0, alpha=0.45, zorder=2)
+        axis.plot([middle], [row], color=tone, marker="o", markersize=6.5, markeredgewidth=0.0, zorder=3)
+        axis.annotate(
+            number(middle, digits=3), (max(most, middle), row), xytext=(8, -0.5), textcoords="offset points",
+            va="center", color=tone, fontsize=9,
+        )  # fmt: skip
+    _rows(axis, names)
+    reach = np.nanmax([*high, *medians, published or 1.0])
+    axis.set_xlim(0.0, 1.12 * float(reach))
+    entries = [("this work, median and spread over seeds", tone), *_published(axis.axvline, published)]
+    axis.axvline(1.0, color=colour("muted"), linewidth=0.8, zorder=1)
+    axis.set_xlabel("Error without / error with")
+    _names(axis, entries)
+    return Drawing(
+        name,
+        figure,
+        caption
+        or "How many times smaller the error becomes with the directional model: the median over seeds, and the spread "
+        "as a line. At 1 nothing is gained."
+        + _published_words(published),
+    )
+
+
+def ratio_by_friction(
+    x: np.ndarray,
+    ratio: np.ndarray,
+    published: float | None,
+    xlabel: str,
+    name: str = "ratio-by-friction",
+    *,
+    low: np.ndarray | None = None,
+    high: np.ndarray | None = None,
+    caption: str = "",
+) -> Drawing:
+    """Error without over error with the directional model, against a parameter of friction.
+
+    Parameters
+    ----------
+    x, ratio : ndarray, shape (n,)
+        The parameter, in the unit that `xlabel` names, and the ratio.
+    published : float, optional
+        Where to draw the line of what was published.
+    xlabel : str
+    name : str
+    low, high : ndarray, shape (n,), optional
+        Ends of the spread over seeds.
+    caption : str
+
+    Returns
+    -------
+    Drawing
+    """
+    x, ratio = np.asarray(x, float), np.asarray(ratio, float)
+    figure, axis = one_panel(3.5)
+    tone = colour("fitted")
+    if low is not None and high is not None:
+        axis.fill_between(x, low, high, color=tone, alpha=0.16, linewidth=0)
+    axis.plot(x, ratio, color=tone, linewidth=1.8, marker="o", markersize=4.6, markeredgewidth=0.0, zorder=3)
+    entries = [("this work", tone), *_published(axis.axhline, published)]
+    axis.axhline(1.0, color=colour("muted"), linewidth=0.8, zorder=1)
+    tidy(axis, first=True, text="Error without / error with")
+    axis.set_ylim(0.0, 1.08 * float(np.nanmax([*ratio, *([] if high is None else high), published or 1.0])))
+    axis.set_xlabel(xlabel)
+    _names(axis, entries)
+    return Drawing(
+        name,
+        figure,
+        caption
+        or "How many times smaller the error becomes with the directional model, against a parameter of friction"
+        + (". " if low is None else "; the band is the spread over seeds. ")
+        + "At 1 nothing is gained."
+        + _published_words(published),
+    )
+
+
+def cycle_energy(
+    amplitude_deg: np.ndarray,
+    energies: Mapping[str, np.ndarray],
+    name: str = "cycle-energy",
+    *,
+    roles: Mapping[str, str] | None = None,
+    caption: str = "",
+) -> Drawing:
+    """Net energy of one closed cycle against its amplitude.
+
+    Parameters
+    ----------
+    amplitude_deg : ndarray, shape (n,)
+        [deg].
+    energies : mapping of str to ndarray, shape (n,)
+        Net energy [J], by model.
+    name : str
+    roles : mapping of str to str, optional
+        Colours, as roles of `style`.
+    caption : str
+
+    Returns
+    -------
+    Drawing
+    """
+    figure, axis = _curves(amplitude_deg, energies, roles, 3.5, "Net energy per cycle (J)", "Amplitude (deg)")
+    axis.axhline(0.0, color=colour("muted"), linewidth=0.8, zorder=1)
+    return Drawing(
+        name,
+        figure,
+        caption
+        or "Net energy of one closed cycle against its amplitude. Gravity gives back what it takes, so a model of "
+        "gravity that leaves zero is none.",
+    )
+
+
+def geometry(
+    trajectories: Mapping[str, np.ndarray],
+    axis_point: np.ndarray,
+    name: str = "geometry",
+    *,
+    caption: str = "",
+) -> Drawing:
+    """Markers in the plane of rotation: the carriage's trajectory at each slider position, and the fitted axis.
+
+    Parameters
+    ----------
+    trajectories : mapping of str to ndarray, shape (n, 2)
+        Points [m] in the plane, by the slider's position in words; drawn in millimetres.
+    axis_point : ndarray, shape (2,)
+        Where the fitted axis goes through the plane [m].
+    name : str
+    caption : str
+
+    Returns
+    -------
+    Drawing
+    """
+    centre = 1e3 * np.asarray(axis_point, float)
+    figure, axis = one_panel(5.0)
+    turn = np.linspace(0.0, 2.0 * np.pi, 181)
+    drawn = [centre[None, :]]
+    entries = []
+    for k, (position, points) in enumerate(trajectories.items()):
+        points = 1e3 * np.asarray(points, float)
+        tone = colour(ROLES[k % len(ROLES)])
+        radius = float(np.nanmean(np.hypot(*(points - centre).T)))
+        circle = centre + radius * np.column_stack([np.cos(turn), np.sin(turn)])
+        axis.plot(*circle.T, color=colour("rule"), linewidth=0.8, zorder=1)
+        kept = points[:: max(1, len(points) // 300)]
+        axis.plot(*kept.T, color=tone, marker="o", markersize=2.6, markeredgewidth=0.0, linestyle="none", zorder=3)
+        drawn.append(points)
+        entries.append((f"{position}, radius {number(radius, digits=4)} mm", tone))
+    axis.plot(*centre, color=colour("ink"), marker="+", markersize=13, markeredgewidth=1.8, zorder=4)
+    axis.annotate(
+        "fitted axis", centre, xytext=(9, 6), textcoords="offset points", color=colour("ink"), fontsize=9,
+    )  # fmt: skip
+    reached = np.concatenate(drawn)
+    low, high = np.nanmin(reached, axis=0), np.nanmax(reached, axis=0)
+    pad = 0.07 * float(np.max(high - low))
+    step = float(np.diff(MaxNLocator(6, steps=[1, 2, 5, 10]).tick_values(0.0, float(np.max(high - low))))[0])
+    tidy(axis, first=True, text="y (mm)")
+    axis.set_xlim(low[0] - pad, high[0] + pad)
+    axis.set_ylim(low[1] - pad, high[1] + pad)
+    for each in (axis.xaxis, axis.yaxis):
+        each.set_major_locator(MultipleLocator(step))
+    axis.set_aspect("equal")
+    axis.set_anchor("W")
+    axis.set_xlabel("x (mm)")
+    for k, (text, tone) in enumerate(entries):
+        axis.annotate(
+            text, (1.0, 1.0), xytext=(14, -4 - 15 * k), xycoords="axes fraction", textcoords="offset points",
+            va="top", color=tone, fontsize=9, fontweight="bold", annotation_clip=False,
+        )  # fmt: skip
+    return Drawing(
+        name,
+        figure,
+        caption
+        or "Where the carriage's marker was, in the plane of rotation, at each position of the slider. Thin circles "
+        "are drawn about the fitted axis, the cross.",
+    )
+
+
+# --- common to several ----------------------------------------------------------------------------------------------
+
+
+def _tones(models: Mapping[str, object], roles: Mapping[str, str] | None) -> dict[str, str]:
+    """Colour of each model: as told, as its name says, or the next that is free."""
+    told = {**KNOWN_ROLES, **(roles or {})}
+    taken = {told[m] for m in models if m in told}
+    free = [r for r in ROLES if r not in taken] or list(ROLES)
+    others = [m for m in models if m not in told]
+    return {m: colour(told[m] if m in told else free[others.index(m) % len(free)]) for m in models}
+
+
+def _curves(
+    x: np.ndarray, curves: Mapping[str, np.ndarray], roles: Mapping[str, str] | None, height: float, y: str, below: str
+) -> tuple[Figure, Axes]:
+    """Curves over one `x`, points marked where they are few; the truth dashed, below the others."""
+    figure, axis = one_panel(height)
+    x, tones = np.asarray(x, float), _tones(curves, roles)
+    order = np.argsort(x, kind="stable")
+    marker = {"marker": "o", "markersize": 4.2, "markeredgewidth": 0.0} if len(x) <= 30 else {}
+    for model, values in curves.items():
+        style = {"dashes": (5, 2), "linewidth": 2.4, "zorder": 2} if model == "truth" else {"zorder": 3, **marker}
+        axis.plot(x[order], np.asarray(values, float)[order], color=tones[model], **style)
+    _names(axis, list(tones.items()))
+    tidy(axis, first=True, text=y)
+    axis.set_xlabel(below)
+    return figure, axis
+
+
+def _names(axis: Axes, entries: Sequence[tuple[str, str]]) -> None:
+    """Names in their colours above a panel, where they can hide nothing; on as many lines as they need."""
+    rows: list[list[tuple[str, str]]] = [[]]
+    used = 0.0
+    for text, tone in entries:
+        width = NAME_POINTS * len(text) + 14.0
+        if rows[-1] and used + width > PANEL_POINTS:
+            rows.append([])
+            used = 0.0
+        rows[-1].append((text, tone))
+        used += width
+    # The first of each line makes room for it; the others must not widen the layout.
+    for k, row in enumerate(reversed(rows)):
+        last = None
+        for text, tone in row:
+            first = last is None
+            last = axis.annotate(
+                text, (0.0, 1.0) if first else (1.0, 0.0), xytext=(0, 7 + 15 * k) if first else (14, 0),
+                xycoords="axes fraction" if first else last, textcoords="offset points",
+                va="bottom", color=tone, fontsize=9, fontweight="bold",
+                annotation_clip=False,
+            )  # fmt: skip
+            last.set_in_layout(first)
+
+
+def _shape(protocol: str) -> tuple[str, str]:
+    return SHAPES.get(protocol, OTHER_SHAPE)
+
+
+def _categories(axis, tones: Mapping[str, str]) -> None:
+    """Names of models as ticks, in their colours."""
+    most = max(int(PANEL_POINTS / len(tones) / NAME_POINTS) - 1, 8)
+    axis.set_ticks(range(len(tones)), [textwrap.fill(model, most) for model in tones])
+    for text, tone in zip(axis.get_ticklabels(), tones.values(), strict=True):
+        text.set_color(tone)
+        text.set_fontweight("bold")
+    axis.set_tick_params(length=0)
+    axis.grid(False)
+
+
+def _rows(axis: Axes, labels: Sequence[str]) -> None:
+    """Rows from the top, with their labels."""
+    axis.set_ylim(len(labels) - 0.5, -0.6)
+    axis.set_yticks(range(len(labels)), list(labels))
+    axis.tick_params(axis="y", labelcolor=colour("ink"), length=0)
+    axis.tick_params(axis="x", length=3, width=0.7, pad=3)
+    axis.grid(axis="y", visible=False)
+    axis.spines["left"].set_visible(False)
+
+
+def _published(draw_line, published: float | None) -> list[tuple[str, str]]:
+    """The line of what was published, and its entry among the names."""
+    if published is None:
+        return []
+    tone = colour("measured")
+    draw_line(published, color=tone, linewidth=1.4, dashes=(4, 2), zorder=1.5)
+    return [(f"published, {published:g}", tone)]
+
+
+def _published_words(published: float | None) -> str:
+    return "" if published is None else f" The dashed line is what was published, {published:g}."

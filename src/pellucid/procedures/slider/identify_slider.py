@@ -1,0 +1,274 @@
+"""The staged identification of a joint with a carriage: where it stood, three steps, all at once, one coherent body."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from ..._errors import IdentificationError, RecordingError
+from ...fit.parameter import Verdict
+from ...fit.slider.coherent_body import LOAD_START, fit_coherent, torque
+from ...fit.slider.slider_fit import METHODS, SliderEstimate, SliderFit, TrialError
+from ...fit.slider.three_steps import STEPS, all_at_once, directional_columns, static_set, three_steps
+from ...models.directional_slider import DirectionalSliderModel
+from ...models.slider_joint import SliderJointModel
+from ...recordings.quality import require_sound
+from ...recordings.recording import Recording
+from ...recordings.study import Study
+from ...recordings.study_file import StudyFile
+from ...signals.effort import drive_model
+from ...signals.markers import Geometry, slider_geometry
+from ...signals.slider_motion import SliderMotion, slider_motions
+from .slider_faults import examine, require_torques
+
+Progress = Callable[[str, float], None]
+
+AT_ONCE = "fourier"
+"""The protocol of one excitation that shows everything; without it, all at once fits what the steps fit."""
+
+
+def identify_slider(study: Study, *, on_progress: Progress | None = None) -> SliderFit:
+    """Identify the joint with a carriage of a study.
+
+    Parameters
+    ----------
+    study : Study
+        With a ``[rig.slider]``.
+    on_progress : callable, optional
+        Called with a text and the share done, 0 to 1.
+
+    Returns
+    -------
+    SliderFit
+
+    Raises
+    ------
+    RecordingError
+        If a recording is not fit to identify from.
+    IdentificationError
+        If the recordings lack a direction or places of the carriage, or a step is singular.
+    """
+    tell = on_progress or (lambda text, share: None)
+    tell("reading recordings", 0.0)
+    recordings = study.recordings()
+    tell("looking for faults", 0.4)
+    for recording in recordings:
+        require_sound(recording, study)
+    examined = examine(study.config, recordings)
+    refused = [fault.message for fault in examined.faults if fault.severity == "refuse"]
+    if refused:
+        raise RecordingError("\n".join(refused))
+    checksums = {r.name: r.checksum for r in recordings}
+    return _fit(study.config, examined.geometry, examined.motions, checksums, lambda t, s: tell(t, 0.7 + 0.3 * s))
+
+
+def fit_slider(config: StudyFile, recordings: Sequence[Recording], *, on_progress: Progress | None = None) -> SliderFit:
+    """The same from recordings already read.
+
+    Parameters
+    ----------
+    config : StudyFile
+        What study.toml says.
+    recordings : sequence of Recording
+    on_progress : callable, optional
+
+    Returns
+    -------
+    SliderFit
+
+    Raises
+    ------
+    IdentificationError
+        As `identify_slider`.
+    """
+    tell = on_progress or (lambda text, share: None)
+    rig = config.rig
+    if rig.slider is None:
+        raise IdentificationError("study.toml: no [rig.slider] found, expected one with the rail's ends")
+    require_torques(config)
+    tell("finding the carriage", 0.0)
+    geometry = slider_geometry(recordings)
+    tell("filtering", 0.4)
+    motions = slider_motions(recordings, rig, config.processing, geometry)
+    checksums = {r.name: r.checksum for r in recordings}
+    return _fit(config, geometry, motions, checksums, lambda text, share: tell(text, 0.5 + 0.5 * share))
+
+
+def _fit(
+    config: StudyFile, geometry: Geometry, motions: tuple[SliderMotion, ...], checksums: dict[str, str], tell: Progress
+) -> SliderFit:
+    """Every method on the fitted motions, judged on all that move."""
+    rig = config.rig
+    fitted = [m for m in motions if m.split == "fitted"]
+    steps = [m for m in fitted if m.protocol in STEPS]
+    at_once = [m for m in fitted if m.protocol == AT_ONCE] or steps
+    tell("three steps", 0.0)
+    estimates: dict[str, SliderEstimate] = {
+        "pooled": three_steps(steps, dissociated=False, method="pooled"),
+        "dissociated": three_steps(steps, dissociated=True, method="dissociated"),
+        "pooled_at_once": all_at_once(at_once, dissociated=False, method="pooled_at_once"),
+        "dissociated_at_once": all_at_once(at_once, dissociated=True, method="dissociated_at_once"),
+    }
+    tell("one coherent body", 0.4)
+    rail, mass = (rig.slider.low, rig.slider.high), rig.moving_mass
+    consistent = SliderJointModel("consistent")
+    estimates["consistent"] = fit_coherent(consistent, steps, rail=rail, mass=mass)
+    known = {} if rig.slider.mass is None else {"carriage_mass": rig.slider.mass}
+    load = SliderJointModel("load", known)
+    found = dict(zip(consistent.names, estimates["consistent"].values, strict=True))
+    start = np.array([found.get(n, LOAD_START) for n in load.names])
+    estimates["load"] = fit_coherent(load, steps, rail=rail, mass=mass, start=start)
+    static = [m for m in fitted if m.protocol == "static"]
+    tell("judging", 0.8)
+    gain = drive_model(rig).gain
+    moving = [m for m in motions if m.protocol != "static"]
+    errors = {name: trial_errors(estimate, moving, gain) for name, estimate in estimates.items()}
+    fit = SliderFit(
+        study=config.name,
+        lifts=rig.lifts,
+        gain=gain,
+        rail=rail,
+        geometry=geometry,
+        static=static_set(static) if static else (),
+        estimates=estimates,
+        errors=errors,
+        motions=motions,
+        verdicts=(),
+        filter_note=filter_note(config),
+        checksums=checksums,
+    )
+    return replace(fit, verdicts=slider_verdicts(fit))
+
+
+def predicted(estimate: SliderEstimate, motion: SliderMotion) -> np.ndarray:
+    """An estimate's torque for a motion, filtered as the measured one was, shape (n,) [N*m].
+
+    Parameters
+    ----------
+    estimate : SliderEstimate
+    motion : SliderMotion
+
+    Returns
+    -------
+    ndarray, shape (n,)
+    """
+    if isinstance(estimate.model, DirectionalSliderModel):
+        return directional_columns(motion) @ np.concatenate([estimate.model.up, estimate.model.down])
+    return torque(estimate.model, estimate.values, motion)
+
+
+def trial_errors(estimate: SliderEstimate, motions: Sequence[SliderMotion], gain: float) -> tuple[TrialError, ...]:
+    """Equation 6 for every motion, over the samples in which the joint moves.
+
+    Parameters
+    ----------
+    estimate : SliderEstimate
+    motions : sequence of SliderMotion
+    gain : float
+        [N*m/A]
+
+    Returns
+    -------
+    tuple of TrialError
+    """
+    made = []
+    for m in motions:
+        off = (predicted(estimate, m) - m.effort)[m.scored]
+        mean = float(np.mean(np.abs(off))) if len(off) else float("nan")
+        rms = float(np.sqrt(np.mean(off**2))) if len(off) else float("nan")
+        bias = float(np.mean(off)) if len(off) else float("nan")
+        made.append(TrialError(m.recording, m.protocol, m.split, m.slider, mean / gain, mean, rms, bias))
+    return tuple(made)
+
+
+def filter_note(config: StudyFile) -> str:
+    """The processing in one line."""
+    p = config.processing
+    parts = [f"zero-phase Butterworth low-pass, order {p.order}, {p.lowpass:g} Hz, on position and current alike"]
+    parts.append("derivatives by central differences; friction low-passed as current is")
+    if p.dead_band:
+        parts.append(f"samples slower than {p.dead_band:g} rad/s left out")
+    return "; ".join(parts)
+
+
+def slider_verdicts(fit: SliderFit) -> tuple[Verdict, ...]:
+    """What the figures say, in sentences.
+
+    Parameters
+    ----------
+    fit : SliderFit
+
+    Returns
+    -------
+    tuple of Verdict
+    """
+    error = {name: fit.judged_error(name) for name in fit.estimates}
+    split = "held-out trials" if fit.judged_split == "heldout" else "fitted trials (nothing is held out)"
+    said = [
+        Verdict(
+            "good" if error["dissociated"] < error["pooled"] else "warning",
+            f"Dissociating the directions takes the mean current error on {split} from {error['pooled']:.4f} to "
+            f"{error['dissociated']:.4f} A, a factor of {error['pooled'] / error['dissociated']:.2f}.",
+        ),
+    ]
+    best = min(("consistent", "load"), key=lambda name: error[name])
+    said.append(
+        Verdict(
+            "good" if error[best] <= 1.05 * error["dissociated"] else "note",
+            f"One coherent body with {METHODS[best].split(', ')[1]} errs by {error[best]:.4f} A with "
+            f"{len(fit[best].values)} parameters, the dissociated model with {len(fit['dissociated'].values)}.",
+        )
+    )
+    model = fit["dissociated"].model
+    x = np.linspace(*fit.rail, 9)
+    worst = min(float(model.inertia(d, x).min()) for d in ("up", "down"))
+    if worst < 0.0:
+        said.append(
+            Verdict("warning", f"The dissociated model's inertia is negative on the rail ({worst:.3g} kg*m^2).")
+        )
+    q = np.linspace(min(m.position.min() for m in fit.motions), max(m.position.max() for m in fit.motions), 60)
+    friction = directional_friction(model, x, q)
+    if friction.min() < 0.0:
+        said.append(
+            Verdict(
+                "warning",
+                f"Between its directions the dissociated model rubs by {friction.min():.3g} to {friction.max():.3g} "
+                "N*m at rest: where that is negative, such a joint would drive itself.",
+            )
+        )
+    notes = [note for name in ("consistent", "load") for note in fit[name].notes]
+    said += [Verdict("note", note) for note in notes]
+    if "load_friction" in fit["load"].model.names:
+        said.append(
+            Verdict(
+                "note",
+                "The carriage's mass is not known, so motoring and generating friction share one coefficient: weigh "
+                'the carriage and write it as [rig.slider] mass = "... kg".',
+            )
+        )
+    return tuple(said)
+
+
+def directional_friction(model: DirectionalSliderModel, slider: np.ndarray, position: np.ndarray) -> np.ndarray:
+    """Half the torque between the up and the down set at vanishing speed, shape (len(slider), len(position)) [N*m].
+
+    It is the friction that the model implies; a passive joint's is nowhere negative.
+
+    Parameters
+    ----------
+    model : DirectionalSliderModel
+    slider : ndarray, shape (k,)
+        [m]
+    position : ndarray, shape (n,)
+        [rad]
+
+    Returns
+    -------
+    ndarray, shape (k, n)
+    """
+    x, q = slider[:, None], position[None, :]
+    up = model.gravity("up", x, q) + model.up[3]
+    down = model.gravity("down", x, q) - model.down[3]
+    return 0.5 * (up - down)

@@ -1,0 +1,110 @@
+"""Are recordings of a joint with a carriage fit to identify from? What the markers show, then what the motion lacks."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from ..._errors import IdentificationError, PellucidError
+from ...fit.slider.three_steps import STEPS, require_both_directions, require_places
+from ...recordings.quality import Fault
+from ...recordings.recording import Recording
+from ...recordings.study_file import StudyFile
+from ...signals.effort import drive_model
+from ...signals.markers import Geometry, geometry_faults, slider_geometry
+from ...signals.slider_motion import SliderMotion, slider_motions
+
+
+@dataclass(frozen=True)
+class Examined:
+    """Recordings of a joint with a carriage, looked at.
+
+    Parameters
+    ----------
+    faults : list of Fault
+        The refusing ones first.
+    geometry : Geometry or None
+    motions : tuple of SliderMotion
+        Both as far as they could be had: where nothing is refused, whole.
+    """
+
+    faults: list[Fault]
+    geometry: Geometry | None = None
+    motions: tuple[SliderMotion, ...] = ()
+
+
+def examine(config: StudyFile, recordings: Sequence[Recording]) -> Examined:
+    """Faults of the carriage's places, of the clocks and of the motion, of recordings that are sound as files.
+
+    Parameters
+    ----------
+    config : StudyFile
+        With a ``[rig.slider]``.
+    recordings : sequence of Recording
+
+    Returns
+    -------
+    Examined
+    """
+    try:
+        geometry = slider_geometry(recordings)
+    except PellucidError as error:
+        return Examined([_fault("geometry", "markers that show the axis and the carriage", error)])
+    faults = geometry_faults(geometry, config.rig.slider)
+    if any(fault.severity == "refuse" for fault in faults):
+        return Examined(faults, geometry)
+    try:
+        require_torques(config)
+    except IdentificationError as error:
+        return Examined([_fault("drive", "torques in N*m", error), *faults], geometry)
+    motions: tuple[SliderMotion, ...] = ()
+    try:
+        motions = slider_motions(recordings, config.rig, config.processing, geometry)
+        steps = [m for m in motions if m.split == "fitted" and m.protocol in STEPS]
+        require_both_directions(steps)
+        require_places(steps)
+        require_dissipation(steps)
+    except PellucidError as error:
+        faults.insert(0, _fault("excitation", "motion both ways, at several places of the carriage", error))
+    return Examined(faults, geometry, motions)
+
+
+def require_torques(config: StudyFile) -> None:
+    """Do nothing where the drive's constant makes torques of its currents.
+
+    Parameters
+    ----------
+    config : StudyFile
+
+    Raises
+    ------
+    IdentificationError
+        If the constant is not known: a coherent body needs torques.
+    """
+    if drive_model(config.rig).effort_unit != "N*m":
+        raise IdentificationError("study.toml: found no [rig.drive] torque_constant, expected one in N*m/A")
+
+
+def require_dissipation(motions: Sequence[SliderMotion]) -> None:
+    """Do nothing where the drive spends energy on a joint that goes to and fro.
+
+    Parameters
+    ----------
+    motions : sequence of SliderMotion
+
+    Raises
+    ------
+    IdentificationError
+        If the joint gives energy to its drive over all motions: the sign of the position or of the command is reversed.
+    """
+    work = sum(float((m.effort * m.velocity).sum()) / m.fs for m in motions)
+    if motions and work < 0.0:
+        names = ", ".join(m.recording for m in motions[:3]) + (", ..." if len(motions) > 3 else "")
+        raise IdentificationError(
+            f"{names}: found {-work:.3g} J that the joint gives to its drive, expected that friction takes some; the "
+            "sign of channel position or of channel current is reversed"
+        )
+
+
+def _fault(kind: str, expected: str, error: PellucidError) -> Fault:
+    return Fault("refuse", kind, "study.toml", "", str(error), expected, str(error))

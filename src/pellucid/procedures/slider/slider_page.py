@@ -1,0 +1,443 @@
+"""The report of a joint with a carriage: two directions against one body, errors trial by trial, geometry, methods."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from pathlib import Path
+
+import numpy as np
+
+from ...fit.slider.slider_fit import METHODS, SliderEstimate, SliderFit
+from ...models.joint import GRAVITY, INDEX
+from ...models.slider_joint import BODY
+from ...pages.drawing import Drawing, draw
+from ...pages.page import Section, Tile, write_page
+from ...pages.quantities import number, parameter_interval, parameter_note, prose, relative_sd, unit_text
+from ...pages.tables import Row, Table
+from ...recordings.study import Study
+from ..study_page import provenance, study_page
+from . import direction_figures as figures
+from .identify_slider import directional_friction, identify_slider, predicted
+
+SHORT: Mapping[str, str] = {
+    "pooled": "one set",
+    "dissociated": "two directions",
+    "pooled_at_once": "one set, at once",
+    "dissociated_at_once": "two directions, at once",
+    "consistent": "one body",
+    "load": "one body, friction by load",
+}
+"""Names of the methods where there is little room."""
+
+ROLES: Mapping[str, str] = {
+    "one set": "stribeck",
+    "two directions": "heldout",
+    "one body": "directional",
+    "one body, friction by load": "fitted",
+    "up": "heldout",
+    "down": "load",
+    "held still": "directional",
+}
+"""Colours, the same in every figure."""
+
+DRAWN = ("pooled", "dissociated", "consistent", "load")
+"""Methods that figures compare."""
+
+PROTOCOLS: Mapping[str, str] = {
+    "constant_velocity": "constant",
+    "swept_sine": "sweep",
+    "swept_sine_integrated": "sweep, phase integrated",
+}
+"""Protocols as figures call them."""
+
+WORDS: Mapping[str, str] = {
+    "moment_slope": "Mass of the carriage, by gravity",
+    "moment": "Moment of mass, sine",
+    "cross_moment": "Moment of mass, cosine",
+    "a0": "Inertia, constant",
+    "a1": "Inertia, per slider position",
+    "a2": "Inertia, per square of it",
+    "carriage_moment": "Carriage, moment of mass",
+    "carriage_mass": "Carriage, mass",
+    "inertia": "Inertia at slider 0",
+    "gravity": "Gravity, sine, at slider 0",
+    "gravity_cosine": "Gravity, cosine",
+    "coulomb": "Coulomb friction",
+    "viscous": "Viscous friction",
+    "load_friction": "Load friction",
+    "load_motoring": "Load friction, motoring",
+    "load_generating": "Load friction, generating",
+    "adherence": "Adherence",
+}
+"""What the parameters are."""
+
+TRACES = ("dissociated", "load")
+
+
+def write_slider_report(
+    study: Study, fit: SliderFit | None = None, *, on_progress: Callable[[str, float], None] | None = None
+) -> Path:
+    """Write the report of a joint with a carriage: ``report/index.html``, and every figure as SVG and PDF.
+
+    Parameters
+    ----------
+    study : Study
+    fit : SliderFit, optional
+        Left out, the joint is identified again.
+    on_progress : callable, optional
+        Called with a text and the share done, 0 to 1.
+
+    Returns
+    -------
+    Path
+        The page.
+
+    Raises
+    ------
+    OSError
+        If the study's folder cannot be written.
+    PellucidError
+        If a recording can no longer be read, or the joint cannot be identified.
+    """
+    tell = on_progress or (lambda text, share: None)
+    if fit is None:
+        fit = identify_slider(study, on_progress=lambda text, done: tell(text, 0.6 * done))
+    tell("drawing", 0.6)
+    tiles, sections = slider_sections(fit, level=study.model.confidence)
+    tell("writing", 0.8)
+    page = study_page(
+        title=f"{fit.study}: identified joint",
+        headline=headline(fit),
+        tiles=tiles,
+        sections=(*sections, _provenance(study, fit)),
+    )
+    return write_page(study.report_dir, page)
+
+
+def slider_sections(fit: SliderFit, *, level: float = 0.95) -> tuple[tuple[Tile, ...], tuple[Section, ...]]:
+    """What a page says of an identified joint with a carriage, figures drawn.
+
+    Parameters
+    ----------
+    fit : SliderFit
+    level : float
+        Of the confidence intervals.
+
+    Returns
+    -------
+    tiles, sections
+    """
+    return slider_tiles(fit), (
+        _found(fit, level),
+        _directions(fit),
+        _errors(fit),
+        _geometry(fit),
+        _methods(fit, level),
+    )
+
+
+def headline(fit: SliderFit) -> str:
+    """The finding in a few sentences."""
+    error = {m: fit.judged_error(m) for m in DRAWN}
+    trials, use = len(fit.judged("pooled")), _use(fit)
+    factor = error["pooled"] / error["dissociated"]
+    return (
+        f"Identified from {sum(m.split == 'fitted' for m in fit.motions)} recordings. Over {trials} {use} trials, a "
+        f"set of parameters for each direction predicts the current {number(factor, digits=3)} times better than one "
+        f"set ({number(error['dissociated'], digits=3)} A against {number(error['pooled'], digits=3)} A); one coherent "
+        f"body whose friction grows with its load errs by {number(error['load'], digits=3)} A with "
+        f"{len(fit['load'].values)} parameters instead of {len(fit['dissociated'].values)}."
+    )
+
+
+def slider_tiles(fit: SliderFit) -> tuple[Tile, ...]:
+    """Errors of the three models that matter, and how many places the carriage had."""
+    places = np.unique(np.round([m.slider for m in fit.motions], 3))
+    return (
+        *(
+            Tile(
+                f"Error, {SHORT[m]}",
+                number(fit.judged_error(m), digits=3),
+                "A",
+                f"{len(fit[m].values)} parameters; {_use(fit)} trials",
+            )
+            for m in ("pooled", "dissociated", "load")
+        ),
+        Tile(
+            "Places of the carriage",
+            f"{len(places)}",
+            "",
+            f"{1e3 * places.min():.0f} to {1e3 * places.max():.0f} mm from the axis",
+        ),
+    )
+
+
+# --- what is judged -------------------------------------------------------------------------------------------------
+
+
+def _use(fit: SliderFit) -> str:
+    return "held-out" if fit.judged_split == "heldout" else "fitted"
+
+
+def _angles(fit: SliderFit) -> np.ndarray:
+    low, high = min(m.position.min() for m in fit.motions), max(m.position.max() for m in fit.motions)
+    return np.linspace(low, high, 121)
+
+
+# --- sections -------------------------------------------------------------------------------------------------------
+
+
+def _found(fit: SliderFit, level: float) -> Section:
+    known = getattr(fit["load"].model, "known", {})
+    tables = [_parameters(fit["load"], level, f"{METHODS['load'].capitalize()}.", known)]
+    tables.append(_parameters(fit["dissociated"], level, f"{METHODS['dissociated'].capitalize()}."))
+    if fit.static:
+        rows = tuple(
+            Row((_words(p.name), number(p.value, p.standard_error), unit_text(p.unit), parameter_interval(p, level)))
+            for p in fit.static
+        )
+        heads = ("Parameter", "Value", "Unit", f"{100.0 * level:.4g} % interval")
+        caption = "Held still: gravity, and the mean torque that sticking adds."
+        tables.append(Table(heads, rows, frozenset({1, 3}), caption, True))
+    return Section(
+        "found",
+        "What was found",
+        tuple(prose(v.text) for v in fit.verdicts if v.kind != "note"),
+        tuple(tables),
+        notes=tuple(prose(v.text) for v in fit.verdicts if v.kind == "note"),
+    )
+
+
+def _words(name: str) -> str:
+    for suffix, words in {
+        "_up": ", up", "_down": ", down", "_positive": ", up", "_negative": ", down", "": "",
+    }.items():  # fmt: skip
+        if name.endswith(suffix) and name.removesuffix(suffix) in WORDS:
+            return WORDS[name.removesuffix(suffix)] + words
+    return name.replace("_", " ")
+
+
+def _parameters(
+    estimate: SliderEstimate, level: float, caption: str, known: Mapping[str, float] | None = None
+) -> Table:
+    rows = [
+        Row(
+            (
+                _words(p.name),
+                number(p.value, p.standard_error),
+                unit_text(p.unit) or "–",
+                parameter_interval(p, level),
+                relative_sd(p),
+                parameter_note(p, level),
+            )
+        )
+        for p in estimate.parameters
+    ]
+    rows += [
+        Row((_words(n), number(v), unit_text(BODY.get(n, "1")), "–", "–", "weighed")) for n, v in (known or {}).items()
+    ]
+    heads = ("Parameter", "Value", "Unit", f"{100.0 * level:.4g} % interval", "Relative SD (%)", "Notes")
+    return Table(heads, tuple(rows), frozenset({1, 3, 4}), caption, True)
+
+
+def _directions(fit: SliderFit) -> Section:
+    middle = 0.5 * sum(fit.rail)
+    angles = _angles(fit)
+    sets, body = fit["dissociated"].model, fit["load"]
+    torques = {
+        "up": sets.gravity("up", middle, angles),
+        "down": sets.gravity("down", middle, angles),
+        SHORT["load"]: body.model.gravity(body.values, middle, angles),
+    }
+    if fit.static:
+        slope, moment, cross = (p.value for p in fit.static[:3])
+        torques["held still"] = GRAVITY * ((slope * middle + moment) * np.sin(angles) + cross * np.cos(angles))
+    x = np.linspace(*fit.rail, 41)
+    inertias = {
+        "up": sets.inertia("up", x),
+        "down": sets.inertia("down", x),
+        SHORT["load"]: body.model.inertia(body.values, x),
+    }
+    drawings = (
+        draw(
+            figures.gravity_by_direction, np.degrees(angles), torques, roles=ROLES,
+            caption=f"Gravity torque with the carriage at {1e3 * middle:.0f} mm. The sets for up and down each carry "
+            "their direction's friction; where they part, friction was taken for gravity.",
+        ),
+        draw(
+            figures.inertia_by_slider, x, inertias, roles=ROLES,
+            caption="Inertia about the joint's axis over the rail: of each direction's set, which nothing ties to a "
+            "body, and of one body for both.",
+        ),
+        _friction(fit, middle, angles),
+    )  # fmt: skip
+    return Section(
+        "directions",
+        "Two directions against one body",
+        (
+            "A body has one gravity and one inertia, whichever way it moves. Where the sets of the two directions "
+            "differ, friction that grows with the load has gone into them: lifting, it adds to gravity, and lowering, "
+            "it takes from it.",
+        ),
+        drawings=drawings,
+    )
+
+
+def _friction(fit: SliderFit, middle: float, angles: np.ndarray) -> Drawing:
+    """Half the torque between up and down near rest, over the load, where the load grows with the angle."""
+    body = fit["load"]
+    load = body.model.gravity(body.values, middle, angles)
+    rising = slice(int(np.argmin(load[: np.argmax(load) + 1])), int(np.argmax(load)) + 1)
+    angles, load = angles[rising], load[rising]
+    curves = {SHORT["dissociated"]: directional_friction(fit["dissociated"].model, np.array([middle]), angles)[0]}
+    for method in ("consistent", "load"):
+        vector = fit[method].model.vector(fit[method].values, middle)
+        dry = 0.5 * (vector[INDEX["coulomb_positive"]] + vector[INDEX["coulomb_negative"]])
+        share = 0.5 * (vector[INDEX["load_motoring"]] + vector[INDEX["load_generating"]])
+        curves[SHORT[method]] = dry + share * np.abs(load)
+    return draw(
+        figures.friction_by_load, load, curves, roles=ROLES,
+        caption=f"Friction near rest, half of what separates up from down, against the gravity that the drive carries "
+        f"({1e3 * middle:.0f} mm, {np.degrees(angles[0]):.0f} to {np.degrees(angles[-1]):.0f} deg).",
+    )  # fmt: skip
+
+
+def _errors(fit: SliderFit) -> Section:
+    judged = {m: {e.recording: e for e in fit.judged(m)} for m in DRAWN}
+    names = list(judged["pooled"])
+    errors = {SHORT[m]: np.array([judged[m][n].current for n in names]) for m in DRAWN}
+    protocols = [judged["pooled"][n].protocol for n in names]
+    use = _use(fit)
+    drawings = [
+        draw(figures.paired_errors, errors, [PROTOCOLS.get(p, p.replace("_", " ")) for p in protocols], roles=ROLES)
+    ]
+    trace = _trace(fit, names)
+    if trace is not None:
+        drawings.append(trace)
+    labels = [f"{n.replace('_', ' ')}, {1e3 * judged['pooled'][n].slider:.0f} mm" for n in names]
+    drawings.append(draw(figures.error_by_trial, labels, errors, roles=ROLES))
+    rows = []
+    for protocol in dict.fromkeys(protocols):
+        chosen = np.array([p == protocol for p in protocols])
+        means = (number(float(e[chosen].mean()), digits=3) for e in errors.values())
+        rows.append(Row((protocol.replace("_", " "), f"{int(chosen.sum())}", *means)))
+    rows.append(Row(("all", f"{len(names)}", *(number(float(e.mean()), digits=3) for e in errors.values())), True))
+    table = Table(
+        ("Protocol", "Trials", *(f"{m} (A)" for m in errors)), tuple(rows), frozenset(range(1, 2 + len(errors))),
+        f"Mean absolute current error over {use} trials, while the joint moves.", True,
+    )  # fmt: skip
+    return Section(
+        "errors",
+        "Errors by trial",
+        (f"How far each model's current is from the measured one, in {len(names)} {use} trials.",),
+        (table,),
+        tuple(drawings),
+    )
+
+
+def _trace(fit: SliderFit, names: list[str]) -> Drawing | None:
+    """One constant-velocity trial, or the first there is."""
+    motions = [m for m in fit.motions if m.recording in names]
+    if not motions:
+        return None
+    m = next((m for m in motions if m.protocol == "constant_velocity"), motions[0])
+    made = {SHORT[name]: predicted(fit[name], m) / fit.gain for name in ("pooled", *TRACES)}
+    # Where it rests no model speaks: friction is then anything up to its level.
+    made = {name: np.where(m.scored, values, np.nan) for name, values in made.items()}
+    return draw(
+        figures.current_trace, m.time, m.effort / fit.gain, made, m.velocity, roles=ROLES,
+        caption=f"Motor current during {m.recording.replace('_', ' ')}, with the carriage at {1e3 * m.slider:.0f} mm: "
+        "measured (grey) and predicted where the joint moves (colour), with the velocity beneath.",
+    )  # fmt: skip
+
+
+def _geometry(fit: SliderFit) -> Section:
+    g = fit.geometry
+    optical = [p for p in g.placements if p.optical]
+    said = []
+    if optical and np.all(np.isfinite(g.axis)):
+        x, y, z = (number(float(v), 1e-4) for v in g.axis)
+        said.append(
+            f"The axis points along ({x}, {y}, {z}) in the laboratory, known to {np.degrees(g.axis_se):.2g} deg; "
+            f"across it, its place is known to {1e3 * g.origin_se:.2g} mm. Markers stay within "
+            f"{1e3 * g.residual:.2g} mm rms of turning about it. These errors are the markers' noise alone."
+        )
+        delays = 1e3 * np.array([p.delay for p in optical if p.aligned])
+        if len(delays):
+            said.append(
+                f"The cameras' clock is {number(float(delays.min()), 0.1)} to {number(float(delays.max()), 0.1)} ms "
+                "from the robot's; each recording is corrected by its own delay."
+            )
+    rows = tuple(
+        Row(
+            (
+                p.recording,
+                f"{1e3 * p.slider:.2f}",
+                f"{1e3 * p.slider_se:.2g}" if np.isfinite(p.slider_se) else "–",
+                number(1e3 * p.delay, 0.1) if p.optical else "–",
+                "yes" if p.aligned else ("no" if p.optical else "ruler"),
+                f"{p.lost}" if p.optical else "–",
+            )
+        )
+        for p in g.placements
+    )
+    heads = ("Recording", "Slider (mm)", "its SE (mm)", "Clock delay (ms)", "told by its motion", "Frames lost")
+    table = Table(
+        heads, rows, frozenset({1, 2, 3, 5}),
+        "Where the carriage was, and what the cameras' clock shows when the robot's shows 0.", True,
+    )  # fmt: skip
+    return Section("geometry", "Axis, carriage and clocks", tuple(said), (table,))
+
+
+def _methods(fit: SliderFit, level: float) -> Section:
+    rows = []
+    best = min(("dissociated", "load"), key=fit.judged_error)
+    for method, estimate in fit.estimates.items():
+        error = fit.judged_error(method)
+        seen = [e.current for e in fit.errors[method] if e.split == "fitted" and np.isfinite(e.current)]
+        rows.append(
+            Row(
+                (
+                    METHODS[method],
+                    f"{len(estimate.values)}",
+                    number(error, digits=3),
+                    number(fit.gain * error, digits=3),
+                    number(float(np.mean(seen or [np.nan])), digits=3),
+                    number(estimate.residual_sd, digits=3),
+                    f"{estimate.samples}",
+                ),
+                method == best,
+            )
+        )
+    word = _use(fit).capitalize()
+    heads = (
+        "Method", "Parameters", f"{word} error (A)", f"{word} error (N·m)", "Error on fitted (A)", "Residual SD (N·m)",
+        "Samples",
+    )  # fmt: skip
+    caption = "Every way the joint was identified; errors are means over trials of the mean absolute error."
+    notes = [f"{METHODS[m]}: {note}." for m, e in fit.estimates.items() for note in e.notes]
+    others = tuple(
+        _parameters(fit[m], level, f"{METHODS[m].capitalize()}.", getattr(fit[m].model, "known", {}))
+        for m in fit.estimates
+        if m not in ("dissociated", "load")
+    )
+    return Section(
+        "methods",
+        "Methods",
+        (f"Signals: {fit.filter_note}.",),
+        (Table(heads, tuple(rows), frozenset(range(1, len(heads))), caption, True), *others),
+        notes=tuple(prose(note) for note in notes),
+    )
+
+
+def _provenance(study: Study, fit: SliderFit) -> Section:
+    rig = study.rig
+    entries = [
+        ("Joint", f"{rig.joint}, {rig.motion}" + (f"; positive is {rig.lifts}" if rig.lifts else "")),
+        ("Rail", f"{1e3 * fit.rail[0]:.0f} to {1e3 * fit.rail[1]:.0f} mm from the axis"),
+        ("Torque", f"from the drive's current, {number(fit.gain)} N·m/A at the joint"),
+        ("Processing", fit.filter_note),
+    ]
+    splits = {m.recording: m.split for m in fit.motions}
+    sums = tuple(Row((n, "held out" if splits.get(n) == "heldout" else "fitted", d)) for n, d in fit.checksums.items())
+    return provenance(study, entries, Table(("Recording", "Use", "SHA-256 of its file"), sums, wide=True))

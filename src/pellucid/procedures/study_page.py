@@ -1,0 +1,103 @@
+"""What the pages of studies have in common: their frame, tables of what was found, and where it comes from."""
+
+from __future__ import annotations
+
+import platform
+from collections.abc import Iterable
+from importlib.metadata import version
+
+from ..pages.page import Page, Section, Tile
+from ..pages.quantities import MINUS, cell_text, number, parameter_interval, parameter_note, prose, unit_text
+from ..pages.tables import Row, Table
+from ..recordings.study import Study
+from .result import FigureTable, Findings, ParameterTable
+
+
+def study_page(title: str, headline: str, tiles: Iterable[Tile], sections: Iterable[Section]) -> Page:
+    """A page of a study, in the frame that all have.
+
+    Parameters
+    ----------
+    title, headline : str
+    tiles : iterable of Tile
+    sections : iterable of Section
+
+    Returns
+    -------
+    Page
+    """
+    return Page(
+        title,
+        "Pellucid report",
+        headline,
+        tuple(tiles),
+        tuple(sections),
+        f"Written by pellucid {version('pellucid')}. Every figure is beside this page as SVG and PDF, every number in "
+        "results.json.",
+    )
+
+
+def figure_tables(found: Findings) -> tuple[Table, ...]:
+    """Every table of figures that was found; columns without words are set as numbers."""
+    return tuple(_figures(table) for table in found.tables if isinstance(table, FigureTable))
+
+
+def parameter_tables(found: Findings, part: str = "") -> tuple[Table, ...]:
+    """Every table of parameters that was found, or those whose title has `part` in it."""
+    return tuple(
+        _parameters(table, found.confidence)
+        for table in found.tables
+        if isinstance(table, ParameterTable) and part in table.title
+    )
+
+
+def made_with(study: Study) -> list[tuple[str, str]]:
+    """Notes, source of the data and versions: what a page says at its end, as pairs of what and how."""
+    entries = [("Note", note) for note in study.notes]
+    if study.config.citation:
+        entries.append(("Data", study.config.citation))
+    versions = ", ".join(f"{n} {version(n)}" for n in ("pellucid", "numpy", "scipy", "matplotlib"))
+    return [*entries, ("Made with", f"{versions}, Python {platform.python_version()}")]
+
+
+def provenance(study: Study, entries: Iterable[tuple[str, str]], sums: Table) -> Section:
+    """Where what a page says comes from.
+
+    Parameters
+    ----------
+    study : Study
+    entries : iterable of (str, str)
+        What, and how; `made_with` is added.
+    sums : Table
+        Checksums of the files.
+
+    Returns
+    -------
+    Section
+    """
+    rows = tuple(Row(pair) for pair in (*entries, *made_with(study)))
+    return Section("provenance", "Where this comes from", tables=(Table(("What", "How"), rows, wide=True), sums))
+
+
+def _figures(table: FigureTable) -> Table:
+    rows = tuple(Row(tuple(cell_text(cell).replace("_", " ") for cell in row)) for row in table.rows)
+    numeric = {i for i in range(1, len(table.heads)) if not any(isinstance(row[i], str) for row in table.rows)}
+    heads = tuple(prose(head).replace(" - ", f" {MINUS} ") for head in table.heads)
+    return Table(heads, rows, frozenset(numeric), f"{table.title}.", True)
+
+
+def _parameters(table: ParameterTable, level: float) -> Table:
+    rows = tuple(
+        Row(
+            (
+                p.name.replace("_", " "),
+                number(p.value, p.standard_error),
+                unit_text(p.unit) or "–",
+                parameter_interval(p, level),
+                parameter_note(p, level),
+            )
+        )
+        for p in table.parameters
+    )
+    heads = ("Parameter", "Value", "Unit", f"{100 * level:g} % interval", "Notes")
+    return Table(heads, rows, frozenset({1, 3}), f"{table.title}.")

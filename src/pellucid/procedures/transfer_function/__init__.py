@@ -1,0 +1,1 @@
+"""A linear model from one channel to another."""

@@ -1,0 +1,389 @@
+"""A transfer function from every recording of a study: fitted, held out, written down."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, replace
+from importlib.metadata import version
+
+import numpy as np
+
+from ..._errors import IdentificationError, PellucidError
+from ...fit.parameter import Verdict
+from ...fit.transfer.transfer_function_fit import SAMPLES_EACH, Response, TransferFit, fit_transfer_function, judged
+from ...models.parameter_card import ParameterCard
+from ...recordings.quality import Fault
+from ...recordings.recording import Recording
+from ...recordings.results import ResultRow
+from ...recordings.study import Study
+from ...signals.input_output import InputOutput, input_output
+from ..result import FigureTable, Findings, ParameterTable
+
+Progress = Callable[[str, float], None]
+
+HELD_BACK = 1.0 / 3.0
+"""Last share of a recording on which coefficients found from the rest are judged, where no recording is held out."""
+
+POOR = 80.0
+"""Below this fit [%] a transfer function leaves out much of what a recording shows."""
+
+APART = 10.0
+"""Points by which a fit may fall from the fitted part to the held-out one before it is told."""
+
+FEW = 3
+"""Up to so many recordings each get a table of their own."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class TransferFindings(Findings):
+    """Transfer functions of a study's recordings.
+
+    Attributes
+    ----------
+    fits : Mapping[str, TransferFit]
+        By recording; of several fitted together for one that is held out, by their names joined with "+".
+    heldout : Mapping[str, Response]
+        By recording: the last part of a fitted one with coefficients from the rest, or all of one held out.
+    refused : Mapping[str, str]
+        Recordings that could not be fitted, and why.
+    units : tuple of str
+        Of the input and of the output.
+    channels : tuple of str
+        Of the input and of the output.
+    """
+
+    fits: Mapping[str, TransferFit]
+    heldout: Mapping[str, Response]
+    refused: Mapping[str, str]
+    units: tuple[str, str]
+    channels: tuple[str, str]
+
+
+def identify_transfer(study: Study, on_progress: Progress | None = None) -> TransferFindings:
+    """Identify a transfer function from every recording of a study with ``[transfer_function]``.
+
+    A recording that is fitted is also judged held out: on its last third, with coefficients from the rest. One that is
+    never fitted is judged with coefficients from all fitted ones of its participant and condition. Held out means that
+    coefficients are frozen and only the initial state, which no other data can tell, is estimated.
+
+    Parameters
+    ----------
+    study : Study
+    on_progress : callable, optional
+        Called with a text and the share done, 0 to 1.
+
+    Returns
+    -------
+    TransferFindings
+
+    Raises
+    ------
+    RecordingError
+        If a file cannot be read at all.
+    IdentificationError
+        If no recording can be fitted.
+    """
+    tell = on_progress or (lambda text, share: None)
+    asked = study.config.transfer_function
+    if asked is None:
+        raise IdentificationError("study.toml: found no [transfer_function], expected one with input, output and poles")
+    channels = (asked.input, asked.output)
+    tell("reading recordings", 0.0)
+    recordings = study.recordings()
+    units = _units(recordings, channels)
+    ready: dict[str, InputOutput] = {}
+    fits: dict[str, TransferFit] = {}
+    heldout: dict[str, Response] = {}
+    refused: dict[str, str] = {}
+    unjudged: dict[str, str] = {}
+
+    def fit(*records: InputOutput) -> TransferFit:
+        return fit_transfer_function(records, asked.poles, asked.zeros, hold=asked.hold, units=units)
+
+    for k, recording in enumerate(recordings):
+        tell(f"fitting {recording.name}", 0.2 + 0.7 * k / len(recordings))
+        name = recording.name
+        try:
+            ready[name] = input_output(recording, channels)
+            if recording.use == "fit":
+                fits[name] = fit(ready[name])
+        except PellucidError as error:
+            refused[name] = str(error)
+            continue
+        if recording.use == "fit":
+            try:
+                heldout[name] = _last_part(ready[name], fit, asked.hold)
+            except PellucidError as error:
+                unjudged[name] = str(error)
+    tell("judging", 0.9)
+    for recording in (r for r in recordings if r.use == "validate" and r.name in ready):
+        group = [r.name for r in recordings if r.name in fits and _same(r, recording)]
+        try:
+            if not group:
+                raise IdentificationError(
+                    f"recording '{recording.name}': no fitted recording has its participant and condition"
+                )
+            joined = "+".join(group)
+            if joined not in fits:
+                fits[joined] = fit(*(ready[n] for n in group))
+            heldout[recording.name] = judged(fits[joined].transfer_function, ready[recording.name], hold=asked.hold)
+        except PellucidError as error:
+            refused[recording.name] = str(error)
+    if not fits:
+        raise IdentificationError("no recording can be fitted:\n" + "\n".join(refused.values()))
+    notes = {name: record.notes for name, record in ready.items()}
+    made = TransferFindings(
+        study=study.name,
+        headline=_headline(recordings, fits, heldout),
+        tables=_tables(recordings, fits, heldout, refused),
+        verdicts=tuple(_verdicts(fits, heldout, refused, unjudged, notes)),
+        rows=(),
+        cards={},
+        checksums={r.name: r.checksum for r in recordings},
+        confidence=asked.confidence,
+        fits=fits,
+        heldout=heldout,
+        refused=refused,
+        units=units,
+        channels=channels,
+    )
+    rows = tuple(_rows(made, recordings, notes, unjudged))
+    return replace(made, rows=rows, cards=_cards(made))
+
+
+def faults(study: Study) -> list[Fault]:
+    """What keeps recordings from being fitted, and what is left out of them.
+
+    Parameters
+    ----------
+    study : Study
+        With ``[transfer_function]``.
+
+    Returns
+    -------
+    list of Fault
+
+    Raises
+    ------
+    RecordingError
+        If a file cannot be read at all.
+    """
+    asked = study.config.transfer_function
+    found = []
+    for recording in study.recordings():
+        file = recording.path.name
+        try:
+            record = input_output(recording, (asked.input, asked.output))
+        except PellucidError as error:
+            found.append(
+                Fault("refuse", "time_order", file, asked.input, str(error), "a recorded movement", str(error))
+            )
+            continue
+        where = f"{file} (recording {recording.name})"
+        for note in record.notes:
+            found.append(Fault("note", "gap", file, "time", note, "a sample at every step", f"{where}: {note}"))
+        least = SAMPLES_EACH * (2 * asked.poles + asked.zeros + 1)
+        if len(record) < least:
+            text, wanted = f"{len(record)} samples", f"at least {least}"
+            message = f"{where}, channel {asked.output}: found {text}, expected {wanted}"
+            found.append(Fault("refuse", "too_few_samples", file, asked.output, text, wanted, message))
+            continue
+        for channel, values in ((asked.input, record.input), (asked.output, record.output)):
+            if np.ptp(values) == 0.0:
+                text = f"one value, {values[0]:.6g}, in all {len(values)} samples"
+                message = f"{where}, channel {channel}: found {text}, expected one that moves"
+                found.append(Fault("refuse", "frozen_encoder", file, channel, text, "one that moves", message))
+    return found
+
+
+def _units(recordings: tuple[Recording, ...], channels: tuple[str, str]) -> tuple[str, str]:
+    for recording in recordings:
+        if all(name in recording for name in channels):
+            return recording.channels[channels[0]].unit, recording.channels[channels[1]].unit
+    raise IdentificationError(f"no recording has both channels {channels[0]} and {channels[1]}")
+
+
+def _same(one: Recording, other: Recording) -> bool:
+    return (one.participant, one.condition) == (other.participant, other.condition)
+
+
+def _last_part(record: InputOutput, fit: Callable[..., TransferFit], hold: str) -> Response:
+    cut = round((1.0 - HELD_BACK) * len(record))
+    found = fit(record.part(0, cut, "fitted"))
+    return judged(found.transfer_function, record.part(cut, len(record), "heldout"), hold=hold)
+
+
+# --- what is said ---------------------------------------------------------------------------------------------------
+
+
+def _headline(
+    recordings: tuple[Recording, ...], fits: Mapping[str, TransferFit], heldout: Mapping[str, Response]
+) -> str:
+    names = {r.name for r in recordings}
+    inside = [f.responses[0].fit for name, f in fits.items() if name in names]
+    wanted = sum(r.use == "fit" for r in recordings)
+    text = f"{len(inside)} of {wanted} recordings fitted, {min(inside):.1f} to {max(inside):.1f} %"
+    if heldout:
+        outside = [r.fit for r in heldout.values()]
+        text += f"; held out {min(outside):.1f} to {max(outside):.1f} %"
+    return text + "."
+
+
+def _tables(
+    recordings: tuple[Recording, ...],
+    fits: Mapping[str, TransferFit],
+    heldout: Mapping[str, Response],
+    refused: Mapping[str, str],
+) -> tuple[ParameterTable | FigureTable, ...]:
+    shown = next(iter(fits.values()))
+    judged_rows = tuple(
+        (
+            r.name,
+            fits[r.name].responses[0].fit if r.name in fits else None,
+            heldout[r.name].fit if r.name in heldout else None,
+        )
+        for r in recordings
+    )
+    tables: list[ParameterTable | FigureTable] = [
+        FigureTable("Fit of the simulated output", ("Recording", "Fit [%]", "Held out [%]"), judged_rows)
+    ]
+    for title, each in (("Coefficients", shown.parameters), ("Inertia, damping, stiffness", shown.physical)):
+        if each:
+            heads = ("Recording", *(f"{p.name} [{p.unit}]" for p in each))
+            rows = tuple((name, *(f[p.name].value for p in each)) for name, f in fits.items())
+            tables.append(FigureTable(title, heads, rows))
+    if len(fits) <= FEW:
+        tables += [ParameterTable(name, (*f.parameters, *f.physical)) for name, f in fits.items()]
+    if refused:
+        reasons = tuple((name, reason) for name, reason in refused.items())
+        tables.append(FigureTable("Refused", ("Recording", "Why"), reasons))
+    return tuple(tables)
+
+
+def _verdicts(
+    fits: Mapping[str, TransferFit],
+    heldout: Mapping[str, Response],
+    refused: Mapping[str, str],
+    unjudged: Mapping[str, str],
+    notes: Mapping[str, tuple[str, ...]],
+) -> Iterator[Verdict]:
+    good = {n: f for n, f in fits.items() if min(r.fit for r in f.responses) >= POOR}
+    if good:
+        yield Verdict("good", f"{len(good)} of {len(fits)} transfer functions fit by {POOR:g} % or more.")
+    for name, made in fits.items():
+        worst = min(r.fit for r in made.responses)
+        if worst < POOR:
+            yield Verdict(
+                "warning",
+                f"Recording {name}: the transfer function fits by {worst:.1f} % only. What the recording shows is not "
+                "linear, has more poles, or is not made by this input alone.",
+            )
+        weak = [p.name for p in made.parameters if not p.identifiable]
+        if weak:
+            yield Verdict("warning", f"Recording {name}: the interval of {', '.join(weak)} holds zero.")
+        out = heldout.get(name)
+        if out is not None and out.fit < made.responses[0].fit - APART:
+            yield Verdict(
+                "warning",
+                f"Recording {name}: coefficients from its first part fit the last by {out.fit:.1f} %, against "
+                f"{made.responses[0].fit:.1f} % over all of it: the system changes, or what excites it does.",
+            )
+        for note in made.notes:
+            yield Verdict("note", f"Recording {name}: {note}.")
+    for name, found in notes.items():
+        for note in found:
+            yield Verdict("note", f"Recording {name}: {note}.")
+    for name, reason in refused.items():
+        yield Verdict("warning", f"Recording {name}: refused. {reason}.")
+    for name, reason in unjudged.items():
+        yield Verdict("note", f"Recording {name}: not judged held out. {reason}.")
+
+
+# --- what is written ------------------------------------------------------------------------------------------------
+
+
+def _rows(
+    made: TransferFindings,
+    recordings: tuple[Recording, ...],
+    notes: Mapping[str, tuple[str, ...]],
+    unjudged: Mapping[str, str],
+) -> Iterator[ResultRow]:
+    head = f"{made.study}.transfer_function"
+    for r in recordings:
+        left = "; ".join(notes.get(r.name, ()))
+        split = "fitted" if r.use == "fit" else "heldout"
+        own = ResultRow("", None, "%", "identify", split, r.checksum, left)
+        if r.name in made.refused:
+            yield replace(own, id=f"{head}.fit.{r.name}", note=f"refused: {made.refused[r.name]}")
+            continue
+        out = made.heldout.get(r.name)
+        if r.use != "fit":
+            note = _joined("coefficients from fitted recordings, initial state estimated", left)
+            yield replace(own, id=f"{head}.fit.{r.name}", value=out.fit, note=note)
+            continue
+        found = made.fits[r.name]
+        response = found.responses[0]
+        about = _joined(_method(found), left, *found.notes)
+        yield replace(own, id=f"{head}.fit.{r.name}", value=response.fit, note=about)
+        last = replace(own, id=f"{head}.heldout_fit.{r.name}", split="heldout")
+        if out is None:
+            yield replace(last, note=unjudged.get(r.name, "not judged"))
+        else:
+            yield replace(last, value=out.fit, note="last third; coefficients from the rest, initial state estimated")
+        yield replace(own, id=f"{head}.rmse.{r.name}", value=response.rmse, unit=made.units[1])
+        gain = found.transfer_function.static_gain
+        unit = found.physical[-1].unit if found.physical else None
+        note = "stiffness is one over it" if unit else ""
+        yield replace(own, id=f"{head}.static_gain.{r.name}", value=gain, unit=_ratio(made.units), note=note)
+        for p in (*found.parameters, *found.physical):
+            low, high = p.interval(made.confidence)
+            note = f"{100.0 * made.confidence:.4g} % interval {low:.6g} to {high:.6g}"
+            if not p.identifiable:
+                note += "; holds zero"
+            yield replace(own, id=f"{head}.{p.name}.{r.name}", value=p.value, unit=p.unit, note=note)
+
+
+def _ratio(units: tuple[str, str]) -> str:
+    given, made = units
+    return f"{made}/({given})" if "*" in given or "/" in given else f"{made}/{given}"
+
+
+def _joined(*parts: str) -> str:
+    return "; ".join(p for p in parts if p)
+
+
+def _method(found: TransferFit) -> str:
+    words = {"zero": "input held from sample to sample", "first": "input straight from sample to sample"}
+    return f"100 (1 - |y - ys|/|y - mean y|); output error, initial state estimated, {words[found.hold]}"
+
+
+def _cards(made: TransferFindings) -> dict[str, ParameterCard]:
+    cards = {}
+    for name, found in made.fits.items():
+        file = f"transfer_function.{name}"
+        members = name.split("+")
+        out = [made.heldout[n].fit for n in members if n in made.heldout]
+        cards[file] = ParameterCard(
+            kind="transfer_function",
+            study=made.study,
+            name=file,
+            parameters=tuple(p.on_card(made.confidence) for p in found.parameters),
+            covariance=tuple(tuple(float(x) for x in row) for row in found.covariance),
+            settings={
+                "input": made.channels[0],
+                "output": made.channels[1],
+                "input_unit": made.units[0],
+                "output_unit": made.units[1],
+                "poles": found.transfer_function.order,
+                "zeros": len(found.transfer_function.numerator) - 1,
+                "hold": found.hold,
+                "fit": min(r.fit for r in found.responses),
+                "residual_sd": found.residual_sd,
+            }
+            | ({"heldout_fit": min(out)} if out else {}),
+            processing=_method(found),
+            confidence=made.confidence,
+            checksums={n: made.checksums[n] for n in members},
+            pellucid=version("pellucid"),
+        )
+    return cards

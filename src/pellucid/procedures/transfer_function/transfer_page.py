@@ -1,0 +1,191 @@
+"""The report of a study's transfer functions: fits, coefficients, measured and simulated responses, poles."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ...fit.transfer.transfer_function_fit import Response, TransferFit
+from ...pages.drawing import Drawing, draw
+from ...pages.page import Page, Section, Tile
+from ...pages.quantities import number, parameter_interval, prose, relative_sd, unit_text
+from ...pages.tables import Row, Table
+from ...recordings.study import Study
+from ..study_page import provenance, study_page
+from . import transfer_figures as figures
+from .identify_transfer import TransferFindings
+
+DRAWN = 6
+"""Recordings whose responses are drawn: the best, the worst and those between, evenly by their fit."""
+
+WORDS = {"inertia": "Inertia, 1/b0", "damping": "Damping, a1/b0", "stiffness": "Stiffness, a0/b0"}
+
+HOLDS = {
+    "zero": "held from each sample to the next",
+    "first": "taken to go straight from each sample to the next",
+}
+
+
+def page(study: Study, found: TransferFindings) -> Page:
+    """The report's page, figures drawn.
+
+    Parameters
+    ----------
+    study : Study
+    found : TransferFindings
+
+    Returns
+    -------
+    Page
+    """
+    return study_page(
+        title=f"{found.study}: transfer functions",
+        headline=found.headline,
+        tiles=_tiles(found),
+        sections=(_found(found), _responses(found), _poles(found), _coefficients(found), _provenance(study, found)),
+    )
+
+
+def _single(found: TransferFindings) -> dict[str, TransferFit]:
+    """Fits of one recording alone, by its name."""
+    return {name: fit for name, fit in found.fits.items() if len(fit.responses) == 1}
+
+
+def _tiles(found: TransferFindings) -> tuple[Tile, ...]:
+    inside = {n: f.responses[0].fit for n, f in _single(found).items()}
+    best = max(inside, key=inside.get)
+    tiles = [
+        Tile("Recordings fitted", f"{len(inside)}", "", f"{len(found.refused)} refused"),
+        Tile("Best fit", number(inside[best], digits=3), "%", best.replace("_", " ")),
+        Tile("Median fit", number(float(np.median(list(inside.values()))), digits=3), "%"),
+    ]
+    if found.heldout:
+        outside = [r.fit for r in found.heldout.values()]
+        tiles.append(Tile("Median fit, held out", number(float(np.median(outside)), digits=3), "%"))
+    return tuple(tiles)
+
+
+def _found(found: TransferFindings) -> Section:
+    single = _single(found)
+    names = list(dict.fromkeys([*single, *found.heldout]))
+    nan = float("nan")
+    inside = np.array([single[n].responses[0].fit if n in single else nan for n in names])
+    outside = np.array([found.heldout[n].fit if n in found.heldout else nan for n in names])
+    shown = next(iter(found.fits.values()))
+    each = (*shown.parameters, *shown.physical)
+    heads = ("Recording", "Fit (%)", "Held out (%)", *(f"{p.name} ({unit_text(p.unit)})" for p in each))
+    best = max(single, key=lambda n: single[n].responses[0].fit)
+    rows = []
+    for name, value, out in zip(names, inside, outside, strict=True):
+        parameters = (*single[name].parameters, *single[name].physical) if name in single else ()
+        cells = [number(p.value, p.standard_error) for p in parameters] or ["–"] * len(each)
+        rows.append(Row((name.replace("_", " "), _percent(value), _percent(out), *cells), name == best))
+    tables = [Table(heads, tuple(rows), frozenset(range(1, len(heads))), "Every recording's transfer function.", True)]
+    if found.refused:
+        reasons = tuple(Row((name.replace("_", " "), prose(why))) for name, why in found.refused.items())
+        tables.append(Table(("Recording", "Why it was refused"), reasons, wide=True))
+    return Section(
+        "found",
+        "What was found",
+        tuple(prose(v.text) for v in found.verdicts if v.kind != "note"),
+        tuple(tables),
+        (draw(figures.fits, names, inside, outside),),
+        tuple(prose(v.text) for v in found.verdicts if v.kind == "note"),
+    )
+
+
+def _percent(value: float) -> str:
+    return number(float(value), digits=3) if np.isfinite(value) else "–"
+
+
+def _responses(found: TransferFindings) -> Section:
+    labels = tuple(figures.shown(u, c) for u, c in zip(found.units, found.channels, strict=True))
+    single = _single(found)
+    ranked = sorted(single, key=lambda n: -single[n].responses[0].fit)
+    chosen = np.unique(np.round(np.linspace(0, len(ranked) - 1, min(DRAWN, len(ranked)))).astype(int))
+    drawings = [_response(single[ranked[k]].responses[0], labels) for k in chosen]
+    drawings += [_response(r, labels) for n, r in found.heldout.items() if n not in single]
+    hold = next(iter(found.fits.values())).hold
+    return Section(
+        "responses",
+        "Measured and simulated",
+        (
+            f"Between samples the input is {HOLDS[hold]}; with that the simulation is exact at every sample, however "
+            "they are spaced. Each record's initial state is estimated.",
+        ),
+        drawings=tuple(drawings),
+    )
+
+
+def _response(response: Response, labels: tuple[tuple[str, float], ...]) -> Drawing:
+    heldout = response.split == "heldout"
+    words = "held out" if heldout else "fitted"
+    return draw(
+        figures.response, response.time, response.measured, response.simulated, response.input, labels,
+        f"response-{response.recording}".replace(".", "-"), heldout=heldout,
+        caption=f"{response.recording.replace('_', ' ')}, {words}: measured (grey) and simulated, what the simulation "
+        f"misses, and the input. Fit {number(response.fit, digits=3)} %.",
+    )  # fmt: skip
+
+
+def _poles(found: TransferFindings) -> Section:
+    poles = {n: f.transfer_function.poles for n, f in found.fits.items()}
+    rows = []
+    for name, values in poles.items():
+        for p in values[values.imag >= 0.0]:
+            pair = p.imag > 0.0
+            rows.append(
+                Row(
+                    (
+                        name.replace("_", " "),
+                        number(float(p.real), digits=3),
+                        number(float(p.imag), digits=3) if pair else "–",
+                        number(float(abs(p)) / (2.0 * np.pi), digits=3) if pair else "–",
+                        number(float(-p.real / abs(p)), digits=3) if pair else "–",
+                    )
+                )
+            )
+    heads = ("Recording", "Real part (1/s)", "Imaginary part (rad/s)", "Frequency (Hz)", "Damping ratio")
+    return Section(
+        "poles",
+        "Poles",
+        tables=(Table(heads, tuple(rows), frozenset({1, 2, 3, 4}), "One of each pair.", True),),
+        drawings=(draw(figures.pole_map, poles),),
+    )
+
+
+def _coefficients(found: TransferFindings) -> Section:
+    level = found.confidence
+    heads = ("Parameter", "Value", "Unit", f"{100.0 * level:.4g} % interval", "Relative SD (%)")
+    tables = []
+    for name, fit in found.fits.items():
+        rows = tuple(
+            Row(
+                (
+                    WORDS.get(p.name, p.name),
+                    number(p.value, p.standard_error),
+                    unit_text(p.unit) or "–",
+                    parameter_interval(p, level),
+                    relative_sd(p),
+                )
+            )
+            for p in (*fit.parameters, *fit.physical)
+        )
+        tables.append(Table(heads, rows, frozenset({1, 3, 4}), f"{name.replace('_', ' ')}.", True))
+    return Section(
+        "coefficients",
+        "Coefficients and their intervals",
+        (
+            "Of (b_m s^m + ... + b_0) / (s^n + a_{n-1} s^{n-1} + ... + a_0). Intervals allow for coloured residuals, "
+            "and for the initial state being estimated; those of inertia, damping and stiffness follow to first order.",
+        ),
+        tuple(tables),
+    )
+
+
+def _provenance(study: Study, found: TransferFindings) -> Section:
+    entries = [
+        ("Input", f"{found.channels[0]}, {unit_text(found.units[0])}"),
+        ("Output", f"{found.channels[1]}, {unit_text(found.units[1])}"),
+    ]
+    sums = tuple(Row(pair) for pair in found.checksums.items())
+    return provenance(study, entries, Table(("Recording", "SHA-256 of its file"), sums, wide=True))
