@@ -21,4 +21,4 @@ def test_from_the_data_set_to_the_report(tmp_path):
     save_findings(study, found, "calibrate")
     rows = {row.id: row.value for row in read_rows(study.results_path)}
     assert rows[f"{NAME}.mae_percent"] < 8.9 < rows[f"{NAME}.rigid.mae_percent"]
-    assert "Force over imposed length" in pellucid.pages(study).read_text(encoding="utf-8")
+    assert "Force over imposed length" in pellucid.report(study).read_text(encoding="utf-8")
