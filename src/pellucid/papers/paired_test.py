@@ -19,51 +19,18 @@ from .._errors import PellucidError
 
 @dataclass(frozen=True)
 class PairedTest:
-    """What follows from n, both means, both standard deviations, and t.
+    """What follows from n, both means, both standard deviations, and t."""
 
-    Parameters
-    ----------
-    p_value : float
-        Two-sided, n - 1 degrees of freedom.
-    mean_difference, sd_of_differences : float
-        In the unit of the means.
-    correlation : float
-        Between both sets; outside [-1, 1] the statistics contradict each other.
-    effect_size : float
-        d_z, mean over standard deviation of the differences.
-    unpaired_t : float
-        What t would be without pairing.
-    """
-
-    p_value: float
-    mean_difference: float
+    p_value: float  # Two-sided, n - 1 degrees of freedom
+    mean_difference: float  # mean_difference, sd_of_differences: In the unit of the means.
     sd_of_differences: float
-    correlation: float
-    effect_size: float
-    unpaired_t: float
+    correlation: float  # Between both sets; outside [-1, 1] the statistics contradict each other
+    effect_size: float  # d_z, mean over standard deviation of the differences
+    unpaired_t: float  # What t would be without pairing
 
 
 def paired_test(t: float, n: int, *, means: tuple[float, float], sds: tuple[float, float]) -> PairedTest:
-    """Recompute a paired t-test from what was printed of it.
-
-    Parameters
-    ----------
-    t : float
-        Not 0.
-    n : int
-        Pairs, 2 or more.
-    means, sds : tuple of float
-        Of both sets, in one unit; standard deviations with n - 1, > 0.
-
-    Returns
-    -------
-    PairedTest
-
-    Raises
-    ------
-    PellucidError
-        If there are fewer than 2 pairs, t is 0, or a standard deviation is not positive.
-    """
+    """Recompute a paired t-test from what was printed of it."""
     if n < 2 or t == 0.0 or min(sds) <= 0.0:
         raise PellucidError(
             f"paired test: n = {n}, t = {t}, standard deviations {sds}; expected n >= 2, t != 0, both > 0"

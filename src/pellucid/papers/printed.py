@@ -17,24 +17,12 @@ from .._errors import PellucidError
 
 @dataclass(frozen=True)
 class Printed:
-    """A number as printed.
+    """A number as printed."""
 
-    Parameters
-    ----------
-    value : float
-        In `unit`.
-    half_unit : float
-        Half a unit of the last digit printed: how far rounding may have moved it.
-    unit : str
-        As the paper prints it, in this package's spelling.
-    where : str
-        Table, equation or section.
-    """
-
-    value: float
-    half_unit: float
-    unit: str
-    where: str
+    value: float  # In `unit`
+    half_unit: float  # Half a unit of the last digit printed: how far rounding may have moved it
+    unit: str  # As the paper prints it, in this package's spelling
+    where: str  # Table, equation or section
 
     @property
     def interval(self) -> tuple[float, float]:
@@ -50,20 +38,11 @@ class Printed:
 
 @dataclass(frozen=True)
 class PrintedTable:
-    """A table; a cell the paper leaves empty is not there.
+    """A table; a cell the paper leaves empty is not there."""
 
-    Parameters
-    ----------
-    where : str
-        The table's number.
-    rows : mapping of str to mapping of str to Printed
-        Row, then column.
-    labels : mapping of str to str
-        What rows are called for readers, for those that are called otherwise.
-    """
-
-    where: str
-    rows: Mapping[str, Mapping[str, Printed]]
+    where: str  # The table's number
+    rows: Mapping[str, Mapping[str, Printed]]  # Row, then column
+    # What rows are called for readers, for those that are called otherwise
     labels: Mapping[str, str] = field(default_factory=dict)
 
     def __getitem__(self, row: str) -> Mapping[str, Printed]:
@@ -72,22 +51,14 @@ class PrintedTable:
 
 @dataclass(frozen=True)
 class PrintedPaper:
-    """All the numbers of a paper that Pellucid uses.
-
-    Parameters
-    ----------
-    name, title, authors, journal : str
-    year : int
-    values : mapping of str to Printed or tuple of Printed
-        Numbers in the text and in equations; several where the paper lists several.
-    tables : mapping of str to PrintedTable
-    """
+    """All the numbers of a paper that Pellucid uses."""
 
     name: str
     title: str
     authors: str
     journal: str
     year: int
+    # Numbers in the text and in equations; several where the paper lists several
     values: Mapping[str, Printed | tuple[Printed, ...]]
     tables: Mapping[str, PrintedTable]
 
@@ -105,22 +76,7 @@ def papers() -> tuple[str, ...]:
 
 
 def printed(paper: str) -> PrintedPaper:
-    """The numbers a paper prints.
-
-    Parameters
-    ----------
-    paper : str
-        One of `papers`.
-
-    Returns
-    -------
-    PrintedPaper
-
-    Raises
-    ------
-    PellucidError
-        If there is no such paper.
-    """
+    """The numbers a paper prints."""
     if paper not in papers():
         raise PellucidError(f"no printed numbers of {paper!r}; there are those of {', '.join(papers())}")
     text = (files(__package__) / f"{paper}.toml").read_text(encoding="utf-8")

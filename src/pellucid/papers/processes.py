@@ -17,21 +17,7 @@ Job = tuple
 
 
 def finished(jobs: Sequence[Job], workers: int | None = None) -> Iterator[tuple[int, Any]]:
-    """Do jobs, and hand over what each gave as soon as it is there; a list of jobs may grow meanwhile.
-
-    Parameters
-    ----------
-    jobs : sequence of Job
-    workers : int, optional
-        Processes; 1 stays in this one, and as many as there are processors if left out.
-
-    Yields
-    ------
-    int
-        The job's place in the sequence.
-    object
-        What it gave.
-    """
+    """Do jobs, and hand over what each gave as soon as it is there; a list of jobs may grow meanwhile."""
     workers = workers or os.cpu_count() or 1
     if workers <= 1:
         for i, (make, *arguments) in enumerate(jobs):

@@ -17,30 +17,17 @@ VERDICTS = ("agrees", "differs", "recomputed", "ours only", "cannot be")
 
 @dataclass(frozen=True)
 class Reproduced:
-    """One row of reproduction.json.
-
-    Parameters
-    ----------
-    id, quantity, unit : str
-    published : float or None
-        As printed, in `unit`.
-    ours : float or None
-        Computed here: the median where it was drawn several times.
-    lower, upper : float or None
-        The smallest and largest of those.
-    verdict : str
-        "agrees" or "differs" (with what is printed), "recomputed" (from other printed numbers), "ours only" (nothing
-        is printed), "cannot be" (what is printed contradicts itself).
-    note : str
-    """
+    """One row of reproduction.json."""
 
     id: str
     quantity: str
     unit: str
-    published: float | None
-    ours: float | None
-    lower: float | None = None
+    published: float | None  # As printed, in `unit`
+    ours: float | None  # Computed here: the median where it was drawn several times
+    lower: float | None = None  # lower, upper: The smallest and largest of those.
     upper: float | None = None
+    # "agrees" or "differs" (with what is printed), "recomputed" (from other printed numbers), "ours only" (nothing is
+    # printed), "cannot be" (what is printed contradicts itself)
     verdict: str = "ours only"
     note: str = ""
 
@@ -52,37 +39,14 @@ def spread(values: Iterable[float]) -> tuple[float, float, float]:
 
 
 def verdict_between(published: float | None, lower: float, upper: float) -> str:
-    """Verdict on a printed figure, by whether it lies between ours.
-
-    Parameters
-    ----------
-    published : float or None
-        None where nothing is printed.
-    lower, upper : float
-        Ours, in the same unit.
-
-    Returns
-    -------
-    str
-        Of `VERDICTS`.
-    """
+    """Verdict on a printed figure, by whether it lies between ours."""
     if published is None:
         return "ours only"
     return "agrees" if lower <= published <= upper else "differs"
 
 
 def write_reproduction(path: Path, rows: Iterable[Reproduced]) -> Path:
-    """Write reproduction.json, whole or not at all.
-
-    Parameters
-    ----------
-    path : Path
-    rows : iterable of Reproduced
-
-    Returns
-    -------
-    Path
-    """
+    """Write reproduction.json, whole or not at all."""
     table = []
     for row in rows:
         plain = asdict(row)
@@ -96,23 +60,7 @@ def write_reproduction(path: Path, rows: Iterable[Reproduced]) -> Path:
 def write_results(
     out: Path, command: str, rows: Sequence[Reproduced], split: Callable[[str], str]
 ) -> tuple[ResultRow, ...]:
-    """Write results.json and reproduction.json.
-
-    Parameters
-    ----------
-    out : Path
-        Folder, made if it is not there.
-    command : str
-        That made the figures.
-    rows : sequence of Reproduced
-    split : callable
-        What a row is judged on, by its id.
-
-    Returns
-    -------
-    tuple of ResultRow
-        Those of results.json.
-    """
+    """Write results.json and reproduction.json."""
     out.mkdir(parents=True, exist_ok=True)
     results = tuple(ResultRow(r.id, r.ours, r.unit, command, split(r.id), note=_note(r)) for r in rows)
     write_rows(out / "results.json", command, results)

@@ -27,20 +27,7 @@ def _said(text: str) -> str:
 
 
 def row_sections(rows: Sequence[Reproduced], *, over: str, remarks: bool) -> tuple[Section, Section]:
-    """Both sections.
-
-    Parameters
-    ----------
-    rows : sequence of Reproduced
-    over : str
-        What a row's range is over, as the column's head says it.
-    remarks : bool
-        Whether every figure's note is shown, rather than its verdict.
-
-    Returns
-    -------
-    tuple of Section
-    """
+    """Both sections."""
     printed = [r for r in rows if r.verdict in FROM_PRINT]
     recomputed = (
         Row(

@@ -21,29 +21,7 @@ LARGEST_SAMPLE = 8
 def sd_bounds(
     n: int, *, mean: float, low: float, median: float, high: float, half_unit: float = 0.0, ddof: int = 1
 ) -> tuple[float, float]:
-    """The smallest and the largest standard deviation that go with the other statistics.
-
-    Parameters
-    ----------
-    n : int
-        Values, 3 to `LARGEST_SAMPLE`.
-    mean, low, median, high : float
-        Mean, minimum, median and maximum, in one unit.
-    half_unit : float
-        How far rounding may have moved each of them.
-    ddof : {0, 1}
-        1 divides by n - 1, 0 by n.
-
-    Returns
-    -------
-    least, most : float
-        In the unit of the values, not rounded.
-
-    Raises
-    ------
-    PellucidError
-        If no n values have these statistics, or n is out of range.
-    """
+    """The smallest and the largest standard deviation that go with the other statistics."""
     if not 3 <= n <= LARGEST_SAMPLE:
         raise PellucidError(f"standard deviation bounds of {n} values; 3 to {LARGEST_SAMPLE} can be bounded")
     forms, least, most = _polytope(n, (mean, low, median, high), half_unit)

@@ -47,32 +47,12 @@ def published_card(elbow: PublishedElbow) -> dict:
 
 
 def write_published_card(path: Path, elbow: PublishedElbow) -> None:
-    """Write the card as JSON, atomically.
-
-    Parameters
-    ----------
-    path : Path
-    elbow : PublishedElbow
-    """
+    """Write the card as JSON, atomically."""
     write_text_atomically(path, json.dumps(published_card(elbow), indent=2, allow_nan=False) + "\n")
 
 
 def read_published_card(path: Path) -> PublishedElbow:
-    """Read a card back; its warnings are not kept, they follow from the numbers.
-
-    Parameters
-    ----------
-    path : Path
-
-    Returns
-    -------
-    PublishedElbow
-
-    Raises
-    ------
-    PellucidError
-        If the file is missing or is not such a card.
-    """
+    """Read a card back; its warnings are not kept, they follow from the numbers."""
     try:
         table = json.loads(Path(path).read_text(encoding="utf-8"))
     except FileNotFoundError:

@@ -32,45 +32,20 @@ ANGLES = tuple(np.radians(np.linspace(-60.0, 60.0, 25)))
 
 @dataclass(frozen=True)
 class Inconsistency:
-    """One way in which a model cannot be.
+    """One way in which a model cannot be."""
 
-    Parameters
-    ----------
-    erratum : str
-        Its number in ``docs/errata.md``.
-    subject : str
-        What fails: "inertia", "slider_mass", "one_mass", "rest", "adherence", "gravity_jump", "friction_sign".
-    value : float
-        The figure that shows it, in `unit`.
-    unit : str
-    what : str
-        A sentence with the figures.
-    """
-
-    erratum: str
+    erratum: str  # Its number in ``docs/errata.md``
+    # What fails: "inertia", "slider_mass", "one_mass", "rest", "adherence", "gravity_jump", "friction_sign"
     subject: str
-    value: float
+    value: float  # The figure that shows it, in `unit`
     unit: str
-    what: str
+    what: str  # A sentence with the figures
 
 
 def inconsistencies(
     elbow: PublishedElbow, sliders: np.ndarray | tuple = SLIDERS, angles: np.ndarray | tuple = ANGLES
 ) -> tuple[Inconsistency, ...]:
-    """All that is wrong with an elbow, nothing for one that can exist.
-
-    Parameters
-    ----------
-    elbow : PublishedElbow
-    sliders : ndarray or tuple, shape (n,)
-        Positions to look at [m].
-    angles : ndarray or tuple, shape (m,)
-        Angles to look at, from the horizontal [rad].
-
-    Returns
-    -------
-    tuple of Inconsistency
-    """
+    """All that is wrong with an elbow, nothing for one that can exist; sliders (n,) [m], angles (m,) [rad]."""
     sliders, angles = np.asarray(sliders, float), np.asarray(angles, float)
     found = []
     for direction in ("down", "up"):
@@ -97,17 +72,7 @@ def positive_inertia_range(elbow: PublishedElbow, direction: str) -> tuple[float
 def least_mass(elbow: PublishedElbow, direction: str, sliders: np.ndarray) -> np.ndarray:
     """How heavy the forearm must be at least for its first moment not to be too large for its inertia.
 
-    Parameters
-    ----------
-    elbow : PublishedElbow
-    direction : {"down", "up"}
-    sliders : ndarray, shape (n,)
-        [m].
-
-    Returns
-    -------
-    ndarray, shape (n,)
-        [kg]; infinite where the inertia is not positive: no mass would do.
+    sliders (n,) [m]; gives (n,) [kg].
     """
     inertia = elbow.inertia(direction, sliders)
     moment = elbow.first_moment(direction, sliders) ** 2 + elbow.direction(direction).m_y ** 2
@@ -119,20 +84,7 @@ def implied_friction(
 ) -> np.ndarray:
     """Friction at vanishing speed that two directional sets amount to.
 
-    Parameters
-    ----------
-    elbow : PublishedElbow
-    sliders : ndarray, shape (n,)
-        [m].
-    angles : ndarray, shape (m,)
-        From the horizontal [rad].
-    positive : {"up", "down"}
-        The direction in which the angle grows; a paper may leave it open.
-
-    Returns
-    -------
-    ndarray, shape (n, m)
-        [N*m]; negative where it would drive the motion.
+    sliders (n,) [m], angles (m,) [rad]; gives (n, m) [N*m].
     """
     s, q = np.asarray(sliders, float)[:, None], np.asarray(angles, float)[None, :]
     apart = elbow.gravity("up", s, q) - elbow.gravity("down", s, q)

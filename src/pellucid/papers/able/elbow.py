@@ -28,56 +28,26 @@ DIRECTIONS = ("down", "static", "up")
 
 @dataclass(frozen=True)
 class DirectionSet:
-    """The parameters of one direction; None where the table is empty.
+    """The parameters of one direction; None where the table is empty."""
 
-    Parameters
-    ----------
-    m_x_slope : float
-        c_1: first moment along the forearm per metre of slider [kg].
-    m_x_offset : float
-        c_0 [kg*m].
-    m_y : float
-        First moment across the forearm [kg*m].
-    adherence, coulomb : float or None
-        [N*m]; at rest, and in motion.
-    viscous : float or None
-        [N*m*s/rad]; the paper prints another unit.
-    inertia : tuple of float or None
-        a_0 [kg*m^2], a_1 [kg*m], a_2 [kg].
-    """
-
-    m_x_slope: float
-    m_x_offset: float
-    m_y: float
-    adherence: float | None = None
+    m_x_slope: float  # c_1: first moment along the forearm per metre of slider [kg]
+    m_x_offset: float  # c_0 [kg*m]
+    m_y: float  # First moment across the forearm [kg*m]
+    adherence: float | None = None  # adherence, coulomb: [N*m]; at rest, and in motion.
     coulomb: float | None = None
-    viscous: float | None = None
-    inertia: tuple[float, float, float] | None = None
+    viscous: float | None = None  # [N*m*s/rad]; the paper prints another unit
+    inertia: tuple[float, float, float] | None = None  # a_0 [kg*m^2], a_1 [kg*m], a_2 [kg]
 
 
 @dataclass(frozen=True)
 class PublishedElbow:
-    """A direction-dependent elbow with a slider, in the paper's own angle: 0 is horizontal [rad].
+    """A direction-dependent elbow with a slider, in the paper's own angle: 0 is horizontal [rad]."""
 
-    Parameters
-    ----------
-    source : str
-        Where its numbers are printed.
-    sets : mapping of str to DirectionSet
-        By direction, one of `DIRECTIONS`.
-    """
-
-    source: str
-    sets: Mapping[str, DirectionSet]
+    source: str  # Where its numbers are printed
+    sets: Mapping[str, DirectionSet]  # By direction, one of `DIRECTIONS`
 
     def direction(self, name: str) -> DirectionSet:
-        """The set of a direction.
-
-        Raises
-        ------
-        PellucidError
-            If it is none of "down", "static", "up".
-        """
+        """The set of a direction."""
         if name not in self.sets:
             raise PellucidError(f"direction {name!r}; expected one of {', '.join(self.sets)}")
         return self.sets[name]
@@ -88,44 +58,12 @@ class PublishedElbow:
         return found.m_x_slope * np.asarray(slider, float) + found.m_x_offset
 
     def gravity(self, direction: str, slider: float | np.ndarray, angle: float | np.ndarray) -> float | np.ndarray:
-        """The gravity term, with the paper's plus sign before the sine.
-
-        Parameters
-        ----------
-        direction : str
-            One of `DIRECTIONS`.
-        slider : float or ndarray, any shape
-            [m].
-        angle : float or ndarray, of a shape that goes with the slider's
-            From the horizontal [rad].
-
-        Returns
-        -------
-        float or ndarray, of the shape both have together
-            Torque at the joint [N*m].
-        """
+        """The gravity term, with the paper's plus sign before the sine; slider [m], angle [rad]; gives [N*m]."""
         m_y = self.direction(direction).m_y
         return GRAVITY * (self.first_moment(direction, slider) * np.cos(angle) + m_y * np.sin(angle))
 
     def inertia(self, direction: str, slider: float | np.ndarray) -> float | np.ndarray:
-        """J(s), negative where the table makes it so.
-
-        Parameters
-        ----------
-        direction : {"down", "up"}
-        slider : float or ndarray, any shape
-            [m].
-
-        Returns
-        -------
-        float or ndarray, of the slider's shape
-            [kg*m^2].
-
-        Raises
-        ------
-        PellucidError
-            If the table gives no inertia for the direction.
-        """
+        """J(s), negative where the table makes it so; slider [m]; gives [kg*m^2]."""
         found = self.direction(direction).inertia
         if found is None:
             raise PellucidError(f"{self.source} gives no inertia for direction {direction!r}")
@@ -135,17 +73,7 @@ class PublishedElbow:
     def friction(self, direction: str, velocity: float | np.ndarray) -> float | np.ndarray:
         """Coulomb and viscous friction, or at rest the adherence as printed, sign included.
 
-        Parameters
-        ----------
-        direction : str
-            One of `DIRECTIONS`.
-        velocity : float or ndarray, any shape
-            [rad/s]; of no account at rest.
-
-        Returns
-        -------
-        float or ndarray, of the velocity's shape
-            [N*m].
+        velocity [rad/s]; gives [N*m].
         """
         found = self.direction(direction)
         velocity = np.asarray(velocity, float)
@@ -163,17 +91,7 @@ class PublishedElbow:
     ) -> float | np.ndarray:
         """Torque at the joint: gravity, friction, and but for the static set inertia.
 
-        Parameters
-        ----------
-        direction : str
-            One of `DIRECTIONS`.
-        slider, angle, velocity, acceleration : float or ndarray, of shapes that go together
-            [m], [rad] from the horizontal, [rad/s], [rad/s^2].
-
-        Returns
-        -------
-        float or ndarray, of the shape all have together
-            [N*m].
+        slider [m], angle [rad], velocity [rad/s], acceleration [rad/s^2]; gives [N*m].
         """
         total = self.gravity(direction, slider, angle) + self.friction(direction, velocity)
         if self.direction(direction).inertia is None:
@@ -183,24 +101,7 @@ class PublishedElbow:
     def current(self, torque: float | np.ndarray, *, torque_constant: float, reduction: float) -> float | np.ndarray:
         """Motor current for a torque at the joint; the paper gives neither constant, so neither has a default.
 
-        Parameters
-        ----------
-        torque : float or ndarray, any shape
-            At the joint [N*m].
-        torque_constant : float
-            k_t [N*m/A], > 0.
-        reduction : float
-            r_4, motor turns per turn of the joint, > 0.
-
-        Returns
-        -------
-        float or ndarray, of the torque's shape
-            [A].
-
-        Raises
-        ------
-        PellucidError
-            If a constant is not positive.
+        torque [N*m], torque_constant [N*m/A]; gives [A].
         """
         if not torque_constant > 0.0 or not reduction > 0.0:
             raise PellucidError(f"torque constant {torque_constant}, reduction {reduction}: both must be positive")
@@ -210,15 +111,7 @@ class PublishedElbow:
 def published_angle(position: float | np.ndarray) -> float | np.ndarray:
     """The paper's angle for Pellucid's: both grow while the forearm rises, by eq. 2 with Y upward.
 
-    Parameters
-    ----------
-    position : float or ndarray, any shape
-        0 hangs along gravity, positive lifts [rad].
-
-    Returns
-    -------
-    float or ndarray, of the same shape
-        0 is horizontal [rad].
+    position [rad]; gives [rad].
     """
     return np.asarray(position, float) - 0.5 * np.pi
 

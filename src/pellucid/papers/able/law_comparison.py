@@ -42,24 +42,12 @@ UNPOWERED = "unpowered"
 
 @dataclass(frozen=True)
 class Judged:
-    """What one law did on one robot.
+    """What one law did on one robot."""
 
-    Attributes
-    ----------
-    torque : float
-        Interaction torque, RMS over movements [N m]; NaN where nobody came to a target.
-    given : float
-        The most energy that the robot gave over a movement there and back, of 99 % of them [J].
-    resting : float
-        Fastest that the robot still moves two seconds after a movement [rad/s].
-    faults : int
-        Sessions at whose end the gate was shut.
-    """
-
-    torque: float
-    given: float
-    resting: float
-    faults: int
+    torque: float  # Interaction torque, RMS over movements [N m]; NaN where nobody came to a target
+    given: float  # The most energy that the robot gave over a movement there and back, of 99 % of them [J]
+    resting: float  # Fastest that the robot still moves two seconds after a movement [rad/s]
+    faults: int  # Sessions at whose end the gate was shut
 
 
 def tuning_robots(count: int = 9) -> tuple[ElbowRig, ...]:
@@ -68,23 +56,7 @@ def tuning_robots(count: int = 9) -> tuple[ElbowRig, ...]:
 
 
 def judge_laws(robot: ElbowRig, *, seed: int, count: int = 3, repetitions: int = 2) -> dict[str, Judged]:
-    """A robot is identified, and every law built from what was found is tried by a few people.
-
-    Parameters
-    ----------
-    robot : ElbowRig
-    seed : int
-        Of the people, the order of their movements and noise; every law has the same.
-    count : int
-        People.
-    repetitions : int
-        Of every amplitude, up and down.
-
-    Returns
-    -------
-    dict of str to Judged
-        By law.
-    """
+    """A robot is identified, and every law built from what was found is tried by a few people."""
     cards, rig = identified_cards(robot), elbow_participants(robot)
     exponents = chosen_exponents(rig, cards)[0]
     rng = np.random.default_rng([seed, TUNING_SEED])
@@ -121,23 +93,7 @@ def _judge(rig: PointingRig, people: Sequence[Person], laws: Sequence[Law], seed
 def compare_controllers(
     robots: Sequence[ElbowRig], *, seed: int = TORQUE_SEED, count: int = 3, workers: int | None = None
 ) -> dict[str, tuple[Judged, ...]]:
-    """Every law on several robots, each of which is identified for itself.
-
-    Parameters
-    ----------
-    robots : sequence of ElbowRig
-        Others than `tuning_robots`.
-    seed : int
-    count : int
-        People who try each.
-    workers : int, optional
-        Processes, as of `finished`.
-
-    Returns
-    -------
-    dict of str to tuple of Judged
-        By law; one for each robot, in their order.
-    """
+    """Every law on several robots, each of which is identified for itself."""
     made: dict[int, dict[str, Judged]] = {}
     for i, found in finished([(_one, robot, seed, count) for robot in robots], workers):
         made[i] = found
@@ -160,19 +116,7 @@ TREMBLE_NOTE = "; their friction slips at once: one that yields before it slips 
 
 
 def comparison_rows(found: Mapping[str, Sequence[Judged]]) -> tuple[Reproduced, ...]:
-    """What `compare_controllers` found, as rows of the reproduction.
-
-    Parameters
-    ----------
-    found : mapping of str to sequence of Judged
-        By law.
-
-    Returns
-    -------
-    tuple of Reproduced
-        Of every law: its torque over that of FC, the energy it gives over a closed cycle, and how fast the robot still
-        moves when it should rest: medians over robots, but of energy and rest the largest.
-    """
+    """What `compare_controllers` found, as rows of the reproduction."""
     note = f"{len(found[REFERENCE])} drawn robots, and people, that no law was chosen on"
     rows = []
 

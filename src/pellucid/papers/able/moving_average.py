@@ -13,44 +13,13 @@ from ..._errors import PellucidError
 
 
 def gain(n: int, fs: float, frequency: float | np.ndarray) -> float | np.ndarray:
-    """Share of the amplitude that is left.
-
-    Parameters
-    ----------
-    n : int
-        Samples averaged.
-    fs : float
-        [Hz].
-    frequency : float or ndarray, any shape
-        Above 0 and below fs [Hz].
-
-    Returns
-    -------
-    float or ndarray, of the frequency's shape
-    """
+    """Share of the amplitude that is left; fs [Hz], frequency [Hz]."""
     x = np.pi * np.asarray(frequency, float) / fs
     return np.abs(np.sin(n * x) / (n * np.sin(x)))
 
 
 def cutoff(n: int, fs: float) -> float:
-    """Frequency [Hz] at which half the power is left.
-
-    Parameters
-    ----------
-    n : int
-        Samples averaged, 2 or more.
-    fs : float
-        [Hz].
-
-    Returns
-    -------
-    float
-
-    Raises
-    ------
-    PellucidError
-        If fewer than two samples are averaged.
-    """
+    """Frequency [Hz] at which half the power is left; fs [Hz]."""
     if n < 2:
         raise PellucidError(f"a moving average of {n} samples has no cutoff; expected 2 or more")
     return float(brentq(lambda f: gain(n, fs, f) - np.sqrt(0.5), 1e-9 * fs, fs / n))

@@ -32,18 +32,7 @@ ROLES = dict(zip(SHORT.values(), ("symmetric", "heldout", "fitted", "load"), str
 
 
 def write_able_page(out: Path, made: AbleReproduction) -> Path:
-    """Write index.html and every figure as SVG and PDF.
-
-    Parameters
-    ----------
-    out : Path
-    made : AbleReproduction
-
-    Returns
-    -------
-    Path
-        The page.
-    """
+    """Write index.html and every figure as SVG and PDF."""
     rows = {row.id: row for row in made.rows}
     ratio, load = rows["able.table1.ratio"], rows["able.load.ratio"]
     seeds = len({c.seed for c in made.comparisons})

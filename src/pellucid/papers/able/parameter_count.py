@@ -8,59 +8,19 @@ from ..._errors import PellucidError
 
 
 def chain_parameters(joints: int, per_joint: int) -> int:
-    """With joint i coupled to the directions of the joints on one side of it only: p (2^n - 1), the paper's eq. 7.
-
-    Parameters
-    ----------
-    joints, per_joint : int
-        n >= 1; p, both of a joint's own directions included.
-
-    Returns
-    -------
-    int
-
-    Raises
-    ------
-    PellucidError
-        If a count is not positive.
-    """
+    """With joint i coupled to the directions of the joints on one side of it only: p (2^n - 1), the paper's eq. 7."""
     _check(joints, per_joint)
     return per_joint * (2**joints - 1)
 
 
 def coupled_parameters(joints: int, per_joint: int) -> int:
-    """With every joint coupled to the directions of all others: n p 2^(n-1).
-
-    Parameters
-    ----------
-    joints, per_joint : int
-        n >= 1; p, both of a joint's own directions included.
-
-    Returns
-    -------
-    int
-
-    Raises
-    ------
-    PellucidError
-        If a count is not positive.
-    """
+    """With every joint coupled to the directions of all others: n p 2^(n-1)."""
     _check(joints, per_joint)
     return joints * per_joint * 2 ** (joints - 1)
 
 
 def listed_sets(coupled_to: list[set[int]]) -> int:
-    """Sets of parameters by listing them: for each joint, every combination of the others' directions it depends on.
-
-    Parameters
-    ----------
-    coupled_to : list of set of int
-        For each joint, the other joints whose direction changes its parameters.
-
-    Returns
-    -------
-    int
-    """
+    """Sets of parameters by listing them: for each joint, every combination of the others' directions it depends on."""
     return sum(len(set(product((-1, 1), repeat=len(others)))) for others in coupled_to)
 
 

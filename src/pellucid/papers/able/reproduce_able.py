@@ -57,32 +57,16 @@ COMMAND = "reproduce able"
 
 @dataclass(frozen=True)
 class AbleReproduction:
-    """Everything `reproduce_able` computed.
-
-    Parameters
-    ----------
-    rows : tuple of Reproduced
-    results : tuple of ResultRow
-    comparisons : tuple of Comparison
-        All rigs and seeds, the committed rig's first.
-    by_factor : tuple of Comparison
-        The committed rig, its load friction multiplied by `LOAD_FACTORS`.
-    fit : SliderFit
-        The committed rig's, first seed.
-    rig : ElbowRig
-    paper : PrintedPaper
-    transparency : Transparency
-        The paper's laws with virtual people, on the committed rig.
-    """
+    """Everything `reproduce_able` computed."""
 
     rows: tuple[Reproduced, ...]
     results: tuple[ResultRow, ...]
-    comparisons: tuple[Comparison, ...]
-    by_factor: tuple[Comparison, ...]
-    fit: SliderFit
+    comparisons: tuple[Comparison, ...]  # All rigs and seeds, the committed rig's first
+    by_factor: tuple[Comparison, ...]  # The committed rig, its load friction multiplied by `LOAD_FACTORS`
+    fit: SliderFit  # The committed rig's, first seed
     rig: ElbowRig
     paper: PrintedPaper
-    transparency: Transparency
+    transparency: Transparency  # The paper's laws with virtual people, on the committed rig
 
 
 def reproduce_able(
@@ -96,31 +80,7 @@ def reproduce_able(
     workers: int | None = None,
     on_progress: Callable[[str, float], None] | None = None,
 ) -> AbleReproduction:
-    """Reproduce the paper, and write results.json, reproduction.json and the published model's card.
-
-    Parameters
-    ----------
-    out : Path
-        Folder, made if it is not there.
-    seeds : sequence of int
-        Of the noise.
-    rigs : int
-        Drawn rigs beside the committed one.
-    people : PointingRig, optional
-        Who points, wearing the committed rig; the package's if left out.
-    studies : sequence of int
-        Seeds of the virtual studies.
-    fuzzed : int
-        Control cycles of every law among nonsense.
-    workers : int, optional
-        Processes, or threads; as many as there are processors if left out.
-    on_progress : callable, optional
-        Called with a text and the share done, 0 to 1.
-
-    Returns
-    -------
-    AbleReproduction
-    """
+    """Reproduce the paper, and write results.json, reproduction.json and the published model's card."""
     tell = on_progress or (lambda text, share: None)
     rig, paper = able_elbow(), printed("able")
     threads = workers or os.cpu_count() or 1

@@ -35,18 +35,7 @@ SLIPS = {
 
 
 def statistics_rows(paper: PrintedPaper) -> tuple[Reproduced, ...]:
-    """Every printed statistic of section 5's tests, beside what the rank sums give.
-
-    Parameters
-    ----------
-    paper : PrintedPaper
-        ``printed("able")``.
-
-    Returns
-    -------
-    tuple of Reproduced
-        "agrees" where ours rounds to what is printed, else "cannot be", with the slip's name; exact p are "ours only".
-    """
+    """Every printed statistic of section 5's tests, beside what the rank sums give."""
     n = int(paper["participants"])
     rows = []
     for index, sums in RANK_SUMS.items():

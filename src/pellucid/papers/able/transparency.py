@@ -47,62 +47,30 @@ correction at the target; or where the speed first falls below."""
 
 @dataclass(frozen=True)
 class Means:
-    """Published indices of one session, means over its movements.
+    """Published indices of one session, means over its movements."""
 
-    Attributes
-    ----------
-    duration : float
-        [s]
-    vmax : float
-        [rad/s]
-    emg_per_acc : float
-        RMS of the agonists' excitation over the largest acceleration, upward movements [s^2/rad].
-    r2 : dict of str to float
-        "up", "down": of the straight line through amplitude and mean velocity [1].
-    left_out : float
-        Share of movements that the rule cannot use [1].
-    """
-
-    duration: float
-    vmax: float
-    emg_per_acc: float
-    r2: dict[str, float]
-    left_out: float
+    duration: float  # [s]
+    vmax: float  # [rad/s]
+    emg_per_acc: float  # RMS of the agonists' excitation over the largest acceleration, upward movements [s^2/rad]
+    r2: dict[str, float]  # "up", "down": of the straight line through amplitude and mean velocity [1]
+    left_out: float  # Share of movements that the rule cannot use [1]
 
 
 @dataclass(frozen=True)
 class Taken:
-    """What one session came to.
-
-    Attributes
-    ----------
-    person, condition : str
-    movements : int
-    means : dict of str to Means
-        By rule, as `RULES`.
-    given : ndarray, shape (n,)
-        Energy that the robot gave over each movement there and back [J].
-    fault : str
-        Of the law's gate.
-    """
+    """What one session came to."""
 
     person: str
     condition: str
     movements: int
-    means: dict[str, Means]
-    given: np.ndarray
-    fault: str
+    means: dict[str, Means]  # By rule, as `RULES`
+    given: np.ndarray  # (n,) Energy that the robot gave over each movement there and back [J]
+    fault: str  # Of the law's gate
 
 
 @dataclass(frozen=True)
 class VirtualStudy:
-    """Everybody in every condition, from their true motion and excitation: no instrument stands in between.
-
-    Attributes
-    ----------
-    seed : int
-    taken : tuple of Taken
-    """
+    """Everybody in every condition, from their true motion and excitation: no instrument stands in between."""
 
     seed: int
     taken: tuple[Taken, ...]
@@ -118,35 +86,14 @@ class VirtualStudy:
         return sorted((t for t in self.taken if t.condition == condition), key=lambda t: t.person)
 
     def values(self, index: str, condition: str, rule: str = PUBLISHED_RULE) -> np.ndarray:
-        """One index of every person.
-
-        Parameters
-        ----------
-        index : str
-            An attribute of `Means`, in its unit, or "up", "down" for the line's R2 [1].
-        condition : str
-        rule : str
-            Of `RULES`.
-
-        Returns
-        -------
-        ndarray, shape (people,)
-        """
+        """One index of every person; index [1]; gives (people,)."""
         means = [t.means[rule] for t in self.of(condition)]
         return np.array([m.r2[index] if index in m.r2 else getattr(m, index) for m in means])
 
     def change(self, index: str, condition: str, rule: str = PUBLISHED_RULE) -> float:
         """Change of an index from control: of the mean over people; of EMG/Acc the mean of each person's own.
 
-        Parameters
-        ----------
-        index, condition, rule : str
-            As `values` takes them.
-
-        Returns
-        -------
-        float
-            [%]
+        gives [%].
         """
         over, under = self.values(index, condition, rule), self.values(index, CONTROL, rule)
         ratio = np.mean(over / under) if index == "emg_per_acc" else np.mean(over) / np.mean(under)
@@ -170,16 +117,7 @@ def injected_energy(session: Session) -> np.ndarray:
 
 
 def taken(session: Session) -> Taken:
-    """What a session came to, by every rule.
-
-    Parameters
-    ----------
-    session : Session
-
-    Returns
-    -------
-    Taken
-    """
+    """What a session came to, by every rule."""
     motion, stretches = true_motion(session, MovementRule())
     means = {}
     for name, rule in RULES.items():
@@ -215,21 +153,7 @@ def _line(found: Sequence[Movement], direction: int) -> float:
 
 
 def hold_study(rig: PointingRig, conditions: Conditions, *, seed: int, threads: int = 2) -> VirtualStudy:
-    """Everybody in every condition; of each session only what it came to is kept.
-
-    Parameters
-    ----------
-    rig : PointingRig
-    conditions : mapping
-        As `record_pointing` takes them.
-    seed : int
-        Draws people, orders and noise.
-    threads : int
-
-    Returns
-    -------
-    VirtualStudy
-    """
+    """Everybody in every condition; of each session only what it came to is kept."""
     with ThreadPoolExecutor(threads) as pool:
         found = pool.map(lambda job: taken(point(*job)), appointments(rig, conditions, seed=seed))
         return VirtualStudy(seed, tuple(found))
@@ -240,14 +164,6 @@ def patient(rig: PointingRig) -> PointingRig:
 
     How finely people correct hardly shows without a robot, so that the control condition cannot tell. It decides how
     long they struggle with one that sticks.
-
-    Parameters
-    ----------
-    rig : PointingRig
-
-    Returns
-    -------
-    PointingRig
     """
     return rig.changed({"vision.tolerance": rig["pointing"]["tolerance"]})
 
@@ -255,17 +171,7 @@ def patient(rig: PointingRig) -> PointingRig:
 def required_resistance(rig: PointingRig, people: Sequence[Person], slower: float = 0.2) -> dict[str, float]:
     """What would make these people choose movements longer by a share, each by itself.
 
-    Parameters
-    ----------
-    rig : PointingRig
-    people : sequence of Person
-    slower : float
-        Of the mean duration.
-
-    Returns
-    -------
-    dict of str to float
-        coulomb [N*m], viscous [N*m*s/rad], inertia [kg*m^2].
+    gives [N*m], [N*m*s/rad], [kg*m^2].
     """
     width, choice = rig["planning"]["sign_width"], rig["choice"]
 
@@ -300,42 +206,16 @@ def required_resistance(rig: PointingRig, people: Sequence[Person], slower: floa
 
 @dataclass(frozen=True)
 class Recorded:
-    """One study as a lab would record and assess it.
+    """One study as a lab would record and assess it."""
 
-    Attributes
-    ----------
-    study : VirtualStudy
-        What was true of it.
-    findings : AssessmentFindings or None
-        Of its recordings; None where the assessment refuses them.
-    refused : str
-        Why it does.
-    seconds : float
-        That people, robots and instruments took [s].
-    """
-
-    study: VirtualStudy
-    findings: AssessmentFindings | None
-    refused: str
-    seconds: float
+    study: VirtualStudy  # What was true of it
+    findings: AssessmentFindings | None  # Of its recordings; None where the assessment refuses them
+    refused: str  # Why it does
+    seconds: float  # That people, robots and instruments took [s]
 
 
 def record_study(rig: PointingRig, conditions: Conditions, *, seed: int, threads: int = 2) -> Recorded:
-    """Everybody in every condition through markers, encoder and EMG, assessed as any lab's recordings are.
-
-    Parameters
-    ----------
-    rig : PointingRig
-    conditions : mapping
-        As `record_pointing` takes them.
-    seed : int
-        Draws people, orders and noise.
-    threads : int
-
-    Returns
-    -------
-    Recorded
-    """
+    """Everybody in every condition through markers, encoder and EMG, assessed as any lab's recordings are."""
     begun = time.perf_counter()
     known: list[tuple[Person, Taken]]
     recordings, known = record_pointing(
@@ -356,33 +236,16 @@ def record_study(rig: PointingRig, conditions: Conditions, *, seed: int, threads
 
 @dataclass(frozen=True)
 class Transparency:
-    """The comparison of the paper's laws, held with virtual people.
+    """The comparison of the paper's laws, held with virtual people."""
 
-    Attributes
-    ----------
-    exponents : tuple of float
-        k of equation 8, upwards and downwards, ...
-    torques : dict of float to tuple of float
-        ... and the interaction torque by k upon which five other people chose them [N*m].
-    recorded : Recorded
-        The first seed's, through instruments.
-    studies : tuple of VirtualStudy
-        Of every seed.
-    own : tuple of VirtualStudy
-        The same people in control and under the toolkit's own laws.
-    patient : tuple of VirtualStudy
-        The same people under all these laws, content as soon as they are on the target.
-    required : dict of str to float
-        As `required_resistance` gives it.
-    """
-
-    exponents: tuple[float, float]
+    exponents: tuple[float, float]  # k of equation 8, upwards and downwards ...
+    # ... and the interaction torque by k upon which five other people chose them [N*m].
     torques: dict[float, tuple[float, float]]
-    recorded: Recorded
-    studies: tuple[VirtualStudy, ...]
-    own: tuple[VirtualStudy, ...]
-    patient: tuple[VirtualStudy, ...]
-    required: dict[str, float]
+    recorded: Recorded  # The first seed's, through instruments
+    studies: tuple[VirtualStudy, ...]  # Of every seed
+    own: tuple[VirtualStudy, ...]  # The same people in control and under the toolkit's own laws
+    patient: tuple[VirtualStudy, ...]  # The same people under all these laws, content as soon as they are on the target
+    required: dict[str, float]  # As `required_resistance` gives it
 
     def with_law(self, law: str) -> tuple[VirtualStudy, ...]:
         """The studies in which a law was a condition."""
@@ -397,23 +260,7 @@ def compare_laws(
     threads: int = 2,
     on_progress: Callable[[str, float], None] | None = None,
 ) -> Transparency:
-    """The paper's four conditions and the toolkit's own laws with six people, several times over.
-
-    Parameters
-    ----------
-    rig : PointingRig
-    cards : mapping
-        Of the robot, by method.
-    seeds : sequence of int
-        Each draws people, orders and noise.
-    threads : int
-    on_progress : callable, optional
-        Called with a text and the share done, 0 to 1.
-
-    Returns
-    -------
-    Transparency
-    """
+    """The paper's four conditions and the toolkit's own laws with six people, several times over."""
     tell = on_progress or (lambda text, share: None)
     tell("five people choose the exponents of equation 8", 0.0)
     exponents, torques = chosen_exponents(rig, cards, threads=threads)

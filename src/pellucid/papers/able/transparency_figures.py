@@ -18,37 +18,17 @@ TICKS = (0.5, 0.7, 0.8, 0.9, 1.0, 1.1, 1.2, 1.3, 1.5, 2.0, 3.0, 5.0, 8.0)
 
 @dataclass(frozen=True)
 class LawChange:
-    """What one index under one law is, times what it is in control: a mark for each way to look at it.
-
-    Parameters
-    ----------
-    law : str
-    marks : mapping of str to (float, float, float)
-        By name: the median, the smallest and the largest over studies [1].
-    """
+    """What one index under one law is, times what it is in control: a mark for each way to look at it."""
 
     law: str
+    # By name: the median, the smallest and the largest over studies [1]
     marks: Mapping[str, tuple[float, float, float]]
 
 
 def change_figure(
     panels: Mapping[str, Sequence[LawChange]], name: str, *, roles: Mapping[str, str], caption: str
 ) -> Drawing:
-    """Every index under every law as a multiple of control, side by side.
-
-    Parameters
-    ----------
-    panels : mapping of str to sequence of LawChange
-        By index, laws from top to bottom.
-    name : str
-    roles : mapping of str to str
-        Of each kind of mark, a role of `style`.
-    caption : str
-
-    Returns
-    -------
-    Drawing
-    """
+    """Every index under every law as a multiple of control, side by side."""
     figure = Figure(
         figsize=(FIGURE_WIDTH, 1.2 + 0.7 * max(len(laws) for laws in panels.values())), layout="constrained"
     )

@@ -26,19 +26,7 @@ TESTED = {"duration": "duration", "vmax": "velocity", "emgacc": "emg_acc"}
 
 
 def transparency_rows(made: Transparency, paper: PrintedPaper) -> list[Reproduced]:
-    """Everything that the virtual comparison says, beside what is printed.
-
-    Parameters
-    ----------
-    made : Transparency
-    paper : PrintedPaper
-        ``printed("able")``.
-
-    Returns
-    -------
-    list of Reproduced
-        Medians over studies, with the smallest and the largest.
-    """
+    """Everything that the virtual comparison says, beside what is printed."""
     rows = _changes(made, paper)
     for name, table, index, unit in (
         ("table3", "duration", "duration", "s"),
@@ -58,17 +46,7 @@ def transparency_rows(made: Transparency, paper: PrintedPaper) -> list[Reproduce
 
 
 def printed_change(table: PrintedTable, law: str) -> float:
-    """Change from control in the means of a printed table [%].
-
-    Parameters
-    ----------
-    table : PrintedTable
-    law : str
-
-    Returns
-    -------
-    float
-    """
+    """Change from control in the means of a printed table [%]."""
     return 100.0 * (table[law.lower()]["mean"].value / table["ctrl"]["mean"].value - 1.0)
 
 
@@ -156,20 +134,7 @@ def _circumstances(made: Transparency, paper: PrintedPaper) -> list[Reproduced]:
 
 
 def safety_rows(laws: Mapping[str, ElbowLaw], *, cycles: int, seed: int = 1) -> list[Reproduced]:
-    """Unsafe commands of all laws together among nonsense, and how late a fault is answered.
-
-    Parameters
-    ----------
-    laws : mapping of str to ElbowLaw
-        By condition.
-    cycles : int
-        Of each.
-    seed : int
-
-    Returns
-    -------
-    list of Reproduced
-    """
+    """Unsafe commands of all laws together among nonsense, and how late a fault is answered."""
     found = {name: fuzz(law, cycles, seed=seed) for name, law in laws.items()}
     note = f"{cycles} cycles of each of {', '.join(found)}; {sum(f.faults for f in found.values())} faults"
     unsafe, slowest = sum(f.unsafe for f in found.values()), max(f.slowest for f in found.values())

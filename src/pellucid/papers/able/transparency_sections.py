@@ -26,18 +26,7 @@ OWN_WORDS = dict(zip(OWN_LAWS, ("Own, encoder", "Own, sensor"), strict=True))
 
 
 def transparency_sections(made: Transparency, rows: Mapping[str, Reproduced]) -> tuple[Section, ...]:
-    """Changes from control, Tables III to V, Figs. 6 to 8, and what is behind them.
-
-    Parameters
-    ----------
-    made : Transparency
-    rows : mapping of str to Reproduced
-        By id.
-
-    Returns
-    -------
-    tuple of Section
-    """
+    """Changes from control, Tables III to V, Figs. 6 to 8, and what is behind them."""
     sections = [_changes(made, rows), _tables(made, rows), _circumstances(made, rows), _all_laws(rows)]
     if made.recorded.findings is not None:
         sections.insert(2, _figures(made))

@@ -28,62 +28,28 @@ COMPARED = ("constant_velocity", "swept_sine", "slow")
 
 @dataclass(frozen=True)
 class Comparison:
-    """One rig, one seed.
-
-    Parameters
-    ----------
-    rig : str
-    seed : int
-    recordings : dict of str to tuple of str
-        Names of the 18 trials of each of `SETS`.
-    errors : dict of str to dict of str to ndarray
-        Set, then method: mean absolute current error of each trial, shape (18,) [A].
-    torque_errors : dict of str to dict of str to ndarray
-        The same in torque, shape (18,) [N*m].
-    gravity_error : dict of str to float
-        "consistent" and "load": largest gravity error over the workspace, over the largest gravity torque.
-    inertia_error : dict of str to float
-        Largest relative error over the rail.
-    slider_error : float
-        Largest error of a carriage's place [m].
-    implied_friction : tuple of float
-        Least and most that the dissociated model implies at rest [N*m].
-    least_inertia : float
-        Of the dissociated model on the rail [kg*m^2].
-    parameters : dict of str to dict of str to float
-        Method, then name, SI.
-    """
+    """One rig, one seed."""
 
     rig: str
     seed: int
-    recordings: dict[str, tuple[str, ...]]
+    recordings: dict[str, tuple[str, ...]]  # Names of the 18 trials of each of `SETS`
+    # Set, then method: mean absolute current error of each trial, shape (18,) [A]
     errors: dict[str, dict[str, np.ndarray]]
-    torque_errors: dict[str, dict[str, np.ndarray]]
+    torque_errors: dict[str, dict[str, np.ndarray]]  # The same in torque, shape (18,) [N*m]
+    # "consistent" and "load": largest gravity error over the workspace, over the largest gravity torque
     gravity_error: dict[str, float]
-    inertia_error: dict[str, float]
-    slider_error: float
-    implied_friction: tuple[float, float]
-    least_inertia: float
-    parameters: dict[str, dict[str, float]]
+    inertia_error: dict[str, float]  # Largest relative error over the rail
+    slider_error: float  # Largest error of a carriage's place [m]
+    implied_friction: tuple[float, float]  # Least and most that the dissociated model implies at rest [N*m]
+    least_inertia: float  # Of the dissociated model on the rail [kg*m^2]
+    parameters: dict[str, dict[str, float]]  # Method, then name, SI
 
     def mean(self, which: str, method: str) -> float:
         """Mean over the 18 trials of a set [A]."""
         return float(self.errors[which][method].mean())
 
     def ratio(self, which: str, over: str, under: str) -> float:
-        """Mean error of one method over that of another.
-
-        Parameters
-        ----------
-        which : str
-            One of `SETS`.
-        over, under : str
-            Methods.
-
-        Returns
-        -------
-        float
-        """
+        """Mean error of one method over that of another."""
         return self.mean(which, over) / self.mean(which, under)
 
     def p_value(self, which: str) -> float:
@@ -97,18 +63,7 @@ def own(names: Sequence[str], prefixes: Sequence[str]) -> tuple[str, ...]:
 
 
 def compare_models(rig: ElbowRig, seed: int, made: tuple[Trial, ...]) -> tuple[Comparison, SliderFit]:
-    """Record the protocol on a rig, identify, and judge.
-
-    Parameters
-    ----------
-    rig : ElbowRig
-    seed : int
-    made : tuple of Trial
-
-    Returns
-    -------
-    Comparison, SliderFit
-    """
+    """Record the protocol on a rig, identify, and judge."""
     config, recordings, taken = record_in_memory(rig, made, seed=seed)
     fit = fit_slider(config, recordings)
     by_name = {m: {e.recording: e for e in fit.errors[m]} for m in METHODS}
@@ -151,21 +106,7 @@ def _one(rig: ElbowRig, seed: int) -> Comparison:
 def compare_many(
     jobs: Sequence[tuple[ElbowRig, int]], *, workers: int | None, on_progress: Callable[[str, float], None]
 ) -> list[Comparison]:
-    """The same for many rigs and seeds, in processes of their own.
-
-    Parameters
-    ----------
-    jobs : sequence of (ElbowRig, int)
-    workers : int or None
-        As of `finished`.
-    on_progress : callable
-        Called with a text and the share done.
-
-    Returns
-    -------
-    list of Comparison
-        In the order of `jobs`.
-    """
+    """The same for many rigs and seeds, in processes of their own."""
     found: dict[int, Comparison] = {}
     for i, comparison in finished([(_one, *job) for job in jobs], workers):
         found[i] = comparison

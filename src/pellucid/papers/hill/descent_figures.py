@@ -20,44 +20,18 @@ KEPT = 400
 
 @dataclass(frozen=True)
 class Paths:
-    """One panel of `paths`.
+    """One panel of `paths`."""
 
-    Parameters
-    ----------
-    head, rest : str
-        Its name, and what else stands above it.
-    lines : mapping of str to ndarray, shape (k,)
-        By label, one number per iteration.
-    unit : str
-        The vertical axis's label.
-    level : mapping of str to float
-        Where a line should end, drawn dashed, by label.
-    logarithmic : bool
-    """
-
-    head: str
+    head: str  # head, rest: Its name, and what else stands above it.
     rest: str
-    lines: Mapping[str, np.ndarray]
-    unit: str
-    level: Mapping[str, float] | None = None
+    lines: Mapping[str, np.ndarray]  # (k,) By label, one number per iteration
+    unit: str  # The vertical axis's label
+    level: Mapping[str, float] | None = None  # Where a line should end, drawn dashed, by label
     logarithmic: bool = False
 
 
 def paths(panels: Sequence[Paths], name: str, *, caption: str, columns: int = 2) -> Drawing:
-    """Numbers over the iterations of a descent.
-
-    Parameters
-    ----------
-    panels : sequence of Paths
-    name : str
-    caption : str
-    columns : int
-        Panels beside each other.
-
-    Returns
-    -------
-    Drawing
-    """
+    """Numbers over the iterations of a descent."""
     rows = -(-len(panels) // columns)
     figure = Figure(figsize=(FIGURE_WIDTH, 2.9 * rows), layout="constrained")
     axes = figure.subplots(rows, columns, squeeze=False).ravel()
@@ -96,20 +70,7 @@ class Compared:
 
 
 def compared(rows: Sequence[Compared], name: str, *, text: str, caption: str) -> Drawing:
-    """Errors of estimators, a dot per subject, a bar at their mean, and an open mark where something is printed.
-
-    Parameters
-    ----------
-    rows : sequence of Compared
-    name : str
-    text : str
-        The horizontal axis's label.
-    caption : str
-
-    Returns
-    -------
-    Drawing
-    """
+    """Errors of estimators, a dot per subject, a bar at their mean, and an open mark where something is printed."""
     figure, axis = one_panel(0.9 + 0.34 * len(rows))
     for i, row in enumerate(rows):
         tone = colour("fitted" if row.strong else "measured")

@@ -12,18 +12,7 @@ from .sections import step_sections
 
 
 def write_hill_page(out: Path, made: HillReproduction) -> Path:
-    """Write index.html and every figure as SVG and PDF.
-
-    Parameters
-    ----------
-    out : Path
-    made : HillReproduction
-
-    Returns
-    -------
-    Path
-        The page.
-    """
+    """Write index.html and every figure as SVG and PDF."""
     rows = {row.id: row for row in made.rows}
 
     def ours(name: str) -> float:

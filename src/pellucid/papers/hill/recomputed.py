@@ -25,14 +25,9 @@ class PointMass:
     """What p = m d^2 and q = m d say, taken at their word.
 
     No body with this p and q has less mass, by the Cauchy-Schwarz inequality, and none has its centre further out.
-
-    Attributes
-    ----------
-    mass, distance : float
-        q^2 / p [kg] and p / q [m].
     """
 
-    mass: float
+    mass: float  # mass, distance: q^2 / p [kg] and p / q [m].
     distance: float
 
 
@@ -42,32 +37,12 @@ def point_mass(p: float, q: float) -> PointMass:
 
 
 def mean_shank(paper: PrintedPaper) -> Segment:
-    """The shank and foot of the paper's mean subject, by Winter's shares of mass and height.
-
-    Parameters
-    ----------
-    paper : PrintedPaper
-
-    Returns
-    -------
-    Segment
-    """
+    """The shank and foot of the paper's mean subject, by Winter's shares of mass and height."""
     return winter(paper["mass"], shank_length(0.01 * paper["height"]))
 
 
 def swing_frequency(paper: PrintedPaper, subject: int) -> float:
-    """How fast a subject swung, from the cycles that the paper counts [Hz].
-
-    Parameters
-    ----------
-    paper : PrintedPaper
-    subject : int
-        2 or 4.
-
-    Returns
-    -------
-    float
-    """
+    """How fast a subject swung, from the cycles that the paper counts [Hz]."""
     start, end = (t.value for t in paper.values["shown_time"])
     return paper[f"cycles_subject_{subject}"] / (end - start)
 
@@ -75,17 +50,7 @@ def swing_frequency(paper: PrintedPaper, subject: int) -> float:
 def inertia_error(paper: PrintedPaper, frequency: float, amplitude: float, subject: str) -> float:
     """Torque by which eq. 12 is off at the turn of a swing because p' - p is not the leg's inertia [N m].
 
-    Parameters
-    ----------
-    paper : PrintedPaper
-    frequency, amplitude : float
-        Of the swing [Hz], [rad].
-    subject : str
-        One of `SUBJECTS`.
-
-    Returns
-    -------
-    float
+    frequency [Hz], amplitude [rad].
     """
     table = paper.tables["swings"]
     printed = table[subject]["p"].value - table["empty"]["p"].value
@@ -93,48 +58,17 @@ def inertia_error(paper: PrintedPaper, frequency: float, amplitude: float, subje
 
 
 def largest_activation(shape: float, ratio: float) -> float:
-    """a(u) of eq. 18 at the largest u there is, with R = k_r u_max (eq. 19); 1 would be a maximal contraction.
-
-    Parameters
-    ----------
-    shape, ratio : float
-        A and k_r.
-
-    Returns
-    -------
-    float
-    """
+    """a(u) of eq. 18 at the largest u there is, with R = k_r u_max (eq. 19); 1 would be a maximal contraction."""
     return math.expm1(shape / ratio) / math.expm1(shape)
 
 
 def half_activation(shape: float, ratio: float) -> float:
-    """Share of the largest u at which eq. 18 has reached half of what it reaches there.
-
-    Parameters
-    ----------
-    shape, ratio : float
-        A and k_r.
-
-    Returns
-    -------
-    float
-    """
+    """Share of the largest u at which eq. 18 has reached half of what it reaches there."""
     return math.log1p(0.5 * math.expm1(shape / ratio)) * ratio / shape
 
 
 def recomputed(paper: PrintedPaper) -> list[Reproduced]:
-    """Every figure of the paper that its other printed numbers determine.
-
-    Parameters
-    ----------
-    paper : PrintedPaper
-        "hill".
-
-    Returns
-    -------
-    list of Reproduced
-        With verdicts "recomputed" and "cannot be".
-    """
+    """Every figure of the paper that its other printed numbers determine."""
     return [*_bodies(paper), *_step_three(paper), *_activations(paper), *_means(paper), *_methods(paper)]
 
 

@@ -34,15 +34,7 @@ SIMULATED = ("hill.recomputed.", "hill.p.", "hill.q.", "hill.empty.")
 
 @dataclass(frozen=True, eq=False)
 class SubjectFound:
-    """All three steps of one subject.
-
-    Attributes
-    ----------
-    name : str
-    leg : LegFound
-    torque : TorqueFound
-    training : Training
-    """
+    """All three steps of one subject."""
 
     name: str
     leg: LegFound
@@ -52,17 +44,7 @@ class SubjectFound:
 
 @dataclass(frozen=True, eq=False)
 class HillReproduction:
-    """Everything `reproduce_hill` computed.
-
-    Attributes
-    ----------
-    rows : tuple of Reproduced
-    results : tuple of ResultRow
-    rig : SeatedRig
-    paper : PrintedPaper
-    empty : BodyFound
-    subjects : mapping of str to SubjectFound
-    """
+    """Everything `reproduce_hill` computed."""
 
     rows: tuple[Reproduced, ...]
     results: tuple[ResultRow, ...]
@@ -80,25 +62,7 @@ def reproduce_hill(
     workers: int | None = None,
     on_progress: Callable[[str, float], None] | None = None,
 ) -> HillReproduction:
-    """Do the paper's experiments on the virtual shank exoskeleton, and write results.json and reproduction.json.
-
-    Parameters
-    ----------
-    out : Path
-        Folder, made if it is not there.
-    names : sequence of str, optional
-        Of the subjects; all if left out.
-    seed : int
-        Of all noise.
-    workers : int, optional
-        Processes; as many as there are processors if left out.
-    on_progress : callable, optional
-        Called with a text and the share done, 0 to 1.
-
-    Returns
-    -------
-    HillReproduction
-    """
+    """Do the paper's experiments on the virtual shank exoskeleton, and write results.json and reproduction.json."""
     tell = on_progress or (lambda text, share: None)
     rig, paper = load_seated_rig(), printed("hill")
     chosen = tuple(rig["subjects"]) if names is None else tuple(names)

@@ -55,18 +55,7 @@ def _over(name: str, what: str, unit: str, values, printed=None, note: str = "")
 
 
 def step_rows(empty: BodyFound, legs: Mapping[str, LegFound], paper: PrintedPaper) -> list[Reproduced]:
-    """Table 2 and what its errors are.
-
-    Parameters
-    ----------
-    empty : BodyFound
-    legs : mapping of str to LegFound
-    paper : PrintedPaper
-
-    Returns
-    -------
-    list of Reproduced
-    """
+    """Table 2 and what its errors are."""
     table, units = paper.tables["swings"], {"p": "kg*m^2", "q": "kg*m"}
     rows = []
     for n, unit in units.items():
@@ -105,17 +94,7 @@ def step_rows(empty: BodyFound, legs: Mapping[str, LegFound], paper: PrintedPape
 
 
 def torque_rows(found: Mapping[str, TorqueFound], paper: PrintedPaper) -> list[Reproduced]:
-    """Tables 4 and 5: errors on the swing that was held out, full and truncated.
-
-    Parameters
-    ----------
-    found : mapping of str to TorqueFound
-    paper : PrintedPaper
-
-    Returns
-    -------
-    list of Reproduced
-    """
+    """Tables 4 and 5: errors on the swing that was held out, full and truncated."""
     table, rows = paper.tables["errors"], []
     references = {
         "truth": ("hill", "active", "the true torque of the muscles"),
@@ -167,18 +146,7 @@ def torque_rows(found: Mapping[str, TorqueFound], paper: PrintedPaper) -> list[R
 def training_rows(
     empty: BodyFound, found: Mapping[str, tuple[LegFound, Training, TorqueFound]], paper: PrintedPaper
 ) -> list[Reproduced]:
-    """Table 3, and Figs. 5, 7 and 11 in numbers.
-
-    Parameters
-    ----------
-    empty : BodyFound
-    found : mapping of str to (LegFound, Training, TorqueFound)
-    paper : PrintedPaper
-
-    Returns
-    -------
-    list of Reproduced
-    """
+    """Table 3, and Figs. 5, 7 and 11 in numbers."""
     bodies = [empty, *(leg.body for leg, _, _ in found.values())]
     trained = {n: t for n, (_, t, _) in found.items()}
     ratios = [t.spread_ratio for t in trained.values()]

@@ -38,28 +38,16 @@ SWINGS = ("two_sines", "rich")
 
 @dataclass(frozen=True, eq=False)
 class BodyFound:
-    """What swings say of one body.
+    """What swings say of one body."""
 
-    Attributes
-    ----------
-    published : SwingFit
-        Eqs. 9 and 10 on the paper's swing, in closed form.
-    corrected : mapping of str to SwingFit
-        By swing.
-    falling : AdamPath
-        Adam on eqs. 9 and 10 with a rate that falls, each gradient of the whole swing.
-    falling_parts, fixed_parts : AdamPath
-        The same with gradients of parts of it, and with a fixed rate.
-    swing : Swing
-        The paper's.
-    """
-
-    published: SwingFit
-    corrected: Mapping[str, SwingFit]
+    published: SwingFit  # Eqs. 9 and 10 on the paper's swing, in closed form.
+    corrected: Mapping[str, SwingFit]  # By swing
+    # Adam on eqs. 9 and 10 with a rate that falls, each gradient of the whole swing.
     falling: AdamPath = field(repr=False)
+    # falling_parts, fixed_parts: The same with gradients of parts of it, and with a fixed rate.
     falling_parts: AdamPath = field(repr=False)
     fixed_parts: AdamPath = field(repr=False)
-    swing: Swing = field(repr=False)
+    swing: Swing = field(repr=False)  # The paper's
 
     @property
     def closed_form_difference(self) -> float:
@@ -73,17 +61,7 @@ class BodyFound:
 
 
 def find_body(swings: Mapping[str, Swing]) -> BodyFound:
-    """Identify an exoskeleton, empty or with a leg in it.
-
-    Parameters
-    ----------
-    swings : mapping of str to Swing
-        By `SWINGS`.
-
-    Returns
-    -------
-    BodyFound
-    """
+    """Identify an exoskeleton, empty or with a leg in it."""
     literal: SwingForm = as_published(UPRIGHT)
     two = [swings["two_sines"]]
     options = {"rate": RATE, "iterations": ITERATIONS}
@@ -99,40 +77,18 @@ def find_body(swings: Mapping[str, Swing]) -> BodyFound:
 
 @dataclass(frozen=True, eq=False)
 class LegFound:
-    """A subject's leg.
+    """A subject's leg."""
 
-    Attributes
-    ----------
-    body : BodyFound
-        With the exoskeleton.
-    p, q : mapping of str to Parameter
-        p' - p and q' - q of the corrected form, by swing.
-    true_p, true_q : float
-        Of shank and foot alone.
-    restoring_q : float
-        What the relaxed leg's whole restoring torque, tissue included, is as a q over the rich swing.
-    """
-
-    body: BodyFound
-    p: Mapping[str, Parameter]
+    body: BodyFound  # With the exoskeleton
+    p: Mapping[str, Parameter]  # p, q: p' - p and q' - q of the corrected form, by swing.
     q: Mapping[str, Parameter]
-    true_p: float
+    true_p: float  # true_p, true_q: Of shank and foot alone.
     true_q: float
-    restoring_q: float
+    restoring_q: float  # What the relaxed leg's whole restoring torque, tissue included, is as a q over the rich swing
 
 
 def find_leg(empty: BodyFound, taken: SubjectTaken) -> LegFound:
-    """Identify a subject's leg in the exoskeleton.
-
-    Parameters
-    ----------
-    empty : BodyFound
-    taken : SubjectTaken
-
-    Returns
-    -------
-    LegFound
-    """
+    """Identify a subject's leg in the exoskeleton."""
     body = find_body({name: taken.driven(name) for name in SWINGS})
     alone = {name: leg_alone(empty.corrected[name], body.corrected[name]) for name in SWINGS}
     subject = taken.subject

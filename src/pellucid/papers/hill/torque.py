@@ -29,12 +29,7 @@ MEASURES = ("rmse", "maxe", "mae")
 
 @dataclass(frozen=True)
 class Errors:
-    """RMSE, largest and mean absolute error of a torque [N m].
-
-    Attributes
-    ----------
-    rmse, maxe, mae : float
-    """
+    """RMSE, largest and mean absolute error of a torque [N m]."""
 
     rmse: float
     maxe: float
@@ -42,19 +37,7 @@ class Errors:
 
 
 def errors(found: np.ndarray, true: np.ndarray, *, truncated: bool = False) -> Errors:
-    """Errors of a torque.
-
-    Parameters
-    ----------
-    found, true : ndarray, shape (n,)
-        [N m]
-    truncated : bool
-        Both are cut off at 0 first, as the paper has it.
-
-    Returns
-    -------
-    Errors
-    """
+    """Errors of a torque; found, true (n,) [N m]."""
     if truncated:
         found, true = np.maximum(found, 0.0), np.maximum(true, 0.0)
     off = np.abs(found - true)
@@ -63,61 +46,27 @@ def errors(found: np.ndarray, true: np.ndarray, *, truncated: bool = False) -> E
 
 @dataclass(frozen=True, eq=False)
 class TorqueFound:
-    """One subject's torque in the swing that was held out.
+    """One subject's torque in the swing that was held out."""
 
-    Attributes
-    ----------
-    time, reference, active, muscles, eq12 : ndarray, shape (n,)
-        [s]; by balance, true beyond what relaxed muscles pull, true of all they pull, and by eq. 12 as published [N m].
-    predicted : mapping of str to ndarray, shape (n,)
-        By estimator [N m].
-    envelopes : mapping of str to ndarray, shape (n,)
-        Of the recorded muscles, relative.
-    hill, recorded : HillMap
-        With and without unrecorded flexors.
-    """
-
+    # time, reference, active, muscles, eq12: (n,) [s]; by balance, true beyond what relaxed muscles pull, true of all
+    # they pull, and by eq. 12 as published [N m].
     time: np.ndarray
     reference: np.ndarray = field(repr=False)
     active: np.ndarray = field(repr=False)
     muscles: np.ndarray = field(repr=False)
     eq12: np.ndarray = field(repr=False)
-    predicted: Mapping[str, np.ndarray] = field(repr=False)
-    envelopes: Mapping[str, np.ndarray] = field(repr=False)
-    hill: HillMap
+    predicted: Mapping[str, np.ndarray] = field(repr=False)  # (n,) By estimator [N m]
+    envelopes: Mapping[str, np.ndarray] = field(repr=False)  # (n,) Of the recorded muscles, relative
+    hill: HillMap  # hill, recorded: With and without unrecorded flexors.
     recorded: HillMap
 
     def judged(self, estimator: str, against: str = "active", *, truncated: bool = False) -> Errors:
-        """Errors of an estimator.
-
-        Parameters
-        ----------
-        estimator : str
-        against : str
-            One of the torques: reference, active, muscles, eq12.
-        truncated : bool
-            See `errors`.
-
-        Returns
-        -------
-        Errors
-        """
+        """Errors of an estimator."""
         return errors(self.predicted[estimator], getattr(self, against), truncated=truncated)
 
 
 def find_torque(empty: BodyFound, leg: LegFound, taken: SubjectTaken) -> TorqueFound:
-    """Calibrate on a subject's first swing and predict the second one; every setting is chosen within the first.
-
-    Parameters
-    ----------
-    empty : BodyFound
-    leg : LegFound
-    taken : SubjectTaken
-
-    Returns
-    -------
-    TorqueFound
-    """
+    """Calibrate on a subject's first swing and predict the second one; every setting is chosen within the first."""
     loaded = leg.body.corrected["rich"]
     fitted, held = (active_swing(taken, what, loaded, flexors=True) for what in ("swing_1", "swing_2"))
     alone, alone_held = _without_flexors(fitted), _without_flexors(held)

@@ -34,33 +34,16 @@ NEAR = 1.05
 
 @dataclass(frozen=True, eq=False)
 class Training:
-    """One subject's muscles, trained in three ways on one cost.
+    """One subject's muscles, trained in three ways on one cost."""
 
-    Attributes
-    ----------
-    names : tuple of str
-        Of the parameters.
-    falling, fixed : AdamPath
-        On parts of the data, in standard deviations from anatomy.
-    whole : AdamPath
-        A falling rate on all data at once.
-    swarm : Search
-    lowest : float
-        Cost that bounded least squares reaches.
-    least_squares : int
-        Evaluations it took.
-    values : dict of str to float
-        Where Adam on all data ended, by quantity of `PAPERS`, mean over muscles.
-    """
-
-    names: tuple[str, ...]
-    falling: AdamPath = field(repr=False)
+    names: tuple[str, ...]  # Of the parameters
+    falling: AdamPath = field(repr=False)  # falling, fixed: On parts of the data, in standard deviations from anatomy.
     fixed: AdamPath = field(repr=False)
-    whole: AdamPath = field(repr=False)
+    whole: AdamPath = field(repr=False)  # A falling rate on all data at once
     swarm: Search = field(repr=False)
-    lowest: float
-    least_squares: int
-    values: dict[str, float]
+    lowest: float  # Cost that bounded least squares reaches
+    least_squares: int  # Evaluations it took
+    values: dict[str, float]  # Where Adam on all data ended, by quantity of `PAPERS`, mean over muscles
 
     @property
     def spread_ratio(self) -> float:
@@ -76,17 +59,7 @@ class Training:
         return {q: float(np.mean([v for n, v in at.items() if n.split(".")[0] == q])) for q in PAPERS}
 
     def evaluations(self, way: str) -> float:
-        """Evaluations of the cost until it is within `NEAR` of the lowest; NaN if it never is.
-
-        Parameters
-        ----------
-        way : str
-            "adam" or "swarm".
-
-        Returns
-        -------
-        float
-        """
+        """Evaluations of the cost until it is within `NEAR` of the lowest; NaN if it never is."""
         goal = NEAR * self.lowest
         if way == "swarm":
             return float(self.swarm.evaluations_until(goal) or np.nan)
@@ -95,18 +68,7 @@ class Training:
 
 
 def train(trial: TorqueTrial, weight: float) -> Training:
-    """Train a subject's muscles on the recording to be fitted.
-
-    Parameters
-    ----------
-    trial : TorqueTrial
-    weight : float
-        Of anatomy.
-
-    Returns
-    -------
-    Training
-    """
+    """Train a subject's muscles on the recording to be fitted."""
     muscles = driven_muscles([trial])
     samples, _ = muscle_samples([trial], muscles=[m.name for m in muscles])
     problem = MuscleProblem(muscles, samples, quantities=tuple(PAPERS), weight=weight)

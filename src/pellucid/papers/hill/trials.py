@@ -26,22 +26,12 @@ DRIVEN_LOWPASS = 4.0
 
 @dataclass(frozen=True, eq=False)
 class SubjectTaken:
-    """A subject's session.
-
-    Attributes
-    ----------
-    subject : SeatedSubject
-    recordings : mapping of str to Recording
-        By what was done: two_sines, rich, mvc, swing_1, swing_2.
-    truth : mapping of str to SeatedTruth
-    knee, hip : float
-        As written down [rad].
-    """
+    """A subject's session."""
 
     subject: SeatedSubject
-    recordings: Mapping[str, Recording] = field(repr=False)
+    recordings: Mapping[str, Recording] = field(repr=False)  # By what was done: two_sines, rich, mvc, swing_1, swing_2
     truth: Mapping[str, SeatedTruth] = field(repr=False)
-    knee: float
+    knee: float  # knee, hip: As written down [rad].
     hip: float
 
     def driven(self, what: str) -> Swing:
@@ -50,20 +40,7 @@ class SubjectTaken:
 
 
 def take_subject(rig: SeatedRig, made: list[SeatedTrial], subject: SeatedSubject, seed: int) -> SubjectTaken:
-    """Do a subject's trials.
-
-    Parameters
-    ----------
-    rig : SeatedRig
-    made : list of SeatedTrial
-        Of everybody.
-    subject : SeatedSubject
-    seed : int
-
-    Returns
-    -------
-    SubjectTaken
-    """
+    """Do a subject's trials."""
     own = [t for t in made if t.subject is not None and t.subject.name == subject.name]
     recordings, truth, knee, hip = {}, {}, 0.0, 0.0
     for taken in record_seated(rig, own, seed):
@@ -87,40 +64,17 @@ def tissue_torque(subject: SeatedSubject, position: np.ndarray) -> np.ndarray:
 
 @dataclass(frozen=True, eq=False)
 class ActiveSwing:
-    """A swing that the subject made, and what is true of it.
+    """A swing that the subject made, and what is true of it."""
 
-    Attributes
-    ----------
-    trial : TorqueTrial
-        Its torque is what balance says: leg and exoskeleton, less the motor.
-    motion : Swing
-    active, muscles : ndarray, shape (n,)
-        True torque of muscles beyond what they pull relaxed, and of all that they pull [N m].
-    """
-
-    trial: TorqueTrial
+    trial: TorqueTrial  # Its torque is what balance says: leg and exoskeleton, less the motor
     motion: Swing
+    # active, muscles: (n,) True torque of muscles beyond what they pull relaxed, and of all that they pull [N m].
     active: np.ndarray = field(repr=False)
     muscles: np.ndarray = field(repr=False)
 
 
 def active_swing(taken: SubjectTaken, what: str, loaded: SwingFit, *, flexors: bool) -> ActiveSwing:
-    """Envelopes, angle and reference torque of a swing.
-
-    Parameters
-    ----------
-    taken : SubjectTaken
-    what : str
-        swing_1 or swing_2.
-    loaded : SwingFit
-        Of leg and exoskeleton.
-    flexors : bool
-        Whether muscles without electrodes are there.
-
-    Returns
-    -------
-    ActiveSwing
-    """
+    """Envelopes, angle and reference torque of a swing."""
     emg = {name: taken.recordings[name].streams["emg"] for name in ("mvc", "rich")}
     session = Session(loaded, emg["mvc"], emg["rich"], emg_chain("hill"), taken.hip)
     recording, truth = taken.recordings[what], taken.truth[what]

@@ -47,86 +47,44 @@ PENALTIES = (0.0, 1.0, 10.0, 100.0)
 
 @dataclass(frozen=True)
 class EmgSettings:
-    """Free constants of the EMG chain.
+    """Free constants of the EMG chain."""
 
-    Attributes
-    ----------
-    corner : float
-        Of the low-pass after rectification, order 2 [Hz]. At 4 Hz it is 56 ms late, as muscles are some 50 ms.
-    ceiling : float
-        Times the largest envelope of the torque steps: what is above is no muscle's [1].
-    floor : float
-        Times the smallest: what is below is none either [1].
-    """
-
+    # Of the low-pass after rectification, order 2 [Hz]. At 4 Hz it is 56 ms late, as muscles are some 50 ms.
     corner: float = 4.0
-    ceiling: float = 2.0
-    floor: float = 0.2
+    ceiling: float = 2.0  # Times the largest envelope of the torque steps: what is above is no muscle's [1]
+    floor: float = 0.2  # Times the smallest: what is below is none either [1]
 
 
 @dataclass(frozen=True)
 class WearerCard:
-    """One wearer in one orthosis.
+    """One wearer in one orthosis."""
 
-    Attributes
-    ----------
-    coupling : Coupling
-        Orthosis, actuator, strap and limb.
-    emg : EmgMap
-        From raw EMG to torque.
-    emg_rmse : float
-        Of the map, on repetitions that it was not fitted to [N m].
-    """
-
-    coupling: Coupling
-    emg: EmgMap
-    emg_rmse: float
+    coupling: Coupling  # Orthosis, actuator, strap and limb
+    emg: EmgMap  # From raw EMG to torque
+    emg_rmse: float  # Of the map, on repetitions that it was not fitted to [N m]
 
 
 @dataclass(frozen=True, eq=False)
 class Step:
-    """One recording that EMG maps are fitted to.
-
-    Attributes
-    ----------
-    repetition : str
-    time, position, torque : ndarray, shape (n,)
-        [s], [rad]; of the knee, by orthosis, strap and limb as identified [N m].
-    emg_time : ndarray, shape (k,)
-        [s].
-    emg : ndarray, shape (k, muscles)
-        Raw [V].
-    """
+    """One recording that EMG maps are fitted to."""
 
     repetition: str
+    # time, position, torque: (n,) [s], [rad]; of the knee, by orthosis, strap and limb as identified [N m].
     time: np.ndarray
     position: np.ndarray
     torque: np.ndarray
-    emg_time: np.ndarray
-    emg: np.ndarray
+    emg_time: np.ndarray  # (k,) [s]
+    emg: np.ndarray  # (k, muscles) Raw [V]
 
 
 @dataclass(frozen=True, eq=False)
 class Identified:
-    """What was identified of a wearer, and the recordings that EMG maps are fitted to.
+    """What was identified of a wearer, and the recordings that EMG maps are fitted to."""
 
-    Attributes
-    ----------
-    name : str
-        The wearer.
-    rig : KneeRig
-        In which to swing afterwards.
-    seed : int
-        Of the recordings, and of how the instruments sit.
-    coupling : Coupling
-        By the cards of orthosis, limb and strap, and by the actuator's sines.
-    steps : tuple of Step
-    """
-
-    name: str
-    rig: KneeRig
-    seed: int
-    coupling: Coupling
+    name: str  # The wearer
+    rig: KneeRig  # In which to swing afterwards
+    seed: int  # Of the recordings, and of how the instruments sit
+    coupling: Coupling  # By the cards of orthosis, limb and strap, and by the actuator's sines
     steps: tuple[Step, ...]
 
     def card(self, settings: EmgSettings | None = None) -> WearerCard:
@@ -135,49 +93,13 @@ class Identified:
 
 
 def identify_wearer_of(rig: KneeRig, name: str, seed: int) -> Identified:
-    """Record everything that one wearer does, and identify it.
-
-    Parameters
-    ----------
-    rig : KneeRig
-    name : str
-        Of a subject of the rig.
-    seed : int
-
-    Returns
-    -------
-    Identified
-
-    Raises
-    ------
-    IdentificationError
-        If the strap or the limb cannot be identified.
-    """
+    """Record everything that one wearer does, and identify it."""
     taken = take(rig, seed, [name], protocols=(*STRAP_ONLY, "mvc", "torque_steps"))
     return identified(rig, name, seed, taken)
 
 
 def identified(rig: KneeRig, name: str, seed: int, taken: Taken) -> Identified:
-    """The same from recordings that are there already.
-
-    Parameters
-    ----------
-    rig : KneeRig
-    name : str
-    seed : int
-        That the recordings were made with.
-    taken : Taken
-        All that the wearer did.
-
-    Returns
-    -------
-    Identified
-
-    Raises
-    ------
-    IdentificationError
-        As `identify_wearer_of`.
-    """
+    """The same from recordings that are there already."""
     used = [r for r in taken.recordings if r.protocol != "torque_steps"]  # for the EMG map alone
     findings = identify_worn(taken.config, used)
     cards, stages = findings.cards, findings.wearers.get(name)
@@ -202,18 +124,7 @@ def identified(rig: KneeRig, name: str, seed: int, taken: Taken) -> Identified:
 
 
 def actuator_card(sines: Sequence[Recording]) -> dict[str, float]:
-    """The actuator's lag and what its torque loop lets through, from recordings of the orthosis alone.
-
-    Parameters
-    ----------
-    sines : sequence of Recording
-        With command, torque, position and motor_position.
-
-    Returns
-    -------
-    dict of str to float
-        By the names of `Coupling`.
-    """
+    """The actuator's lag and what its torque loop lets through, from recordings of the orthosis alone."""
     channels = ("command", "torque", "position", "motor_position")
     found = actuator_residual([tuple(r[c] for c in channels) for r in sines], sines[0].fs)
     known = {field.name for field in fields(Coupling)}
@@ -221,24 +132,7 @@ def actuator_card(sines: Sequence[Recording]) -> dict[str, float]:
 
 
 def emg_map(steps: Sequence[Step], settings: EmgSettings) -> tuple[EmgMap, float]:
-    """A causal torque map, linear in envelopes and in envelopes times angle, as the core runs it.
-
-    Parameters
-    ----------
-    steps : sequence of Step
-    settings : EmgSettings
-
-    Returns
-    -------
-    EmgMap
-    float
-        Root mean square error on repetitions left out [N m].
-
-    Raises
-    ------
-    IdentificationError
-        If there are not at least two repetitions.
-    """
+    """A causal torque map, linear in envelopes and in envelopes times angle, as the core runs it; gives [N m]."""
     from scipy.signal import butter, sosfilt
 
     steps = [s for s in steps if np.max(np.abs(np.diff(zero_phase_lowpass(s.position, MOTION, 4, _rate(s.time)))))
@@ -288,33 +182,14 @@ def _rate(time: np.ndarray) -> float:
 
 
 def mistaken(card: WearerCard, **factors: float) -> WearerCard:
-    """A card with some parameters wrong.
-
-    Parameters
-    ----------
-    card : WearerCard
-    **factors : float
-        By the names of `Coupling` [1].
-
-    Returns
-    -------
-    WearerCard
-    """
+    """A card with some parameters wrong; factors [1]."""
     return replace(card, coupling=card.coupling.scaled(**factors))
 
 
 def weakened(card: WearerCard, factors: Mapping[int, float]) -> WearerCard:
     """A card whose EMG map takes channels for stronger or weaker than they are: as after new electrodes, or fatigue.
 
-    Parameters
-    ----------
-    card : WearerCard
-    factors : mapping of int to float
-        On the weights of a channel [1].
-
-    Returns
-    -------
-    WearerCard
+    factors [1].
     """
     weights = card.emg.weights.copy()
     for channel, factor in factors.items():

@@ -55,30 +55,17 @@ under positive feedback, is the disturbance observer's with its filter at the sa
 
 @dataclass(frozen=True)
 class Chosen:
-    """All free constants.
+    """All free constants."""
 
-    Attributes
-    ----------
-    law : Law
-        Of the residual compensator.
-    noise : Noise
-        Of its observer.
-    widths : mapping of str to float
-        ``width`` and ``assist_width`` of friction [rad/s].
-    emg : EmgSettings
-    phase_gain : tuple of 8 float
-        Over a swing, learnt on other wearers [1].
-    learning : StrapLearning
-    observer, fuzzy, rbf : mapping of str to float
-        Of the disturbance observer, the fuzzy rules and the radial basis functions, by their classes' names.
-    """
-
-    law: Law = field(default_factory=Law)
-    noise: Noise = field(default_factory=Noise)
+    law: Law = field(default_factory=Law)  # Of the residual compensator
+    noise: Noise = field(default_factory=Noise)  # Of its observer
+    # ``width`` and ``assist_width`` of friction [rad/s]
     widths: Mapping[str, float] = field(default_factory=lambda: {"width": 0.05, "assist_width": 0.6})
     emg: EmgSettings = field(default_factory=EmgSettings)
-    phase_gain: tuple[float, ...] = (1.0,) * 8
+    phase_gain: tuple[float, ...] = (1.0,) * 8  # Over a swing, learnt on other wearers [1]
     learning: StrapLearning = field(default_factory=StrapLearning)
+    # observer, fuzzy, rbf: Of the disturbance observer, the fuzzy rules and the radial basis functions, by their
+    # classes' names.
     observer: Mapping[str, float] = field(default_factory=dict)
     fuzzy: Mapping[str, float] = field(default_factory=dict)
     rbf: Mapping[str, float] = field(default_factory=dict)
@@ -100,16 +87,7 @@ def chosen() -> Chosen:
 
 
 def parse_chosen(text: str) -> Chosen:
-    """Constants from TOML, table by table as `Chosen.tables` has them.
-
-    Parameters
-    ----------
-    text : str
-
-    Returns
-    -------
-    Chosen
-    """
+    """Constants from TOML, table by table as `Chosen.tables` has them."""
     t = tomllib.loads(text)
     pairs = {n: tuple(v) if isinstance(v, list) else v for n, v in t["learning"].items()}
     return Chosen(
@@ -120,55 +98,20 @@ def parse_chosen(text: str) -> Chosen:
 
 @dataclass(frozen=True)
 class Built:
-    """A controller for one wearer.
+    """A controller for one wearer."""
 
-    Attributes
-    ----------
-    build : callable
-        Makes a fresh one; None stands for zero-impedance mode.
-    margins : callable
-        Its margins on every strap of `uncertain_straps`; None where it has no linear form.
-    """
-
-    build: Callable[[], Controller | None]
+    build: Callable[[], Controller | None]  # Makes a fresh one; None stands for zero-impedance mode
+    # Its margins on every strap of `uncertain_straps`; None where it has no linear form
     margins: Callable[[], Margins] | None = None
 
 
 def uncertain_straps(coupling: Coupling) -> list[Coupling]:
-    """The coupling, and with stiffness and damping of the strap 30 % off in each combination.
-
-    Parameters
-    ----------
-    coupling : Coupling
-        As identified.
-
-    Returns
-    -------
-    list of Coupling
-        Five.
-    """
+    """The coupling, and with stiffness and damping of the strap 30 % off in each combination."""
     return [coupling] + [coupling.scaled(strap_stiffness=k, strap_damping=b) for k in (0.7, 1.3) for b in (0.7, 1.3)]
 
 
 def for_wearer(coupling: Coupling, period: float, constants: Chosen, law: Law | None = None) -> ResidualDesign:
-    """The chosen law on one wearer's card, weakened until the margins are there.
-
-    Parameters
-    ----------
-    coupling : Coupling
-        As identified.
-    period : float
-        [s].
-    constants : Chosen
-        Chosen on others.
-    law : Law, optional
-        Another one than the chosen.
-
-    Returns
-    -------
-    ResidualDesign
-        With margins on every strap of `uncertain_straps`.
-    """
+    """The chosen law on one wearer's card, weakened until the margins are there; period [s]."""
     made = design(coupling, period, law=law or constants.law, noise=constants.noise, **constants.widths)
     return within(made, uncertain_straps(coupling), gain_db=GAIN_DB, delay=DELAY, speeds=SPEEDS)
 
@@ -176,18 +119,7 @@ def for_wearer(coupling: Coupling, period: float, constants: Chosen, law: Law | 
 def by_phase(made: ResidualDesign, gains: Sequence[float], swing: tuple[float, float]) -> ResidualDesign:
     """Gains over a swing, the large ones lowered until their largest, all through the swing, leaves the margins.
 
-    Parameters
-    ----------
-    made : ResidualDesign
-        With gains of 1, which leave them.
-    gains : sequence of 8 float
-        Wanted [1].
-    swing : tuple of float
-        Middle [rad] and angular frequency [rad/s] of a swing.
-
-    Returns
-    -------
-    ResidualDesign
+    gains [1], swing [rad], [rad/s].
     """
     for most in (1.25, 1.2, 1.15, 1.1, 1.05, 1.0):
         lowered = tuple(min(float(gain), most) for gain in gains)
@@ -203,19 +135,7 @@ def by_phase(made: ResidualDesign, gains: Sequence[float], swing: tuple[float, f
 
 
 def disturbance_observer(coupling: Coupling, period: float, constants: Chosen) -> DisturbanceObserver:
-    """The disturbance observer, its gain and its friction lowered until the margins are there.
-
-    Parameters
-    ----------
-    coupling : Coupling
-    period : float
-        [s].
-    constants : Chosen
-
-    Returns
-    -------
-    DisturbanceObserver
-    """
+    """The disturbance observer, its gain and its friction lowered until the margins are there; period [s]."""
     wanted = DisturbanceObserver(coupling, period, **constants.observer)
     cases = [(plant, speed) for speed in SPEEDS[::-1] for plant in uncertain_straps(coupling)]
     for rubbed, pulled in weakenings():
@@ -246,24 +166,7 @@ def observer_margins(observer: DisturbanceObserver) -> Margins:
 def controllers(
     card: WearerCard, period: float, swing: tuple[float, float], constants: Chosen, only: Sequence[str] = tuple(NAMES)
 ) -> dict[str, Built]:
-    """What is compared, on one wearer.
-
-    Parameters
-    ----------
-    card : WearerCard
-        All that controllers know of the wearer.
-    period : float
-        [s].
-    swing : tuple of float
-        Middle [rad] and angular frequency [rad/s] of a swing, of the gain by phase.
-    constants : Chosen
-    only : sequence of str
-        Names of `NAMES`; "no_control" is a mode of the actuator and not in here.
-
-    Returns
-    -------
-    dict of str to Built
-    """
+    """What is compared, on one wearer; period [s], swing [rad], [rad/s]."""
     coupling, plants = card.coupling, uncertain_straps(card.coupling)
     made = for_wearer(coupling, period, constants)
     found: dict[str, Built] = {"zero_impedance": Built(lambda: None)}

@@ -14,18 +14,7 @@ from .sections import thesis_sections
 
 
 def write_knee_page(out: Path, made: KneeReproduction) -> Path:
-    """Write index.html and every figure as SVG and PDF.
-
-    Parameters
-    ----------
-    out : Path
-    made : KneeReproduction
-
-    Returns
-    -------
-    Path
-        The page.
-    """
+    """Write index.html and every figure as SVG and PDF."""
     rows = {row.id: row for row in made.rows}
     fit, form, best = (
         rows[f"knee.{name}"]

@@ -19,18 +19,7 @@ SUBJECTS = ("subject_1", "subject_2", "subject_3")
 
 
 def recomputed(paper: PrintedPaper) -> list[Reproduced]:
-    """Every figure of the thesis that its other printed numbers determine.
-
-    Parameters
-    ----------
-    paper : PrintedPaper
-        "knee".
-
-    Returns
-    -------
-    list of Reproduced
-        With verdicts "recomputed" and "cannot be".
-    """
+    """Every figure of the thesis that its other printed numbers determine."""
     return [
         *_gravity(paper),
         *_response(paper),
@@ -42,33 +31,13 @@ def recomputed(paper: PrintedPaper) -> list[Reproduced]:
 
 
 def published_response(paper: PrintedPaper) -> TwoPoles:
-    """Table 3.2's experimental transfer function.
-
-    Parameters
-    ----------
-    paper : PrintedPaper
-
-    Returns
-    -------
-    TwoPoles
-    """
+    """Table 3.2's experimental transfer function."""
     found = paper.tables["orthosis"]["experimental"]
     return TwoPoles(*(found[n].value for n in ("inertia", "damping", "stiffness")))
 
 
 def published_coupling(paper: PrintedPaper, subject: str) -> TwoPoles:
-    """Table 3.5's transfer function of one subject.
-
-    Parameters
-    ----------
-    paper : PrintedPaper
-    subject : str
-        One of `SUBJECTS`.
-
-    Returns
-    -------
-    TwoPoles
-    """
+    """Table 3.5's transfer function of one subject."""
     found = paper.tables["coupling"][subject]
     return TwoPoles(*(found[n].value for n in ("inertia", "damping", "stiffness")))
 

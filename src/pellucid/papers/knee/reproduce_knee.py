@@ -38,36 +38,18 @@ HELDOUT = (".heldout",)
 
 @dataclass(frozen=True)
 class KneeReproduction:
-    """Everything `reproduce_knee` computed.
-
-    Parameters
-    ----------
-    rows : tuple of Reproduced
-    results : tuple of ResultRow
-    rig : KneeRig
-    paper : PrintedPaper
-    bench : Bench
-    wearers : mapping of str to WearerFound
-        With the first seed.
-    steps : mapping of (str, str) to TorqueSteps
-        By subject and protocol.
-    maps : tuple of TorqueMap
-    drawn : tuple of Drawn
-        All seeds.
-    compared : tuple of ControllerRow
-        Controllers, by wearer and swing.
-    """
+    """Everything `reproduce_knee` computed."""
 
     rows: tuple[Reproduced, ...]
     results: tuple[ResultRow, ...]
     rig: KneeRig
     paper: PrintedPaper
     bench: Bench
-    wearers: Mapping[str, WearerFound]
-    steps: Mapping[tuple[str, str], TorqueSteps]
+    wearers: Mapping[str, WearerFound]  # With the first seed
+    steps: Mapping[tuple[str, str], TorqueSteps]  # By subject and protocol
     maps: tuple[TorqueMap, ...]
-    drawn: tuple[Drawn, ...]
-    compared: tuple[ControllerRow, ...] = ()
+    drawn: tuple[Drawn, ...]  # All seeds
+    compared: tuple[ControllerRow, ...] = ()  # Controllers, by wearer and swing
 
 
 def reproduce_knee(
@@ -79,27 +61,7 @@ def reproduce_knee(
     workers: int | None = None,
     on_progress: Callable[[str, float], None] | None = None,
 ) -> KneeReproduction:
-    """Do the thesis's experiments on the virtual orthosis, and write results.json and reproduction.json.
-
-    Parameters
-    ----------
-    out : Path
-        Folder, made if it is not there.
-    seeds : sequence of int
-        Of the noise; torque from EMG is mapped with the first.
-    estimators : sequence of str
-        Of the torque maps.
-    compared : sequence of str
-        Wearers on whom controllers are compared: the rig's own, or drawn ones ``D<seed>``.
-    workers : int, optional
-        Processes; as many as there are processors if left out.
-    on_progress : callable, optional
-        Called with a text and the share done, 0 to 1.
-
-    Returns
-    -------
-    KneeReproduction
-    """
+    """Do the thesis's experiments on the virtual orthosis, and write results.json and reproduction.json."""
     tell = on_progress or (lambda text, share: None)
     rig, paper = knee_orthosis(), printed("knee")
     tell("the orthosis alone", 0.0)

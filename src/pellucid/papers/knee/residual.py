@@ -37,41 +37,22 @@ RECORDED = 5
 
 @dataclass(frozen=True)
 class ControllerRow:
-    """One controller on one wearer, in one swing.
+    """One controller on one wearer, in one swing."""
 
-    Attributes
-    ----------
-    controller : str
-        Of `NAMES`.
-    subject : str
-    seed : int
-        Of the swing.
-    mismatch : float
-        RMS of the angle between limb and orthosis [rad].
-    strap_torque : float
-        RMS of the interaction torque [N m].
-    ratio : float
-        Of that to zero-impedance mode alone, on the same swing [1].
-    gain_db, delay : float or None
-        Smallest margins with the strap as identified and 30 % off [dB], [s], infinite beyond 40 dB and 100 ms; None
-        where the controller has no linear form.
-    holds : bool or None
-        Whether, in the simulation, neither twice the command nor one 20 ms late makes a relaxed leg or a swing sway;
-        None where it was not tried.
-    fault : str
-        Of its gate at the end.
-    """
-
-    controller: str
+    controller: str  # Of `NAMES`
     subject: str
-    seed: int
-    mismatch: float
-    strap_torque: float
-    ratio: float
+    seed: int  # Of the swing
+    mismatch: float  # RMS of the angle between limb and orthosis [rad]
+    strap_torque: float  # RMS of the interaction torque [N m]
+    ratio: float  # Of that to zero-impedance mode alone, on the same swing [1]
+    # gain_db, delay: Smallest margins with the strap as identified and 30 % off [dB], [s], infinite beyond 40 dB and
+    # 100 ms; None where the controller has no linear form.
     gain_db: float | None = None
     delay: float | None = None
+    # Whether, in the simulation, neither twice the command nor one 20 ms late makes a relaxed leg or a swing sway; None
+    # where it was not tried
     holds: bool | None = None
-    fault: str = "none"
+    fault: str = "none"  # Of its gate at the end
 
 
 def session_of(identified: Identified) -> Session:
@@ -92,35 +73,7 @@ def compare(
     duration: float = DURATION,
     stability: bool = True,
 ) -> list[ControllerRow]:
-    """Controllers on one wearer, on the same swings.
-
-    Parameters
-    ----------
-    identified : Identified
-    seeds : sequence of int
-        One swing each.
-    only : sequence of str
-        Of `NAMES`.
-    constants : Chosen, optional
-        Those of the file if None.
-    card : WearerCard, optional
-        In place of the one identified.
-    rig : KneeRig, optional
-        In place of the one that was identified: something has changed since.
-    session : Session, optional
-        In place of electrodes that stay on.
-    faults : Faults, optional
-        What goes wrong in every swing.
-    duration : float
-        Of a swing [s].
-    stability : bool
-        Whether margins are computed and tried.
-
-    Returns
-    -------
-    list of ControllerRow
-        Seed by seed.
-    """
+    """Controllers on one wearer, on the same swings; duration [s]."""
     constants, rig = constants or chosen(), rig or identified.rig
     card, session = card or identified.card(constants.emg), session or session_of(identified)
     name, pace = identified.name, rig["swing"]
@@ -160,22 +113,7 @@ def compare(
 
 
 def wearer(rig: KneeRig, name: str) -> Identified:
-    """Record and identify one of the rig's own subjects, or a drawn wearer ``D<seed>``.
-
-    Parameters
-    ----------
-    rig : KneeRig
-    name : str
-
-    Returns
-    -------
-    Identified
-
-    Raises
-    ------
-    PellucidError
-        If there is nobody of that name, or they cannot be identified.
-    """
+    """Record and identify one of the rig's own subjects, or a drawn wearer ``D<seed>``."""
     if name in rig.subjects:
         return identify_wearer_of(rig, name, RECORDED)
     if not (name.startswith("D") and name[1:].isdigit()):
@@ -185,38 +123,12 @@ def wearer(rig: KneeRig, name: str) -> Identified:
 
 
 def judge_wearer(rig: KneeRig, name: str, seeds: Sequence[int] = SWINGS[:2]) -> tuple[ControllerRow, ...]:
-    """Everything about one wearer, from recordings to rows.
-
-    Parameters
-    ----------
-    rig : KneeRig
-    name : str
-        As in `wearer`.
-    seeds : sequence of int
-        Of the swings.
-
-    Returns
-    -------
-    tuple of ControllerRow
-    """
+    """Everything about one wearer, from recordings to rows."""
     return tuple(compare(wearer(rig, name), seeds))
 
 
 def changes(identified: Identified, card: WearerCard, duration: float) -> dict[str, dict]:
-    """What is not as it was identified, each as arguments of `compare`.
-
-    Parameters
-    ----------
-    identified : Identified
-    card : WearerCard
-        As identified.
-    duration : float
-        Of a swing [s].
-
-    Returns
-    -------
-    dict of str to dict
-    """
+    """What is not as it was identified, each as arguments of `compare`; duration [s]."""
     rig, half = identified.rig, duration / 2
     muscles, foresight = rig["muscles"]["delay"], rig["wearer"]["foresight"]
     anew = sessions_of(rig, identified.seed + 5000)[identified.name]
@@ -244,18 +156,7 @@ def robustness(
     constants: Chosen | None = None,
     duration: float = DURATION,
 ) -> dict[str, list[ControllerRow]]:
-    """The residual compensator where something is not as it was identified.
-
-    Parameters
-    ----------
-    identified, seeds, only, constants, duration
-        As `compare` takes them.
-
-    Returns
-    -------
-    dict of str to list of ControllerRow
-        By what has changed; "nothing" first.
-    """
+    """The residual compensator where something is not as it was identified."""
     constants = constants or chosen()
     card = identified.card(constants.emg)
     return {
@@ -268,16 +169,5 @@ def robustness(
 
 
 def judge_changes(rig: KneeRig, name: str) -> dict[str, list[ControllerRow]]:
-    """`robustness` of one wearer, from recordings to rows.
-
-    Parameters
-    ----------
-    rig : KneeRig
-    name : str
-        As in `wearer`.
-
-    Returns
-    -------
-    dict of str to list of ControllerRow
-    """
+    """`robustness` of one wearer, from recordings to rows."""
     return robustness(wearer(rig, name))

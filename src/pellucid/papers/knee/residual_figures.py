@@ -13,17 +13,10 @@ from ...pages.style import colour
 
 @dataclass(frozen=True)
 class ControllerRatios:
-    """One line of `torque_ratios`.
+    """One line of `torque_ratios`."""
 
-    Parameters
-    ----------
-    name : str
-        The controller.
-    groups : mapping of str to ndarray, shape (k,)
-        By group of wearers: each wearer's strap torque as a share of zero-impedance mode's [1].
-    """
-
-    name: str
+    name: str  # The controller
+    # (k,) By group of wearers: each wearer's strap torque as a share of zero-impedance mode's [1]
     groups: Mapping[str, np.ndarray]
 
 
@@ -32,20 +25,7 @@ def torque_ratios(
 ) -> Drawing:
     """Strap torque of every controller as a share of zero-impedance mode's, a dot for each wearer, a bar their median.
 
-    Parameters
-    ----------
-    lines : sequence of ControllerRatios
-        From top to bottom.
-    name : str
-    roles : mapping of str to str
-        Of each group, a role of `style`.
-    wanted : float
-        Share that is asked for, drawn as a line [1].
-    caption : str
-
-    Returns
-    -------
-    Drawing
+    wanted [1].
     """
     figure, axis = one_panel(0.42 * len(lines) + 1.2)
     largest = max(float(np.max(v)) for one in lines for v in one.groups.values())

@@ -36,18 +36,7 @@ def group_of(row: ControllerRow) -> str:
 
 
 def residual_rows(compared: Sequence[ControllerRow]) -> list[Reproduced]:
-    """Strap torque, mismatch and margins of every controller.
-
-    Parameters
-    ----------
-    compared : sequence of ControllerRow
-
-    Returns
-    -------
-    list of Reproduced
-        ``knee.residual.<what>.<controller>``: medians and ranges over drawn wearers and swings; the same of the rig's
-        own wearers with ``.rig`` behind. Margins are the smallest of all wearers.
-    """
+    """Strap torque, mismatch and margins of every controller."""
     rows: list[Reproduced] = []
 
     def add(what: str, kind: str, quantity: str, unit: str, values: Iterable[float], note: str) -> None:
@@ -104,18 +93,7 @@ def _margins(kind: str, words: str, rows: Sequence[ControllerRow]) -> list[Repro
 
 
 def change_rows(judged: Sequence[Mapping[str, Sequence[ControllerRow]]]) -> list[tuple[str, str, str]]:
-    """The compensator where something has changed, in a table's rows.
-
-    Parameters
-    ----------
-    judged : sequence of mapping
-        As `residual.robustness` gives it, one a wearer.
-
-    Returns
-    -------
-    list of tuple of str
-        What has changed, the controller, median and range of its share of zero-impedance mode's torque.
-    """
+    """The compensator where something has changed, in a table's rows."""
     made = []
     for what in judged[0]:
         for kind in dict.fromkeys(r.controller for r in judged[0][what]):
@@ -125,16 +103,7 @@ def change_rows(judged: Sequence[Mapping[str, Sequence[ControllerRow]]]) -> list
 
 
 def residual_section(compared: Sequence[ControllerRow]) -> Section:
-    """What the page shows of the comparison.
-
-    Parameters
-    ----------
-    compared : sequence of ControllerRow
-
-    Returns
-    -------
-    Section
-    """
+    """What the page shows of the comparison."""
     rows = {row.id: row for row in residual_rows(compared)}
     kinds = [kind for kind in NAMES if any(r.controller == kind for r in compared)]
 

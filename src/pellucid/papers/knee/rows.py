@@ -40,17 +40,7 @@ def _interval(name: str, quantity: str, parameter: Parameter, published: Printed
 
 
 def orthosis_rows(bench: Bench, paper: PrintedPaper) -> list[Reproduced]:
-    """Table 3.2 and Figs. 3.1 and 3.2.
-
-    Parameters
-    ----------
-    bench : Bench
-    paper : PrintedPaper
-
-    Returns
-    -------
-    list of Reproduced
-    """
+    """Table 3.2 and Figs. 3.1 and 3.2."""
     table, fit = paper.tables["orthosis"]["experimental"], bench.fit
     theory = paper.tables["orthosis"]["theoretical"]
     found = {p.name: p for p in (*fit.parameters, fit.linear["stiffness"])}
@@ -92,19 +82,7 @@ def orthosis_rows(bench: Bench, paper: PrintedPaper) -> list[Reproduced]:
 def limbs_rows(
     rig: KneeRig, wearers: Mapping[str, WearerFound], drawn: Sequence[Drawn], paper: PrintedPaper
 ) -> list[Reproduced]:
-    """Table 3.3 and Fig. 3.3.
-
-    Parameters
-    ----------
-    rig : KneeRig
-    wearers : mapping of str to WearerFound
-    drawn : sequence of Drawn
-    paper : PrintedPaper
-
-    Returns
-    -------
-    list of Reproduced
-    """
+    """Table 3.3 and Fig. 3.3."""
     shank = paper.tables["shank"]
     off = [100.0 * abs(shank[s]["gravity_found"].value / shank[s]["gravity"].value - 1.0) for s in SUBJECTS]
     said = "the thesis's is a difference from an estimate"
@@ -137,19 +115,7 @@ def _by_seed(drawn: Sequence[Drawn], of: Callable[[Drawn], float]) -> list[float
 def torques_rows(
     steps: Mapping[tuple[str, str], TorqueSteps], maps: Sequence[TorqueMap], paper: PrintedPaper
 ) -> list[Reproduced]:
-    """Table 3.4 and Fig. 3.4.
-
-    Parameters
-    ----------
-    steps : mapping of (str, str) to TorqueSteps
-        By subject and protocol.
-    maps : sequence of TorqueMap
-    paper : PrintedPaper
-
-    Returns
-    -------
-    list of Reproduced
-    """
+    """Table 3.4 and Fig. 3.4."""
     table, rows = paper.tables["regression"], []
     for protocol, estimator in dict.fromkeys((m.protocol, m.estimator) for m in maps):
         mine = [m for m in maps if (m.protocol, m.estimator) == (protocol, estimator)]
@@ -180,18 +146,7 @@ def torques_rows(
 
 
 def coupling_rows(wearers: Mapping[str, WearerFound], drawn: Sequence[Drawn], paper: PrintedPaper) -> list[Reproduced]:
-    """Table 3.5 and Figs. 3.5 to 3.7.
-
-    Parameters
-    ----------
-    wearers : mapping of str to WearerFound
-    drawn : sequence of Drawn
-    paper : PrintedPaper
-
-    Returns
-    -------
-    list of Reproduced
-    """
+    """Table 3.5 and Figs. 3.5 to 3.7."""
     table = paper.tables["coupling"]
 
     def mean(of: Callable[[WearerFound], float]) -> float:

@@ -52,18 +52,7 @@ def _with_interval(parameter: Parameter) -> str:
 
 
 def thesis_sections(made: KneeReproduction, rows: dict[str, Reproduced]) -> tuple[Section, ...]:
-    """Each table and figure of the thesis, in its order.
-
-    Parameters
-    ----------
-    made : KneeReproduction
-    rows : dict of str to Reproduced
-        By id.
-
-    Returns
-    -------
-    tuple of Section
-    """
+    """Each table and figure of the thesis, in its order."""
     alone = (_subjects(made), _orthosis(made), _shanks(made))
     return (*alone, _torque(made, rows), _strap(made, rows), _straps_over_seeds(made, rows))
 

@@ -27,16 +27,7 @@ relaxed leg is let go [rad]."""
 
 
 class Strained:
-    """A controller whose command is too strong and too late: what margins are asked for.
-
-    Parameters
-    ----------
-    controller : Controller
-    gain : float
-        On its command [1].
-    late : int
-        Periods that the command waits.
-    """
+    """A controller whose command is too strong and too late: what margins are asked for; gain [1]."""
 
     def __init__(self, controller: Controller, gain: float = 1.0, late: int = 0):
         self._controller, self._gain, self._waiting = controller, gain, [0.0] * late
@@ -47,20 +38,7 @@ class Strained:
         return self._controller.fault
 
     def step(self, time: float, position: float, torque: float, emg: Sequence[tuple[float, float]] = ()) -> float:
-        """One period.
-
-        Parameters
-        ----------
-        time, position, torque : float
-            [s], output encoder [rad], spring [N m].
-        emg : sequence of (rectus femoris, lateral hamstring)
-            Raw samples since the last call [V].
-
-        Returns
-        -------
-        float
-            Torque wanted from the spring [N m].
-        """
+        """One period; time [s], position [rad], torque [N m], emg [V]; gives [N m]."""
         self._waiting.append(self._gain * self._controller.step(time, position, torque, emg))
         return self._waiting.pop(0)
 
@@ -75,30 +53,7 @@ def swing(
     session: Session | None = None,
     faults: Faults | None = None,
 ) -> KneeTaken:
-    """A free swing at the rig's own pace.
-
-    Parameters
-    ----------
-    rig : KneeRig
-        The virtual orthosis.
-    name : str
-        Who wears it.
-    seed : int
-        Of the wearer and of all noise.
-    controller : Controller or None
-        None: zero-impedance mode.
-    duration : float
-        [s].
-    session : Session, optional
-        How the instruments sit; drawn anew if None.
-    faults : Faults, optional
-        What goes wrong.
-
-    Returns
-    -------
-    KneeTaken
-        With its truth.
-    """
+    """A free swing at the rig's own pace; duration [s]."""
     trial, wearer = swing_trial(rig, "swing", rig.subjects[name], duration=duration, faults=faults or Faults())
     return run_trial(rig, wearer, trial, rng=np.random.default_rng([seed, 7]), controller=controller, session=session)
 
@@ -109,38 +64,14 @@ def driven_back(rig: KneeRig) -> KneeRig:
 
 
 def root_mean_square(taken: KneeTaken) -> tuple[float, float]:
-    """Of mismatch and strap torque, after they settled.
-
-    Parameters
-    ----------
-    taken : KneeTaken
-        With its truth.
-
-    Returns
-    -------
-    tuple of float
-        [rad], [N m].
-    """
+    """Of mismatch and strap torque, after they settled; gives [rad], [N m]."""
     late = taken.time >= SETTLING
     truth = taken.truth
     return float(np.sqrt(np.mean(truth.mismatch[late] ** 2))), float(np.sqrt(np.mean(truth.strap_torque[late] ** 2)))
 
 
 def let_go(rig: KneeRig, name: str, controller: Controller | None, *, duration: float = 12.0) -> KneeTaken:
-    """A relaxed leg, let go where it does not hang.
-
-    Parameters
-    ----------
-    rig : KneeRig
-    name : str
-    controller : Controller or None
-    duration : float
-        [s].
-
-    Returns
-    -------
-    KneeTaken
-    """
+    """A relaxed leg, let go where it does not hang; duration [s]."""
     reference = np.zeros(round(duration / rig.period))
     trial = KneeTrial("let_go", "free_swing", "fit", "torque", reference, start=LET_GO)
     return run_trial(rig, relaxed(rig.subjects[name]), trial, rng=np.random.default_rng([5, 7]), controller=controller)
@@ -154,34 +85,14 @@ def last_speed(taken: KneeTaken) -> float:
 
 @dataclass(frozen=True)
 class WithoutControl:
-    """What zero-impedance mode leaves of one wearer, which sway is measured by.
+    """What zero-impedance mode leaves of one wearer, which sway is measured by."""
 
-    Attributes
-    ----------
-    torque : float
-        Of the strap in a swing, RMS [N m].
-    rest : float
-        Speed of a relaxed leg that counts as rest [rad/s].
-    """
-
-    torque: float
-    rest: float
+    torque: float  # Of the strap in a swing, RMS [N m]
+    rest: float  # Speed of a relaxed leg that counts as rest [rad/s]
 
 
 def without_control(rig: KneeRig, name: str, seed: int = 31) -> WithoutControl:
-    """Zero-impedance mode of one wearer.
-
-    Parameters
-    ----------
-    rig : KneeRig
-    name : str
-    seed : int
-        Of the swing.
-
-    Returns
-    -------
-    WithoutControl
-    """
+    """Zero-impedance mode of one wearer."""
     torque = root_mean_square(swing(rig, name, seed, None, duration=STRAINED))[1]
     return WithoutControl(torque, max(REST_SPEED, 2.0 * last_speed(let_go(rig, name, None))))
 
@@ -189,25 +100,7 @@ def without_control(rig: KneeRig, name: str, seed: int = 31) -> WithoutControl:
 def holds_margins(
     rig: KneeRig, name: str, build: Callable[[], Controller], plain: WithoutControl, *, seed: int = 31
 ) -> bool:
-    """Whether the margins asked for hold in the simulation: the command 6 dB too strong, or 20 ms late.
-
-    Parameters
-    ----------
-    rig : KneeRig
-    name : str
-    build : callable
-        Makes the controller.
-    plain : WithoutControl
-        Of the same wearer and seed.
-    seed : int
-        Of a swing.
-
-    Returns
-    -------
-    bool
-        A relaxed leg comes to rest, no gate trips, and a swing's strap torque stays below 1.5 times zero-impedance
-        mode's.
-    """
+    """Whether the margins asked for hold in the simulation: the command 6 dB too strong, or 20 ms late."""
     for gain, late in ((10 ** (GAIN_DB / 20), 0), (1.0, round(DELAY / rig.period))):
         resting, swinging = Strained(build(), gain, late), Strained(build(), gain, late)
         if last_speed(let_go(rig, name, resting)) > plain.rest:

@@ -34,51 +34,26 @@ KEPT = 5
 
 @dataclass(frozen=True, eq=False)
 class TorqueMap:
-    """One estimator on one subject's torque steps.
+    """One estimator on one subject's torque steps."""
 
-    Parameters
-    ----------
-    subject, estimator, protocol : str
-        The last one of `PROTOCOLS`.
-    score : Score
-        Of all trials, each predicted without its repetition.
-    words : str
-        Features and settings of the first repetition's map.
-    predicted : mapping of str to ndarray, shape (n,)
-        By trial [N m].
-    """
-
-    subject: str
+    subject: str  # subject, estimator, protocol: The last one of `PROTOCOLS`.
     estimator: str
     protocol: str
-    score: Score
-    words: str
-    predicted: Mapping[str, np.ndarray] = field(repr=False)
+    score: Score  # Of all trials, each predicted without its repetition
+    words: str  # Features and settings of the first repetition's map
+    predicted: Mapping[str, np.ndarray] = field(repr=False)  # (n,) By trial [N m]
 
 
 @dataclass(frozen=True, eq=False)
 class TorqueSteps:
-    """One subject's torque steps, ready for maps.
+    """One subject's torque steps, ready for maps."""
 
-    Parameters
-    ----------
-    subject, protocol : str
-        The second one of `PROTOCOLS`.
-    trials : tuple of TorqueTrial
-        Their torque is what orthosis, strap and limb tell of the knee's.
-    actuator : mapping of str to ndarray, shape (n,)
-        By trial: the spring's torque [N m].
-    as_one : mapping of str to ndarray, shape (n,)
-        By trial: the same as if the strap did not yield [N m].
-    true : mapping of str to ndarray, shape (n,)
-        By trial: the knee's torque as only the simulation knows it, muscles and ligaments [N m].
-    """
-
-    subject: str
+    subject: str  # subject, protocol: The second one of `PROTOCOLS`.
     protocol: str
-    trials: tuple[TorqueTrial, ...]
-    actuator: Mapping[str, np.ndarray] = field(repr=False)
-    as_one: Mapping[str, np.ndarray] = field(repr=False)
+    trials: tuple[TorqueTrial, ...]  # Their torque is what orthosis, strap and limb tell of the knee's
+    actuator: Mapping[str, np.ndarray] = field(repr=False)  # (n,) By trial: the spring's torque [N m]
+    as_one: Mapping[str, np.ndarray] = field(repr=False)  # (n,) By trial: the same as if the strap did not yield [N m]
+    # (n,) By trial: the knee's torque as only the simulation knows it, muscles and ligaments [N m]
     true: Mapping[str, np.ndarray] = field(repr=False)
 
     @property
@@ -92,21 +67,7 @@ class TorqueSteps:
 
 
 def torque_steps(rig: KneeRig, taken: Taken, orthosis: Orthosis, found: WearerFound) -> TorqueSteps:
-    """A subject's torque steps with their envelopes.
-
-    Parameters
-    ----------
-    rig : KneeRig
-    taken : Taken
-        All that the subject did.
-    orthosis : Orthosis
-    found : WearerFound
-        Limb and strap as identified.
-
-    Returns
-    -------
-    TorqueSteps
-    """
+    """A subject's torque steps with their envelopes."""
     chain, kept = emg_chain(taken.config.emg_torque.chain), slice(None, None, KEPT)
     limb, strap = found.stages.limb.limb, found.stages.coupling.orthosis_side
     body = MovedBody(orthosis.gravity + limb.gravity, orthosis.inertia + limb.inertia, orthosis.viscous)
@@ -135,19 +96,7 @@ def torque_steps(rig: KneeRig, taken: Taken, orthosis: Orthosis, found: WearerFo
 
 
 def published_steps(steps: TorqueSteps, duration: float) -> TorqueSteps:
-    """The thesis's own steps, which come first in every trial.
-
-    Parameters
-    ----------
-    steps : TorqueSteps
-        Both ways.
-    duration : float
-        Of the thesis's steps [s].
-
-    Returns
-    -------
-    TorqueSteps
-    """
+    """The thesis's own steps, which come first in every trial; duration [s]."""
     inside = {t.name: t.time < duration for t in steps.trials}
     trials = tuple(
         replace(
@@ -162,18 +111,7 @@ def published_steps(steps: TorqueSteps, duration: float) -> TorqueSteps:
 
 
 def judge_map(steps: TorqueSteps, estimator: str) -> TorqueMap:
-    """One estimator, each repetition predicted by a map chosen and fitted without it.
-
-    Parameters
-    ----------
-    steps : TorqueSteps
-    estimator : str
-        One of `ESTIMATORS` or `AS_PUBLISHED`.
-
-    Returns
-    -------
-    TorqueMap
-    """
+    """One estimator, each repetition predicted by a map chosen and fitted without it."""
     found = torque_map_cv(steps.trials, (estimator,))[estimator]
     return TorqueMap(steps.subject, estimator, steps.protocol, found.score, found.choices[0].words, found.predicted)
 

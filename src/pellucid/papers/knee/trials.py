@@ -22,20 +22,11 @@ STRAP_ONLY = ("imu_on_orthosis", "relaxed_holds", "free_swing")
 
 @dataclass(frozen=True, eq=False)
 class Taken:
-    """What was recorded, and what only the simulation knows.
+    """What was recorded, and what only the simulation knows."""
 
-    Parameters
-    ----------
-    config : StudyFile
-        What study.toml would say.
-    recordings : tuple of Recording
-    truth : mapping of str to KneeTruth
-        By recording.
-    """
-
-    config: StudyFile
+    config: StudyFile  # What study.toml would say
     recordings: tuple[Recording, ...]
-    truth: dict[str, KneeTruth]
+    truth: dict[str, KneeTruth]  # By recording
 
     def of(self, protocol: str, use: str | None = None) -> list[Recording]:
         """Recordings of a `protocol`, and of a `use` if one is given."""
@@ -47,22 +38,7 @@ class Taken:
 
 
 def take(rig: KneeRig, seed: int, subjects: Sequence[str] = (), *, protocols: Sequence[str] = ()) -> Taken:
-    """Do the experiments on the orthosis alone, and those of some subjects.
-
-    Parameters
-    ----------
-    rig : KneeRig
-    seed : int
-        A trial's noise depends on it and on the trial alone.
-    subjects : sequence of str
-        Names; nobody if empty.
-    protocols : sequence of str
-        Of the subjects' trials; all if empty.
-
-    Returns
-    -------
-    Taken
-    """
+    """Do the experiments on the orthosis alone, and those of some subjects."""
     made: list[Task] = bench_trials(rig)
     for name in subjects:
         worn = worn_trials(rig, rig.subjects[name])
@@ -72,16 +48,6 @@ def take(rig: KneeRig, seed: int, subjects: Sequence[str] = (), *, protocols: Se
 
 
 def held_angles(responses: Sequence[InputOutput]) -> tuple[np.ndarray, np.ndarray]:
-    """Angles and torques of holds, as a plot of them shows.
-
-    Parameters
-    ----------
-    responses : sequence of InputOutput
-
-    Returns
-    -------
-    angle, torque : ndarray, shape (k,)
-        [rad], [N m].
-    """
+    """Angles and torques of holds, as a plot of them shows; gives (k,) [rad], [N m]."""
     holds = [h for r in responses for h in find_holds(r.time, r.output, r.input, recording=r.recording)]
     return np.array([h.angle for h in holds]), np.array([h.torque for h in holds])

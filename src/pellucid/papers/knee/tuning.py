@@ -90,19 +90,7 @@ SLACK = 0.03
 
 
 def with_value(constants: Chosen, path: str, value: float) -> Chosen:
-    """Constants with one changed.
-
-    Parameters
-    ----------
-    constants : Chosen
-    path : str
-        ``"table.name"``.
-    value : float
-
-    Returns
-    -------
-    Chosen
-    """
+    """Constants with one changed."""
     table, name = path.split(".")
     old = getattr(constants, table)
     new = {**old, name: value} if isinstance(old, Mapping) else replace(old, **{name: value})
@@ -137,18 +125,7 @@ def _without(seed: int) -> WithoutControl:
 def left_to_strap(kind: str, constants: Chosen, seed: int) -> float:
     """What a controller leaves of one tuning wearer's strap torque; infinite where its linear margins do not hold.
 
-    Parameters
-    ----------
-    kind : str
-        Of `controllers.NAMES`.
-    constants : Chosen
-    seed : int
-        Of the wearer.
-
-    Returns
-    -------
-    float
-        [1]
+    gives [1].
     """
     one, card = _wearer(seed), _card(seed, constants.emg)
 
@@ -170,20 +147,7 @@ def left_to_strap(kind: str, constants: Chosen, seed: int) -> float:
 
 
 def keeps_margins(kind: str, constants: Chosen, seed: int) -> bool:
-    """Whether a controller without a linear form bears what is asked, in the simulation; others do already.
-
-    Parameters
-    ----------
-    kind : str
-        Of `controllers.NAMES`.
-    constants : Chosen
-    seed : int
-        Of the wearer.
-
-    Returns
-    -------
-    bool
-    """
+    """Whether a controller without a linear form bears what is asked, in the simulation; others do already."""
     one = _wearer(seed)
     built = controllers(_card(seed, constants.emg), one.rig.period, (0.0, 1.0), constants, (kind,))[kind]
     return built.margins is not None or holds_margins(one.rig, one.name, built.build, _without(seed), seed=SWING)
@@ -192,26 +156,7 @@ def keeps_margins(kind: str, constants: Chosen, seed: int) -> bool:
 def search(
     kind: str, start: Chosen, seeds: Sequence[int], mapped: Callable, tell: Callable[[str], None]
 ) -> tuple[Chosen, float]:
-    """Choose one controller's constants, one at a time.
-
-    Parameters
-    ----------
-    kind : str
-        Of `SEARCHED`.
-    start : Chosen
-    seeds : sequence of int
-        Of the tuning wearers.
-    mapped : callable
-        As `map`.
-    tell : callable
-        Called with a line a value.
-
-    Returns
-    -------
-    Chosen
-    float
-        Mean share of the strap torque that it leaves [1].
-    """
+    """Choose one controller's constants, one at a time; gives [1]."""
 
     def mean(constants: Chosen) -> float:
         return float(np.mean(list(mapped(partial(left_to_strap, kind, constants), seeds))))
@@ -245,17 +190,7 @@ def phase_gains(taken: KneeTaken, made: ResidualDesign) -> tuple[float, ...]:
     In each eighth of the circle of angle and velocity the gain is least squares of command plus missing torque on the
     command, within 0.8 and 1.25.
 
-    Parameters
-    ----------
-    taken : KneeTaken
-        Under the compensator with gains of 1.
-    made : ResidualDesign
-        That compensator, its `swing` the pace of this one.
-
-    Returns
-    -------
-    tuple of 8 float
-        [1].
+    gives [1].
     """
     m, q = made.coupling, taken.position
     kernel = np.ones(25) / 25
@@ -284,20 +219,7 @@ def gains_of(constants: Chosen, seed: int) -> tuple[float, ...]:
 
 
 def tune(seeds: Sequence[int] = TUNING, *, mapped: Callable = map, tell: Callable[[str], None] = print) -> Chosen:
-    """Choose all constants.
-
-    Parameters
-    ----------
-    seeds : sequence of int
-        Of the tuning wearers.
-    mapped : callable
-        As `map`, to spread wearers over processes.
-    tell : callable
-
-    Returns
-    -------
-    Chosen
-    """
+    """Choose all constants."""
     constants = START
     for kind in SEARCHED:
         constants, reached = search(kind, constants, seeds, mapped, tell)

@@ -56,36 +56,13 @@ class TwoPoles:
 def sine_stiffness(gravity: float, amplitude: float) -> float:
     """The spring that a pendulum looks like to least squares over a sine.
 
-    Parameters
-    ----------
-    gravity : float
-        m g l [N m].
-    amplitude : float
-        Of the angle, > 0 [rad].
-
-    Returns
-    -------
-    float
-        [N m/rad]
+    gravity [N m], amplitude [rad]; gives [N m/rad].
     """
     return float(gravity * 2.0 * j1(amplitude) / amplitude)
 
 
 def chord_stiffness(gravity: float, amplitude: float) -> float:
-    """The spring through the pendulum's torque at one angle.
-
-    Parameters
-    ----------
-    gravity : float
-        m g l [N m].
-    amplitude : float
-        The angle, > 0 [rad].
-
-    Returns
-    -------
-    float
-        [N m/rad]
-    """
+    """The spring through the pendulum's torque at one angle; gravity [N m], amplitude [rad]; gives [N m/rad]."""
     return gravity * math.sin(amplitude) / amplitude
 
 
@@ -100,25 +77,7 @@ def output_sd(rmse: float, fit: float) -> float:
 
 
 def lowpass_delay(order: int, cutoff: float) -> float:
-    """Delay of a causal Butterworth low-pass for slow signals.
-
-    Parameters
-    ----------
-    order : int
-        1 or more.
-    cutoff : float
-        [Hz]
-
-    Returns
-    -------
-    float
-        Group delay at 0 Hz [s]: the sum of all -1/p over the poles p.
-
-    Raises
-    ------
-    PellucidError
-        If the order or the cutoff is not positive.
-    """
+    """Delay of a causal Butterworth low-pass for slow signals; cutoff [Hz]; gives [s]."""
     if order < 1 or cutoff <= 0.0:
         raise PellucidError(f"low-pass: found order {order}, cutoff {cutoff} Hz; expected both positive")
     angles = (math.pi * (2 * i + 1) / (2 * order) for i in range(order))

@@ -28,24 +28,13 @@ STRAP = ("stiffness", "damping", "inertia")
 
 @dataclass(frozen=True, eq=False)
 class Bench:
-    """The orthosis alone.
-
-    Parameters
-    ----------
-    fit : OrthosisFit
-    brief : TransferFit
-        The published form from the thesis's own 5 s of each frequency.
-    angle, torque : ndarray, shape (k,)
-        Of the holds [rad], [N m].
-    gravity, inertia : float
-        True ones [N m], [kg m^2].
-    """
+    """The orthosis alone."""
 
     fit: OrthosisFit
-    brief: TransferFit
-    angle: np.ndarray
+    brief: TransferFit  # The published form from the thesis's own 5 s of each frequency
+    angle: np.ndarray  # angle, torque: (k,) Of the holds [rad], [N m].
     torque: np.ndarray
-    gravity: float
+    gravity: float  # gravity, inertia: True ones [N m], [kg m^2].
     inertia: float
 
     @property
@@ -59,26 +48,16 @@ class Bench:
 
 @dataclass(frozen=True, eq=False)
 class Mismatch:
-    """Limb less orthosis in one swing.
-
-    Parameters
-    ----------
-    recording, split : str
-    time, true, predicted : ndarray, shape (n,)
-        [s]; what it was, and what the strap makes of the orthosis's balance [rad].
-    published : ndarray, shape (n,), or None
-        The same by the thesis's form.
-    seen_time, seen : ndarray, shape (m,)
-        By the IMU [s], [rad].
-    """
+    """Limb less orthosis in one swing."""
 
     recording: str
     split: str
+    # time, true, predicted: (n,) [s]; what it was, and what the strap makes of the orthosis's balance [rad].
     time: np.ndarray
     true: np.ndarray
     predicted: np.ndarray
-    published: np.ndarray | None
-    seen_time: np.ndarray
+    published: np.ndarray | None  # (n,) The same by the thesis's form
+    seen_time: np.ndarray  # seen_time, seen: (m,) By the IMU [s], [rad].
     seen: np.ndarray
 
     def fit(self, model: str = "predicted") -> float:
@@ -99,34 +78,17 @@ class Mismatch:
 
 @dataclass(frozen=True, eq=False)
 class WearerFound:
-    """One subject.
-
-    Parameters
-    ----------
-    name : str
-    seed : int
-    stages : WearerStages
-        With all that the IMU senses.
-    swings : tuple of Mismatch
-    six_axes : WearerStages or None
-        Without its magnetometer.
-    six_axes_swings : tuple of Mismatch
-    best_published : tuple of Mismatch
-        The thesis's form given the muscles' true torque.
-    held : tuple of ndarray, shape (k,)
-        Angles [rad] and torques [N m] of the relaxed leg's holds.
-    subject : Subject
-        With the truth.
-    """
+    """One subject."""
 
     name: str
     seed: int
-    stages: WearerStages
+    stages: WearerStages  # With all that the IMU senses
     swings: tuple[Mismatch, ...]
-    subject: Subject
-    six_axes: WearerStages | None = None
+    subject: Subject  # With the truth
+    six_axes: WearerStages | None = None  # Without its magnetometer
     six_axes_swings: tuple[Mismatch, ...] = ()
-    best_published: tuple[Mismatch, ...] = ()
+    best_published: tuple[Mismatch, ...] = ()  # The thesis's form given the muscles' true torque
+    # (k,) Angles [rad] and torques [N m] of the relaxed leg's holds
     held: tuple[np.ndarray, np.ndarray] = field(default=(np.zeros(0), np.zeros(0)))
 
     def of(self, axes: int) -> tuple[WearerStages, tuple[Mismatch, ...]]:
@@ -140,64 +102,27 @@ class WearerFound:
 
 
 def mean_fit(swings: Sequence[Mismatch], model: str = "predicted", split: str = "heldout") -> float:
-    """Mean fit of swings.
-
-    Parameters
-    ----------
-    swings : sequence of Mismatch
-    model, split : str
-        As `Mismatch.fit` takes it; which of the swings count.
-
-    Returns
-    -------
-    float
-        [%]
-    """
+    """Mean fit of swings; gives [%]."""
     return float(np.mean([s.fit(model) for s in swings if s.split == split]))
 
 
 @dataclass(frozen=True)
 class Drawn:
-    """One subject and seed, judged by the truth: errors and fits in percent.
-
-    Parameters
-    ----------
-    subject : str
-    seed : int
-    gravity_error : float
-        Of the limb's gravity torque, with its sign.
-    fit, rmse : float
-        Of the mismatch in held-out swings against the true one [%], [rad].
-    fit_to_imu, ceiling : float
-        Against the IMU's mismatch, and what the IMU's own error allows.
-    strap : mapping of str to Parameter
-        Stiffness, damping and inertia.
-    holds : mapping of str to bool
-        Whether their intervals hold the truth, for the inertia 0.
-    """
+    """One subject and seed, judged by the truth: errors and fits in percent."""
 
     subject: str
     seed: int
-    gravity_error: float
-    fit: float
+    gravity_error: float  # Of the limb's gravity torque, with its sign
+    fit: float  # fit, rmse: Of the mismatch in held-out swings against the true one [%], [rad].
     rmse: float
-    fit_to_imu: float
+    fit_to_imu: float  # fit_to_imu, ceiling: Against the IMU's mismatch, and what the IMU's own error allows.
     ceiling: float
-    strap: Mapping[str, Parameter]
-    holds: Mapping[str, bool]
+    strap: Mapping[str, Parameter]  # Stiffness, damping and inertia
+    holds: Mapping[str, bool]  # Whether their intervals hold the truth, for the inertia 0
 
 
 def drawn_from(found: WearerFound) -> Drawn:
-    """A wearer's figures against the truth.
-
-    Parameters
-    ----------
-    found : WearerFound
-
-    Returns
-    -------
-    Drawn
-    """
+    """A wearer's figures against the truth."""
     coupling, held = found.stages.coupling, [s for s in found.swings if s.split == "heldout"]
     return Drawn(
         found.name,
@@ -213,17 +138,7 @@ def drawn_from(found: WearerFound) -> Drawn:
 
 
 def identify_bench(rig: KneeRig, seed: int) -> Bench:
-    """Record the orthosis alone, and identify it.
-
-    Parameters
-    ----------
-    rig : KneeRig
-    seed : int
-
-    Returns
-    -------
-    Bench
-    """
+    """Record the orthosis alone, and identify it."""
     taken = take(rig, seed)
     held = taken.responses("gravity_holds")
     fit = fit_orthosis(held, *(taken.responses("sine_tracking", use) for use in ("fit", "validate")))
@@ -233,17 +148,7 @@ def identify_bench(rig: KneeRig, seed: int) -> Bench:
 
 
 def identify_straps(rig: KneeRig, seed: int) -> list[WearerFound]:
-    """Record of all subjects what their straps need, and identify them.
-
-    Parameters
-    ----------
-    rig : KneeRig
-    seed : int
-
-    Returns
-    -------
-    list of WearerFound
-    """
+    """Record of all subjects what their straps need, and identify them."""
     taken = take(rig, seed, list(rig.subjects), protocols=STRAP_ONLY)
     found = identify_worn(taken.config, taken.recordings)
     return [
@@ -253,18 +158,7 @@ def identify_straps(rig: KneeRig, seed: int) -> list[WearerFound]:
 
 
 def identify_subject(rig: KneeRig, name: str, seed: int) -> tuple[WearerFound, Taken]:
-    """Record everything that one subject does, and identify limb and strap with six and with nine axes.
-
-    Parameters
-    ----------
-    rig : KneeRig
-    name : str
-    seed : int
-
-    Returns
-    -------
-    WearerFound, Taken
-    """
+    """Record everything that one subject does, and identify limb and strap with six and with nine axes."""
     taken = take(rig, seed, [name])
     asked = taken.config.coupling
     without = taken.config.model_copy(update={"coupling": asked.model_copy(update={"magnetometer": False})})
@@ -279,17 +173,7 @@ def identify_subject(rig: KneeRig, name: str, seed: int) -> tuple[WearerFound, T
 
 
 def tape_measure(subject: Subject) -> dict[str, float]:
-    """Gravity torque of shank and foot by tables of shares [N m].
-
-    Parameters
-    ----------
-    subject : Subject
-
-    Returns
-    -------
-    dict of str to float
-        ``"winter"`` (knee to ankle), ``"published"`` (his shares of knee to heel) and ``"de_leva"``.
-    """
+    """Gravity torque of shank and foot by tables of shares [N m]."""
     return {
         "winter": winter(subject.weight, shank_length(subject.height)).gravity(),
         "published": winter(subject.weight, subject.shank_length).gravity(),

@@ -12,21 +12,7 @@ from .wearers import Bench, Drawn, WearerFound, drawn_from, identify_straps, ide
 
 
 class KneeWork:
-    """Jobs, and what they gave; a job can ask for others.
-
-    Parameters
-    ----------
-    rig : KneeRig
-    bench : Bench
-    seeds : sequence of int
-        The first one is done whole, the others for limbs and straps alone.
-    estimators : sequence of str
-        Of the torque maps.
-    published_time : float
-        How long the thesis's own torque steps last [s].
-    compared : sequence of str
-        Wearers on whom controllers are compared.
-    """
+    """Jobs, and what they gave; a job can ask for others; published_time [s]."""
 
     def __init__(
         self,
@@ -50,15 +36,7 @@ class KneeWork:
         self.compared: list[ControllerRow] = []
 
     def run(self, workers: int | None, tell: Callable[[str, float], None]) -> None:
-        """Do everything.
-
-        Parameters
-        ----------
-        workers : int or None
-            As of `finished`.
-        tell : callable
-            Called with a text and the share done.
-        """
+        """Do everything."""
         total = len(self.names) * (1 + len(self._maps)) + len(self.judged) + len(self.seeds) - 1
         jobs: list[Job] = [(_whole, self.rig, name, self.seeds[0], self.bench) for name in self.names]
         jobs += [(judge_wearer, self.rig, name) for name in self.judged]
