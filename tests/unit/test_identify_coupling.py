@@ -123,6 +123,17 @@ def test_every_figure_has_an_id_and_cards_what_a_controller_needs(found):
     assert told(found) == ""
 
 
+def test_cards_and_rows_name_their_files_whatever_recordings_are_called(whole, found):
+    recordings = whole[1]
+    assert all(row.data_checksum for row in found.rows)
+    own = {r.checksum for r in recordings if r.participant == "S1"}
+    named = found.cards["S1.coupling"].checksums
+    assert named
+    assert set(named.values()) == own & set(found.checksums.values())
+    names = {r.name: r.participant for r in recordings}
+    assert {names[name] for name in found.cards["orthosis"].checksums} == {None}
+
+
 def test_the_report_says_and_draws_it(tmp_path, whole, found):
     made = page(Study(tmp_path, whole[0]), found)
     text = write_page(tmp_path / "report", made).read_text(encoding="utf-8")

@@ -1,5 +1,7 @@
 """The virtual shank exoskeleton: who sits in it, balance of its truth, files as in memory, steps 1 and 2."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -13,6 +15,7 @@ from pellucid.lab.seated.subject import subjects
 from pellucid.models.joint import GRAVITY
 from pellucid.models.muscle_geometry import muscle_table
 from pellucid.procedures.loaded_swing.identify_loaded_swing import identify_swings
+from pellucid.procedures.loaded_swing.loaded_swing_page import _panels
 
 RIG = load_seated_rig()
 
@@ -96,6 +99,40 @@ def test_steps_1_and_2_find_the_leg(taken):
     assert found.legs["S4"].p.value == pytest.approx(subject.inertia, rel=0.1)
     assert found.legs["S4"].q.value > subject.moment
     assert {card.kind for card in found.cards.values()} == {"orthosis", "limb"}
+
+
+def test_whose_leg_it_is_does_not_hang_on_a_recordings_name(taken):
+    config, recordings, _ = taken
+    found = identify_swings(config, recordings)
+    renamed = identify_swings(config, [replace(r, name=f"trial_{i}") for i, r in enumerate(recordings)])
+    assert [*renamed.cards["S4.limb"].checksums.values()] == [*found.cards["S4.limb"].checksums.values()]
+    bodies = {who for made in (found, renamed) for who in made.wearers.values()}
+    assert bodies == {None, "S4"}
+    # A leg weighs more than the exoskeleton: against the exoskeleton alone its torque is missed by far.
+    for drawn in _panels(renamed):
+        measured, fitted = drawn.lines["measured"], drawn.lines["fitted"]
+        assert np.std(measured - fitted) < 0.3 * np.std(measured), drawn.rest
+
+
+def test_cards_and_rows_of_swings_say_what_was_found(taken):
+    config, recordings, _ = taken
+    wide = config.loaded_swing.model_copy(update={"confidence": 0.5})
+    found = identify_swings(config.model_copy(update={"loaded_swing": wide}), recordings)
+    leg, limb = found.legs["S4"], found.cards["S4.limb"]
+    both = (found.empty.covariance + leg.loaded.covariance)[:2, :2]
+    assert np.array(limb.covariance) == pytest.approx(both[::-1, ::-1] * np.outer([GRAVITY, 1.0], [GRAVITY, 1.0]))
+    correlation = limb.covariance[0][1] / np.sqrt(limb.covariance[0][0] * limb.covariance[1][1])
+    assert abs(correlation) > 0.1
+    for card in found.cards.values():
+        spread = [p.standard_error for p in card.parameters]
+        assert np.sqrt(np.diag(card.covariance)) == pytest.approx(spread)
+        low, high = card.parameters[0].interval
+        assert high - low == pytest.approx(2.0 * 0.6745 * spread[0], rel=1e-3)
+    rows = {row.id.split(".", 1)[1]: row for row in found.rows}
+    assert rows["S4.p"].note == f"+- {0.6745 * leg.p.standard_error:.3g}"
+    assert all(len(row.data_checksum) == 64 for row in found.rows)
+    # A leg by difference comes from both bodies' recordings, its residual from its own.
+    assert len({rows[name].data_checksum for name in ("S4.p", "S4.residual", "exoskeleton.p")}) == 3
 
 
 def test_without_the_exoskeleton_alone_there_is_no_leg(taken):

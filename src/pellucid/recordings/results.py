@@ -7,6 +7,7 @@ import math
 import os
 from collections.abc import Iterable
 from dataclasses import asdict, dataclass, fields, replace
+from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
@@ -64,6 +65,11 @@ class ResultRow:
         except (TypeError, ValueError):
             raise RecordingError(f"{self.id}: found the value {self.value!r}, expected a number or None") from None
         object.__setattr__(self, "value", number)
+
+
+def checksum_of_all(checksums: Iterable[str]) -> str:
+    """SHA-256 of several recordings' checksums, whatever their order: of a figure that comes from all of them."""
+    return sha256("".join(sorted(checksums)).encode()).hexdigest()
 
 
 def write_rows(path: str | os.PathLike, command: str, rows: Iterable[ResultRow]) -> tuple[ResultRow, ...]:

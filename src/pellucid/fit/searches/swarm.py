@@ -28,6 +28,10 @@ Cost = Callable[[np.ndarray], float]
 _DECREASE = 1e-4  # share of the slope's promise that a step has to keep
 _SHRINK = (0.1, 0.5)  # how much shorter the next try of a line search may be
 _TRIES = 30
+_EXACT, _COARSE = 0.01, 0.1
+"""How near to the bottom of its parabola a step of conjugate gradients ends, as a share of the step: coarse ones take
+fewer evaluations each, but their directions do not stay conjugate, and round-off then says how many follow. Between
+two swarms, which move on anyway, coarse ones do."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -173,7 +177,7 @@ def conjugate_gradient(
         np.full(start.shape, np.inf) if upper is None else upper,
     )
     counted = _Counted(None, cost)
-    _descend(counted, start, low, high, iterations, tolerance)
+    _descend(counted, start, low, high, iterations, tolerance, _EXACT)
     return counted.search()
 
 
@@ -223,7 +227,7 @@ def swarm_with_gradients(
     for _ in range(rounds):
         _swarm(counted, low, high, rng, particles, iterations, pull, counted.best)
         if counted.best is not None:
-            _descend(counted, counted.best, low, high, descent, 1e-8)
+            _descend(counted, counted.best, low, high, descent, 1e-8, _COARSE)
     return counted.search()
 
 
@@ -251,7 +255,7 @@ def _swarm(counted, low, high, rng, particles, iterations, pull, start) -> None:
         own[better], reached[better] = x[better], found[better]
 
 
-def _descend(counted, start, low, high, iterations, tolerance) -> None:
+def _descend(counted, start, low, high, iterations, tolerance, near) -> None:
     x = np.clip(start, low, high)
     value, gradient = counted.value_and_gradient(x)
     if not np.isfinite(value):
@@ -273,10 +277,10 @@ def _descend(counted, start, low, high, iterations, tolerance) -> None:
         if fresh:
             direction = down
         resting, before = rests, gradient
-        found = _line_search(counted, x, value, gradient, direction, step, low, high)
+        found = _line_search(counted, x, value, gradient, direction, step, low, high, near)
         if found is None and direction is not down:
             direction = down
-            found = _line_search(counted, x, value, gradient, direction, step, low, high)
+            found = _line_search(counted, x, value, gradient, direction, step, low, high, near)
         if found is None:
             return
         fall = value - found[2]
@@ -285,7 +289,7 @@ def _descend(counted, start, low, high, iterations, tolerance) -> None:
             return
 
 
-def _line_search(counted, x, value, gradient, direction, step, low, high):
+def _line_search(counted, x, value, gradient, direction, step, low, high, near):
     """Point, step, cost and gradient of a step that keeps the slope's promise; None where no step does."""
     slope, best, length = float(gradient @ direction), None, step
     for _ in range(_TRIES):
@@ -299,7 +303,7 @@ def _line_search(counted, x, value, gradient, direction, step, low, high):
             # The parabola through what is known says whether to go further.
             curve = found - value - slope * length
             ahead = -slope * length**2 / (2.0 * curve) if curve > 0.0 else 4.0 * length
-            if abs(ahead - length) <= 0.1 * length:
+            if abs(ahead - length) <= near * length:
                 break
             length = float(np.clip(ahead, 0.25 * length, 4.0 * length))
         elif best is not None:

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import hashlib
 import re
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ...recordings.results import ResultRow
+from ...recordings.results import ResultRow, checksum_of_all
 
 if TYPE_CHECKING:
     from .assessment_findings import Assessed, AssessmentFindings
@@ -32,7 +31,7 @@ def result_rows(found: AssessmentFindings) -> tuple[ResultRow, ...]:
     tuple of ResultRow
     """
     # One checksum for all recordings together: every figure comes from all of them.
-    digest = hashlib.sha256("".join(sorted(found.checksums.values())).encode()).hexdigest()
+    digest = checksum_of_all(found.checksums.values())
     rows: list[ResultRow] = []
 
     def add(name: str, value: float | None, unit: str, note: str = "") -> None:

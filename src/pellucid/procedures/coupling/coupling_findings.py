@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from importlib.metadata import version
 
@@ -17,7 +17,7 @@ from ...fit.strap.orthosis_alone import ORDER, OrthosisFit
 from ...fit.strap.published_coupling import PublishedCoupling
 from ...fit.strap.wearer_coupling import WearerCoupling
 from ...models.parameter_card import ParameterCard
-from ...recordings.results import ResultRow
+from ...recordings.results import ResultRow, checksum_of_all
 from ..result import FigureTable, Findings, ParameterTable
 
 WORDS: Mapping[str, str] = {
@@ -84,6 +84,7 @@ def coupling_findings(
     refused: Mapping[str, str],
     notes: Mapping[str, str],
     checksums: Mapping[str, str],
+    participants: Mapping[str, str | None],
     confidence: float,
 ) -> CouplingFindings:
     """Tables, verdicts, rows and cards of what the stages found.
@@ -97,20 +98,25 @@ def coupling_findings(
         Participants without a result, and why.
     notes : mapping of str to str
         What was undone in recordings, by name.
-    checksums : mapping of str to str
+    checksums, participants : mapping of str to str
+        By recording.
     confidence : float
 
     Returns
     -------
     CouplingFindings
     """
+
+    def files(who: str | None) -> dict[str, str]:
+        return {name: digest for name, digest in checksums.items() if participants[name] == who}
+
     return CouplingFindings(
         study=study,
         headline=_headline(orthosis, wearers),
         tables=tuple(_tables(orthosis, wearers)),
         verdicts=tuple(_verdicts(orthosis, wearers, refused, notes)),
-        rows=tuple(_rows(study, orthosis, wearers, refused, checksums, confidence)),
-        cards=_cards(study, orthosis, wearers, checksums, confidence),
+        rows=tuple(_rows(study, orthosis, wearers, refused, checksums, files, confidence)),
+        cards=_cards(study, orthosis, wearers, files, confidence),
         checksums=checksums,
         confidence=confidence,
         orthosis=orthosis,
@@ -193,9 +199,14 @@ def _rows(
     wearers: Mapping[str, WearerStages],
     refused: Mapping[str, str],
     checksums: Mapping[str, str],
+    files: Callable[[str | None], Mapping[str, str]],
     confidence: float,
 ) -> Iterator[ResultRow]:
+    all_of = {who: checksum_of_all(files(who).values()) for who in (None, *wearers, *refused)}
+
     def row(what: str, value, unit: str, split: str, note: str = "", checksum: str | None = None) -> ResultRow:
+        # Ids begin with the orthosis or with a wearer.
+        checksum = checksum or all_of.get(what.split(".")[0], all_of[None])
         return ResultRow(f"{study}.{what}", value, unit, "identify", split, checksum, note)
 
     def parameter(what: str, p: Parameter, extra: str = "") -> ResultRow:
@@ -278,10 +289,10 @@ def _cards(
     study: str,
     orthosis: OrthosisFit,
     wearers: Mapping[str, WearerStages],
-    checksums: Mapping[str, str],
+    files: Callable[[str | None], Mapping[str, str]],
     confidence: float,
 ) -> dict[str, ParameterCard]:
-    def card(kind: str, name: str, parameters, covariance, files: str | None, processing: str, **settings):
+    def card(kind: str, name: str, parameters, covariance, who: str | None, processing: str, **settings):
         return ParameterCard(
             kind,
             study,
@@ -291,7 +302,7 @@ def _cards(
             settings,
             processing,
             confidence,
-            {n: c for n, c in checksums.items() if files is None or n.startswith(f"{files}_")},
+            files(who),
             version("pellucid"),
         )
 

@@ -118,7 +118,8 @@ def identify_worn(
         )
     tell("writing down", 0.95)
     checksums = {r.name: r.checksum for r in trials.recordings}
-    return coupling_findings(config.name, orthosis, wearers, refused, trials.notes, checksums, asked.confidence)
+    people = {r.name: r.participant for r in trials.recordings}
+    return coupling_findings(config.name, orthosis, wearers, refused, trials.notes, checksums, people, asked.confidence)
 
 
 def faults(study: Study) -> list[Fault]:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
-from hashlib import sha256
 from importlib.metadata import version
 
 import numpy as np
@@ -13,7 +12,7 @@ from ...fit.joint.replay import relative_error
 from ...fit.parameter import Estimate, FamilyFit, JointFit, Simulation
 from ...fit.slider.slider_fit import SliderFit
 from ...models.card import ModelCard, write_card
-from ...recordings.results import ResultRow, write_rows
+from ...recordings.results import ResultRow, checksum_of_all, write_rows
 from ...recordings.study import Study
 from ...signals.effort import drive_model
 from ..slider.save_slider import save_slider
@@ -86,7 +85,7 @@ def card_of(study: Study, fit: JointFit, family: FamilyFit) -> ModelCard:
 def rows_of(fit: JointFit) -> Iterator[ResultRow]:
     """Every figure of a fit: `<study>.<family>.<figure>[.<recording>[.<signal>]]`, other estimators as
     `<study>.<family>.<method>.<figure>`."""
-    together = sha256("".join(sorted(fit.checksums.values())).encode()).hexdigest()
+    together = checksum_of_all(fit.checksums.values())
     if fit.drive_constant is not None:
         p = fit.drive_constant
         yield ResultRow(

@@ -21,7 +21,7 @@ from ...models.joint import GRAVITY
 from ...models.parameter_card import ParameterCard
 from ...recordings.quality import Fault
 from ...recordings.recording import Recording
-from ...recordings.results import ResultRow
+from ...recordings.results import ResultRow, checksum_of_all
 from ...recordings.study import Study
 from ...recordings.study_file import Participant, StudyFile
 from ..result import FigureTable, Findings, ParameterTable
@@ -69,11 +69,14 @@ class LoadedSwingFindings(Findings):
         By participant.
     swings : mapping of str to Swing
         That were fitted, by recording.
+    wearers : mapping of str to (str or None)
+        Whose leg was in it, by recording; None where the exoskeleton was empty.
     """
 
     empty: SwingFit
     legs: Mapping[str, LegAlone]
     swings: Mapping[str, Swing] = field(repr=False)
+    wearers: Mapping[str, str | None]
 
 
 def identify_loaded_swing(study: Study, on_progress: Progress | None = None) -> LoadedSwingFindings:
@@ -145,7 +148,8 @@ def identify_swings(
         own = [swings[r.name] for r in used if r.protocol == LOADED and r.participant == who]
         loaded = fit_swings(own, form)
         legs[who] = LegAlone(loaded, *leg_alone(empty, loaded), _usual(config.participants.get(who)))
-    return _findings(config, asked.confidence, empty, legs, swings, {r.name: r.checksum for r in used})
+    wearers = {r.name: r.participant if r.protocol == LOADED else None for r in used}
+    return _findings(config, asked.confidence, empty, legs, swings, wearers, {r.name: r.checksum for r in used})
 
 
 def prepared(recording: Recording, lowpass: float) -> Swing:
@@ -199,8 +203,15 @@ def _usual(person: Participant | None) -> tuple[float, float] | None:
     return leg.inertia, leg.mass * leg.centre
 
 
-def _findings(config, confidence, empty, legs, swings, checksums) -> LoadedSwingFindings:
+def _findings(config, confidence, empty, legs, swings, wearers, checksums) -> LoadedSwingFindings:
     study = config.name
+
+    def files(*whose: str | None) -> dict[str, str]:
+        return {name: digest for name, digest in checksums.items() if wearers[name] in whose}
+
+    def half(p: Parameter) -> str:
+        return f"+- {p.interval(confidence)[1] - p.value:.3g}"
+
     tables = [ParameterTable("Exoskeleton alone", empty.parameters)]
     tables += [
         ParameterTable(f"{who}: leg", (replace(leg.p, name="p' - p"), replace(leg.q, name="q' - q")))
@@ -213,16 +224,19 @@ def _findings(config, confidence, empty, legs, swings, checksums) -> LoadedSwing
         for who, leg in legs.items()
     )
     results = [
-        ResultRow(f"{study}.{who}.{name}", value, unit, "identify", "fitted", None, note)
+        ResultRow(
+            f"{study}.{who}.{name}", value, unit, "identify", "fitted", checksum_of_all(files(*whose).values()), note
+        )
         for who, leg in legs.items()
-        for name, value, unit, note in (
-            ("p", leg.p.value, "kg*m^2", f"+- {1.96 * leg.p.standard_error:.3g}"),
-            ("q", leg.q.value, "kg*m", f"+- {1.96 * leg.q.standard_error:.3g}"),
-            ("residual", leg.loaded.residual_rms, "N*m", ""),
+        for name, value, unit, note, whose in (
+            ("p", leg.p.value, "kg*m^2", half(leg.p), (None, who)),
+            ("q", leg.q.value, "kg*m", half(leg.q), (None, who)),
+            ("residual", leg.loaded.residual_rms, "N*m", "", (who,)),
         )
     ]
+    alone = checksum_of_all(files(None).values())
     results += [
-        ResultRow(f"{study}.exoskeleton.{p.name}", p.value, p.unit, "identify", "fitted", None, "")
+        ResultRow(f"{study}.exoskeleton.{p.name}", p.value, p.unit, "identify", "fitted", alone, "")
         for p in (empty.p, empty.q)
     ]
     mean = float(np.mean([leg.p.value for leg in legs.values()]))
@@ -233,21 +247,22 @@ def _findings(config, confidence, empty, legs, swings, checksums) -> LoadedSwing
             f"{np.mean([leg.q.value for leg in legs.values()]):.3g} kg*m of weight and tissue."
         ),
         tables=(*tables, FigureTable("Legs", heads, rows)),
-        verdicts=tuple(_verdicts(config, empty, legs)),
+        verdicts=tuple(_verdicts(config, legs, confidence)),
         rows=tuple(results),
-        cards=_cards(study, empty, legs, checksums, confidence),
+        cards=_cards(study, empty, legs, files, confidence),
         checksums=checksums,
         confidence=confidence,
         empty=empty,
         legs=legs,
         swings=swings,
+        wearers=wearers,
     )
 
 
-def _verdicts(config: StudyFile, empty: SwingFit, legs: Mapping[str, LegAlone]) -> list[Verdict]:
+def _verdicts(config: StudyFile, legs: Mapping[str, LegAlone], confidence: float) -> list[Verdict]:
     told = []
     for who, leg in legs.items():
-        half = 1.96 * leg.p.standard_error
+        half = leg.p.interval(confidence)[1] - leg.p.value
         if half > UNSURE * abs(leg.p.value):
             told.append(
                 Verdict(
@@ -280,15 +295,13 @@ def _verdicts(config: StudyFile, empty: SwingFit, legs: Mapping[str, LegAlone]) 
     return told
 
 
-def _cards(study, empty, legs, checksums, confidence) -> dict[str, ParameterCard]:
-    def card(kind: str, name: str, parts: Sequence[Parameter], who: str | None) -> ParameterCard:
-        files = {n: c for n, c in checksums.items() if who is None or n.startswith(f"{who}_")}
-        covariance = np.diag([p.standard_error**2 for p in parts])
-        settings = {} if who is None else {"participant": who}
+def _cards(study, empty, legs, files, confidence) -> dict[str, ParameterCard]:
+    def card(kind: str, name: str, parts: Sequence[Parameter], covariance: np.ndarray, *whose) -> ParameterCard:
+        settings = {} if whose == (None,) else {"participant": whose[-1]}
         return ParameterCard(
-            kind, study, name, tuple(p.on_card(confidence) for p in parts),
-            tuple(tuple(float(x) for x in row) for row in covariance), settings,
-            "swings by least squares; a leg is the difference of two bodies", confidence, files, version("pellucid"),
+            kind, study, name, tuple(p.on_card(confidence) for p in parts), tuple(map(tuple, covariance.tolist())),
+            settings, "swings by least squares; a leg is the difference of two bodies", confidence, files(*whose),
+            version("pellucid"),
         )  # fmt: skip
 
     def body(p: Parameter, q: Parameter) -> list[Parameter]:
@@ -297,8 +310,17 @@ def _cards(study, empty, legs, checksums, confidence) -> dict[str, ParameterCard
         )
         return [weight, replace(p, name="inertia")]
 
-    friction = [p for p in empty.others if p.name in ("viscous", "coulomb", "offset")]
-    made = {"orthosis": card("orthosis", "orthosis", [*body(empty.p, empty.q), *friction], None)}
+    def of(parts: Sequence[Parameter], covariance: np.ndarray) -> np.ndarray:
+        """Covariance (k, k) of a card's parameters from that of the regression's terms."""
+        terms = [empty.form.terms.index({"gravity": "q", "inertia": "p"}.get(p.name, p.name)) for p in parts]
+        gain = np.array([GRAVITY if p.name == "gravity" else 1.0 for p in parts])
+        return covariance[np.ix_(terms, terms)] * np.outer(gain, gain)
+
+    orthosis = [*body(empty.p, empty.q), *(p for p in empty.others if p.name in ("viscous", "coulomb", "offset"))]
+    made = {"orthosis": card("orthosis", "orthosis", orthosis, of(orthosis, empty.covariance), None)}
     for who, leg in legs.items():
-        made[f"{who}.limb"] = card("limb", f"{who}.limb", body(leg.p, leg.q), who)
+        limb = body(leg.p, leg.q)
+        # The two bodies are of different recordings.
+        both = of(limb, empty.covariance + leg.loaded.covariance)
+        made[f"{who}.limb"] = card("limb", f"{who}.limb", limb, both, None, who)
     return made

@@ -53,15 +53,22 @@ def page(study: Study, findings: LoadedSwingFindings) -> Page:
     )
 
 
-def _torque(findings: LoadedSwingFindings) -> Drawing:
+def _panels(findings: LoadedSwingFindings) -> list[Traces]:
+    """Each recording's torque beside its own body's."""
     panels = []
     for name in list(findings.swings)[:DRAWN]:
         made = findings.swings[name]
-        who = next((w for w in findings.legs if name.startswith(f"{w}_")), None)
+        who = findings.wearers[name]
         fit = findings.empty if who is None else findings.legs[who].loaded
         shown = made.time < made.time[0] + SHOWN
         lines = {"measured": made.torque[shown], "fitted": fit.torque(made)[shown]}
         rest = "exoskeleton alone" if who is None else f"with {who}'s leg"
         panels.append(Traces(name.replace("_", " "), rest, made.time[shown], lines, "Torque (N·m)"))
+    return panels
+
+
+def _torque(findings: LoadedSwingFindings) -> Drawing:
     roles = {"measured": "measured", "fitted": "fitted"}
-    return draw(over_time, panels, "swing_torque", roles=roles, caption="Torque of the motor, and what swings take.")
+    return draw(
+        over_time, _panels(findings), "swing_torque", roles=roles, caption="Torque of the motor, and what swings take."
+    )

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
-from hashlib import sha256
 from importlib.metadata import version
 
 from ...fit.slider.slider_fit import METHODS, SliderEstimate, SliderFit
 from ...models.card import write_card
 from ...models.slider_card import SliderCard
 from ...models.slider_joint import SliderJointModel
-from ...recordings.results import ResultRow, write_rows
+from ...recordings.results import ResultRow, checksum_of_all, write_rows
 from ...recordings.study import Study
 
 COMMAND = "identify"
@@ -78,7 +77,7 @@ def slider_card(study: Study, fit: SliderFit, estimate: SliderEstimate) -> Slide
 def slider_rows(fit: SliderFit) -> Iterator[ResultRow]:
     """Every figure of a fit: `<study>.<method>.<figure>[.<recording>]`, and `<study>.slider.<recording>` for where the
     carriage was."""
-    together = sha256("".join(sorted(fit.checksums.values())).encode()).hexdigest()
+    together = checksum_of_all(fit.checksums.values())
     plain = ResultRow("", None, "1", COMMAND, "fitted", together, fit.filter_note)
     for p in fit.static:
         yield replace(plain, id=f"{fit.study}.static.{p.name}", value=p.value, unit=p.unit)
