@@ -25,6 +25,7 @@ from pellucid.fit.joint.replay import SMOOTHING
 from pellucid.lab.virtual_joint import bench_joint, write_study
 from pellucid.models.joint import joint_model
 from pellucid.models.simulate import substeps_for
+from pellucid.procedures.joint.identify_joint import machine_of
 from pellucid.recordings.study import Study
 from pellucid.signals.effort import drive_model
 from pellucid.signals.motion import motions
@@ -133,17 +134,17 @@ def run() -> list[dict]:
         def least_squares() -> np.ndarray:
             return solve(model, stack(motions(study, "fit"))).values
 
-        data = stack(motions(study, "fit"))
+        data, machine = stack(motions(study, "fit")), machine_of(study.rig)
         first = solve(model, data)
         order = [model.names.index(n) for n in ("inertia", "viscous", "coulomb", "offset")]
         order += [model.names.index("gravity")] if "gravity" in model.names else []
         compiled = plain_simulation()
         ours, theirs = interleaved(least_squares, lambda: plain_least_squares(study))
         fit_ours, fit_theirs = interleaved(
-            lambda: solve_output_error(model, data, study.rig, first),
+            lambda: solve_output_error(model, data, machine, first),
             lambda: plain_output_error(study, first.values[order], compiled),
         )
-        apart = solve_output_error(model, data, study.rig, first).values[order] / plain_output_error(
+        apart = solve_output_error(model, data, machine, first).values[order] / plain_output_error(
             study, first.values[order], compiled
         )
     rows = []

@@ -16,6 +16,8 @@ if TYPE_CHECKING:
     from . import datasets
     from .demonstration.demo import demo as demo
     from .deployment.export import export as export
+    from .fit.joint.fit_joint import fit_joint as fit_joint
+    from .fit.transfer.fit_transfer_function import fit_transfer_function as fit_transfer_function
     from .lab.init import init as init
     from .lab.simulate import simulate as simulate
     from .papers.reproduce import reproduce as reproduce
@@ -35,6 +37,8 @@ _WHERE = {
     "identify": ("procedures.joint.identify_joint", "identify"),
     "compare": ("procedures.compare", "compare"),
     "report": ("procedures.joint.joint_page", "write_report"),
+    "fit_joint": ("fit.joint.fit_joint", "fit_joint"),
+    "fit_transfer_function": ("fit.transfer.fit_transfer_function", "fit_transfer_function"),
     "init": ("lab.init", "init"),
     "simulate": ("lab.simulate", "simulate"),
     "reproduce": ("papers.reproduce", "reproduce"),
@@ -52,6 +56,8 @@ __all__ = [
     "datasets",
     "demo",
     "export",
+    "fit_joint",
+    "fit_transfer_function",
     "identify",
     "init",
     "open",

@@ -20,8 +20,9 @@ if TYPE_CHECKING:
     from rich.console import Console
     from rich.table import Table
 
-    from .fit.parameter import JointFit, Parameter, Verdict
+    from .fit.parameter import Parameter, Verdict
     from .fit.slider.slider_fit import SliderFit
+    from .procedures.joint.joint_fit import JointFit
     from .procedures.result import Findings
     from .recordings.quality import Fault
     from .recordings.study import Study

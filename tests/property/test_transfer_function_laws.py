@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from pellucid.fit.transfer.transfer_function_fit import fit_transfer_function, judged
+from pellucid.fit.transfer.transfer_function_fit import fit_records, judged
 from pellucid.models.transfer_function import TransferFunction
 from pellucid.signals.input_output import InputOutput
 
@@ -49,7 +49,7 @@ def test_random_stable_systems_come_back(seed):
     rng = np.random.default_rng(seed)
     system, poles, zeros = random_system(rng)
     hold = ("zero", "first")[seed % 2]
-    found = fit_transfer_function([uneven_record(rng, system, hold)], poles, zeros, hold=hold)
+    found = fit_records([uneven_record(rng, system, hold)], poles, zeros, hold=hold)
     assert found.responses[0].fit > 98.0
     assert found.transfer_function.stable
     # Coefficients trade off against each other; the response over what was excited does not.
@@ -63,7 +63,7 @@ def test_random_stable_systems_come_back(seed):
 def test_without_noise_coefficients_are_found_to_the_last_digits(seed):
     rng = np.random.default_rng(100 + seed)
     system, poles, zeros = random_system(rng)
-    found = fit_transfer_function([uneven_record(rng, system, "first", noise=0.0)], poles, zeros, hold="first")
+    found = fit_records([uneven_record(rng, system, "first", noise=0.0)], poles, zeros, hold="first")
     values = [p.value for p in found.parameters]
     assert values == pytest.approx([*system.denominator[1:], *system.numerator], rel=1e-4)
 
@@ -78,7 +78,7 @@ def test_intervals_hold_the_truth_as_often_as_they_say(memory):
     for seed in range(seeds):
         rng = np.random.default_rng(1000 + seed)
         record = uneven_record(rng, system, "zero", n=900, noise=0.1, memory=memory)
-        found = fit_transfer_function([record], 2, hold="zero")
+        found = fit_records([record], 2, hold="zero")
         for i, p in enumerate(found.parameters):
             low, high = p.interval()
             held[i] += low <= truth[i] <= high
@@ -93,7 +93,7 @@ def test_held_out_fits_are_no_better_than_the_noise_allows():
     for seed in range(20):
         rng = np.random.default_rng(seed)
         whole = uneven_record(rng, system, "zero", noise=0.2)
-        found = fit_transfer_function([whole.part(0, 750, "fitted")], 2, hold="zero")
+        found = fit_records([whole.part(0, 750, "fitted")], 2, hold="zero")
         inside.append(found.responses[0].fit)
         outside.append(judged(found.transfer_function, whole.part(750, 1500, "heldout"), hold="zero").fit)
     # Noise of a fifth of the response leaves about 80 % at best, fitted or not.

@@ -16,6 +16,8 @@ NAMES = [
     "datasets",
     "demo",
     "export",
+    "fit_joint",
+    "fit_transfer_function",
     "identify",
     "init",
     "open",

@@ -7,17 +7,13 @@ from pathlib import Path
 import numpy as np
 
 from pellucid import _core
-from pellucid.fit.parameter import (
-    Estimate,
-    FamilyFit,
-    JointFit,
-    Parameter,
-    Prediction,
-    Simulation,
-    Verdict,
-    Whiteness,
-)
+from pellucid.fit.joint.evaluation import Prediction
+from pellucid.fit.joint.friction_family import FamilyFit
+from pellucid.fit.joint.joint_estimate import JointEstimate
+from pellucid.fit.joint.replay import Simulation
+from pellucid.fit.parameter import Parameter, Verdict, Whiteness
 from pellucid.models.joint import joint_model
+from pellucid.procedures.joint.joint_fit import JointFit
 from pellucid.recordings.study import Study, open_study
 
 TRUTH = {
@@ -95,7 +91,7 @@ def fit(
             if gravity == "sine":
                 y_hat = y_hat + estimate["gravity"].value * np.sin(q)
             offset = estimate["offset"].value if "offset" in model.names else 0.0
-            predicted = y_hat + offset + _core.friction(model.vector(estimate.values), v, y_hat)
+            predicted = y_hat + offset + _core.friction(model.vector(estimate.array), v, y_hat)
             error = 100.0 * np.linalg.norm(effort - predicted) / np.linalg.norm(effort)
             half = 1.96 * float(np.std(effort - predicted))
             predictions.append(
@@ -157,7 +153,7 @@ def _coloured(rng: np.random.Generator, n: int) -> np.ndarray:
     return out
 
 
-def _estimate(model, truth, method: str, rng: np.random.Generator, samples: int) -> Estimate:
+def _estimate(model, truth, method: str, rng: np.random.Generator, samples: int) -> JointEstimate:
     parameters = []
     for j, symbol in enumerate(model.symbols):
         error = 0.006 * abs(truth[symbol.name]) * (1.0 + j)
@@ -172,8 +168,9 @@ def _estimate(model, truth, method: str, rng: np.random.Generator, samples: int)
         )  # fmt: skip
     errors = np.array([p.standard_error for p in parameters])
     correlation = 0.3 + 0.7 * np.eye(len(errors))
-    return Estimate(
-        model, method, tuple(parameters), correlation * np.outer(errors, errors), 26.0, 3.4, 1.9, samples,
+    return JointEstimate(
+        model=model, method=method, parameters=tuple(parameters), covariance=correlation * np.outer(errors, errors),
+        condition_number=26.0, scaled_condition_number=3.4, residual_sd=1.9, samples=samples,
         iterations=1 if method == "ls" else 6,
         whiteness=Whiteness(0.61, 812.0, 0.0, 40, 0.24),
         notes=("The lower bound of load_friction is active.",) if "load_friction" in model.names else (),

@@ -4,7 +4,7 @@ import numpy as np
 
 from pellucid import _core
 from pellucid.models.joint import INDEX, NAMES
-from pellucid.signals.motion import Motion
+from pellucid.signals.motion import Filtering, Motion
 
 TRUTH = {
     "inertia": 0.08,
@@ -48,12 +48,8 @@ def motion_of(
         velocity=v,
         acceleration=acc,
         effort=effort,
+        filtering=Filtering(None),
         raw_position=q,
         command=effort,
-        reference=None,
-        injected=None,
-        inner=slice(0, len(q)),
-        decimate=1,
-        dead_band=0.0,
         payload=payload,
     )

@@ -60,7 +60,7 @@ def test_the_card_comes_back_as_it_was_written(virtual, fit):
     rows = save(virtual, fit)
     card = read_card(virtual.models_dir / "joint.json")
     assert card.family == fit.best
-    assert card.values == pytest.approx(fit.families[fit.best].estimate.values, rel=1e-15)
+    assert card.values == pytest.approx(fit.families[fit.best].estimate.array, rel=1e-15)
     assert np.array(card.covariance) == pytest.approx(fit.families[fit.best].estimate.covariance, rel=1e-12)
     model = card.model()
     assert model.vector(card.values) == pytest.approx(fit.families[fit.best].model.vector(card.values))

@@ -13,6 +13,7 @@ from pellucid.fit.joint.regression import solve, stack
 from pellucid.fit.joint.reweighting import solve_robust, solve_weighted
 from pellucid.models.joint import joint_model
 from pellucid.procedures.joint.joint_verdicts import sign_error
+from pellucid.signals.motion import Filtering
 
 
 def model(family="symmetric", **options):
@@ -115,7 +116,7 @@ def test_too_few_samples_are_refused():
 
 def test_a_dead_band_above_every_speed_is_refused():
     with pytest.raises(IdentificationError, match="no sample is faster than the dead band of 100"):
-        stack([replace(motion_of(vector_of()), dead_band=100.0)])
+        stack([replace(motion_of(vector_of()), filtering=Filtering(None, dead_band=100.0))])
 
 
 def test_nothing_to_fit_is_refused():
@@ -130,8 +131,8 @@ def test_the_pseudo_inertia_condition_moves_the_inertia_and_says_so():
     least = least_inertia(model(), found.values, mass)
     assert least == pytest.approx((3.0 / 9.80665) ** 2 / mass, rel=0.05)
     assert found.values[0] < least
-    after, active = enforce_pseudo_inertia(model(), data, found, mass)
-    assert active
+    after, notes = enforce_pseudo_inertia(model(), data, found, mass)
+    assert notes == ("inertia is held at the least that 1.5 kg with this gravity torque can have",)
     assert after.values[0] == pytest.approx(least_inertia(model(), after.values, mass), rel=1e-6)
     assert after.at_bound[0]
     # The constrained optimum costs less than simply raising the inertia.
@@ -144,8 +145,8 @@ def test_the_pseudo_inertia_condition_moves_the_inertia_and_says_so():
 def test_a_consistent_solution_is_left_alone():
     data = stack([motion_of(vector_of(), effort_sd=0.05)])
     found = solve(model(), data)
-    same, active = enforce_pseudo_inertia(model(), data, found, 10.0)
-    assert not active
+    same, notes = enforce_pseudo_inertia(model(), data, found, 10.0)
+    assert not notes
     assert same is found
 
 

@@ -11,7 +11,7 @@ from pellucid.fit.transfer.pendulum_fit import fit_pendulum, judged_pendulum
 from pellucid.fit.transfer.transfer_function_fit import (
     coefficient_units,
     fit_percent,
-    fit_transfer_function,
+    fit_records,
     judged,
 )
 from pellucid.models.joint import joint_model
@@ -142,7 +142,7 @@ def record(n: int = 600, **changes) -> InputOutput:
 
 
 def test_a_fit_finds_coefficients_inertia_and_initial_state():
-    found = fit_transfer_function([record()], 2, hold="zero", units=("N*m", "rad"))
+    found = fit_records([record()], 2, hold="zero", units=("N*m", "rad"))
     for name, value in {"a1": 2.0, "a0": 30.0, "b0": 20.0, "inertia": 1 / 20, "damping": 0.1, "stiffness": 1.5}.items():
         assert abs(found[name].value - value) < 4.0 * found[name].standard_error
         assert found[name].standard_error < 0.02 * value
@@ -154,8 +154,8 @@ def test_a_fit_finds_coefficients_inertia_and_initial_state():
 def test_records_of_one_system_are_fitted_together_and_one_is_held_out():
     whole = record(1200)
     parts = [whole.part(0, 400, "fitted"), whole.part(400, 800, "fitted")]
-    found = fit_transfer_function(parts, 2, hold="zero")
-    alone = fit_transfer_function(parts[:1], 2, hold="zero")
+    found = fit_records(parts, 2, hold="zero")
+    alone = fit_records(parts[:1], 2, hold="zero")
     assert found["a0"].standard_error < alone["a0"].standard_error
     assert [r.recording for r in found.responses] == ["r", "r"]
     out = judged(found.transfer_function, whole.part(800, 1200, "heldout"), hold="zero")
@@ -166,7 +166,7 @@ def test_records_of_one_system_are_fitted_together_and_one_is_held_out():
 
 def test_an_offset_of_the_output_is_found():
     plain = record()
-    found = fit_transfer_function([record(output=plain.output + 0.7)], 2, hold="zero", offset=True)
+    found = fit_records([record(output=plain.output + 0.7)], 2, hold="zero", offset=True)
     assert found.responses[0].offset == pytest.approx(0.7, abs=0.02)
     assert abs(found["a0"].value - 30.0) < 4.0 * found["a0"].standard_error
 
@@ -192,19 +192,19 @@ def test_the_fit_percentage_is_the_one_of_compare():
 def test_a_record_that_carries_no_fit_is_refused(changes, options, said):
     given = {"poles": 2, "zeros": 0, "hold": "zero"} | options
     with pytest.raises(IdentificationError, match=said):
-        fit_transfer_function([record(**changes)], given["poles"], given["zeros"], hold=given["hold"])
+        fit_records([record(**changes)], given["poles"], given["zeros"], hold=given["hold"])
 
 
 def test_a_record_too_short_is_refused():
     with pytest.raises(IdentificationError, match="found 20 samples, expected at least 25"):
-        fit_transfer_function([record().part(0, 20, "fitted")], 2, hold="zero")
+        fit_records([record().part(0, 20, "fitted")], 2, hold="zero")
 
 
 def test_poles_that_the_input_cannot_tell_apart_are_refused_or_told():
     plain = record()
     clean = TransferFunction([2.0], [1.0, 2.0]).simulate(plain.time, plain.input, hold="zero")
     with pytest.raises(IdentificationError, match=r"cannot be told apart|singular"):
-        fit_transfer_function([record(output=clean)], 4, 3, hold="zero")
+        fit_records([record(output=clean)], 4, 3, hold="zero")
 
 
 def test_units_of_coefficients():

@@ -11,13 +11,11 @@ from ..fit.uncertainty import sandwich
 from ..lab.virtual_joint import VirtualJoint, matched, record
 from ..models.joint import INDEX, joint_model
 from ..protocols.excitation import multisine
-from ..recordings.study_file import Processing
-from ..signals.filters import zero_phase_lowpass
-from ..signals.motion import Motion, differentiate
+from ..signals.motion import Filtering, motion_of
 
 PER_MOTION = 25  # repetitions with new noise before a new motion: a motion of its own can flatter or spoil intervals
-PROCESSING = Processing(lowpass="60 Hz", decimate=20, trim=100)
-DEAD_BAND = 0.2  # rad/s: a tenth of the top speed, so that what sticking leaves behind is small beside the noise
+# A dead band of a tenth of the top speed [rad/s]: what sticking leaves behind is small beside the noise.
+FILTERING = Filtering(60.0, decimate=20, dead_band=0.2, trim=100)
 QUANTILE = 1.959964
 COLOURED_MEMORY = 0.05  # s: longer than a regression's sample, so that textbook intervals fail
 
@@ -79,28 +77,4 @@ def coverage(joint: VirtualJoint, colour: str, *, repetitions: int = 200, seed: 
 
 
 def _stacked(plant: VirtualJoint, time: np.ndarray, raw: np.ndarray, current: np.ndarray) -> Stack:
-    position, velocity, acceleration = differentiate(raw, plant.rate, PROCESSING)
-    effort = plant.gain * zero_phase_lowpass(current, PROCESSING.lowpass, PROCESSING.order, plant.rate)
-    return stack(
-        [
-            Motion(
-                recording="virtual",
-                split="fitted",
-                fs=plant.rate,
-                time=time,
-                position=position,
-                velocity=velocity,
-                acceleration=acceleration,
-                effort=effort,
-                raw_position=raw,
-                command=current,
-                reference=None,
-                injected=None,
-                inner=slice(PROCESSING.trim, len(raw) - PROCESSING.trim),
-                decimate=PROCESSING.decimate,
-                dead_band=DEAD_BAND,
-                lowpass=PROCESSING.lowpass,
-                order=PROCESSING.order,
-            )
-        ]
-    )
+    return stack([motion_of(time, raw, current, FILTERING, gain=plant.gain, fs=plant.rate)])

@@ -6,10 +6,10 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from ..deployment.microcontroller import OnCortexM4
-from ..fit.parameter import JointFit
 from ..fit.slider.slider_fit import SliderFit
 from ..lab.elbow.rig import ElbowRig
 from ..procedures.assessment.assessment_findings import AssessmentFindings
+from ..procedures.joint.joint_fit import JointFit
 from ..recordings.study import Study
 from .coverage import Coverage
 

@@ -18,6 +18,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from .. import _core
+from .._errors import IdentificationError
 
 NAMES: tuple[str, ...] = tuple(_core.PARAMETER_NAMES)
 """The core's parameters, in its order."""
@@ -246,14 +247,14 @@ def joint_model(
 
     Raises
     ------
-    ValueError
+    IdentificationError
         If the family or the gravity term is unknown.
     """
     if family not in FAMILIES:
-        raise ValueError(f"unknown friction family {family!r}; known: {', '.join(FAMILIES)}")
+        raise IdentificationError(f"unknown friction family {family!r}; known: {', '.join(FAMILIES)}")
     terms = {"none": [], "sine": ["gravity"], "sine+cosine": ["gravity", "gravity_cosine"]}
     if gravity not in terms:
-        raise ValueError(f"gravity is {gravity!r}; expected one of {', '.join(terms)}")
+        raise IdentificationError(f"gravity is {gravity!r}; expected one of {', '.join(terms)}")
     features = FAMILIES[family]
     names = ["inertia", *terms[gravity]]
     if "directional" in features:

@@ -9,7 +9,8 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from ..fit.parameter import Prediction, Simulation
+from ..fit.joint.evaluation import Prediction
+from ..fit.joint.replay import Simulation
 from .quantities import Reading
 
 LINE_POINTS = 900

@@ -25,17 +25,16 @@ from scipy.optimize import least_squares
 
 from ..._errors import IdentificationError
 from ...models.joint import JointModel
-from ...recordings.study_file import Processing, Rig
 from ...signals.motion import Motion, differentiate
 from .regression import Solution, Stack, at_bounds, last_call, linearised
-from .replay import can_close, replay
+from .replay import Machine, replay
 
 TOLERANCE = 1e-4  # RMS effort of any one value's change, over the RMS effort, at which iterations stop
 MAX_ITERATIONS = 30
 
 
 def simulated_motions(
-    model: JointModel, values: np.ndarray, motions: tuple[Motion, ...], rig: Rig, processing: Processing
+    model: JointModel, values: np.ndarray, motions: tuple[Motion, ...], machine: Machine
 ) -> tuple[Motion, ...]:
     """The motions as the closed loop of an identified joint makes them, through the same filter and derivatives.
 
@@ -44,8 +43,7 @@ def simulated_motions(
     model : JointModel
     values : ndarray, shape (p,)
     motions : tuple of Motion
-    rig : Rig
-    processing : Processing
+    machine : Machine
 
     Returns
     -------
@@ -58,15 +56,15 @@ def simulated_motions(
     """
     made = []
     for motion in motions:
-        trace = replay(model, values, motion, rig, closed=True)
+        trace = replay(model, values, motion, machine, closed=True)
         if not np.all(np.isfinite(trace.position)):
             raise IdentificationError(f"recording '{motion.recording}': the simulated closed loop diverges")
-        position, velocity, acceleration = differentiate(trace.position, motion.fs, processing)
+        position, velocity, acceleration = differentiate(trace.position, motion.fs, motion.filtering)
         made.append(replace(motion, position=position, velocity=velocity, acceleration=acceleration))
     return tuple(made)
 
 
-def require_loop(rig: Rig, data: Stack) -> None:
+def require_loop(machine: Machine, data: Stack) -> None:
     """Refuse a closed-loop method without a controller and a reference.
 
     Raises
@@ -75,13 +73,15 @@ def require_loop(rig: Rig, data: Stack) -> None:
         Saying which of the two is missing.
     """
     for motion in data.motions:
-        if not can_close(rig, motion):
-            missing = "[rig.loop]" if rig.loop is None else f"a channel 'reference' in recording '{motion.recording}'"
+        if not machine.can_close(motion):
+            missing = (
+                "[rig.loop]" if machine.loop is None else f"a channel 'reference' in recording '{motion.recording}'"
+            )
             raise IdentificationError(f"a closed-loop method needs the machine's controller; missing: {missing}")
 
 
 def solve_instrumental(
-    model: JointModel, data: Stack, rig: Rig, processing: Processing, first: Solution
+    model: JointModel, data: Stack, machine: Machine, first: Solution
 ) -> tuple[Solution, np.ndarray]:
     """IDIM-IV from the states of the simulated closed loop.
 
@@ -89,8 +89,7 @@ def solve_instrumental(
     ----------
     model : JointModel
     data : Stack
-    rig : Rig
-    processing : Processing
+    machine : Machine
     first : Solution
         Least squares, where the iteration starts.
 
@@ -105,28 +104,27 @@ def solve_instrumental(
     IdentificationError
         If there is no controller or reference, or the simulated loop diverges.
     """
-    require_loop(rig, data)
-    return _iterated(model, data, first, lambda values: _instruments(model, values, data, rig, processing))
+    require_loop(machine, data)
+    return _iterated(model, data, first, lambda values: _instruments(model, values, data, machine))
 
 
 def _instruments(
-    model: JointModel, values: np.ndarray, data: Stack, rig: Rig, processing: Processing
+    model: JointModel, values: np.ndarray, data: Stack, machine: Machine
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     efforts, regressors = linearised(model, values, data.motions)
-    simulated = simulated_motions(model, values, data.motions, rig, processing)
+    simulated = simulated_motions(model, values, data.motions, machine)
     z = data.reduced(linearised(model, values, simulated)[1])
     return z, data.reduced(regressors), data.target - data.reduced(efforts)
 
 
-def solve_didim(model: JointModel, data: Stack, rig: Rig, processing: Processing, first: Solution) -> Solution:
+def solve_didim(model: JointModel, data: Stack, machine: Machine, first: Solution) -> Solution:
     """DIDIM: the inverse model fitted on simulated states alone.
 
     Parameters
     ----------
     model : JointModel
     data : Stack
-    rig : Rig
-    processing : Processing
+    machine : Machine
     first : Solution
         Where the iteration starts; any stable guess will do.
 
@@ -139,14 +137,14 @@ def solve_didim(model: JointModel, data: Stack, rig: Rig, processing: Processing
     IdentificationError
         If there is no controller or reference, or the simulated loop diverges.
     """
-    require_loop(rig, data)
-    return _iterated(model, data, first, lambda values: _on_simulated(model, values, data, rig, processing))[0]
+    require_loop(machine, data)
+    return _iterated(model, data, first, lambda values: _on_simulated(model, values, data, machine))[0]
 
 
 def _on_simulated(
-    model: JointModel, values: np.ndarray, data: Stack, rig: Rig, processing: Processing
+    model: JointModel, values: np.ndarray, data: Stack, machine: Machine
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    simulated = simulated_motions(model, values, data.motions, rig, processing)
+    simulated = simulated_motions(model, values, data.motions, machine)
     efforts, regressors = linearised(model, values, simulated)
     w = data.reduced(regressors)
     return w, w, data.target - data.reduced(efforts)
@@ -170,14 +168,14 @@ def _iterated(
     return _solution(model, values, w, residual, iterations, converged), z
 
 
-def solve_output_error(model: JointModel, data: Stack, rig: Rig, first: Solution) -> Solution:
+def solve_output_error(model: JointModel, data: Stack, machine: Machine, first: Solution) -> Solution:
     """Fit the simulated response itself, with its exact Jacobian.
 
     Parameters
     ----------
     model : JointModel
     data : Stack
-    rig : Rig
+    machine : Machine
     first : Solution
 
     Returns
@@ -191,14 +189,14 @@ def solve_output_error(model: JointModel, data: Stack, rig: Rig, first: Solution
     IdentificationError
         If the simulation diverges at the first guess.
     """
-    closed = all(can_close(rig, m) for m in data.motions)
+    closed = all(machine.can_close(m) for m in data.motions)
     signal = "effort" if closed else "position"
     measured = [getattr(m, signal) for m in data.motions]
     everywhere = Stack(data.motions, data.targets, tuple(np.ones(len(s), bool) for s in data.scored))
 
     @last_call
     def at(values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        traces = [replay(model, values, m, rig, closed=closed, differentiate=True) for m in data.motions]
+        traces = [replay(model, values, m, machine, closed=closed, differentiate=True) for m in data.motions]
         residual = everywhere.reduced([getattr(t, signal) - x for t, x in zip(traces, measured, strict=True)])
         jacobian = everywhere.reduced([t.jacobians[signal] for t in traces])
         # A trial step that diverges must look bad, not break the solver.

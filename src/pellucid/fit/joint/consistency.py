@@ -42,28 +42,16 @@ def least_inertia(model: JointModel, values: np.ndarray, mass: float) -> float:
     return float(amplitude2 / (mass * GRAVITY**2))
 
 
-def enforce_pseudo_inertia(model: JointModel, data: Stack, found: Solution, mass: float) -> tuple[Solution, bool]:
-    """Move a least-squares solution to the nearest consistent one, in the metric of its own residuals.
-
-    Parameters
-    ----------
-    model : JointModel
-    data : Stack
-    found : Solution
-    mass : float
-        Upper limit on the moving mass [kg].
-
-    Returns
-    -------
-    Solution
-    active : bool
-        Whether the condition had to be enforced.
-    """
-    if "inertia" not in model.names:
-        return found, False
+def enforce_pseudo_inertia(
+    model: JointModel, data: Stack, found: Solution, mass: float
+) -> tuple[Solution, tuple[str, ...]]:
+    """What least squares `found` for a `model` on `data`, moved to the nearest consistent solution in the metric of its
+    own residuals, and a note where that was needed; a body of at most `mass` [kg]."""
+    if "inertia" not in model.names or model.motion != "rotary" or model.effort_unit != "N*m":
+        return found, ()
     i = model.names.index("inertia")
     if found.values[i] >= least_inertia(model, found.values, mass):
-        return found, False
+        return found, ()
     lower, upper = model.bounds()
     values, jacobian, residual = found.values, found.jacobian, found.residual
     w = found.weights
@@ -73,7 +61,8 @@ def enforce_pseudo_inertia(model: JointModel, data: Stack, found: Solution, mass
         jacobian, residual = data.reduced(regressors), data.target - data.reduced(efforts)
     at_bound = found.at_bound.copy()
     at_bound[i] = True
-    return replace(found, values=values, jacobian=jacobian, residual=residual, at_bound=at_bound), True
+    note = f"inertia is held at the least that {mass:g} kg with this gravity torque can have"
+    return replace(found, values=values, jacobian=jacobian, residual=residual, at_bound=at_bound), (note,)
 
 
 def _nearest(

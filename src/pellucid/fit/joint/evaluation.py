@@ -3,15 +3,43 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
 from ... import _core
 from ...models.joint import JointModel
 from ...signals.motion import Motion
-from ..parameter import Prediction
 from .regression import predicted
 from .replay import relative_error
+
+
+@dataclass(frozen=True)
+class Prediction:
+    """The effort a model predicts for a recording, after the same filter on both sides; scored samples only.
+
+    `position`, `velocity`, `acceleration`, `load`, `effort`, `predicted`: shape (n,), SI; `effort_error` [%] is
+    100 ||tau - tau_hat|| / ||tau||; `coverage` is the share of samples inside the prediction interval `half_width`.
+    """
+
+    recording: str
+    split: str
+    time: np.ndarray
+    position: np.ndarray
+    velocity: np.ndarray
+    acceleration: np.ndarray
+    load: np.ndarray
+    effort: np.ndarray
+    predicted: np.ndarray
+    effort_error: float
+    r2: float
+    half_width: float
+    coverage: float
+
+    @property
+    def residual(self) -> np.ndarray:
+        """What the model misses, shape (n,), in the effort's unit."""
+        return self.effort - self.predicted
 
 
 def r_squared(measured: np.ndarray, modelled: np.ndarray) -> float:
@@ -56,7 +84,7 @@ def predict(
             Prediction(
                 recording=name,
                 split=parts[0][0].split,
-                time=np.concatenate([m.time[m.inner][:: m.decimate][m.moving] for m, _ in parts]),
+                time=np.concatenate([m.time[m.inner][:: m.filtering.decimate][m.moving] for m, _ in parts]),
                 position=joined(lambda m, e: m.position),
                 velocity=joined(lambda m, e: m.velocity),
                 acceleration=joined(lambda m, e: m.acceleration),

@@ -82,7 +82,7 @@ def stack(motions: Sequence[Motion]) -> Stack:
     if not any(s.any() for s in scored):
         top = max(float(np.abs(m.velocity).max()) for m in motions)
         raise IdentificationError(
-            f"no sample is faster than the dead band of {motions[0].dead_band:g}: the fastest is {top:.3g}; "
+            f"no sample is faster than the dead band of {motions[0].filtering.dead_band:g}: the fastest is {top:.3g}; "
             "lower [processing] dead_band or record a faster motion"
         )
     return Stack(tuple(motions), tuple(m.reduce(m.effort)[s] for m, s in zip(motions, scored, strict=True)), scored)
@@ -363,7 +363,7 @@ def _solve_stribeck(
         cost(np.log(after.values[at]))
     else:
         # Below the dead band the extra level would be an extrapolation.
-        lowest = min(max(0.02 * top, 2.0 * max(m.dead_band for m in data.motions)), top)
+        lowest = min(max(0.02 * top, 2.0 * max(m.filtering.dead_band for m in data.motions)), top)
         grid = np.log(np.geomspace(lowest, top, 6))
         costs = [cost(x) for x in grid]
         best = int(np.argmin(costs))

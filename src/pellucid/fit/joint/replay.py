@@ -2,63 +2,65 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from ..._errors import IdentificationError
 from ...models.joint import JointModel
 from ...models.simulate import LoopSetting, Trace, simulate
-from ...recordings.study_file import Processing, Rig
-from ...signals.effort import drive_model
-from ...signals.motion import Motion, differentiate, lowpassed
-from ..parameter import Simulation
+from ...signals.motion import Motion, differentiate
 
 SIGNALS = ("position", "velocity", "acceleration", "effort")
 SMOOTHING = 0.01  # width of the smooth sign of velocity, as a share of a recording's largest speed
 
 
-def loop_setting(rig: Rig) -> LoopSetting:
-    """The rig's controller as the core takes it; kind "none" where the rig states no controller."""
-    loop = rig.loop
-    if loop is None:
-        return LoopSetting()
-    gains = (loop.kp or 0.0, loop.ki or 0.0, loop.kd or 0.0, loop.kv or 0.0)
-    return LoopSetting(loop.kind, *gains, loop.limit or 0.0, loop.velocity_span)
+@dataclass(frozen=True)
+class Machine:
+    """What drives a joint, effort = gain * command - back_emf * velocity, and its own controller where it is known."""
+
+    gain: float = 1.0
+    back_emf: float = 0.0
+    loop: LoopSetting | None = None
+
+    def can_close(self, motion: Motion) -> bool:
+        """Whether a `motion` can be simulated in closed loop: a known controller and a recorded reference."""
+        return self.loop is not None and motion.reference is not None
 
 
-def can_close(rig: Rig, motion: Motion) -> bool:
-    """Whether the recording can be simulated in closed loop: a known controller and a recorded reference."""
-    return rig.loop is not None and motion.reference is not None
+@dataclass(frozen=True)
+class Simulation:
+    """A recording simulated with an identified joint.
+
+    `mode` is "closed_loop" (the machine's own controller in the loop) or "openloop" (measured command in). `measured`
+    and `simulated` map "position", "velocity", "acceleration", "effort" to arrays of shape (n,), SI; `errors` maps the
+    same names to 100 ||x - x_s|| / ||x|| [%]; `rmse` is the position's, in rad or m.
+    """
+
+    recording: str
+    split: str
+    mode: str
+    time: np.ndarray
+    measured: Mapping[str, np.ndarray]
+    simulated: Mapping[str, np.ndarray]
+    errors: Mapping[str, float]
+    rmse: float
+    mean_absolute_error: float
 
 
 def replay(
     model: JointModel,
     values: np.ndarray,
     motion: Motion,
-    rig: Rig,
+    machine: Machine,
     *,
     closed: bool,
     differentiate: bool = False,
 ) -> Trace:
-    """Simulate one motion from its measured initial state.
-
-    Parameters
-    ----------
-    model : JointModel
-    values : ndarray, shape (p,)
-    motion : Motion
-    rig : Rig
-    closed : bool
-        With the machine's controller following the recorded reference, or from the recorded command.
-    differentiate : bool
-        Smooth friction, and Jacobians with respect to the free values, (n, p).
-
-    Returns
-    -------
-    Trace
-    """
-    drive = drive_model(rig)
+    """Simulate one `motion` of a `machine` from its measured initial state, the joint a `model` with `values`, (p,);
+    `closed` with the machine's controller following the recorded reference, else from the recorded command;
+    `differentiate` for smooth friction, and Jacobians by the free values, (n, p)."""
     width = SMOOTHING * float(np.abs(motion.velocity).max()) if differentiate else 0.0
     spread = model.spread()
     active = np.flatnonzero(spread.any(axis=1)) if differentiate else None
@@ -66,9 +68,9 @@ def replay(
         model.loaded(model.vector(values, velocity_width=width), *motion.payload),
         motion.reference if closed else motion.command,
         1.0 / motion.fs,
-        loop=loop_setting(rig) if closed else LoopSetting(),
-        gain=drive.gain,
-        back_emf=drive.back_emf,
+        loop=machine.loop if closed else LoopSetting(),
+        gain=machine.gain,
+        back_emf=machine.back_emf,
         injected=motion.injected if closed else None,
         position0=motion.initial[0],
         velocity0=motion.initial[1],
@@ -82,33 +84,21 @@ def replay(
 
 
 def simulation_of(
-    model: JointModel, values: np.ndarray, motion: Motion, rig: Rig, processing: Processing, *, closed: bool
+    model: JointModel, values: np.ndarray, motion: Motion, machine: Machine, *, closed: bool
 ) -> Simulation:
-    """Simulate one motion with true stiction and compare, with measured and simulated signals filtered alike.
-
-    Parameters
-    ----------
-    model : JointModel
-    values : ndarray, shape (p,)
-    motion : Motion
-    rig : Rig
-    processing : Processing
-    closed : bool
-
-    Returns
-    -------
-    Simulation
+    """Simulate one `motion` of a `machine`, `closed` or from its command, with true stiction, the joint a `model` with
+    `values`, (p,), and compare, measured and simulated signals filtered alike.
 
     Raises
     ------
     IdentificationError
         If the simulation diverges.
     """
-    trace = replay(model, values, motion, rig, closed=closed)
+    trace = replay(model, values, motion, machine, closed=closed)
     if not (np.all(np.isfinite(trace.acceleration)) and np.all(np.isfinite(trace.effort))):
         raise IdentificationError(f"recording '{motion.recording}': the simulated joint diverges")
     inner = motion.inner
-    made = (*differentiate(trace.position, motion.fs, processing), lowpassed(trace.effort, motion.fs, processing))
+    made = (*differentiate(trace.position, motion.fs, motion.filtering), motion.smooth(trace.effort))
     measured = {n: getattr(motion, n)[inner] for n in SIGNALS}
     simulated = {n: x[inner] for n, x in zip(SIGNALS, made, strict=True)}
     errors = {n: relative_error(measured[n], simulated[n]) for n in measured}

@@ -17,7 +17,7 @@ from ...signals.input_output import InputOutput
 from ..joint.gravity_holds import GravityFit, find_holds, fit_gravity, phasor_parameters
 from ..parameter import Parameter
 from ..transfer.pendulum_fit import PendulumFit, fit_pendulum, judged_pendulum
-from ..transfer.transfer_function_fit import Response, TransferFit, fit_transfer_function, judged
+from ..transfer.transfer_function_fit import Response, TransferFit, fit_records, judged
 from ..uncertainty import sandwich
 from .strap_torque import Orthosis
 
@@ -124,7 +124,7 @@ def fit_orthosis(
     gravity = fit_gravity(holds, zero=zero)
     sines, checks = ([_thinned(r, zero.value) for r in group] for group in (sines, checks))
     pendulum = _pendulum(sines, gravity.gravity.value)
-    linear = fit_transfer_function(sines, POLES, ZEROS, hold=HOLD, units=("N*m", "rad"))
+    linear = fit_records(sines, POLES, ZEROS, hold=HOLD, units=("N*m", "rad"))
     return OrthosisFit(
         gravity,
         pendulum,

@@ -23,9 +23,10 @@ import numpy as np
 from scipy.linalg import qr
 
 from ..._errors import IdentificationError
-from ...models.card import named
 from ...models.transfer_function import HOLDS, ResponseBasis, TransferFunction, response_basis, time_steps
 from ...signals.input_output import InputOutput
+from ...signals.sampled import sampled
+from ..estimates import Estimates
 from ..parameter import Parameter, Whiteness
 from ..uncertainty import sandwich, whiteness
 from .srivc import SINGULAR, Experiment, first_transfer_functions, solve_linear
@@ -81,19 +82,15 @@ class Response:
         return self.measured - self.simulated
 
 
-@dataclass(frozen=True)
-class TransferFit:
-    """An identified transfer function.
+@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
+class TransferFit(Estimates):
+    """An identified transfer function; its parameters are a_{n-1} ... a_0, then b_m ... b_0.
 
     Attributes
     ----------
     transfer_function : TransferFunction
     hold : str
         What the input was taken to do between samples.
-    parameters : tuple of Parameter
-        a_{n-1} ... a_0, then b_m ... b_0.
-    covariance : ndarray, shape (p, p)
-        Of the parameters, initial states and offsets estimated with them.
     physical : tuple of Parameter
         Of two poles and no zeros: inertia 1/b0, damping a1/b0, stiffness a0/b0, by the delta method; empty otherwise.
     responses : tuple of Response
@@ -108,8 +105,6 @@ class TransferFit:
 
     transfer_function: TransferFunction
     hold: str
-    parameters: tuple[Parameter, ...]
-    covariance: np.ndarray
     physical: tuple[Parameter, ...]
     responses: tuple[Response, ...]
     residual_sd: float
@@ -118,11 +113,47 @@ class TransferFit:
     whiteness: Whiteness
     notes: tuple[str, ...] = ()
 
-    def __getitem__(self, name: str) -> Parameter:
-        return named((*self.parameters, *self.physical), name, "this fit")
+    @property
+    def every(self) -> tuple[Parameter, ...]:
+        """The coefficients, then what they mean of a mass with spring and damper."""
+        return *self.parameters, *self.physical
+
+    @property
+    def numerator(self) -> np.ndarray:
+        """b_m ... b_0, shape (zeros + 1,)."""
+        return np.array(self.transfer_function.numerator)
+
+    @property
+    def denominator(self) -> np.ndarray:
+        """1, a_{n-1} ... a_0, shape (poles + 1,)."""
+        return np.array(self.transfer_function.denominator)
+
+    def predict(self, time: np.ndarray, input: np.ndarray) -> np.ndarray:
+        """The response to an input from rest.
+
+        Parameters
+        ----------
+        time, input : ndarray, shape (n,)
+            Increasing [s]; in the fitted input's unit.
+
+        Returns
+        -------
+        ndarray, shape (n,)
+
+        Raises
+        ------
+        RecordingError
+            If the arrays do not fit together, or a number is missing.
+        """
+        time, input = sampled("predict", time, even=False, input=input)
+        return self.transfer_function.simulate(time, input, hold=self.hold)
+
+    def _facts(self) -> tuple[str, ...]:
+        fits = ", ".join(f"{r.fit:.1f} %" for r in self.responses)
+        return (f"fit {fits}; residual {self.residual_sd:.3g} (SD)", *self.notes)
 
 
-def fit_transfer_function(
+def fit_records(
     records: Sequence[InputOutput],
     poles: int,
     zeros: int = 0,
@@ -353,6 +384,7 @@ def _finished(experiment: Experiment, found: _Found, units: tuple[str, str]) -> 
     notes = [] if settled else [f"the search had not settled after {found.iterations} steps"]
     notes += _pole_notes(made, experiment)
     return TransferFit(
+        title=f"Transfer function of {n} pole{'s' * (n != 1)} and {m} zero{'s' * (m != 1)}",
         transfer_function=made,
         hold=experiment.hold,
         parameters=parameters,
@@ -377,9 +409,11 @@ def _physical(values: np.ndarray, covariance: np.ndarray, units: tuple[str, str]
     """Inertia, damping and stiffness of I q'' + b q' + k q = u, by the delta method."""
     a1, a0, b0 = values
     given, made = units
-    texts = {("N*m", "rad"): ("kg*m^2", "N*m*s/rad", "N*m/rad"), ("N", "m"): ("kg", "N*s/m", "N/m")}.get(
-        units, (f"{given}*s^2/{made}", f"{given}*s/{made}", f"{given}/{made}")
-    )
+    texts = {
+        ("N*m", "rad"): ("kg*m^2", "N*m*s/rad", "N*m/rad"),
+        ("N", "m"): ("kg", "N*s/m", "N/m"),
+        ("1", "1"): ("s^2", "s", "1"),
+    }.get(units, (f"{given}*s^2/{made}", f"{given}*s/{made}", f"{given}/{made}"))
     slopes = np.array([[0.0, 0.0, -1.0 / b0**2], [1.0 / b0, 0.0, -a1 / b0**2], [0.0, 1.0 / b0, -a0 / b0**2]])
     variances = np.diag(slopes @ covariance @ slopes.T)
     return tuple(

@@ -13,7 +13,7 @@ from ...fit.strap.limb_imu import limb_by_imu
 from ...fit.strap.orthosis_alone import HOLD, OrthosisFit, fit_orthosis
 from ...fit.strap.strap_torque import Swing
 from ...fit.strap.wearer_coupling import EDGE, WearerCoupling, identify_wearer
-from ...fit.transfer.transfer_function_fit import TransferFit, fit_percent, fit_transfer_function
+from ...fit.transfer.transfer_function_fit import TransferFit, fit_percent, fit_records
 from ...lab.knee.rig import KneeRig, Subject
 from ...models.anthropometry import de_leva, shank_length, winter
 from ...procedures.coupling.coupling_findings import WearerStages
@@ -142,7 +142,7 @@ def identify_bench(rig: KneeRig, seed: int) -> Bench:
     taken = take(rig, seed)
     held = taken.responses("gravity_holds")
     fit = fit_orthosis(held, *(taken.responses("sine_tracking", use) for use in ("fit", "validate")))
-    brief = fit_transfer_function(taken.responses("sine_brief"), 2, 0, hold=HOLD, units=("N*m", "rad"))
+    brief = fit_records(taken.responses("sine_brief"), 2, 0, hold=HOLD, units=("N*m", "rad"))
     gravity = float(np.hypot(*rig.orthosis_gravity))
     return Bench(fit, brief, *held_angles(held), gravity, rig["orthosis"]["inertia"])
 

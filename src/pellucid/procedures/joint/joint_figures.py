@@ -14,7 +14,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
-from ...fit.parameter import FamilyFit, JointFit, Simulation
+from ...fit.joint.friction_family import FamilyFit
+from ...fit.joint.replay import Simulation
 from ...models.friction import FrictionCurve, friction_curve
 from ...pages.drawing import Drawing, Head, dots, heads, key, label_ends, line, one_panel, origin, tidy
 from ...pages.quantities import EFFORTS, METHODS, READINGS, label, percent, unit_text
@@ -32,6 +33,7 @@ from ...pages.series import (
     whole,
 )
 from ...pages.style import FIGURE_WIDTH, colour, family_colour
+from .joint_fit import JointFit
 
 COLUMNS = 4
 """Recordings side by side in one figure."""
@@ -479,7 +481,7 @@ def _friction_panel(axis: Axes, fit: JointFit, family: FamilyFit) -> None:
 
 def _curve(family: FamilyFit, velocity: np.ndarray, load: float) -> FrictionCurve:
     estimate = family.estimate
-    return friction_curve(family.model, estimate.values, estimate.covariance, velocity, load)
+    return friction_curve(family.model, estimate.array, estimate.covariance, velocity, load)
 
 
 def _velocities(fit: JointFit, family: FamilyFit) -> tuple[float, float]:

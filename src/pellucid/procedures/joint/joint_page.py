@@ -8,7 +8,9 @@ from pathlib import Path
 import numpy as np
 
 from ..._atomic import write_text_atomically
-from ...fit.parameter import Estimate, FamilyFit, JointFit, Parameter
+from ...fit.joint.friction_family import FamilyFit
+from ...fit.joint.joint_estimate import JointEstimate
+from ...fit.parameter import Parameter
 from ...fit.slider.slider_fit import SliderFit
 from ...pages.drawing import Drawing, draw
 from ...pages.quantities import (
@@ -39,6 +41,7 @@ from ..study_page import made_with
 from . import joint_figures as figures
 from .identify_joint import identify
 from .joint_figures import Trace
+from .joint_fit import JointFit
 
 PAGE = "index.html"
 
@@ -295,7 +298,7 @@ def _tile(p: Parameter, level: float) -> dict[str, str]:
     }
 
 
-def _parameters(fit: JointFit, estimate: Estimate, level: float) -> Table:
+def _parameters(fit: JointFit, estimate: JointEstimate, level: float) -> Table:
     booted = any(p.bootstrap is not None for p in estimate.parameters)
     share = f"{100.0 * level:.4g} %"
     heads = ["Parameter", "Value", "Unit", f"{share} interval"]

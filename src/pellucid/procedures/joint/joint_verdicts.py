@@ -7,8 +7,10 @@ from collections.abc import Mapping
 import numpy as np
 
 from ..._errors import IdentificationError
+from ...fit.joint.friction_family import FamilyFit
+from ...fit.joint.joint_estimate import JointEstimate
 from ...fit.joint.regression import Stack, solve
-from ...fit.parameter import Estimate, FamilyFit, Parameter, Verdict
+from ...fit.parameter import Parameter, Verdict
 from ...models.joint import UNITS, JointModel
 from ...recordings.study import Study
 
@@ -241,7 +243,7 @@ def _comparison(fits: Mapping[str, FamilyFit], best: str) -> list[Verdict]:
     ]
 
 
-def _rival(estimate: Estimate, name: str) -> str | None:
+def _rival(estimate: JointEstimate, name: str) -> str | None:
     """The parameter that hides another one, where two estimates are nearly proportional."""
     names = [p.name for p in estimate.parameters]
     sd = np.sqrt(np.diag(estimate.covariance))

@@ -8,14 +8,16 @@ from importlib.metadata import version
 
 import numpy as np
 
-from ...fit.joint.replay import relative_error
-from ...fit.parameter import Estimate, FamilyFit, JointFit, Simulation
+from ...fit.joint.friction_family import FamilyFit
+from ...fit.joint.joint_estimate import JointEstimate
+from ...fit.joint.replay import Simulation, relative_error
 from ...fit.slider.slider_fit import SliderFit
 from ...models.card import ModelCard, write_card
 from ...recordings.results import ResultRow, checksum_of_all, write_rows
 from ...recordings.study import Study
 from ...signals.effort import drive_model
 from ..slider.save_slider import save_slider
+from .joint_fit import JointFit
 
 COMMAND = "identify"
 
@@ -115,7 +117,7 @@ def _interval_note(interval: tuple[float, float]) -> str:
     return f"95 % interval {interval[0]:.6g} to {interval[1]:.6g}"
 
 
-def _estimate_rows(head: str, estimate: Estimate, plain: ResultRow) -> Iterator[ResultRow]:
+def _estimate_rows(head: str, estimate: JointEstimate, plain: ResultRow) -> Iterator[ResultRow]:
     for p in estimate.parameters:
         note = f"{_interval_note(p.interval())}; {plain.note}"
         yield replace(plain, id=f"{head}.{p.name}", value=p.value, unit=p.unit, note=note)

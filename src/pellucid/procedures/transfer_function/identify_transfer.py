@@ -10,7 +10,7 @@ import numpy as np
 
 from ..._errors import IdentificationError, PellucidError
 from ...fit.parameter import Verdict
-from ...fit.transfer.transfer_function_fit import SAMPLES_EACH, Response, TransferFit, fit_transfer_function, judged
+from ...fit.transfer.transfer_function_fit import SAMPLES_EACH, Response, TransferFit, fit_records, judged
 from ...models.parameter_card import ParameterCard
 from ...recordings.quality import Fault
 from ...recordings.recording import Recording
@@ -98,7 +98,7 @@ def identify_transfer(study: Study, on_progress: Progress | None = None) -> Tran
     unjudged: dict[str, str] = {}
 
     def fit(*records: InputOutput) -> TransferFit:
-        return fit_transfer_function(records, asked.poles, asked.zeros, hold=asked.hold, units=units)
+        return fit_records(records, asked.poles, asked.zeros, hold=asked.hold, units=units)
 
     for k, recording in enumerate(recordings):
         tell(f"fitting {recording.name}", 0.2 + 0.7 * k / len(recordings))

@@ -1,0 +1,151 @@
+"""A joint identified from arrays: inertia, gravity and friction with intervals."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+
+from ..._errors import IdentificationError
+from ...models.joint import SYMBOLS, joint_model
+from ...signals.motion import Filtering, motion_of, shortest
+from ...signals.sampled import sampled
+from .consistency import enforce_pseudo_inertia
+from .joint_estimate import JointEstimate, estimated
+from .regression import solve, stack
+
+SETTLING = 2.0
+"""Periods of the low-pass that are dropped at either border unless told otherwise."""
+
+
+def fit_joint(
+    time: np.ndarray,
+    position: np.ndarray,
+    effort: np.ndarray,
+    *,
+    friction: str = "symmetric",
+    lowpass: float | None,
+    order: int = 4,
+    decimate: int = 1,
+    dead_band: float = 0.0,
+    trim: int | None = None,
+    motion: str = "rotary",
+    gravity: str | None = None,
+    effort_unit: str | None = None,
+    known: Mapping[str, float] | None = None,
+    moving_mass: float | None = None,
+    confidence: float = 0.95,
+) -> JointEstimate:
+    r"""Identify a joint from a recorded motion and the effort it took.
+
+    Least squares on filtered data, with physical bounds,
+
+    .. math::  \tau = J\ddot q + g_s\sin q + g_c\cos q + f(\dot q, \cdot) + \tau_0 ,
+
+    both sides through the same zero-phase low-pass; standard errors allow for coloured residuals.
+
+    Parameters
+    ----------
+    time : ndarray, shape (n,)
+        Evenly sampled [s].
+    position : ndarray, shape (n,) or (n, 1)
+        [rad], 0 where the joint hangs; or [m].
+    effort : ndarray, shape (n,) or (n, 1)
+        At the joint [N*m or N], or in the drive's own unit (see `effort_unit`); positive drives positive motion.
+    friction : {"symmetric", "directional", "load", "stribeck", "combined"}
+        Friction family.
+    lowpass : float or None
+        Cut-off of the low-pass [Hz]; about five times the fastest motion. None if the arrays are smooth already.
+    order : int
+        Of one pass of the filter.
+    decimate : int
+        One sample in so many is kept after filtering: 1 / (2 `lowpass`) apart loses nothing.
+    dead_band : float
+        Slower samples are left out [rad/s or m/s]: what sticks tells nothing of friction.
+    trim : int, optional
+        Samples dropped at either border; two periods of `lowpass` if left out.
+    motion : {"rotary", "prismatic"}
+    gravity : {"sine", "sine+cosine", "none"}, optional
+        How gravity varies with position; "sine" of a rotary joint and "none" of a slide if left out.
+    effort_unit : {"N*m", "N", "A", "V"}, optional
+        "N*m" or "N", by `motion`, if left out. Parameters are then per ampere or per volt.
+    known : mapping of str to float, optional
+        Parameters that are known beforehand, SI, such as ``{"gravity": 1.5}``.
+    moving_mass : float, optional
+        More mass than moves [kg]: keeps the inertia above the least that a body with this gravity torque can have.
+    confidence : float
+        Of the intervals.
+
+    Returns
+    -------
+    JointEstimate
+        Parameters by name (``fit["inertia"].value``, ``fit["inertia"].interval(0.95)``), their covariance, and
+        `predict`.
+
+    Raises
+    ------
+    RecordingError
+        If arrays differ in shape, hold a number that is not finite, are too short, or time is uneven.
+    IdentificationError
+        If an option is unknown, or the motion cannot tell the parameters apart; the message names them.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import pellucid as pl
+    >>> t = np.arange(0.0, 20.0, 0.005)
+    >>> q = 0.6 * np.sin(0.8 * t) + 0.3 * np.sin(3.1 * t) + 0.1 * np.sin(7.0 * t)
+    >>> v = np.gradient(q, t)
+    >>> a = np.gradient(v, t)
+    >>> effort = 0.05 * a + 1.5 * np.sin(q) + 0.3 * np.sign(v) + 0.08 * v
+    >>> fit = pl.fit_joint(t, q, effort, lowpass=10.0, decimate=5)
+    >>> round(fit["inertia"].value, 3), fit["inertia"].unit
+    (0.05, 'kg*m^2')
+    >>> list(fit)
+    ['inertia', 'gravity', 'viscous', 'coulomb', 'offset']
+    >>> fit.predict(t, q).shape
+    (4000,)
+    """
+    time, position, effort = sampled("fit_joint", time, position=position, effort=effort)
+    units = {"rotary": "N*m", "prismatic": "N"}
+    if motion not in units:
+        raise IdentificationError(f"fit_joint: motion: found {motion!r}, expected one of {', '.join(units)}")
+    own = effort_unit or units[motion]
+    if own not in (units[motion], "A", "V"):
+        raise IdentificationError(
+            f"fit_joint: effort_unit: found {own!r}, expected one of {units[motion]}, A, V for a {motion} joint"
+        )
+    for name in known or {}:
+        if name not in SYMBOLS:
+            raise IdentificationError(f"fit_joint: known: found {name!r}, expected any of {', '.join(SYMBOLS)}")
+    for name, value, least in (("decimate", decimate, 1), ("order", order, 1), ("trim", trim or 0, 0)):
+        if value != int(value) or value < least:
+            raise IdentificationError(f"fit_joint: {name}: found {value}, expected an integer of {least} or more")
+    if not 0.0 < confidence < 1.0:
+        raise IdentificationError(f"fit_joint: confidence: found {confidence:g}, expected between 0 and 1")
+    fs = (len(time) - 1) / float(time[-1] - time[0])
+    if lowpass is not None and not 0.0 < lowpass < 0.5 * fs:
+        raise IdentificationError(
+            f"fit_joint: lowpass: found {lowpass:g} Hz, expected above 0 and below {fs / 2:g} Hz, half the rate"
+        )
+    if trim is None:
+        trim = 0 if lowpass is None else int(np.ceil(SETTLING * fs / lowpass))
+    filtering = Filtering(lowpass, int(order), int(decimate), float(dead_band), int(trim))
+    sampled("fit_joint", time, least=shortest(filtering))
+    taken = motion_of(time, position, effort, filtering)
+    plain = joint_model(
+        friction,
+        motion=motion,
+        effort_unit=own,
+        gravity=gravity or {"rotary": "sine", "prismatic": "none"}[motion],
+        known=known,
+        separate_load="gravity" in (known or {}) or "inertia" in (known or {}),
+        velocity_range=float(np.abs(taken.velocity[taken.inner]).max()),
+    )
+    model = replace(plain, payload_scale=1.0 if own == units[motion] else 0.0)
+    data = stack([taken])
+    found, notes = solve(model, data), ()
+    if moving_mass is not None:
+        found, notes = enforce_pseudo_inertia(model, data, found, moving_mass)
+    return estimated(model, data, found, "ls", notes, level=confidence)

@@ -1,0 +1,149 @@
+"""One friction family fitted by every method its data allow, with what it predicts and simulates."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from ..._errors import IdentificationError
+from ...models.joint import JointModel
+from ...signals.motion import Motion
+from ..parameter import Parameter
+from .closed_loop import solve_didim, solve_instrumental, solve_output_error
+from .consistency import enforce_pseudo_inertia
+from .evaluation import Prediction, pooled, predict
+from .joint_estimate import JointEstimate, estimated
+from .regression import Solution, Stack, solve, with_known_stribeck_velocity
+from .replay import Machine, Simulation, simulation_of
+from .reweighting import solve_robust, solve_weighted
+
+PARSIMONY = 1.03
+
+
+@dataclass(frozen=True)
+class FamilyFit:
+    """One friction family: its reference estimate, the other estimators, and how it predicts and simulates.
+
+    `heldout_effort_error` [%] and `heldout_r2` pool all validation recordings (nan where there are none).
+    """
+
+    model: JointModel
+    estimate: JointEstimate
+    others: Mapping[str, JointEstimate] = field(default_factory=dict)
+    predictions: tuple[Prediction, ...] = ()
+    simulations: Mapping[str, tuple[Simulation, ...]] = field(default_factory=dict)
+    """Keyed by the method whose parameters were simulated ("ls", "output_error", ...)."""
+    failures: Mapping[str, str] = field(default_factory=dict)
+    """Methods, and simulated recordings, that came to nothing, and why."""
+    fitted_effort_error: float = float("nan")
+    fitted_r2: float = float("nan")
+    heldout_effort_error: float = float("nan")
+    heldout_r2: float = float("nan")
+
+    @property
+    def family(self) -> str:
+        """The friction family's name."""
+        return self.model.family
+
+    def __getitem__(self, name: str) -> Parameter:
+        return self.estimate[name]
+
+
+def best_family(fits: dict[str, FamilyFit]) -> str:
+    """The simplest family whose held-out effort error is within `PARSIMONY` of the smallest (fitted effort where
+    nothing is held out)."""
+
+    def error(name: str) -> float:
+        fit = fits[name]
+        return fit.heldout_effort_error if np.isfinite(fit.heldout_effort_error) else fit.fitted_effort_error
+
+    smallest = min(error(name) for name in fits)
+    return min((n for n in fits if error(n) <= PARSIMONY * smallest), key=lambda n: len(fits[n].model.symbols))
+
+
+def fit_family(
+    model: JointModel,
+    data: Stack,
+    everything: Sequence[Motion],
+    machine: Machine,
+    *,
+    level: float,
+    moving_mass: float | None = None,
+    thorough: bool = True,
+) -> FamilyFit:
+    """Fit a `model` to `data`, predict and simulate `everything` a `machine` recorded; intervals at `level`, a body of
+    at most `moving_mass` [kg]; `thorough` also by weighted, robust and closed-loop methods.
+
+    Raises
+    ------
+    IdentificationError
+        If the regression is singular.
+    """
+    first, note = solve(model, data), ()
+    if moving_mass is not None:
+        first, note = enforce_pseudo_inertia(model, data, first, moving_mass)
+    estimate = estimated(model, data, first, "ls", note, level=level)
+    half_width = float(np.quantile(np.abs(first.residual), level))
+    predictions = predict(model, first.values, everything, half_width)
+    fitted, heldout = pooled(predictions, "fitted"), pooled(predictions, "heldout")
+    more = _thorough(model, data, first, everything, machine, level) if thorough else ({}, {}, {})
+    return FamilyFit(model, estimate, more[0], predictions, more[1], more[2], *fitted, *heldout)
+
+
+def _thorough(
+    model: JointModel, data: Stack, first: Solution, everything: Sequence[Motion], machine: Machine, level: float
+) -> tuple[dict[str, JointEstimate], dict[str, tuple[Simulation, ...]], dict[str, str]]:
+    """Estimates by the other methods, simulations, and what came to nothing."""
+    if "stribeck_velocity" in model.names:
+        # Only least squares profiles over it; the others take its value.
+        at = model.names.index("stribeck_velocity")
+        model = with_known_stribeck_velocity(model, float(first.values[at]))
+        first = replace(
+            first,
+            values=np.delete(first.values, at),
+            jacobian=np.delete(first.jacobian, at, axis=1),
+            at_bound=np.delete(first.at_bound, at),
+        )
+    weighted, robust = solve_weighted(model, data, first), solve_robust(model, data, first)
+    others = {
+        "wls": estimated(model, data, weighted, "wls", level=level),
+        "irls": estimated(model, data, robust, "irls", level=level),
+    }
+    failures: dict[str, str] = {}
+
+    def attempt(name: str, run: Callable[[], JointEstimate]) -> None:
+        try:
+            others[name] = run()
+        except (IdentificationError, np.linalg.LinAlgError) as error:
+            failures[name] = str(error)
+
+    def instrumental() -> JointEstimate:
+        solution, z = solve_instrumental(model, data, machine, first)
+        return estimated(model, data, solution, "iv", instruments=z, level=level)
+
+    def didim() -> JointEstimate:
+        return estimated(model, data, solve_didim(model, data, machine, first), "didim", level=level)
+
+    def output_error() -> JointEstimate:
+        solution = solve_output_error(model, data, machine, first)
+        stretches = [len(scored) for scored in data.scored]
+        return estimated(model, data, solution, "output_error", lengths=stretches, level=level)
+
+    if all(machine.can_close(m) for m in data.motions):
+        attempt("iv", instrumental)
+        attempt("didim", didim)
+    attempt("output_error", output_error)
+    simulations: dict[str, tuple[Simulation, ...]] = {}
+    solved = {"ls": first.values} | ({"output_error": others["output_error"].array} if "output_error" in others else {})
+    for method, values in solved.items():
+        made = []
+        for motion in everything:
+            for closed in (True, False) if machine.can_close(motion) else (False,):
+                try:
+                    made.append(simulation_of(model, values, motion, machine, closed=closed))
+                except IdentificationError as error:
+                    failures[f"simulation of {motion.recording}"] = str(error)
+        simulations[method] = tuple(made)
+    return others, simulations, failures

@@ -1,0 +1,201 @@
+"""One method's estimate of one friction family: parameters with intervals, what it predicts, and its model card."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ...models.card import ModelCard
+from ...models.joint import UNITS, JointModel
+from ...signals.motion import Filtering, motion_of
+from ...signals.sampled import sampled
+from ..estimates import Estimates
+from ..parameter import Parameter, Whiteness
+from ..uncertainty import block_bootstrap, memory, sandwich, whiteness
+from .regression import Solution, Stack, predicted
+
+SEED = 20261121  # of the bootstrap
+
+
+@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
+class JointEstimate(Estimates):
+    """An identified joint.
+
+    Attributes
+    ----------
+    model : JointModel
+        Of one friction family; its names are the parameters'.
+    method : str
+        "ls" (ordinary, on filtered data: the reference), "wls", "irls", "iv", "didim", "output_error".
+    condition_number : float
+        Of the regressor with columns as they are (the literature's figure).
+    scaled_condition_number : float
+        Of the regressor with columns scaled to unit norm: what collinearity is left.
+    residual_sd : float
+        In the effort's unit.
+    samples : int
+        Rows of the regression.
+    filtering : Filtering
+        What was done to both sides.
+    effort_error : float
+        100 ||effort - model|| / ||effort|| over the samples that were fitted [%].
+    iterations : int
+    converged : bool
+    whiteness : Whiteness or None
+        Of the residuals.
+    notes : tuple of str
+        What the method has to say (active bounds, samples left out, weights).
+    """
+
+    model: JointModel
+    method: str
+    condition_number: float
+    scaled_condition_number: float
+    residual_sd: float
+    samples: int
+    filtering: Filtering | None = None
+    effort_error: float = float("nan")
+    iterations: int = 1
+    converged: bool = True
+    whiteness: Whiteness | None = None
+    notes: tuple[str, ...] = ()
+
+    def predict(self, time: np.ndarray, position: np.ndarray) -> np.ndarray:
+        """Effort that a motion takes, filtered as the fitted effort was.
+
+        Parameters
+        ----------
+        time : ndarray, shape (n,)
+            Evenly sampled [s].
+        position : ndarray, shape (n,) or (n, 1)
+            [rad or m].
+
+        Returns
+        -------
+        ndarray, shape (n,)
+            In the model's effort unit.
+
+        Raises
+        ------
+        RecordingError
+            If the arrays do not fit together, a number is missing, or there are too few for the filter.
+        """
+        time, position = sampled("predict", time, position=position)
+        motion = motion_of(time, position, np.zeros(len(time)), self.filtering)
+        return predicted(self.model, self.array, [motion])[0]
+
+    def card(self, name: str = "joint", lifts: str = "") -> ModelCard:
+        """The model card that `pellucid export` and `pellucid.controller` take.
+
+        Parameters
+        ----------
+        name : str
+            Stands on the card where a study's name would.
+        lifts : str
+            What positive motion does, in words.
+
+        Returns
+        -------
+        ModelCard
+        """
+        from importlib.metadata import version
+
+        return ModelCard(
+            study=name,
+            family=self.model.family,
+            method=self.method,
+            motion=self.model.motion,
+            effort_unit=self.model.effort_unit,
+            lifts=lifts,
+            parameters=tuple(p.on_card(self.confidence) for p in self.parameters),
+            covariance=tuple(tuple(float(x) for x in row) for row in self.covariance),
+            known=dict(self.model.known),
+            velocity_range=float(self.model.velocity_range),
+            drive={"gain": 1.0, "back_emf": 0.0},
+            heldout_effort_error=None,
+            processing=self.filtering.sentence(UNITS[self.model.motion]["velocity"]),
+            confidence=self.confidence,
+            checksums={},
+            pellucid=version("pellucid"),
+        )
+
+    def _facts(self) -> tuple[str, ...]:
+        unit = self.model.effort_unit
+        colour = "" if self.whiteness is None else f"; lag-1 autocorrelation {self.whiteness.lag1:.2f}"
+        return (
+            f"residual {self.residual_sd:.3g} {unit} (SD) over {self.samples} samples{colour}",
+            *self.notes,
+        )
+
+
+def estimated(
+    model: JointModel,
+    data: Stack,
+    found: Solution,
+    method: str,
+    notes: tuple[str, ...] = (),
+    *,
+    instruments: np.ndarray | None = None,
+    lengths: Sequence[int] | None = None,
+    level: float = 0.95,
+) -> JointEstimate:
+    """Covariance, intervals at `level` and diagnostics of what a `method` `found` for a `model` on `data`, with its
+    `notes`; `instruments`, (m, p), of an instrumental-variable estimate; `lengths` of stretches, if not the stack's."""
+    lengths = data.lengths if lengths is None else lengths
+    w, rho = found.jacobian * found.weights[:, None], found.residual * found.weights
+    norms = np.linalg.norm(found.jacobian, axis=0)
+    # A Stribeck velocity without a Stribeck level has no effect at all: no interval can be given.
+    idle = norms <= 1e-12 * norms.max()
+    free = ~idle
+    # Values on a bound stay in: the others' intervals must not take them for known.
+    covariance = sandwich(w, rho, lengths, instruments, free)
+    held = np.flatnonzero(found.at_bound)
+    sd = np.sqrt(np.maximum(np.diag(covariance), 0.0))
+    boot = None
+    if method == "ls":
+        block = int(np.clip(4 * memory(rho), 10, max(10, len(rho) // 20)))
+        boot = np.full((len(free), 2), np.nan)
+        boot[free] = block_bootstrap(
+            w[:, free], rho, found.values[free], block=block, rng=np.random.default_rng(SEED), level=level
+        )
+    names = model.names
+    notes = notes + tuple(
+        f"{names[i]} is held at its physical bound, {found.values[i]:.3g} {model.unit(names[i])}"
+        for i in held
+        if not any(note.startswith(names[i]) for note in notes)
+    )
+    size = np.linalg.norm(data.target)
+    parameters = tuple(
+        Parameter(
+            name=name,
+            unit=model.unit(name),
+            value=float(found.values[i]),
+            standard_error=float(sd[i]),
+            at_bound=bool(found.at_bound[i]),
+            identifiable=bool(free[i] and not found.at_bound[i] and abs(found.values[i]) > 2.0 * sd[i]),
+            influence=float(norms[i] / size),
+            bootstrap=None if boot is None or not free[i] else (float(boot[i, 0]), float(boot[i, 1])),
+        )
+        for i, name in enumerate(names)
+    )
+    shown = found.jacobian[:, ~idle]
+    return JointEstimate(
+        title=f"Joint with {model.family} friction",
+        confidence=level,
+        model=model,
+        method=method,
+        parameters=parameters,
+        covariance=covariance,
+        condition_number=float(np.linalg.cond(shown)),
+        scaled_condition_number=float(np.linalg.cond(shown / norms[~idle])),
+        residual_sd=float(np.sqrt(np.sum(found.residual**2) / max(len(rho) - len(names), 1))),
+        samples=len(rho),
+        filtering=data.motions[0].filtering,
+        effort_error=float(100.0 * np.linalg.norm(found.residual) / size),
+        iterations=found.iterations,
+        converged=found.converged,
+        whiteness=whiteness(found.residual, lengths),
+        notes=notes,
+    )

@@ -1,0 +1,77 @@
+"""Arrays as a user has them: of one length, finite, over time that increases; or a message that says what is not."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from .._errors import RecordingError
+
+UNEVEN = 0.05
+"""Share of the mean step by which one may differ from it where samples must be even."""
+
+
+def sampled(where: str, time: np.ndarray, *, least: int = 2, even: bool = True, **signals) -> tuple[np.ndarray, ...]:
+    """Time [s] and signals as arrays of floats, each of shape (n,), examined.
+
+    Parameters
+    ----------
+    where : str
+        For messages: whose arguments they are.
+    time : ndarray, shape (n,)
+        [s]
+    least : int
+        Fewest samples.
+    even : bool
+        Whether time steps must be equal.
+    **signals : ndarray, shape (n,) or (n, 1)
+        By the arguments' names.
+
+    Returns
+    -------
+    tuple of ndarray, each of shape (n,)
+
+    Raises
+    ------
+    RecordingError
+        Naming the argument, what was found in it, and what was expected.
+    """
+    columns = {name: _column(where, name, values) for name, values in {"time": time, **signals}.items()}
+    t = columns["time"]
+    if len(t) < least:
+        raise RecordingError(f"{where}: time: found {len(t)} samples, expected at least {least}")
+    for name, values in columns.items():
+        if len(values) != len(t):
+            raise RecordingError(f"{where}: {name}: found {len(values)} samples, expected {len(t)}, as many as times")
+        missing = np.flatnonzero(~np.isfinite(values))
+        if len(missing):
+            raise RecordingError(
+                f"{where}: {name}: found {values[missing[0]]} at sample {missing[0]} ({len(missing)} such samples), "
+                "expected finite numbers; cut or interpolate them first"
+            )
+    steps = np.diff(t)
+    wrong = np.flatnonzero(~(steps > 0.0))
+    if len(wrong):
+        i = int(wrong[0])
+        raise RecordingError(
+            f"{where}: time: found {t[i]:.6g} s, then {t[i + 1]:.6g} s at sample {i + 1} ({len(wrong)} such steps), "
+            "expected time that increases with every sample"
+        )
+    mean = float(t[-1] - t[0]) / max(len(steps), 1)
+    if even and np.abs(steps - mean).max() > UNEVEN * mean:
+        raise RecordingError(
+            f"{where}: time: found steps of {steps.min():.3g} to {steps.max():.3g} s, expected even ones; "
+            "interpolate to an even grid first"
+        )
+    return tuple(columns.values())
+
+
+def _column(where: str, name: str, values: np.ndarray) -> np.ndarray:
+    try:
+        column = np.asarray(values, float)
+    except (TypeError, ValueError) as error:
+        raise RecordingError(f"{where}: {name}: {error}; expected an array of real numbers") from None
+    if column.ndim == 2 and column.shape[1] == 1:
+        column = column[:, 0]
+    if column.ndim != 1:
+        raise RecordingError(f"{where}: {name}: found shape {column.shape}, expected (n,) or (n, 1)")
+    return np.ascontiguousarray(column)

@@ -1,0 +1,151 @@
+"""A joint and a transfer function from arrays: what is there is found, and what is wrong is named."""
+
+import doctest
+from importlib import import_module
+
+import numpy as np
+import pytest
+
+import pellucid as pl
+from pellucid._errors import PellucidError
+from pellucid.models.card import read_card, write_card
+
+T = np.arange(0.0, 30.0, 0.005)
+TRUTH = {"inertia": 0.05, "gravity": 1.5, "coulomb": 0.3, "viscous": 0.08}
+
+
+@pytest.fixture(scope="module")
+def recorded():
+    rng = np.random.default_rng(3)
+    angle = T[:, None] * (2.0 * np.pi * np.array([0.13, 0.47, 1.1])) + [0.0, 1.0, 2.0]
+    w, a = 2.0 * np.pi * np.array([0.13, 0.47, 1.1]), np.array([0.5, 0.3, 0.15])
+    q, v, acc = np.sin(angle) @ a, np.cos(angle) @ (a * w), -np.sin(angle) @ (a * w**2)
+    effort = 0.05 * acc + 1.5 * np.sin(q) + 0.3 * np.sign(v) + 0.08 * v + 0.02 * rng.standard_normal(len(T))
+    return q, effort
+
+
+@pytest.fixture(scope="module")
+def fit(recorded):
+    return pl.fit_joint(T, *recorded, lowpass=10.0, decimate=5)
+
+
+def test_the_joint_is_found_with_its_intervals(fit):
+    for name, value in TRUTH.items():
+        assert abs(fit[name].value - value) < 4.0 * fit[name].standard_error + 0.005 * value, name
+    assert dict(fit) == {p.name: p for p in fit.parameters}
+    assert fit.covariance.shape == (5, 5)
+    assert fit.interval("gravity", 0.5)[1] < fit.interval("gravity")[1]
+    assert fit.whiteness.effective_share < 1.0
+
+
+def test_it_prints_as_a_table(fit):
+    lines = str(fit).splitlines()
+    assert lines[0] == "Joint with symmetric friction"
+    assert lines[2].split()[0] == "inertia"
+    assert lines[2].endswith("kg*m^2")
+    assert "not told from 0" in str(fit)
+    assert fit._repr_html_().count("<tr>") == 6
+    assert "a0" not in fit
+    with pytest.raises(KeyError, match="inertia, gravity"):
+        fit["damping"]
+
+
+def test_it_predicts_at_full_rate(fit, recorded):
+    q, effort = recorded
+    assert np.std((fit.predict(T, q[:, None]) - effort)[100:-100]) < 0.06
+
+
+def test_columns_of_one_joint_are_that_joint(fit, recorded):
+    q, effort = recorded
+    again = pl.fit_joint(T, q[:, None], effort[:, None], lowpass=10.0, decimate=5)
+    assert np.array_equal(again.array, fit.array)
+
+
+def test_its_card_is_read_again(fit, tmp_path):
+    write_card(tmp_path / "joint.json", fit.card(lifts="up"))
+    card = read_card(tmp_path / "joint.json")
+    assert card.values == pytest.approx(fit.array, rel=1e-15)
+    assert card.model().vector(card.values) == pytest.approx(fit.model.vector(fit.array))
+    assert card.processing.startswith("zero-phase Butterworth low-pass, order 4, 10 Hz")
+
+
+def test_known_values_and_bodies_that_can_exist(recorded):
+    q, effort = recorded
+    held = pl.fit_joint(T, q, effort, lowpass=10.0, decimate=5, known={"gravity": 1.5})
+    assert "gravity" not in held
+    assert held["inertia"].value == pytest.approx(0.05, rel=0.01)
+    light = pl.fit_joint(T, q, effort, lowpass=10.0, decimate=5, moving_mass=0.2)
+    assert light["inertia"].at_bound
+    assert "0.2 kg" in str(light)
+
+
+@pytest.mark.parametrize(
+    ("changes", "said"),
+    [
+        ({"position": np.zeros(7)}, "position: found 7 samples, expected 6000"),
+        ({"position": np.zeros((6000, 2))}, r"position: found shape \(6000, 2\), expected \(n,\) or \(n, 1\)"),
+        ({"effort": np.where(T > 1.0, np.nan, 0.0)}, r"effort: found nan at sample 201 \(5799 such samples\)"),
+        ({"time": T[::-1]}, "time: found 29.995 s, then 29.99 s at sample 1"),
+        ({"time": T**1.2}, "time: found steps of .* expected even ones"),
+        ({"time": T[:30], "position": T[:30], "effort": T[:30]}, "time: found 30 samples, expected at least"),
+        ({"position": ["a"] * 6000}, "position: could not convert"),
+        ({"lowpass": 200.0}, "lowpass: found 200 Hz, expected above 0 and below 100 Hz"),
+        ({"friction": "viscid"}, "unknown friction family 'viscid'; known: symmetric"),
+        ({"gravity": "cosine"}, "gravity is 'cosine'; expected one of none, sine"),
+        ({"motion": "helical"}, "motion: found 'helical', expected one of rotary, prismatic"),
+        ({"effort_unit": "N"}, r"effort_unit: found 'N', expected one of N\*m, A, V"),
+        ({"known": {"mass": 1.0}}, "known: found 'mass', expected any of inertia"),
+        ({"decimate": 0}, "decimate: found 0, expected an integer of 1 or more"),
+        ({"confidence": 95.0}, "confidence: found 95, expected between 0 and 1"),
+        ({"dead_band": 100.0}, "no sample is faster than the dead band of 100"),
+        ({"position": np.zeros(6000)}, "cannot be identified"),
+    ],
+)
+def test_what_is_wrong_is_named(recorded, changes, said):
+    given = {"time": T, "position": recorded[0], "effort": recorded[1], "lowpass": 10.0, "decimate": 5} | changes
+    with pytest.raises(PellucidError, match=said):
+        pl.fit_joint(given.pop("time"), given.pop("position"), given.pop("effort"), **given)
+
+
+def test_the_low_pass_has_no_default(recorded):
+    with pytest.raises(TypeError, match="lowpass"):
+        pl.fit_joint(T, *recorded)
+
+
+def test_a_transfer_function_with_its_meaning():
+    u = np.sin(T) + np.sign(np.sin(0.7 * T))
+    fit = pl.fit_transfer_function(T, u, pl_response(u), poles=2, units=("N*m", "rad"))
+    assert fit.numerator == pytest.approx([2.0], rel=1e-3)
+    assert fit.denominator == pytest.approx([1.0, 0.8, 9.0], rel=1e-3)
+    assert list(fit) == ["a1", "a0", "b0", "inertia", "damping", "stiffness"]
+    assert fit["stiffness"].value == pytest.approx(4.5, rel=1e-3)
+    assert fit.predict(T, u) == pytest.approx(pl_response(u), abs=1e-3)
+    assert "stiffness" in str(fit)
+
+
+def pl_response(u):
+    from scipy.signal import lsim
+
+    return lsim(([2.0], [1.0, 0.8, 9.0]), u, T)[1]
+
+
+@pytest.mark.parametrize(
+    ("changes", "said"),
+    [
+        ({"output": T[:-1]}, "output: found 5999 samples, expected 6000"),
+        ({"poles": 0}, "found 0 poles and 0 zeros"),
+        ({"hold": "second"}, "hold: found 'second', expected one of zero, first"),
+        ({"input": np.zeros(6000)}, "input"),
+    ],
+)
+def test_what_a_transfer_function_cannot_come_from(changes, said):
+    given = {"input": np.sin(T), "output": np.cos(T), "poles": 1} | changes
+    with pytest.raises(PellucidError, match=said):
+        pl.fit_transfer_function(T, given.pop("input"), given.pop("output"), **given)
+
+
+@pytest.mark.parametrize("module", ["joint.fit_joint", "transfer.fit_transfer_function"])
+def test_examples_run(module):
+    found = doctest.testmod(import_module(f"pellucid.fit.{module}"))
+    assert found.attempted
+    assert not found.failed
