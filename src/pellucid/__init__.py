@@ -14,12 +14,16 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from . import datasets
+    from .assessment.comparison import compare_conditions as compare_conditions
+    from .assessment.movement_indices import movement_indices as movement_indices
+    from .assessment.power import power_curve as power_curve
     from .demonstration.demo import demo as demo
     from .deployment.export import export as export
     from .fit.joint.fit_joint import fit_joint as fit_joint
     from .fit.transfer.fit_transfer_function import fit_transfer_function as fit_transfer_function
     from .lab.init import init as init
     from .lab.simulate import simulate as simulate
+    from .models.muscle import Muscle as Muscle
     from .papers.reproduce import reproduce as reproduce
     from .procedures.assessment.assess import assess as assess
     from .procedures.check import check as check
@@ -27,7 +31,9 @@ if TYPE_CHECKING:
     from .procedures.emg_torque.calibrate import calibrate as calibrate
     from .procedures.joint.identify_joint import identify as identify
     from .procedures.joint.joint_page import write_report as report
+    from .recordings.readers import read_columns as read
     from .recordings.study import open_study as open
+    from .signals.envelope import envelope as envelope
 
 _WHERE = {
     "open": ("recordings.study", "open_study"),
@@ -45,22 +51,34 @@ _WHERE = {
     "datasets": ("datasets", None),
     "demo": ("demonstration.demo", "demo"),
     "export": ("deployment.export", "export"),
+    "Muscle": ("models.muscle", "Muscle"),
+    "compare_conditions": ("assessment.comparison", "compare_conditions"),
+    "envelope": ("signals.envelope", "envelope"),
+    "movement_indices": ("assessment.movement_indices", "movement_indices"),
+    "power_curve": ("assessment.power", "power_curve"),
+    "read": ("recordings.readers", "read_columns"),
 }
 
 __all__ = [
+    "Muscle",
     "__version__",
     "assess",
     "calibrate",
     "check",
     "compare",
+    "compare_conditions",
     "datasets",
     "demo",
+    "envelope",
     "export",
     "fit_joint",
     "fit_transfer_function",
     "identify",
     "init",
+    "movement_indices",
     "open",
+    "power_curve",
+    "read",
     "report",
     "reproduce",
     "simulate",

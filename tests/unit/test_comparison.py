@@ -92,8 +92,8 @@ def test_many_conditions_are_tested_without_counting():
 
 
 def test_missing_values_are_refused():
-    with pytest.raises(PellucidError, match="participants x 2 numbers"):
-        compare_conditions(np.array([[1.0, np.nan]]), ["a", "b"], rng=np.random.default_rng(0))
+    with pytest.raises(PellucidError, match=r"no value of participant 0 \(row\) in b, and 1 of 1"):
+        compare_conditions(np.array([[1.0, np.nan]]), ["a", "b"])
     with pytest.raises(PellucidError, match="finite numbers"):
         signed_rank(np.array([np.nan]))
 
@@ -109,3 +109,39 @@ def test_shares_of_control_are_held_against_nothing():
     assert clpc.holm == pytest.approx(2.0 * 2.0**-4)
     assert fc.interval[0] < 0.0 < clpc.interval[0]
     assert fc.relative is None
+
+
+def test_participants_who_lack_a_value_may_be_left_out():
+    values = np.random.default_rng(3).normal(size=(7, 3)) + np.array([0.0, 0.0, 5.0])
+    values[2, 1] = np.nan
+    found = compare_conditions(values, ["Ctrl", "FC", "CLPC"], "Ctrl", missing="leave out")
+    without = compare_conditions(np.delete(values, 2, axis=0), ["Ctrl", "FC", "CLPC"], "Ctrl")
+    assert found.left_out == (2,)
+    assert found.friedman == without.friedman
+    assert found.pairwise == without.pairwise
+    assert found.pairwise["CLPC"].p == found.pairwise["CLPC"].holm == pytest.approx(2.0 * 2.0**-5)
+    assert found.friedman.p == found.friedman.exact_p_value
+
+
+def test_a_comparison_can_be_read():
+    values = np.random.default_rng(3).normal(size=(7, 3)) + np.array([0.0, 0.0, 5.0])
+    found = compare_conditions(values, ["Ctrl", "F<C", "CLPC"], "Ctrl", confidence=0.9)
+    assert str(found).splitlines()[0].startswith("7 participants, 3 conditions: Friedman chi2(2) = ")
+    assert "90 % interval" in str(found)
+    assert "F&lt;C" in found._repr_html_()
+
+
+@pytest.mark.parametrize(
+    ("changed", "said"),
+    [
+        ({"control": "Control"}, "found the control 'Control', expected one of a, b"),
+        ({"conditions": ["a", "a"]}, "expected each name once"),
+        ({"conditions": ["a"]}, r"found values of shape \(3, 2\), expected participants x 1 conditions"),
+        ({"confidence": 95}, "found the confidence 95"),
+        ({"missing": "drop"}, "found missing = 'drop'"),
+    ],
+)
+def test_a_comparison_that_makes_no_sense_is_refused(changed, said):
+    asked = {"conditions": ["a", "b"], "control": "a", **changed}
+    with pytest.raises(PellucidError, match=said):
+        compare_conditions(np.eye(3, 2), **asked)

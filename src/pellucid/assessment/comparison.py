@@ -16,10 +16,12 @@ widened to :math:`\Phi(-\sqrt{n/(n-1)}\, t_{\alpha/2,\,n-1})` [2]_.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
+from numpy.typing import ArrayLike
 from scipy import stats
 
 from .._errors import PellucidError
@@ -64,6 +66,11 @@ class AgainstControl:
     standardised: float
     deviation: float
 
+    @property
+    def p(self) -> float:
+        """Corrected for all comparisons with the control (Holm)."""
+        return self.holm
+
 
 @dataclass(frozen=True, eq=False)
 class Comparison:
@@ -81,6 +88,10 @@ class Comparison:
     nemenyi : ndarray, shape (k, k), or None
     against_control : tuple of AgainstControl
         Empty where the control is none of the conditions, or there are fewer than 2 participants.
+    confidence : float
+        Of the intervals.
+    left_out : tuple of int
+        Rows of participants who lacked a value.
     """
 
     conditions: tuple[str, ...]
@@ -89,6 +100,13 @@ class Comparison:
     kendall: float
     nemenyi: np.ndarray | None
     against_control: tuple[AgainstControl, ...]
+    confidence: float = 0.95
+    left_out: tuple[int, ...] = ()
+
+    @property
+    def pairwise(self) -> Mapping[str, AgainstControl]:
+        """Each other condition against the control, by its name."""
+        return {each.condition: each for each in self.against_control}
 
     @property
     def p_value(self) -> float | None:
@@ -104,47 +122,134 @@ class Comparison:
             return float("nan")
         return float(self.nemenyi[self.conditions.index(one), self.conditions.index(other)])
 
+    @property
+    def headline(self) -> str:
+        """What was compared, and Friedman's test of it, in a line."""
+        n, k = self.values.shape
+        said = f"{n} participants, {k} conditions"
+        said += f", {len(self.left_out)} left out for missing values" if self.left_out else ""
+        if self.friedman is None:
+            return f"{said}: no test"
+        test = self.friedman
+        return (
+            f"{said}: Friedman chi2({test.degrees_of_freedom}) = {test.statistic:.3g}, p = {test.p:.2g}, "
+            f"Kendall's W = {self.kendall:.2g}"
+        )
+
+    def _table(self) -> list[tuple[str, ...]]:
+        head = (
+            "condition",
+            "mean",
+            "change",
+            f"{100.0 * self.confidence:g} % interval",
+            "p (Holm)",
+            "d",
+            "Cliff's delta",
+        )
+        rows, against = [head], self.pairwise
+        for name, mean in zip(self.conditions, self.values.mean(axis=0), strict=True):
+            found = against.get(name)
+            rows.append(
+                (name, f"{mean:.4g}", *[""] * 5)
+                if found is None
+                else (
+                    name, f"{mean:.4g}", f"{found.change:+.3g}", "[{:.3g}, {:.3g}]".format(*found.interval),
+                    f"{found.p:.2g}", f"{found.standardised:.2g}", f"{found.cliff:.2g}",
+                )
+            )  # fmt: skip
+        return rows
+
+    def __str__(self) -> str:
+        table = self._table()
+        widths = [max(map(len, column)) for column in zip(*table, strict=True)]
+        lines = ["  ".join(cell.ljust(w) for cell, w in zip(row, widths, strict=True)).rstrip() for row in table]
+        return "\n".join((self.headline, "", *lines))
+
+    def _repr_html_(self) -> str:
+        from html import escape
+
+        cells = ["".join(f"<td>{escape(cell)}</td>" for cell in row) for row in self._table()]
+        body = "".join(f"<tr>{row}</tr>" for row in (cells[0].replace("td>", "th>"), *cells[1:]))
+        return f"<table><caption>{escape(self.headline)}</caption>{body}</table>"
+
 
 def compare_conditions(
-    values: np.ndarray,
+    values: ArrayLike,
     conditions: Sequence[str],
     control: str | None = None,
     *,
     against_zero: bool = False,
     confidence: float = 0.95,
-    rng: np.random.Generator,
+    missing: Literal["refuse", "leave out"] = "refuse",
+    rng: np.random.Generator | None = None,
 ) -> Comparison:
-    """Compare conditions over participants.
+    """Compare conditions over participants who did all of them: rank tests, effect sizes and intervals.
 
     Parameters
     ----------
-    values : ndarray, shape (n, k)
+    values : array_like, shape (n, k)
         One row a participant, one column a condition, in any one unit.
     conditions : sequence of str
         Of the columns.
     control : str, optional
         The one to compare the others with.
     against_zero : bool
-        Values are changes from a control that is not among them, and are held against 0.
+        Values are changes from a control that is not among them, and are compared with 0.
     confidence : float
-        Of the intervals.
-    rng : numpy.random.Generator
-        Of the bootstrap.
+        Of the intervals, in (0, 1).
+    missing : str
+        What to do with a participant who lacks a value (NaN): ``"refuse"``, or ``"leave out"`` of everything.
+    rng : numpy.random.Generator, optional
+        Of the bootstrap; left out, one of the same seed each time.
 
     Returns
     -------
     Comparison
+        ``.friedman.p`` for all conditions; by condition, ``.pairwise[name]`` with its ``p`` (signed ranks, corrected
+        after Holm), ``change``, ``interval``, ``standardised`` (Cohen's d of pairs), ``cliff`` and ``rank_biserial``.
 
     Raises
     ------
     PellucidError
-        If a value is missing, or `conditions` does not fit.
+        If a value is missing, shapes do not fit, names of conditions repeat, or the control is none of them.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import pellucid as pl
+    >>> rng = np.random.default_rng(1)
+    >>> duration = rng.normal(1.0, 0.1, (8, 1)) + rng.normal(0.0, 0.02, (8, 3)) + np.array([0.0, 0.01, 0.2])
+    >>> found = pl.compare_conditions(duration, ["Ctrl", "FC", "CLPC"], control="Ctrl")
+    >>> found.friedman.p < 0.01, round(found.pairwise["CLPC"].p, 3)
+    (True, 0.016)
+    >>> low, high = found.pairwise["CLPC"].interval
+    >>> bool(low < 0.2 < high)
+    True
     """
     values = np.asarray(values, float)
-    if values.ndim != 2 or values.shape[1] != len(conditions) or not np.isfinite(values).all():
+    conditions = tuple(conditions)
+    if values.ndim != 2 or values.shape[1] != len(conditions) or not len(values):
         raise PellucidError(
-            f"comparison: found values of shape {values.shape}, expected participants x {len(conditions)} numbers"
+            f"comparison: found values of shape {values.shape}, expected participants x {len(conditions)} conditions "
+            f"({', '.join(conditions)})"
         )
+    if len(set(conditions)) < len(conditions):
+        raise PellucidError(f"comparison: found the conditions {', '.join(conditions)}, expected each name once")
+    if control is not None and control not in conditions and not against_zero:
+        raise PellucidError(f"comparison: found the control {control!r}, expected one of {', '.join(conditions)}")
+    if missing not in ("refuse", "leave out"):
+        raise PellucidError(f'comparison: found missing = {missing!r}, expected "refuse" or "leave out"')
+    if not 0.0 < confidence < 1.0:
+        raise PellucidError(f"comparison: found the confidence {confidence!r}, expected a share between 0 and 1")
+    lacking = np.flatnonzero(~np.isfinite(values).all(axis=1))
+    if len(lacking) and (missing == "refuse" or len(lacking) == len(values)):
+        row, column = np.argwhere(~np.isfinite(values))[0]
+        raise PellucidError(
+            f"comparison: found no value of participant {row} (row) in {conditions[column]}, and {len(lacking)} of "
+            f'{len(values)} participants lack one, expected one each; missing="leave out" compares the others'
+        )
+    values = np.delete(values, lacking, axis=0)
+    rng = np.random.default_rng(0) if rng is None else rng
     n, k = values.shape
     test, pairs, kendall = None, None, float("nan")
     if n > 1 and k > 1 and np.ptp(values, axis=1).any():
@@ -154,7 +259,7 @@ def compare_conditions(
             test = friedman(values)
         pairs, kendall = nemenyi(values), test.statistic / (n * (k - 1))
     found = []
-    if (against_zero or control in conditions) and n > 1:
+    if (against_zero or control is not None) and n > 1:
         base = np.zeros(n) if against_zero else values[:, conditions.index(control)]
         others = [(j, name) for j, name in enumerate(conditions) if against_zero or name != control]
         found = [_against(values[:, j], base, name, confidence, rng) for j, name in others]
@@ -163,7 +268,9 @@ def compare_conditions(
             AgainstControl(name, *rest[:3], p, c, *rest[3:])
             for (name, p, *rest), c in zip(found, corrected, strict=True)
         ]
-    return Comparison(tuple(conditions), values, test, kendall, pairs, tuple(found))
+    return Comparison(
+        conditions, values, test, kendall, pairs, tuple(found), confidence, tuple(int(i) for i in lacking)
+    )
 
 
 def _against(own: np.ndarray, control: np.ndarray, name: str, confidence: float, rng) -> tuple:

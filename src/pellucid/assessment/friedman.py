@@ -67,6 +67,11 @@ class FriedmanTest:
     rank_sums: tuple[float, ...]
     participants: int
 
+    @property
+    def p(self) -> float:
+        """Counted where it was, otherwise from the chi-squared distribution."""
+        return self.p_value if self.exact_p_value is None else self.exact_p_value
+
 
 def friedman(data: np.ndarray, *, exact: bool = False) -> FriedmanTest:
     """Friedman's test on participants' values.

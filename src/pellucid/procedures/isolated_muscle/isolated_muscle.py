@@ -15,10 +15,9 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import optimize
 
-from ... import _core
 from ..._errors import IdentificationError
 from ...fit.parameter import Verdict
-from ...models.hill import HillMuscle
+from ...models.muscle import Muscle
 from ...recordings.recording import Recording
 from ...recordings.results import ResultRow
 from ...recordings.study import Study
@@ -183,21 +182,19 @@ def _trial(
 ) -> MuscleTrial:
     recording, time, displacement, amplitude = taken
     table = study.config.isolated_muscle
-    muscle = HillMuscle(
-        recording.name, table.optimal_fibre_length, table.tendon_slack_length, table.max_isometric_force,
-        table.pennation, max_velocity=table.max_velocity, damping=table.damping,
-    )  # fmt: skip
+    muscle = Muscle(
+        max_isometric_force=table.max_isometric_force,
+        optimal_fibre_length=table.optimal_fibre_length,
+        tendon_slack_length=table.tendon_slack_length,
+        pennation=table.pennation,
+        max_velocity=table.max_velocity,
+        damping=table.damping,
+        tendon_strain=table.tendon_strain if elastic else None,
+    )
     rest = table.optimal_fibre_length * np.cos(table.pennation) + table.tendon_slack_length
-    length, active = rest + offset + displacement, np.ones_like(time)
-    if elastic:
-        simulated = _core.ElasticMuscle(muscle.vector(), tendon_strain=table.tendon_strain, period=PERIOD)
-        simulated.rest(0.0, float(length[0]))
-        force, _ = simulated.run(_core.activation_dynamics(active, period=PERIOD), length)
-    else:
-        rate = np.gradient(length, PERIOD)
-        force = _core.hill_states(
-            muscle.vector()[np.newaxis], active[np.newaxis], length[np.newaxis], rate[np.newaxis], period=PERIOD
-        )[1][0]
+    active = np.ones_like(time)
+    active = muscle.activation(active, period=PERIOD) if elastic else active
+    force, _ = muscle.simulate(active, rest + offset + displacement, period=PERIOD)
     measured = recording[table.force]
     predicted = np.interp(recording.time, time, force)
     scored = recording.time > table.score_from

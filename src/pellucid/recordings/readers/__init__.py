@@ -3,5 +3,4 @@
 from __future__ import annotations
 
 from ._columns import Columns as Columns
-from .read import FORMATS as FORMATS
 from .read import read_columns as read_columns

@@ -34,6 +34,22 @@ class Columns:
     angle_unit: str | None = None
     units: Mapping[str | int, str] = field(default_factory=dict)
 
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Of the columns, as the file has them."""
+        return tuple(self.values)
+
+    def __getitem__(self, name: str | int) -> np.ndarray:
+        return self.column(name, str(name))
+
+    def __str__(self) -> str:
+        told = [
+            (name, f"text: {x}" if isinstance(x, str) else f"{len(x)} samples {self.units.get(name, '')}".rstrip())
+            for name, x in self.values.items()
+        ]
+        wide = max(len(name) for name, _ in told) if told else 0
+        return "\n".join((self.path.name, *(f"  {name.ljust(wide)}  {what}" for name, what in told)))
+
     def column(self, key: str | int, channel: str) -> np.ndarray:
         """Column by its name or 0-based number, for `channel` (named in the message).
 

@@ -16,6 +16,8 @@ import numpy as np
 from ..._errors import RecordingError
 from ._columns import Columns
 
+ENDINGS = (".c3d",)
+
 POINT_TIME, ANALOG_TIME = "point.time", "analog.time"
 AXES = ("x", "y", "z")
 

@@ -10,6 +10,8 @@ import numpy as np
 from ..._errors import RecordingError
 from ._columns import Columns
 
+ENDINGS = (".csv", ".tsv", ".txt", ".dat")
+
 _COMMENT = ("#", "%", "//", "!")
 _MISSING = {"", "nan", "na", "n/a", "null", "none", "-", "--", "missing"}
 _WORDS = {"true": 1.0, "false": 0.0, "inf": np.inf, "-inf": -np.inf}

@@ -15,6 +15,8 @@ import numpy as np
 from ..._errors import RecordingError
 from ._columns import Columns
 
+ENDINGS = (".edf", ".bdf")
+
 
 def read(path: Path) -> Columns:
     """Columns by name, in the file's own units, each shape (n,) with the n of its signal.

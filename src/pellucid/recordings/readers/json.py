@@ -11,6 +11,8 @@ from ..._errors import RecordingError
 from ._columns import Columns
 from ._flatten import flatten
 
+ENDINGS = (".json",)
+
 
 def read(path: Path) -> Columns:
     """Numeric leaves of a JSON file by dotted path, each shape (n,) float64; booleans are 0 and 1.

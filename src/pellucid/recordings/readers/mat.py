@@ -11,6 +11,8 @@ from ..._errors import RecordingError
 from ._columns import Columns
 from ._flatten import flatten
 
+ENDINGS = (".mat",)
+
 
 def read(path: Path) -> Columns:
     """Numeric variables and struct fields by dotted path, each shape (n,) float64.

@@ -1,69 +1,85 @@
-"""Which reader opens which file."""
+"""Which reader opens which file: a module of this package that names the endings it reads is a format.
+
+Such a module has ``ENDINGS``, a tuple of file endings with their dot, and ``read(path)``, which returns `Columns`.
+Where several read one ending, those with ``recognises(path)`` are asked first, by the file's content.
+"""
 
 from __future__ import annotations
 
-import importlib
+import os
+from functools import cache
+from importlib import import_module
 from pathlib import Path
+from pkgutil import iter_modules
+from types import ModuleType
 
 from ..._errors import RecordingError
 from ._columns import Columns
 
-FORMATS = {
-    ".csv": "csv",
-    ".tsv": "csv",
-    ".txt": "csv",
-    ".dat": "csv",
-    ".mat": "mat",
-    ".json": "json",
-    ".sto": "sto",
-    ".mot": "sto",
-    ".c3d": "c3d",
-    ".xdf": "xdf",
-    ".edf": "edf",
-    ".bdf": "edf",
-}
-"""File ending -> module of this package that reads it."""
+
+@cache
+def formats() -> dict[str, tuple[ModuleType, ...]]:
+    """Readers by file ending, those that look at the content first."""
+    found: dict[str, list[ModuleType]] = {}
+    for info in iter_modules([str(Path(__file__).parent)]):
+        if info.name.startswith("_") or info.name == Path(__file__).stem:
+            continue
+        module = import_module(f".{info.name}", __package__)
+        for ending in getattr(module, "ENDINGS", ()):
+            found.setdefault(ending, []).append(module)
+    return {ending: tuple(sorted(own, key=lambda m: not hasattr(m, "recognises"))) for ending, own in found.items()}
 
 
-def read_columns(path: Path) -> Columns:
-    """Read every numeric column of a file.
+def read_columns(path: str | os.PathLike) -> Columns:
+    """Read every numeric column of a recording, in the file's own units.
 
     Parameters
     ----------
-    path : Path
-        File whose ending says its format.
+    path : path-like
+        File whose ending says its format: ``.csv``, ``.tsv``, ``.txt``, ``.dat``, ``.mat``, ``.json``, ``.sto``,
+        ``.mot``, ``.c3d``, ``.xdf``, ``.edf`` or ``.bdf``.
 
     Returns
     -------
     Columns
+        ``columns["name"]`` is an array of shape (n,); streams of one file may differ in n.
 
     Raises
     ------
     RecordingError
         If the file is missing, empty, truncated, of an unknown format, or holds no numbers.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from pathlib import Path
+    >>> import pellucid as pl
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     path = Path(folder, "swing.csv")
+    ...     _ = path.write_text("t [s],q\\n0.0,0.10\\n0.1,0.12\\n")
+    ...     columns = pl.read(path)
+    >>> columns.names
+    ('t [s]', 'q')
+    >>> columns["q"]
+    array([0.1 , 0.12])
+    >>> columns["t"]
+    array([0. , 0.1])
     """
     path = Path(path)
     if not path.is_file():
         raise RecordingError(f"{path}: no such file")
     if path.stat().st_size == 0:
         raise RecordingError(f"{path.name}: the file is empty (0 bytes), expected recorded samples")
-    module = FORMATS.get(path.suffix.lower())
-    if module is None:
+    readers = formats().get(path.suffix.lower())
+    if readers is None:
         raise RecordingError(
-            f'{path.name}: found the ending "{path.suffix}", expected one of {", ".join(sorted(FORMATS))}'
+            f'{path.name}: found the ending "{path.suffix}", expected one of {", ".join(sorted(formats()))}'
         )
     try:
-        if path.suffix.lower() == ".dat" and _is_storage(path):
-            module = "sto"
-        columns = importlib.import_module(f".{module}", __package__).read(path)
+        reader = next((r for r in readers[:-1] if r.recognises(path)), readers[-1])
+        columns = reader.read(path)
     except OSError as error:
         raise RecordingError(f"{path}: not readable: {error}") from error
     if all(isinstance(value, str) for value in columns.values.values()):
         raise RecordingError(f"{path.name}: found no numeric column")
     return columns
-
-
-def _is_storage(path: Path) -> bool:
-    """Whether a line ``endheader`` makes a .dat file one of OpenSim's."""
-    with path.open(encoding="utf-8-sig", errors="replace") as lines:
-        return any(line.strip().lower() == "endheader" for _, line in zip(range(1000), lines, strict=False))

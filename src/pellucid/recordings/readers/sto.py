@@ -10,6 +10,14 @@ import numpy as np
 from ..._errors import RecordingError
 from ._columns import Columns
 
+ENDINGS = (".sto", ".mot", ".dat")
+
+
+def recognises(path: Path) -> bool:
+    """Whether a line ``endheader`` makes a file one of OpenSim's, whatever its ending."""
+    with path.open(encoding="utf-8-sig", errors="replace") as lines:
+        return any(line.strip().lower() == "endheader" for _, line in zip(range(1000), lines, strict=False))
+
 
 def read(path: Path) -> Columns:
     """Columns by their labels, each shape (n,) float64, in the file's own units; of angles the header may say which.

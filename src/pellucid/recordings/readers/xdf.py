@@ -16,6 +16,8 @@ import numpy as np
 from ..._errors import RecordingError
 from ._columns import Columns
 
+ENDINGS = (".xdf",)
+
 MAGIC = b"XDF:"
 
 SYMBOLS = {
