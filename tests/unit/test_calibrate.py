@@ -1,5 +1,7 @@
 """Calibration of a study, from its files to figures and page: moments from elsewhere, and steps against an orthosis."""
 
+import re
+
 import numpy as np
 import pytest
 from made_emg import FS, raw_emg
@@ -8,6 +10,7 @@ from scipy import signal
 from pellucid._errors import IdentificationError, PellucidError, RecordingError
 from pellucid.estimators.features import features
 from pellucid.estimators.torque_map import fit_torque_map
+from pellucid.estimators.torque_reference import MovedBody
 from pellucid.models.card import CardParameter
 from pellucid.models.parameter_card import ParameterCard, read_parameter_card, write_parameter_card
 from pellucid.pages.page import write_page
@@ -16,7 +19,7 @@ from pellucid.procedures.emg_torque.calibrate import calibrate
 from pellucid.procedures.emg_torque.calibration_file import keep_calibration, kept_calibration
 from pellucid.procedures.emg_torque.calibration_page import page
 from pellucid.procedures.emg_torque.torque_card import torque_of_card
-from pellucid.procedures.emg_torque.trial_sources import moment_trials
+from pellucid.procedures.emg_torque.trial_sources import moment_trials, step_trials
 from pellucid.recordings.study import open_study
 
 MOMENTS = """
@@ -190,6 +193,23 @@ def test_nothing_beyond_a_window_is_seen(tmp_path):
     assert before.name == after.name == "fitted"
     assert np.array_equal(before.torque, after.torque)
     assert all(np.array_equal(before.envelopes[m], after.envelopes[m]) for m in before.envelopes)
+
+
+def test_repetitions_do_not_hang_on_a_recordings_name(tmp_path):
+    study = orthosis(tmp_path / "named", cards=False)
+    body = MovedBody(12.0)
+    named = [trial.group for trial in step_trials(study, "S1", body)]
+    assert named == ["1", "2", "3"] * 3
+    file = study.folder / "study.toml"
+    text = file.read_text(encoding="utf-8")
+    for i, entry in enumerate(re.findall(r'name = "(S1_torque_.*)"', text)):
+        text = text.replace(f'name = "{entry}"', f'name = "trial{i}"')
+    file.write_text(text, encoding="utf-8")
+    assert [trial.group for trial in step_trials(open_study(study.folder), "S1", body)] == named
+    # Where study.toml says which it is, so it is.
+    text = re.sub(r'name = "trial(\d)"', lambda m: f"{m[0]}\nrepetition = {1 + int(m[1]) // 3}", text)
+    file.write_text(text, encoding="utf-8")
+    assert [trial.group for trial in step_trials(open_study(study.folder), "S1", body)] == [*"111222333"]
 
 
 def test_steps_are_judged_repetition_by_repetition(tmp_path, quick):

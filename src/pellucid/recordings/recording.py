@@ -83,6 +83,8 @@ class Recording:
         All of one length n, ``"time"`` [s] among them.
     protocol, participant, condition : str or None
         As study.toml names them.
+    repetition : int or None
+        Which time of several that the same was done, from 1, where study.toml says so.
     amplitude : float or None
         How far each movement in it was to go, signed [rad or m], where no channel says so.
     payload : Payload or None
@@ -117,6 +119,7 @@ class Recording:
     slider: float | None = None
     streams: Mapping[str, Recording] = field(default_factory=dict, repr=False)
     amplitude: float | None = None
+    repetition: int | None = None
 
     def __post_init__(self):
         if "time" not in self.channels:

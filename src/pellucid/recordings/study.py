@@ -159,6 +159,7 @@ class Study:
             slider=entry.slider,
             streams={stream: self._load_stream(entry, name, stream, files) for stream in entry.streams},
             amplitude=entry.amplitude,
+            repetition=entry.repetition,
         )
         self._loaded[name] = recording
         return recording

@@ -501,6 +501,8 @@ class RecordingEntry(Table):
         Samples with start <= time < end are taken, on the file's own clock [s].
     participant, condition : str or None
         Who, and under which condition.
+    repetition : int or None
+        Which time of several that the same was done, from 1.
     amplitude : float or None
         How far each movement in it was to go, signed [rad or m], where no channel says so.
     payload : PayloadSpec or None
@@ -525,6 +527,7 @@ class RecordingEntry(Table):
     window: tuple[quantity("s"), quantity("s")] | None = None
     participant: str | None = None
     condition: str | None = None
+    repetition: int | None = Field(None, ge=1)
     amplitude: quantity("<coordinate>") | None = None
     payload: PayloadSpec | None = None
     optical: str | None = None

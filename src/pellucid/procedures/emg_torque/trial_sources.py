@@ -24,6 +24,9 @@ STEPS = "torque_steps"
 KEPT_RATE = 100.0
 """Rate at which samples of torque steps are kept [Hz]; nothing in them is faster than the low-pass on the torque."""
 
+SAME_ANGLE = 0.1
+"""Medians that are no further apart [rad] are of the same angle held."""
+
 
 def moment_trials(study: Study, joint: str) -> list[TorqueTrial]:
     """Recordings whose joint moments were found by inverse dynamics.
@@ -83,8 +86,6 @@ def step_trials(
 ) -> list[TorqueTrial]:
     """Recordings in which a wearer counteracts an orthosis's torque, grouped by repetition.
 
-    The repetition is what follows the last underscore of a recording's name.
-
     Parameters
     ----------
     study : Study
@@ -111,7 +112,7 @@ def step_trials(
     own = [r for r in study.recordings() if r.participant == participant]
     found = [r for r in own if r.protocol == STEPS]
     top = maxima_of(study, [r for r in own if r.protocol == "mvc"] or found)
-    lowpass = spec.reference_lowpass or MOTION_LOWPASS
+    lowpass, repetition = spec.reference_lowpass or MOTION_LOWPASS, _repetitions(found)
     trials = []
     for recording in found:
         torque = human_torque(recording["position"], recording["torque"], body, lowpass=lowpass, fs=recording.fs)
@@ -125,13 +126,24 @@ def step_trials(
                 envelopes={muscle: x[every] for muscle, x in envelopes.items()},
                 angles={joint: recording["position"][every]},
                 torque=torque[every],
-                group=recording.name.rsplit("_", 1)[-1],
+                group=str(repetition[recording.name]),
                 participant=participant,
                 checksum=recording.checksum,
                 muscles=muscle_source(study, recording, joint),
             )
         )
     return trials
+
+
+def _repetitions(recordings: Sequence[Recording]) -> dict[str, int]:
+    """Which repetition each recording is: as study.toml says, else the n-th in its order at the same angle."""
+    angles, made = [], {}
+    for recording in recordings:
+        angle = float(np.nanmedian(recording["position"]))
+        earlier = sum(abs(angle - other) < SAME_ANGLE for other in angles)
+        made[recording.name] = recording.repetition or earlier + 1
+        angles.append(angle)
+    return made
 
 
 def moved_body(study: Study, participant: str | None) -> MovedBody:
