@@ -249,8 +249,6 @@ def demo(
     out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder for the demo's studies.")] = Path("demo"),
 ) -> None:
     """The whole story on examples, in about a minute."""
-    # Its matrices are small: threads over them would only wait for each other. Read once, when NumPy is loaded.
-    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     from .demonstration.demo import demo as run
     from .demonstration.story import told
 
@@ -375,6 +373,8 @@ def main() -> None:
     SystemExit
         Always: the command's exit status.
     """
+    # The matrices are small: threads over them would only wait for each other. Read once, when NumPy is loaded.
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     try:
         app()
     except PellucidError as error:

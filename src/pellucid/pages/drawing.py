@@ -108,7 +108,8 @@ def draw(make: Callable[..., Drawing], *args, **options) -> Drawing:
         drawing = make(*args, **options)
         # Once, so that every later output has the same layout.
         drawing.figure.draw_without_rendering()
-        drawing.figure.set_layout_engine("none")
+        # None takes the engine away; "none" leaves a stand-in, for which every output draws the figure twice.
+        drawing.figure.set_layout_engine(None)
         return drawing
 
 
@@ -288,11 +289,12 @@ def dots(axis: Axes, x: np.ndarray, y: np.ndarray, tone: str, *, alpha: float, s
         vertices = np.empty((2 * len(part), 2))
         vertices[0::2], vertices[1::2] = np.c_[x[part], y[part]], np.c_[x[part] + tiny, y[part]]
         codes = np.tile([Outline.MOVETO, Outline.LINETO], len(part))
-        axis.add_patch(
+        # add_patch would walk every stroke for the limits, which follow from its ends.
+        axis.add_artist(
             PathPatch(
                 Outline(vertices, codes), fill=False, edgecolor=tone, alpha=alpha, linewidth=size, capstyle="round",
                 zorder=2,
             )
         )  # fmt: skip
-    axis.update_datalim(np.c_[x, y])
+        axis.update_datalim(vertices)
     axis.autoscale_view()
