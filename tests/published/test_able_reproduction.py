@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from pellucid.lab.pointing.people import elbow_participants
-from pellucid.papers.able.page import write_able_page
-from pellucid.papers.able.reproduce_able import LOAD_FACTORS, reproduce_able
+from pellucid.papers.able.identification_rows import LOAD_FACTORS
+from pellucid.papers.able.paper import AblePaper
+from pellucid.papers.figure import VERDICTS
 from pellucid.papers.reproduce import reproduce
-from pellucid.papers.reproduction import VERDICTS
 from pellucid.recordings.results import read_rows
 
 
@@ -25,13 +25,12 @@ def few():
 @pytest.fixture(scope="module")
 def made(tmp_path_factory):
     out = tmp_path_factory.mktemp("able")
-    found = reproduce_able(out, seeds=(1, 2), rigs=1, people=few(), studies=(1, 2), fuzzed=20_000, workers=1)
-    write_able_page(out, found)
-    return out, found
+    paper = AblePaper(seeds=(1, 2), rigs=1, people=few(), studies=(1, 2), fuzzed=20_000, workers=1)
+    return out, paper, reproduce(paper, out).figures
 
 
 def test_results_have_the_ids_others_rely_on(made):
-    out, _ = made
+    out = made[0]
     rows = {r.id: r for r in read_rows(out / "results.json")}
     wanted = [f"able.table1.{k}" for k in ("without", "with", "ratio", "p")]
     wanted += [f"able.table1.published_protocol.{k}" for k in ("without", "with", "ratio", "p")]
@@ -46,7 +45,7 @@ def test_results_have_the_ids_others_rely_on(made):
 
 def test_rows_say_what_they_were_judged_on(made):
     """Only trials never fitted are held out: the paper's 18 are not, nor is what a rig's own constants judge."""
-    out, _ = made
+    out = made[0]
     split = {r.id: r.split for r in read_rows(out / "results.json")}
     for name in split:
         what = re.sub(r"^able\.(drawn-\d+\.)?", "", name)
@@ -69,9 +68,9 @@ def test_rows_say_what_they_were_judged_on(made):
 
 
 def test_reproduction_puts_ours_beside_what_is_printed(made):
-    out, found = made
+    out, _, figures = made
     rows = json.loads((out / "reproduction.json").read_text(encoding="utf-8"))["rows"]
-    assert [r["id"] for r in rows] == [r.id for r in found.rows]
+    assert [r["id"] for r in rows] == list(figures)
     keys = {"id", "quantity", "unit", "published", "ours", "lower", "upper", "verdict", "note"}
     assert all(set(r) == keys and r["verdict"] in VERDICTS for r in rows)
     assert len({r["id"] for r in rows}) == len(rows)
@@ -85,7 +84,7 @@ def test_reproduction_puts_ours_beside_what_is_printed(made):
 
 
 def test_seeds_differ_and_models_are_judged_on_trials_they_never_saw(made):
-    _, found = made
+    found = made[1]
     first, second = found.comparisons[:2]
     assert first.rig == second.rig
     assert first.mean("unseen", "pooled") != second.mean("unseen", "pooled")
@@ -97,7 +96,7 @@ def test_seeds_differ_and_models_are_judged_on_trials_they_never_saw(made):
 
 def test_without_load_friction_directions_gain_nothing(made):
     """The mechanism: what dissociation gains is load friction, and it grows with it."""
-    _, found = made
+    found = made[1]
     ratios = [c.ratio("published", "pooled", "dissociated") for c in found.by_factor]
     assert LOAD_FACTORS[0] == 0.0
     assert ratios[0] == pytest.approx(1.0, abs=0.05)
@@ -105,7 +104,7 @@ def test_without_load_friction_directions_gain_nothing(made):
 
 
 def test_the_body_with_load_friction_is_the_rig(made):
-    _, found = made
+    found = made[1]
     for c in found.comparisons[:2]:
         assert c.gravity_error["load"] < 0.01
         assert c.inertia_error["load"] < 0.05
@@ -114,8 +113,7 @@ def test_the_body_with_load_friction_is_the_rig(made):
 
 def test_laws_stand_beside_the_printed_changes(made):
     """Changes follow from Tables III and IV; of EMG/Acc nothing but an order is printed."""
-    _, found = made
-    rows = {r.id: r for r in found.rows}
+    rows = made[2]
     printed = {"fc": (2.4, -5.0), "pcfr": (20.2, -19.1), "clpc": (18.6, -21.2)}
     for law, (duration, vmax) in printed.items():
         assert rows[f"transparency.duration.{law}"].published == pytest.approx(duration, abs=0.05)
@@ -135,7 +133,7 @@ def test_laws_stand_beside_the_printed_changes(made):
 
 
 def test_the_page_stands_alone(made):
-    out, _ = made
+    out = made[0]
     page = (out / "index.html").read_text(encoding="utf-8")
     assert not re.findall(r'(?:src|href)="(?:https?:)?//', page)
     assert "Table I" in page

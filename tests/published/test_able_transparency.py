@@ -15,11 +15,11 @@ from pellucid.papers.able.transparency import (
     FIRST_REST,
     PUBLISHED_RULE,
     VirtualStudy,
-    hold_study,
+    content_on_target,
     injected_energy,
-    patient,
     required_resistance,
-    taken,
+    session_indices,
+    simulate_study,
 )
 
 LIFTS = np.deg2rad([12, 24, 36, 48, 60])
@@ -45,7 +45,7 @@ def test_without_a_robot_people_are_as_quick_as_those_of_the_paper(seed):
     people = draw_people(rig, rng)
     lifts = np.deg2rad(np.repeat([12, 24, 36, 48, 60], 4))
     made = point_all([(rig, p, "Ctrl", None, g, lifts) for p, g in zip(people, rng.spawn(6), strict=True)], threads=2)
-    study = VirtualStudy(seed, tuple(taken(s) for s in made))
+    study = VirtualStudy(seed, tuple(session_indices(s) for s in made))
     assert study.values("duration", "Ctrl").mean() == pytest.approx(0.957, rel=0.05)
     assert study.values("vmax", "Ctrl").mean() == pytest.approx(1.416, rel=0.05)
     assert study.values("up", "Ctrl").mean() > 0.9
@@ -66,7 +66,7 @@ def test_a_force_sensor_halves_the_torque_and_nothing_drives(cards):
     assert energy["best"] < 0.0
     assert energy["best_sensed"] < 0.0
     assert energy["FC"] > energy["best"]
-    study = VirtualStudy(3, tuple(taken(s) for s in made))
+    study = VirtualStudy(3, tuple(session_indices(s) for s in made))
     assert abs(study.change("duration", "best_sensed")) < 15.0
     assert study.conditions == ("Ctrl", "FC", "best", "best_sensed")
     assert all(s.fault == "none" for s in made)
@@ -95,7 +95,7 @@ def test_a_study_keeps_what_its_sessions_came_to(cards):
     few = replace(rig, tables={**rig.tables, "pointing": {**rig["pointing"], "repetitions": 1}})
     few = replace(few, tables={**few.tables, "people": {**few["people"], "count": 2}})
     conditions = {"Ctrl": None, "CLPC": published_laws(cards, (0.0, -0.5))["CLPC"]}
-    study = hold_study(few, conditions, seed=4)
+    study = simulate_study(few, conditions, seed=4)
     assert study.conditions == ("Ctrl", "CLPC")
     assert [t.movements for t in study.taken] == [10] * 4
     assert study.change("duration", "Ctrl") == 0.0
@@ -103,6 +103,6 @@ def test_a_study_keeps_what_its_sessions_came_to(cards):
     for condition in study.conditions:
         longer, shorter = (study.values("duration", condition, rule) for rule in (PUBLISHED_RULE, FIRST_REST))
         assert np.all(longer >= shorter)
-    content = hold_study(patient(few), conditions, seed=4)
-    assert patient(few)["vision"]["tolerance"] == few["pointing"]["tolerance"]
+    content = simulate_study(content_on_target(few), conditions, seed=4)
+    assert content_on_target(few)["vision"]["tolerance"] == few["pointing"]["tolerance"]
     assert content.values("duration", "CLPC").mean() < study.values("duration", "CLPC").mean()

@@ -5,19 +5,18 @@ import json
 import numpy as np
 import pytest
 
-from pellucid.papers.hill.page import write_hill_page
-from pellucid.papers.hill.reproduce_hill import reproduce_hill
+from pellucid.papers.figure import VERDICTS
+from pellucid.papers.hill.paper import HillPaper
 from pellucid.papers.hill.torque import BASELINES
-from pellucid.papers.reproduction import VERDICTS
+from pellucid.papers.reproduce import reproduce
 from pellucid.recordings.results import read_rows
 
 
 @pytest.fixture(scope="module")
 def made(tmp_path_factory):
     out = tmp_path_factory.mktemp("hill")
-    found = reproduce_hill(out, names=("S4",), workers=1)
-    write_hill_page(out, found)
-    return out, found
+    paper = HillPaper(names=("S4",), workers=1)
+    return out, paper, reproduce(paper, out).figures
 
 
 @pytest.fixture(scope="module")
@@ -74,7 +73,7 @@ def test_parameters_stay_within_physiology(made, rows):
 
 
 def test_the_page_needs_no_other_file_and_every_row_has_a_verdict(made):
-    out, _ = made
+    out = made[0]
     page = (out / "index.html").read_text(encoding="utf-8")
     assert "http://" not in page.replace("http://www.w3.org", "")
     assert "<script src" not in page

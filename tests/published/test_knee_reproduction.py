@@ -6,25 +6,24 @@ import re
 import numpy as np
 import pytest
 
-from pellucid.papers.knee.page import write_knee_page
-from pellucid.papers.knee.reproduce_knee import reproduce_knee
+from pellucid.papers.figure import VERDICTS
+from pellucid.papers.knee.paper import KneePaper
 from pellucid.papers.knee.trials import take
-from pellucid.papers.reproduce import PAPERS
-from pellucid.papers.reproduction import VERDICTS
+from pellucid.papers.printed import papers
+from pellucid.papers.reproduce import reproduce
 from pellucid.recordings.results import read_rows
 
 
 @pytest.fixture(scope="module")
 def made(tmp_path_factory):
     out = tmp_path_factory.mktemp("knee")
-    found = reproduce_knee(out, seeds=(1, 2), estimators=("tree", "ridge"), compared=(), workers=1)
-    write_knee_page(out, found)
-    return out, found
+    paper = KneePaper(seeds=(1, 2), estimators=("tree", "ridge"), compared=(), workers=1)
+    return out, paper, reproduce(paper, out).figures
 
 
 @pytest.fixture(scope="module")
 def value(made):
-    return {row.id: row.ours for row in made[1].rows}
+    return {row.id: row.ours for row in made[2].values()}
 
 
 def test_results_have_the_ids_and_units_others_rely_on(made):
@@ -132,10 +131,10 @@ def test_leaving_trials_out_does_not_change_the_others(made):
 
 
 def test_the_page_stands_alone(made):
-    out, _ = made
+    out = made[0]
     page = (out / "index.html").read_text(encoding="utf-8")
     assert not re.findall(r'(?:src|href)="(?:https?:)?//', page)
     for name in [f"Table 3.{i}" for i in range(1, 6)] + [f"Fig. 3.{i}" for i in range(1, 8)]:
         assert name in page, name
     assert len(list(out.glob("fig-3-*.svg"))) == 7
-    assert "knee" in PAPERS
+    assert "knee" in papers()

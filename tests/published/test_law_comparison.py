@@ -8,9 +8,9 @@ from pellucid.lab.elbow.rig import able_elbow, drawn_rigs
 from pellucid.papers.able.law_comparison import (
     CONTROLLERS,
     UNPOWERED,
-    Judged,
+    LawOnRobot,
     comparison_rows,
-    judge_laws,
+    try_laws,
     tuning_robots,
 )
 
@@ -18,13 +18,13 @@ CORRECTED = ("without_friction", "transparent", "emg", "oscillator", "dithered",
              "residual", "amplification_2", "amplification_4", "amplification_10")  # fmt: skip
 
 
-def test_no_robot_is_both_chosen_on_and_judged_on():
+def test_no_robot_is_both_chosen_on_and_tried_on():
     chosen = [robot.tables for robot in tuning_robots()]
     assert all(robot.tables not in chosen for robot in drawn_rigs(able_elbow()))
 
 
 def test_the_best_laws_halve_the_torque_and_nothing_drives_or_cycles():
-    found = judge_laws(drawn_rigs(able_elbow(), 1)[0], seed=5, count=1, repetitions=1)
+    found = try_laws(drawn_rigs(able_elbow(), 1)[0], seed=5, count=1, repetitions=1)
     assert set(found) == {*CONTROLLERS, UNPOWERED}
     torque = found["fc"].torque
     assert found[BEST].torque < 0.6 * torque
@@ -33,14 +33,14 @@ def test_the_best_laws_halve_the_torque_and_nothing_drives_or_cycles():
     assert found["fc"].given > 0.1
     assert all(found[law].given < 0.0 for law in CORRECTED)
     assert all(one.resting == 0.0 for name, one in found.items() if name != "dithered")
-    assert 0.0 < found["dithered"].resting < 0.05  # its own tremble
+    assert 0.0 < found["dithered"].resting < 0.05  # its own dither
     assert sum(one.faults for one in found.values()) == 0
 
 
 def test_rows_tell_the_middle_of_torque_and_the_worst_of_the_rest():
     laws = (*CONTROLLERS, UNPOWERED)
-    found = {name: tuple(Judged(t, -t, 0.0, 0) for t in (0.2, 0.4, 0.3)) for name in laws}
-    found["fc"] = tuple(Judged(t, t, 0.0, 1) for t in (0.4, 0.4, 0.4))
+    found = {name: tuple(LawOnRobot(t, -t, 0.0, 0) for t in (0.2, 0.4, 0.3)) for name in laws}
+    found["fc"] = tuple(LawOnRobot(t, t, 0.0, 1) for t in (0.4, 0.4, 0.4))
     rows = {row.id: row for row in comparison_rows(found)}
     assert rows["transparency.torque.best_over_fc"].ours == pytest.approx(0.75)
     pcfr = rows["transparency.torque.pcfr_over_fc"]

@@ -1,7 +1,7 @@
 """What a paper prints, as typed data: each number with its unit, its digits, and where it stands.
 
-One TOML file a paper, beside this module. Numbers are read digit for digit, because a number that is rounded to three
-decimals stands for an interval, and what can be recomputed from it does too: `Printed.interval`.
+Each paper's folder has one ``printed.toml``. Numbers are read digit for digit, because a number that is rounded to
+three decimals stands for an interval, and what can be recomputed from it does too: `Printed.interval`.
 """
 
 from __future__ import annotations
@@ -10,8 +10,9 @@ import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from decimal import Decimal
-from importlib.resources import files
+from pathlib import Path
 
+from .. import papers as _package
 from .._errors import PellucidError
 
 
@@ -70,19 +71,22 @@ class PrintedPaper:
         return found.value
 
 
-def papers() -> tuple[str, ...]:
-    """Names that `printed` knows."""
-    return tuple(sorted(f.name.removesuffix(".toml") for f in files(__package__).iterdir() if f.name.endswith(".toml")))
+def papers() -> dict[str, Path]:
+    """The folder of every paper, by name: those that have a ``printed.toml``."""
+    found = {
+        toml.parent.name: toml.parent for place in _package.__path__ for toml in Path(place).glob("*/printed.toml")
+    }
+    return dict(sorted(found.items()))
 
 
 def printed(paper: str) -> PrintedPaper:
-    """The numbers a paper prints."""
-    if paper not in papers():
-        raise PellucidError(f"no printed numbers of {paper!r}; there are those of {', '.join(papers())}")
-    text = (files(__package__) / f"{paper}.toml").read_text(encoding="utf-8")
-    raw = tomllib.loads(text, parse_float=Decimal)
-    values = {name: _value(entry) for name, entry in raw["values"].items()}
-    tables = {name: _table(entry) for name, entry in raw["tables"].items()}
+    """The numbers that a paper, one of `papers`, prints."""
+    folder = papers().get(paper)
+    if folder is None:
+        raise PellucidError(f"unknown paper {paper!r}; known: {', '.join(papers())}")
+    raw = tomllib.loads((folder / "printed.toml").read_text(encoding="utf-8"), parse_float=Decimal)
+    values = {name: _value(entry) for name, entry in raw.get("values", {}).items()}
+    tables = {name: _table(entry) for name, entry in raw.get("tables", {}).items()}
     about = {key: raw[key] for key in ("name", "title", "authors", "journal", "year")}
     return PrintedPaper(**about, values=values, tables=tables)
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, ProcessPoolExecutor, wait
 from contextlib import contextmanager
 from multiprocessing import get_context
@@ -30,6 +30,17 @@ def finished(jobs: Sequence[Job], workers: int | None = None) -> Iterator[tuple[
             begun = len(jobs)
             for done in wait(waiting, return_when=FIRST_COMPLETED).done:
                 yield waiting.pop(done), done.result()
+
+
+def in_order(
+    jobs: Sequence[Job], workers: int | None = None, tell: Callable[[int, int], None] = lambda done, of: None
+) -> list:
+    """What every job gave, in the jobs' order; `tell` is called with how many of how many are done."""
+    found: dict[int, Any] = {}
+    for i, result in finished(jobs, workers):
+        found[i] = result
+        tell(len(found), len(jobs))
+    return [found[i] for i in range(len(jobs))]
 
 
 @contextmanager

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from ..pages.page import Section
 from ..pages.quantities import MINUS, unit_text, units_in
 from ..pages.tables import Row, Table
-from .reproduction import Reproduced
+from .figure import Reproduced
 
 FROM_PRINT = ("recomputed", "cannot be")
 """Verdicts of rows that come from print alone."""
@@ -19,6 +19,11 @@ def cell(value: float | None) -> str:
         return "–"
     text = f"{value:.4g}" if value == 0.0 or abs(value) >= 1e-4 else f"{value:.1e}"
     return text.replace("-", MINUS)
+
+
+def bracketed(ours: str, printed: str | None) -> str:
+    """A number with what is printed behind it, in angular brackets."""
+    return ours if printed is None else f"{ours} ⟨{printed}⟩"
 
 
 def _said(text: str) -> str:

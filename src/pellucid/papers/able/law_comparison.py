@@ -1,14 +1,15 @@
 """Every law of a worn elbow on robots that none was chosen on, with people who took no part in choosing.
 
-The free constants of the toolkit's own laws were chosen on `tuning_robots` by people drawn with `TUNING_SEED`; judged
+The free constants of the toolkit's own laws were chosen on `tuning_robots` by people drawn with `TUNING_SEED`; tried
 are other robots and other people. On each robot the exponents of the published laws are chosen as the paper chose them,
 by five further people.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -17,8 +18,8 @@ from ...lab.elbow.rig import ElbowRig, able_elbow, drawn_rigs
 from ...lab.pointing.conditions import TUNING_SEED, chosen_exponents, identified_cards, interaction_rms, worn
 from ...lab.pointing.people import Person, PointingRig, draw_people, elbow_participants
 from ...lab.pointing.session import Law, Unpowered, hold_still, point
-from ..processes import finished
-from ..reproduction import Reproduced, spread
+from ..figure import Reproduced, figure
+from ..processes import in_order
 from .transparency import injected_energy
 
 TORQUE_SEED = 77
@@ -39,9 +40,11 @@ CONTROLLERS: Mapping[str, tuple[str, Mapping[str, float]]] = {
 
 UNPOWERED = "unpowered"
 
+_row = partial(figure, "transparency")
+
 
 @dataclass(frozen=True)
-class Judged:
+class LawOnRobot:
     """What one law did on one robot."""
 
     torque: float  # Interaction torque, RMS over movements [N m]; NaN where nobody came to a target
@@ -51,11 +54,11 @@ class Judged:
 
 
 def tuning_robots(count: int = 9) -> tuple[ElbowRig, ...]:
-    """The robots that constants were chosen on: the committed one, and others that are judged nowhere."""
+    """The robots that constants were chosen on: the committed one, and others that are tried nowhere else."""
     return (able_elbow(), *drawn_rigs(able_elbow(), count, seed=TUNING_ROBOTS_SEED))
 
 
-def judge_laws(robot: ElbowRig, *, seed: int, count: int = 3, repetitions: int = 2) -> dict[str, Judged]:
+def try_laws(robot: ElbowRig, seed: int, count: int = 3, repetitions: int = 2) -> dict[str, LawOnRobot]:
     """A robot is identified, and every law built from what was found is tried by a few people."""
     cards, rig = identified_cards(robot), elbow_participants(robot)
     exponents = chosen_exponents(rig, cards)[0]
@@ -70,11 +73,13 @@ def judge_laws(robot: ElbowRig, *, seed: int, count: int = 3, repetitions: int =
                 continue
             controller, settings = CONTROLLERS[name]
             laws.append(worn(cards, controller, exponents=exponents, **settings)(person, person.slider(rig)))
-        found[name] = _judge(rig, people, laws, seed, repetitions)
+        found[name] = _try_law(rig, people, laws, seed, repetitions)
     return found
 
 
-def _judge(rig: PointingRig, people: Sequence[Person], laws: Sequence[Law], seed: int, repetitions: int) -> Judged:
+def _try_law(
+    rig: PointingRig, people: Sequence[Person], laws: Sequence[Law], seed: int, repetitions: int
+) -> LawOnRobot:
     sessions, resting = [], []
     amplitudes = np.repeat(rig["pointing"]["amplitudes"], repetitions)
     for person, law, rng in zip(people, laws, np.random.default_rng(seed).spawn(len(people)), strict=True):
@@ -82,7 +87,7 @@ def _judge(rig: PointingRig, people: Sequence[Person], laws: Sequence[Law], seed
         resting.append(hold_still(rig, person, law))
     given = np.concatenate([injected_energy(session) for session in sessions])
     torques = np.array([interaction_rms(session) for session in sessions])
-    return Judged(
+    return LawOnRobot(
         float(np.mean(torques[np.isfinite(torques)])) if np.any(np.isfinite(torques)) else float("nan"),
         float(np.quantile(given, 0.99)),
         max(resting),
@@ -92,19 +97,13 @@ def _judge(rig: PointingRig, people: Sequence[Person], laws: Sequence[Law], seed
 
 def compare_controllers(
     robots: Sequence[ElbowRig], *, seed: int = TORQUE_SEED, count: int = 3, workers: int | None = None
-) -> dict[str, tuple[Judged, ...]]:
+) -> dict[str, tuple[LawOnRobot, ...]]:
     """Every law on several robots, each of which is identified for itself."""
-    made: dict[int, dict[str, Judged]] = {}
-    for i, found in finished([(_one, robot, seed, count) for robot in robots], workers):
-        made[i] = found
-    return {name: tuple(made[i][name] for i in range(len(robots))) for name in (*CONTROLLERS, UNPOWERED)}
+    made = in_order([(try_laws, robot, seed, count) for robot in robots], workers)
+    return {name: tuple(one[name] for one in made) for name in (*CONTROLLERS, UNPOWERED)}
 
 
-def _one(robot: ElbowRig, seed: int, count: int) -> dict[str, Judged]:
-    return judge_laws(robot, seed=seed, count=count)
-
-
-def ratios(found: Mapping[str, Sequence[Judged]], law: str) -> np.ndarray:
+def ratios(found: Mapping[str, Sequence[LawOnRobot]], law: str) -> np.ndarray:
     """Interaction torque of a law over that of FC, shape (robots,) [1]."""
     return np.array([one.torque / fc.torque for one, fc in zip(found[law], found[REFERENCE], strict=True)])
 
@@ -112,34 +111,26 @@ def ratios(found: Mapping[str, Sequence[Judged]], law: str) -> np.ndarray:
 BEST_ROWS: Mapping[str, str] = {"": BEST, ".force_sensor": BEST_SENSED}
 """By the end of the id: which law is the best with an encoder alone, and with a force sensor."""
 
-TREMBLE_NOTE = "; their friction slips at once: one that yields before it slips is freed less by a tremble"
+DITHER_NOTE = "; their friction slips at once: one that yields before it slips is freed less by dither"
 
 
-def comparison_rows(found: Mapping[str, Sequence[Judged]]) -> tuple[Reproduced, ...]:
+def comparison_rows(found: Mapping[str, Sequence[LawOnRobot]]) -> tuple[Reproduced, ...]:
     """What `compare_controllers` found, as rows of the reproduction."""
     note = f"{len(found[REFERENCE])} drawn robots, and people, that no law was chosen on"
-    rows = []
-
-    def add(head: str, said: str, unit: str, drawn: Iterable[float], worst: bool = False, more: str = ""):
-        middle, low, high = spread(drawn)
-        rows.append(Reproduced(head, said, unit, None, high if worst else middle, low, high, note=note + more))
-
-    over = "Interaction torque (RMS) over that of FC"
+    over, rows = "Interaction torque (RMS) over that of FC", []
     for tail, law in BEST_ROWS.items():
-        more = TREMBLE_NOTE if law == BEST else ""
-        add(f"transparency.torque.best_over_fc{tail}", f"{over}, best: {law}", "1", ratios(found, law), more=more)
-    for law, judged in found.items():
+        more = DITHER_NOTE if law == BEST else ""
+        drawn = ratios(found, law)
+        rows.append(_row(f"torque.best_over_fc{tail}", f"{over}, best: {law}", "1", drawn, None, note + more))
+    for law, tried in found.items():
+        given, resting = [one.given for one in tried], [one.resting for one in tried]
         if law != REFERENCE:
-            add(f"transparency.torque.{law}_over_fc", f"{over}, {law}", "1", ratios(found, law))
-        add(
-            f"transparency.given.{law}", f"Energy that {law} gives over a movement there and back, worst robot", "J",
-            (one.given for one in judged), worst=True,
-        )  # fmt: skip
-        add(
-            f"transparency.resting.{law}", f"Speed two seconds after a movement, {law}, worst robot", "rad/s",
-            (one.resting for one in judged), worst=True,
-        )  # fmt: skip
-    faults = sum(one.faults for judged in found.values() for one in judged)
-    said = "Sessions that ended with a gate shut"
-    rows.append(Reproduced("transparency.faults", said, "1", None, float(faults), note=note))
-    return tuple(rows)
+            rows.append(_row(f"torque.{law}_over_fc", f"{over}, {law}", "1", ratios(found, law), None, note))
+        rows += [
+            _row(f"given.{law}", f"Energy that {law} gives over a movement there and back, worst robot", "J", given,
+                 None, note, middle=np.max),
+            _row(f"resting.{law}", f"Speed two seconds after a movement, {law}, worst robot", "rad/s", resting, None,
+                 note, middle=np.max),
+        ]  # fmt: skip
+    faults = sum(one.faults for tried in found.values() for one in tried)
+    return (*rows, _row("faults", "Sessions that ended with a gate shut", "1", faults, None, note))

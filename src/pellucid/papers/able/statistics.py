@@ -10,8 +10,8 @@ from collections.abc import Mapping
 from types import MappingProxyType
 
 from ...assessment.friedman import friedman_from_rank_sums, nemenyi_from_rank_sums
+from ..figure import Reproduced, figure
 from ..printed import PrintedPaper
-from ..reproduction import Reproduced
 
 CONDITIONS = ("ctrl", "fc", "pcfr", "clpc")
 
@@ -47,10 +47,8 @@ def statistics_rows(paper: PrintedPaper) -> tuple[Reproduced, ...]:
         )
         rows.append(_row(paper, f"{index}_p", f"Its p, {words}", test.p_value))
         rows.append(
-            Reproduced(
-                f"able.statistics.{index}_p_exact", f"Its p counted over all orders, {words}", "1", None,
-                test.exact_p_value, note="for six participants the chi-squared one is several times too large",
-            )
+            figure("able.statistics", f"{index}_p_exact", f"Its p counted over all orders, {words}", "1",
+                   test.exact_p_value, note="for six participants the chi-squared one is several times too large")
         )  # fmt: skip
         pairs = nemenyi_from_rank_sums(tuple(sums.values()), n)
         for name, (one, other) in _printed_pairs(paper, index).items():
@@ -72,13 +70,5 @@ def _printed_pairs(paper: PrintedPaper, index: str) -> dict[str, tuple[str, str]
 def _row(paper: PrintedPaper, name: str, quantity: str, ours: float, note: str = "") -> Reproduced:
     value = paper.values[name]
     agrees = value.agrees(ours)
-    note = note if agrees else SLIPS[name]
-    return Reproduced(
-        f"able.statistics.{name}",
-        quantity,
-        "1",
-        value.value,
-        ours,
-        verdict="agrees" if agrees else "cannot be",
-        note=note,
-    )
+    verdict = "agrees" if agrees else "cannot be"
+    return figure("able.statistics", name, quantity, "1", ours, value, note if agrees else SLIPS[name], verdict=verdict)

@@ -1,4 +1,4 @@
-r"""The published comparison of control laws, held again with virtual people: predictions beside what was printed.
+r"""The published comparison of control laws, repeated with virtual people: predictions beside what was printed.
 
 The people were set by how they move without a robot, and frozen before one was strapped on; the laws are built from
 what an identification of the robot found. Nothing here was chosen by what the paper reports of its robot.
@@ -57,7 +57,7 @@ class Means:
 
 
 @dataclass(frozen=True)
-class Taken:
+class SessionIndices:
     """What one session came to."""
 
     person: str
@@ -73,7 +73,7 @@ class VirtualStudy:
     """Everybody in every condition, from their true motion and excitation: no instrument stands in between."""
 
     seed: int
-    taken: tuple[Taken, ...]
+    taken: tuple[SessionIndices, ...]
 
     @property
     def conditions(self) -> tuple[str, ...]:
@@ -81,7 +81,7 @@ class VirtualStudy:
         found = dict.fromkeys(t.condition for t in self.taken)
         return (CONTROL, *sorted((c for c in found if c != CONTROL), key=_order))
 
-    def of(self, condition: str) -> list[Taken]:
+    def of(self, condition: str) -> list[SessionIndices]:
         """Of every person, in their order."""
         return sorted((t for t in self.taken if t.condition == condition), key=lambda t: t.person)
 
@@ -116,7 +116,7 @@ def injected_energy(session: Session) -> np.ndarray:
     return np.array([flow[there.begin : back.end].sum() for there, back in pairs])
 
 
-def taken(session: Session) -> Taken:
+def session_indices(session: Session) -> SessionIndices:
     """What a session came to, by every rule."""
     motion, stretches = true_motion(session, MovementRule())
     means = {}
@@ -129,7 +129,7 @@ def taken(session: Session) -> Taken:
             {word: _line(found, sign) for word, sign in (("up", 1), ("down", -1))},
             len(without) / len(stretches),
         )
-    return Taken(
+    return SessionIndices(
         session.person.name, session.condition, len(session.movements), means, injected_energy(session), session.fault
     )
 
@@ -152,14 +152,14 @@ def _line(found: Sequence[Movement], direction: int) -> float:
     return affine(np.array(amplitudes), np.array([np.mean(by_amplitude[a]) for a in amplitudes]))[2]
 
 
-def hold_study(rig: PointingRig, conditions: Conditions, *, seed: int, threads: int = 2) -> VirtualStudy:
+def simulate_study(rig: PointingRig, conditions: Conditions, *, seed: int, threads: int = 2) -> VirtualStudy:
     """Everybody in every condition; of each session only what it came to is kept."""
     with ThreadPoolExecutor(threads) as pool:
-        found = pool.map(lambda job: taken(point(*job)), appointments(rig, conditions, seed=seed))
+        found = pool.map(lambda job: session_indices(point(*job)), appointments(rig, conditions, seed=seed))
         return VirtualStudy(seed, tuple(found))
 
 
-def patient(rig: PointingRig) -> PointingRig:
+def content_on_target(rig: PointingRig) -> PointingRig:
     """The same people, content as soon as they are on the target; as drawn, they aim at its middle more finely.
 
     How finely people correct hardly shows without a robot, so that the control condition cannot tell. It decides how
@@ -217,9 +217,9 @@ class Recorded:
 def record_study(rig: PointingRig, conditions: Conditions, *, seed: int, threads: int = 2) -> Recorded:
     """Everybody in every condition through markers, encoder and EMG, assessed as any lab's recordings are."""
     begun = time.perf_counter()
-    known: list[tuple[Person, Taken]]
+    known: list[tuple[Person, SessionIndices]]
     recordings, known = record_pointing(
-        rig, conditions, seed=seed, threads=threads, truth=lambda session: (session.person, taken(session))
+        rig, conditions, seed=seed, threads=threads, truth=lambda session: (session.person, session_indices(session))
     )
     seconds = time.perf_counter() - begun
     people = list({person.name: person for person, _ in known}.values())
@@ -236,7 +236,7 @@ def record_study(rig: PointingRig, conditions: Conditions, *, seed: int, threads
 
 @dataclass(frozen=True)
 class Transparency:
-    """The comparison of the paper's laws, held with virtual people."""
+    """The comparison of the paper's laws, with virtual people."""
 
     exponents: tuple[float, float]  # k of equation 8, upwards and downwards ...
     # ... and the interaction torque by k upon which five other people chose them [N*m].
@@ -244,7 +244,7 @@ class Transparency:
     recorded: Recorded  # The first seed's, through instruments
     studies: tuple[VirtualStudy, ...]  # Of every seed
     own: tuple[VirtualStudy, ...]  # The same people in control and under the toolkit's own laws
-    patient: tuple[VirtualStudy, ...]  # The same people under all these laws, content as soon as they are on the target
+    content: tuple[VirtualStudy, ...]  # The same people under all these laws, content as soon as they are on the target
     required: dict[str, float]  # As `required_resistance` gives it
 
     def with_law(self, law: str) -> tuple[VirtualStudy, ...]:
@@ -272,10 +272,12 @@ def compare_laws(
     studies = [recorded.study]
     for i, seed in enumerate(seeds[1:], 1):
         tell(f"the same with other people, {i + 1} of {len(seeds)}", 0.05 + 0.95 * i / steps)
-        studies.append(hold_study(rig, conditions, seed=seed, threads=threads))
+        studies.append(simulate_study(rig, conditions, seed=seed, threads=threads))
     tell("these people under the toolkit's own laws", 0.05 + 0.95 * len(seeds) / steps)
-    mine = tuple(hold_study(rig, own, seed=seed, threads=threads) for seed in seeds)
+    mine = tuple(simulate_study(rig, own, seed=seed, threads=threads) for seed in seeds)
     tell("people who are content on the target", 0.05 + 0.95 * (len(seeds) + 1) / steps)
-    content = tuple(hold_study(patient(rig), conditions | own, seed=seed, threads=threads) for seed in seeds)
+    content = tuple(
+        simulate_study(content_on_target(rig), conditions | own, seed=seed, threads=threads) for seed in seeds
+    )
     needed = required_resistance(rig, draw_people(rig, np.random.default_rng(seeds[0])))
     return Transparency(exponents, torques, recorded, tuple(studies), mine, content, needed)

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
+from functools import partial
 
 import numpy as np
 
 from ...controllers.elbow_laws import ElbowLaw
 from ...controllers.law_fuzz import fuzz
+from ..figure import Reproduced, figure
 from ..printed import PrintedPaper, PrintedTable
-from ..reproduction import Reproduced, spread, verdict_between
 from .transparency import CONTROL, FIRST_REST, LAWS, OWN_LAWS, PUBLISHED_RULE, Transparency
 
 INDICES: Mapping[str, tuple[str, str, str]] = {
@@ -24,6 +25,8 @@ STATISTICS = ("mean", "sd", "min", "median", "max")
 TESTED = {"duration": "duration", "vmax": "velocity", "emgacc": "emg_acc"}
 """Which printed statistic an index's test has."""
 
+_row = partial(figure, "transparency")
+
 
 def transparency_rows(made: Transparency, paper: PrintedPaper) -> list[Reproduced]:
     """Everything that the virtual comparison says, beside what is printed."""
@@ -34,11 +37,11 @@ def transparency_rows(made: Transparency, paper: PrintedPaper) -> list[Reproduce
     ):
         for condition in (CONTROL, *LAWS):
             drawn = [study.values(index, condition) for study in made.studies]
-            rows += _described(f"transparency.{name}.{condition.lower()}", condition, unit, drawn, paper.tables[table])
+            rows += _described(f"{name}.{condition.lower()}", condition, unit, drawn, paper.tables[table])
     for condition in (CONTROL, *LAWS):
         for way in ("up", "down"):
             drawn = [study.values(way, condition) for study in made.studies]
-            head, label = f"transparency.table5.{condition.lower()}_{way}", f"R2 of isochrony, {condition} {way}"
+            head, label = f"table5.{condition.lower()}_{way}", f"R2 of isochrony, {condition} {way}"
             rows += _described(head, label, "1", drawn, paper.tables["isochrony"])
     rows += _statistics(made, paper)
     rows += _circumstances(made, paper)
@@ -54,7 +57,7 @@ def _changes(made: Transparency, paper: PrintedPaper) -> list[Reproduced]:
     rows = []
 
     def add(head: str, said: str, drawn: Iterable[float], printed: float | None, note: str):
-        rows.append(_row(f"transparency.{head}", said, "%", drawn, printed, note))
+        rows.append(_row(head, said, "%", drawn, printed, note))
 
     for name, (index, words, table) in INDICES.items():
         if table:
@@ -69,7 +72,7 @@ def _changes(made: Transparency, paper: PrintedPaper) -> list[Reproduced]:
             add(f"{name}.{key}", said, (s.change(index, law) for s in studies), printed, order)
             rest = (s.change(index, law, FIRST_REST) for s in studies)
             add(f"{name}.first_rest.{key}", f"{said}, up to the first rest", rest, printed, "without later corrections")
-            drawn = (s.change(index, law) for s in made.patient)
+            drawn = (s.change(index, law) for s in made.content)
             note = "tried after the people had been frozen, and seen to correct more finely than the target is wide"
             add(f"{name}.content.{key}", f"{said}, people content on the target", drawn, printed, note)
     return rows
@@ -96,7 +99,7 @@ def _statistics(made: Transparency, paper: PrintedPaper) -> list[Reproduced]:
         for name, said, value in (("chi2", "chi-squared", test.statistic), ("p", "p", test.p_value)):
             rows.append(
                 _row(
-                    f"transparency.friedman.{index}.{name}", f"Friedman's {said}, {words}", "1", (value,),
+                    f"friedman.{index}.{name}", f"Friedman's {said}, {words}", "1", value,
                     paper[f"{printed}_{name}"], "the first study's recordings, assessed",
                 )
             )  # fmt: skip
@@ -108,7 +111,7 @@ def _circumstances(made: Transparency, paper: PrintedPaper) -> list[Reproduced]:
     for k, way in zip(made.exponents, ("up", "down"), strict=True):
         rows.append(
             _row(
-                f"transparency.exponent.{way}", f"k of eq. 8, {way}", "1", (k,), paper[f"inertia_exponent_{way}"],
+                f"exponent.{way}", f"k of eq. 8, {way}", "1", k, paper[f"inertia_exponent_{way}"],
                 "smallest interaction torque of five people who take no other part",
             )
         )  # fmt: skip
@@ -117,19 +120,19 @@ def _circumstances(made: Transparency, paper: PrintedPaper) -> list[Reproduced]:
         note = "of 99 % of cycles; above 0 the robot drives"
         rows.append(
             _row(
-                f"transparency.energy.{law.lower()}", f"Energy that {law} gives over a closed cycle", "J", given, None,
+                f"energy.{law.lower()}", f"Energy that {law} gives over a closed cycle", "J", given, None,
                 note,
             )
         )  # fmt: skip
         without = [100.0 * np.mean([t.means[PUBLISHED_RULE].left_out for t in s.of(law)]) for s in made.studies]
-        rows.append(_row(f"transparency.left_out.{law.lower()}", f"Movements without a clear end, {law}", "%", without))
+        rows.append(_row(f"left_out.{law.lower()}", f"Movements without a clear end, {law}", "%", without))
     units = {"coulomb": "N*m", "viscous": "N*m*s/rad", "inertia": "kg*m^2"}
     for name, unit in units.items():
         said = f"Additional {'Coulomb friction' if name == 'coulomb' else name} that makes control 20 % slower"
-        rows.append(_row(f"transparency.required.{name}", said, unit, (made.required[name],), None, "alone"))
+        rows.append(_row(f"required.{name}", said, unit, made.required[name], None, "alone"))
     count = sum(t.movements for t in made.studies[0].taken)
     note = f"{count} movements with markers, encoder and EMG, durations chosen; this machine, two threads"
-    rows.append(_row("study.seconds", "The whole virtual study", "s", (made.recorded.seconds,), None, note))
+    rows.append(figure("study", "seconds", "The whole virtual study", "s", made.recorded.seconds, None, note))
     return rows
 
 
@@ -139,16 +142,6 @@ def safety_rows(laws: Mapping[str, ElbowLaw], *, cycles: int, seed: int = 1) -> 
     note = f"{cycles} cycles of each of {', '.join(found)}; {sum(f.faults for f in found.values())} faults"
     unsafe, slowest = sum(f.unsafe for f in found.values()), max(f.slowest for f in found.values())
     return [
-        _row("safety.unsafe", "Commands outside limits among fuzzed inputs", "1", (unsafe,), None, note),
-        _row("safety.slowest", "Cycles from a fault to a safe output", "1", (slowest,), None, note),
+        figure("safety", "unsafe", "Commands outside limits among fuzzed inputs", "1", unsafe, None, note),
+        figure("safety", "slowest", "Cycles from a fault to a safe output", "1", slowest, None, note),
     ]
-
-
-def _row(
-    name: str, said: str, unit: str, drawn: Iterable[float], printed: float | None = None, note: str = ""
-) -> Reproduced:
-    drawn = list(drawn)
-    ours, low, high = spread(drawn)
-    verdict = verdict_between(printed, low, high)
-    between = (low, high) if len(drawn) > 1 else (None, None)
-    return Reproduced(name, said, unit, printed, ours, *between, verdict, note)

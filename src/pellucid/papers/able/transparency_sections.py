@@ -11,7 +11,7 @@ from ...pages.page import Section
 from ...pages.quantities import MINUS, number, prose
 from ...pages.tables import Row, Table
 from ...procedures.assessment import assessment_figures
-from ..reproduction import Reproduced
+from ..figure import Reproduced
 from ..row_sections import cell
 from .law_comparison import CONTROLLERS, UNPOWERED
 from .transparency import CONTROL, LAWS, OWN_LAWS, Transparency

@@ -13,7 +13,7 @@ from ...lab.elbow.protocol import Trial, trials
 from ...lab.elbow.rig import ElbowRig
 from ...lab.elbow.study import record_in_memory
 from ...procedures.slider.identify_slider import directional_friction, fit_slider
-from ..processes import finished
+from ..processes import in_order
 
 SETS = {
     "published": ("constant_", "sweep_", "slow_"),
@@ -23,11 +23,11 @@ SETS = {
 
 
 COMPARED = ("constant_velocity", "swept_sine", "slow")
-"""Protocols that the comparison fits or judges; holds and the excitation for all at once are left out of the draws."""
+"""Protocols that the comparison takes; holds and the excitation for all at once are left out of the draws."""
 
 
 @dataclass(frozen=True)
-class Comparison:
+class ModelsCompared:
     """One rig, one seed."""
 
     rig: str
@@ -62,8 +62,8 @@ def own(names: Sequence[str], prefixes: Sequence[str]) -> tuple[str, ...]:
     return tuple(n for prefix in prefixes for n in names if n.startswith(prefix) and n[len(prefix) :].isdigit())
 
 
-def compare_models(rig: ElbowRig, seed: int, made: tuple[Trial, ...]) -> tuple[Comparison, SliderFit]:
-    """Record the protocol on a rig, identify, and judge."""
+def compare_models(rig: ElbowRig, seed: int, made: tuple[Trial, ...]) -> tuple[ModelsCompared, SliderFit]:
+    """Record the protocol on a rig, identify, and evaluate."""
     config, recordings, taken = record_in_memory(rig, made, seed=seed)
     fit = fit_slider(config, recordings)
     by_name = {m: {e.recording: e for e in fit.errors[m]} for m in METHODS}
@@ -81,7 +81,7 @@ def compare_models(rig: ElbowRig, seed: int, made: tuple[Trial, ...]) -> tuple[C
     model = fit["dissociated"].model
     friction = directional_friction(model, x, q)
     true_place = {one.trial.name: one.trial.slider for one in taken}
-    comparison = Comparison(
+    comparison = ModelsCompared(
         rig=rig.name,
         seed=seed,
         recordings=sets,
@@ -99,16 +99,12 @@ def compare_models(rig: ElbowRig, seed: int, made: tuple[Trial, ...]) -> tuple[C
     return comparison, fit
 
 
-def _one(rig: ElbowRig, seed: int) -> Comparison:
+def _one(rig: ElbowRig, seed: int) -> ModelsCompared:
     return compare_models(rig, seed, tuple(t for t in trials(rig) if t.protocol in COMPARED))[0]
 
 
 def compare_many(
-    jobs: Sequence[tuple[ElbowRig, int]], *, workers: int | None, on_progress: Callable[[str, float], None]
-) -> list[Comparison]:
-    """The same for many rigs and seeds, in processes of their own."""
-    found: dict[int, Comparison] = {}
-    for i, comparison in finished([(_one, *job) for job in jobs], workers):
-        found[i] = comparison
-        on_progress(f"{len(found)} of {len(jobs)} identifications", len(found) / len(jobs))
-    return [found[i] for i in range(len(jobs))]
+    jobs: Sequence[tuple[ElbowRig, int]], workers: int | None, tell: Callable[[int, int], None]
+) -> list[ModelsCompared]:
+    """The same for many rigs and seeds, in processes of their own and in the order of the jobs."""
+    return in_order([(_one, *job) for job in jobs], workers, tell)

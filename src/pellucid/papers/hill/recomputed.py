@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...models.anthropometry import WINTER_MASS, Segment, shank_length, winter
+from ..figure import Reproduced, figure
 from ..printed import PrintedPaper
-from ..reproduction import Reproduced
 
 GRAVITY = 9.81
 """Acceleration of gravity [m/s^2]; the paper prints none."""
@@ -73,10 +73,8 @@ def recomputed(paper: PrintedPaper) -> list[Reproduced]:
 
 
 def _row(name: str, quantity: str, unit: str, ours: float, *, printed=None, wrong: bool = False, note: str = ""):
-    return Reproduced(
-        f"hill.recomputed.{name}", quantity, unit, None if printed is None else printed.value, ours,
-        verdict="cannot be" if wrong else "recomputed", note=note,
-    )  # fmt: skip
+    verdict = "cannot be" if wrong else "recomputed"
+    return figure("hill.recomputed", name, quantity, unit, ours, printed, note, verdict=verdict)
 
 
 def _bodies(paper: PrintedPaper) -> list[Reproduced]:

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from functools import partial
 
 import numpy as np
 
+from ..figure import Reproduced, figure, mean_figure
 from ..printed import PrintedPaper
-from ..reproduction import Reproduced, spread
 from .steps import SWINGS, BodyFound, LegFound
 from .torque import BASELINES, MEASURES, RECORDED, TorqueFound
-from .training import PAPERS, Training
+from .training import TRAINED, Training
 
 WORDS = {"rmse": "RMSE", "maxe": "Largest error", "mae": "Mean error"}
 
@@ -41,17 +42,7 @@ def _subject_key(name: str) -> str:
     return f"subject_{name.removeprefix('S')}"
 
 
-def _beside(name: str, what: str, unit: str, ours: float, printed=None, note: str = "", limits=None) -> Reproduced:
-    low, high = limits or (None, None)
-    verdict = "ours only" if printed is None else ("agrees" if printed.agrees(ours) else "differs")
-    published = None if printed is None else printed.value
-    return Reproduced(f"hill.{name}", what, unit, published, float(ours), low, high, verdict, note)
-
-
-def _over(name: str, what: str, unit: str, values, printed=None, note: str = "") -> Reproduced:
-    """The mean over subjects, with the smallest and the largest."""
-    _, low, high = spread(values)
-    return _beside(name, what, unit, float(np.mean(list(values))), printed, note, (low, high))
+_row, _over = partial(figure, "hill"), partial(mean_figure, "hill")
 
 
 def step_rows(empty: BodyFound, legs: Mapping[str, LegFound], paper: PrintedPaper) -> list[Reproduced]:
@@ -60,11 +51,11 @@ def step_rows(empty: BodyFound, legs: Mapping[str, LegFound], paper: PrintedPape
     rows = []
     for n, unit in units.items():
         own = getattr(empty.published, n)
-        rows.append(_beside(f"empty.{n}", f"{n} of the exoskeleton, eq. 9", unit, own.value, table["empty"][n]))
+        rows.append(_row(f"empty.{n}", f"{n} of the exoskeleton, eq. 9", unit, own.value, table["empty"][n]))
     for name, leg in legs.items():
         both = leg.body.published
         rows += [
-            _beside(f"{n}.{name}", f"{n}' of {name}, eq. 10", unit, getattr(both, n).value,
+            _row(f"{n}.{name}", f"{n}' of {name}, eq. 10", unit, getattr(both, n).value,
                     table[_subject_key(name)][n] if _subject_key(name) in table.rows else None)
             for n, unit in units.items()
         ]  # fmt: skip
@@ -82,8 +73,8 @@ def step_rows(empty: BodyFound, legs: Mapping[str, LegFound], paper: PrintedPape
             _over(f"q.error.gravity.{swing}", f"q' - q beyond the leg's weight, {words}", "%", weight.values(),
                   note="tissue restores the leg as its weight does; printed values are 20 to 54 % beyond Winter's"),
         ]  # fmt: skip
-        rows += [_beside(f"p.error.{swing}.{n}", f"Error of p' - p, {n}, {words}", "%", v) for n, v in p.items()]
-        rows += [_beside(f"q.error.{swing}.{n}", f"Error of q' - q, {n}, {words}", "%", v) for n, v in q.items()]
+        rows += [_row(f"p.error.{swing}.{n}", f"Error of p' - p, {n}, {words}", "%", v) for n, v in p.items()]
+        rows += [_row(f"q.error.{swing}.{n}", f"Error of q' - q, {n}, {words}", "%", v) for n, v in q.items()]
     two = [leg.body.corrected["two_sines"].correlation for leg in legs.values()]
     rich = [leg.body.corrected["rich"].correlation for leg in legs.values()]
     rows.append(
@@ -103,7 +94,7 @@ def torque_rows(found: Mapping[str, TorqueFound], paper: PrintedPaper) -> list[R
     for kind, (estimator, against, words) in references.items():
         for measure in MEASURES:
             for cut, tail in ((False, ""), (True, ".truncated")):
-                values = {n: getattr(f.judged(estimator, against, truncated=cut), measure) for n, f in found.items()}
+                values = {n: getattr(f.errors(estimator, against, truncated=cut), measure) for n, f in found.items()}
                 what = f"{WORDS[measure]} against {words}" + (", both cut off at 0" if cut else "")
                 # What the paper prints is against its eq. 12, cut off at 0.
                 as_printed = kind == "eq12" and cut
@@ -112,7 +103,7 @@ def torque_rows(found: Mapping[str, TorqueFound], paper: PrintedPaper) -> list[R
                           table["mean"][measure] if as_printed else None)
                 )  # fmt: skip
                 rows += [
-                    _beside(f"{measure}.{kind}.{n}{tail}", f"{what}, {n}", "N*m", v,
+                    _row(f"{measure}.{kind}.{n}{tail}", f"{what}, {n}", "N*m", v,
                             table[_subject_key(n)][measure] if as_printed and _subject_key(n) in table.rows else None)
                     for n, v in values.items()
                 ]  # fmt: skip
@@ -126,13 +117,13 @@ def torque_rows(found: Mapping[str, TorqueFound], paper: PrintedPaper) -> list[R
         short = estimator.removeprefix("hill.")
         for measure in MEASURES:
             for cut, tail in ((False, ""), (True, ".truncated")):
-                values = [getattr(f.judged(estimator, truncated=cut), measure) for f in found.values()]
+                values = [getattr(f.errors(estimator, truncated=cut), measure) for f in found.values()]
                 key = PRINTED_AS.get(estimator)
                 shown = methods[key][measure] if cut and key and measure in methods[key] else None
                 what = f"{WORDS[measure]} of {words}" + (", cut off at 0" if cut else "")
                 rows.append(_over(f"{measure}.truth.{short}{tail}", what, "N*m", values, shown))
     for estimator, name in (("hill", "mean"), ("hill.recorded", "recorded")):
-        values = [f.judged(estimator, "muscles").rmse for f in found.values()]
+        values = [f.errors(estimator, "muscles").rmse for f in found.values()]
         rows.append(
             _over(f"rmse.total.{name}", f"RMSE against all that muscles pull, {ESTIMATOR_WORDS[estimator]}",
                   "N*m", values, note="a relaxed leg's balance takes passive force for weight")
@@ -149,20 +140,19 @@ def training_rows(
     """Table 3, and Figs. 5, 7 and 11 in numbers."""
     bodies = [empty, *(leg.body for leg, _, _ in found.values())]
     trained = {n: t for n, (_, t, _) in found.items()}
-    ratios = [t.spread_ratio for t in trained.values()]
-    middle, low, high = spread(ratios)
     rows = [
-        _beside("adam.closed_form_difference", "Adam with a falling rate against the closed form, of p and q",
+        _row("adam.closed_form_difference", "Adam with a falling rate against the closed form, of p and q",
                 "1", max(b.closed_form_difference for b in bodies), note="kg m^2 and kg m"),
-        _beside("adam.spread_ratio", "Spread of the parameters in the last 100 iterations, fixed over falling rate",
-                "1", middle, limits=(low, high), note="gradients of 2 s of data each; median over subjects"),
+        _row("adam.spread_ratio", "Spread of the parameters in the last 100 iterations, fixed over falling rate",
+                "1", [t.spread_ratio for t in trained.values()],
+                note="gradients of 2 s of data each; median over subjects"),
         _over("adam.spread_ratio.swings", "The same of p and q", "1", [b.spread_ratio for b in bodies]),
     ]  # fmt: skip
     for way in ("adam", "swarm"):
         spent = [t.evaluations(way) for t in trained.values()]
         arrived = [s for s in spent if np.isfinite(s)]
         rows.append(
-            _beside(f"{way}.evaluations", f"Evaluations of the cost to within 5 % of the lowest, {way}", "1",
+            _row(f"{way}.evaluations", f"Evaluations of the cost to within 5 % of the lowest, {way}", "1",
                     float(np.median(arrived)) if arrived else float("nan"),
                     note=f"median of the {len(arrived)} of {len(spent)} subjects where it arrived")
         )  # fmt: skip
@@ -170,7 +160,7 @@ def training_rows(
         _over("adam.evaluations.least_squares", "Evaluations that bounded least squares took, three starts", "1",
               [t.least_squares for t in trained.values()])
     )  # fmt: skip
-    for quantity, letter in PAPERS.items():
+    for quantity, letter in TRAINED.items():
         rows.append(
             _over(f"order.{quantity}", f"Iteration from which {_words(quantity)} ({letter} of the paper) stays", "1",
                   [t.converged[quantity] for t in trained.values()])
@@ -185,12 +175,12 @@ def training_rows(
         ):
             shown = printed.get(letter) if unit == "1" else None
             rows.append(
-                _beside(f"parameters.{name}.{quantity}", f"{_words(quantity).capitalize()} of {name}, trained", unit,
+                _row(f"parameters.{name}.{quantity}", f"{_words(quantity).capitalize()} of {name}, trained", unit,
                         t.values[quantity], shown)
             )  # fmt: skip
     inside = [f.hill.fit for _, _, f in found.values()]
     rows.append(
-        _beside("parameters.outside", "Parameters outside physiological bounds", "1",
+        _row("parameters.outside", "Parameters outside physiological bounds", "1",
                 sum(int(np.sum((f.z < f.problem.lower - 1e-9) | (f.z > f.problem.upper + 1e-9))) for f in inside))
     )  # fmt: skip
     rows.append(

@@ -3,19 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ...pages.drawing import draw
-from ...pages.knee_figures import Traces, over_time
+from ...pages.over_time import Traces, over_time
 from ...pages.page import Section
 from ...pages.quantities import number
 from ...pages.tables import number_table
+from ..row_sections import bracketed
 from .descent_figures import Compared, Paths, compared, paths
-from .reproduce_hill import HillReproduction
 from .rows import ESTIMATOR_WORDS, PRINTED_AS
 from .torque import BASELINES, RECORDED
-from .training import PAPERS
+from .training import TRAINED
+
+if TYPE_CHECKING:
+    from .paper import HillPaper
 
 ROLES = {"true": "measured", "muscles": "fitted", "electrodes alone": "heldout", "eq. 12": "good",
          "measured": "measured", "eq. 9": "fitted", "eq. 10": "fitted"}  # fmt: skip
@@ -33,19 +37,19 @@ def _cell(value: float) -> str:
 
 
 def _both(ours: float, printed: float | None) -> str:
-    return _cell(ours) if printed is None else f"{_cell(ours)} ⟨{_cell(printed)}⟩"
+    return bracketed(_cell(ours), None if printed is None else _cell(printed))
 
 
-def _chosen(made: HillReproduction, wanted: Sequence[str]) -> list[str]:
+def _chosen(made: HillPaper, wanted: Sequence[str]) -> list[str]:
     return [name for name in wanted if name in made.subjects] or list(made.subjects)[:2]
 
 
-def step_sections(made: HillReproduction) -> tuple[Section, ...]:
+def step_sections(made: HillPaper) -> tuple[Section, ...]:
     """Each table and figure of the paper, in its order."""
     return tuple(make(made) for make in (_people, _swings, _legs, _training, _torque, _methods))
 
 
-def _people(made: HillReproduction) -> Section:
+def _people(made: HillPaper) -> Section:
     """Who sat in it."""
     rows = [
         (name, str(s["age"]), f"{100 * s['height']:.0f}", f"{s['weight']:.0f}", f"{s['frequency']:.2f}")
@@ -64,7 +68,7 @@ def _people(made: HillReproduction) -> Section:
     )
 
 
-def _swings(made: HillReproduction) -> Section:
+def _swings(made: HillPaper) -> Section:
     """Figs. 5 and 6."""
     name = next(iter(made.subjects))
     bodies = {"exoskeleton alone": made.empty, f"with the leg of {name}": made.subjects[name].leg.body}
@@ -99,9 +103,9 @@ def _swings(made: HillReproduction) -> Section:
     )
 
 
-def _legs(made: HillReproduction) -> Section:
+def _legs(made: HillPaper) -> Section:
     """Table 2 and what is wrong with it."""
-    printed = made.paper.tables["swings"]
+    printed = made.printed.tables["swings"]
     more = [100.0 * (s.leg.q["rich"].value / s.leg.true_q - 1.0) for s in made.subjects.values()]
     empty = (_both(getattr(made.empty.published, n).value, printed["empty"][n].value) for n in ("p", "q"))
     rows = [("Empty", *empty, "", "", "", "")]
@@ -135,20 +139,20 @@ def _legs(made: HillReproduction) -> Section:
     )
 
 
-def _training(made: HillReproduction) -> Section:
+def _training(made: HillPaper) -> Section:
     """Table 3, Figs. 7 and 11."""
     panels = []
     for name in list(made.subjects)[:4]:
         t = made.subjects[name].training
         lines = {}
-        for quantity, letter in PAPERS.items():
+        for quantity, letter in TRAINED.items():
             columns = [i for i, n in enumerate(t.names) if n.split(".")[0] == quantity]
             lines[letter] = t.whole.values[:, columns[0]]
         panels.append(Paths(name, "of one muscle", lines, "Deviations from anatomy"))
     name = next(iter(made.subjects))
     t = made.subjects[name].training
     at = int(np.argmax(t.fixed.spread()))
-    letter = PAPERS[t.names[at].split(".")[0]]
+    letter = TRAINED[t.names[at].split(".")[0]]
     rates = [
         Paths(
             letter,
@@ -164,16 +168,16 @@ def _training(made: HillReproduction) -> Section:
             logarithmic=True,
         ),
     ]
-    order = sorted(PAPERS, key=lambda q: np.mean([s.training.converged[q] for s in made.subjects.values()]))
-    letters = ", ".join(PAPERS[q] for q in order)
-    stopped = " and ".join(PAPERS[q] for q in order if _stopped(made, q) > 0.5)
+    order = sorted(TRAINED, key=lambda q: np.mean([s.training.converged[q] for s in made.subjects.values()]))
+    letters = ", ".join(TRAINED[q] for q in order)
+    stopped = " and ".join(TRAINED[q] for q in order if _stopped(made, q) > 0.5)
     rows = [
-        (n, *(_cell(s.training.values[q]) for q in PAPERS), _cell(s.training.spread_ratio),
+        (n, *(_cell(s.training.values[q]) for q in TRAINED), _cell(s.training.spread_ratio),
          *(_cell(s.training.evaluations(w)) for w in ("adam", "swarm")), str(s.training.least_squares))
         for n, s in made.subjects.items()
     ]  # fmt: skip
     spent = np.mean([s.training.least_squares for s in made.subjects.values()])
-    heads = ("", *PAPERS.values(), "Fixed over falling", "Adam", "Swarm", "Least squares")
+    heads = ("", *TRAINED.values(), "Fixed over falling", "Adam", "Swarm", "Least squares")
     return Section(
         "training",
         "Table 3, Figs. 7 and 11: ways down",
@@ -198,7 +202,7 @@ def _training(made: HillReproduction) -> Section:
     )
 
 
-def _stopped(made: HillReproduction, quantity: str) -> float:
+def _stopped(made: HillPaper, quantity: str) -> float:
     """Share of a quantity's parameters, over subjects and muscles, that a bound holds still in the end."""
     still = [
         spread < 1e-9
@@ -213,14 +217,14 @@ def _smooth(costs: np.ndarray, size: int = 25) -> np.ndarray:
     return np.convolve(costs, np.ones(size) / size, mode="valid")
 
 
-def _torque(made: HillReproduction) -> Section:
+def _torque(made: HillPaper) -> Section:
     """Table 4, Figs. 8 and 9."""
-    printed = made.paper.tables["errors"]
+    printed = made.printed.tables["errors"]
     rows = []
     for name, found in made.subjects.items():
         f, key = found.torque, f"subject_{name[1:]}"
-        full, cut = f.judged("hill"), f.judged("hill", truncated=True)
-        paper = f.judged("hill.eq12", "eq12", truncated=True)
+        full, cut = f.errors("hill"), f.errors("hill", truncated=True)
+        paper = f.errors("hill.eq12", "eq12", truncated=True)
         shown = {m: printed[key][m].value if key in printed.rows else None for m in ("rmse", "maxe", "mae")}
         rows.append(
             (name, *(_cell(getattr(full, m)) for m in shown), *(_cell(getattr(cut, m)) for m in shown),
@@ -233,15 +237,15 @@ def _torque(made: HillReproduction) -> Section:
         f = made.subjects[name].torque
         shown = (f.time >= SHOWN[0]) & (f.time < SHOWN[1])
         lines = {"true": f.active, "muscles": f.predicted["hill"], "electrodes alone": f.predicted["hill.recorded"]}
-        rest = f"RMSE {f.judged('hill').rmse:.2f} N·m"
+        rest = f"RMSE {f.errors('hill').rmse:.2f} N·m"
         traces.append(Traces(name, rest, f.time[shown], {n: x[shown] for n, x in lines.items()}, "Torque (N·m)"))
     return Section(
         "torque",
         "Step 3: Table 4, Figs. 8 and 9",
         (
-            "Calibrated on one recording, judged on another. First against the true torque that the muscles pull "
+            "Calibrated on one recording, scored on another. First against the true torque that the muscles pull "
             "beyond what they pull relaxed, full and with both torques cut off at 0; then as the paper has it: "
-            "calibrated on its eq. 12 and judged on it, cut off at 0, with what it prints in angular brackets.",
+            "calibrated on its eq. 12 and scored on it, cut off at 0, with what it prints in angular brackets.",
             "Nobody records the flexors. As in hybrid models elsewhere, they are excited wherever the balance of leg "
             "and exoskeleton asks for bending; extension is the electrodes' alone.",
         ),
@@ -258,25 +262,25 @@ def _torque(made: HillReproduction) -> Section:
     )
 
 
-def _methods(made: HillReproduction) -> Section:
+def _methods(made: HillPaper) -> Section:
     """Table 5 and Fig. 10."""
-    table = made.paper.tables["methods"]
+    table = made.printed.tables["methods"]
 
     def row(estimator: str, label: str, strong: bool = False) -> Compared:
-        errors = [s.torque.judged(estimator, truncated=True).rmse for s in made.subjects.values()]
+        errors = [s.torque.errors(estimator, truncated=True).rmse for s in made.subjects.values()]
         key = PRINTED_AS.get(estimator)
         return Compared(label, errors, table[key]["rmse"].value if key in table.rows else None, strong)
 
     rows = [row("hill", ESTIMATOR_WORDS["hill"], True), row("hill.adaptive", ESTIMATOR_WORDS["hill.adaptive"])]
     rows += [row(name, ESTIMATOR_WORDS[name]) for name in BASELINES]
-    alone, both = (np.mean([s.torque.judged(n).rmse for s in made.subjects.values()]) for n in ("motion", "ridge"))
+    alone, both = (np.mean([s.torque.errors(n).rmse for s in made.subjects.values()]) for n in ("motion", "ridge"))
     rows.append(row("hill.recorded", ESTIMATOR_WORDS["hill.recorded"], True))
     rows += [row(f"{name}.recorded", f"{ESTIMATOR_WORDS[name]}, recorded muscles") for name in RECORDED]
     return Section(
         "methods",
         "Table 5 and Fig. 10: other methods",
         (
-            "All are fitted on the same swing and judged on the same other one. The reference is itself computed from "
+            "All are fitted on the same swing and scored on the same other one. The reference is itself computed from "
             "motion, so that whoever sees acceleration can find it without any EMG: against the true torque, ridge "
             f"regression of motion alone comes to {alone:.2f} N·m, with EMG to {both:.2f} N·m. Where the robot "
             "measures motion, balance is the better estimator of the present torque; EMG tells what comes, and what "

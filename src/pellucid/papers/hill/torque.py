@@ -19,7 +19,7 @@ from .steps import BodyFound, LegFound
 from .trials import ActiveSwing, SubjectTaken, active_swing
 
 BASELINES = ("nmco", "nmcoa", "nmnc", "mbp", "ridge", "boost", "motion")
-"""Estimators of `ESTIMATORS` that are fitted and judged on the same swings."""
+"""Estimators of `ESTIMATORS` that are fitted and scored on the same swings."""
 
 RECORDED = ("nmco", "nmcoa", "nmnc", "mbp", "ridge")
 """Those of them that are also given recorded EMG alone."""
@@ -36,7 +36,7 @@ class Errors:
     mae: float
 
 
-def errors(found: np.ndarray, true: np.ndarray, *, truncated: bool = False) -> Errors:
+def errors_of(found: np.ndarray, true: np.ndarray, *, truncated: bool = False) -> Errors:
     """Errors of a torque; found, true (n,) [N m]."""
     if truncated:
         found, true = np.maximum(found, 0.0), np.maximum(true, 0.0)
@@ -60,9 +60,9 @@ class TorqueFound:
     hill: HillMap  # hill, recorded: With and without unrecorded flexors.
     recorded: HillMap
 
-    def judged(self, estimator: str, against: str = "active", *, truncated: bool = False) -> Errors:
+    def errors(self, estimator: str, against: str = "active", *, truncated: bool = False) -> Errors:
         """Errors of an estimator."""
-        return errors(self.predicted[estimator], getattr(self, against), truncated=truncated)
+        return errors_of(self.predicted[estimator], getattr(self, against), truncated=truncated)
 
 
 def find_torque(empty: BodyFound, leg: LegFound, taken: SubjectTaken) -> TorqueFound:
@@ -79,7 +79,7 @@ def find_torque(empty: BodyFound, leg: LegFound, taken: SubjectTaken) -> TorqueF
         predicted[name] = _fit(name, fitted).predict(held.trial)
     for name in RECORDED:
         predicted[f"{name}.recorded"] = _fit(name, alone).predict(alone_held.trial)
-    # As published: calibrated on the torque of eq. 12, judged on it.
+    # As published: calibrated on the torque of eq. 12, scored on it.
     of_eq12 = [torque_of_a_bare_leg(empty.published, leg.body.published, s.motion).torque for s in (fitted, held)]
     as_published = fit_hill([replace(alone.trial, torque=of_eq12[0])])
     predicted["hill.eq12"] = as_published.predict(alone_held.trial)

@@ -13,7 +13,7 @@ from ...fit.muscles.muscle_calibration import MuscleProblem, calibrate_muscles
 from ...fit.searches.adam import AdamPath, adam
 from ...fit.searches.swarm import Search, swarm_with_gradients
 
-PAPERS: dict[str, str] = {
+TRAINED: dict[str, str] = {
     "strength": "k_r",
     "shape": "A",
     "optimal_length_shift": "λ",
@@ -43,7 +43,7 @@ class Training:
     swarm: Search = field(repr=False)
     lowest: float  # Cost that bounded least squares reaches
     least_squares: int  # Evaluations it took
-    values: dict[str, float]  # Where Adam on all data ended, by quantity of `PAPERS`, mean over muscles
+    values: dict[str, float]  # Where Adam on all data ended, by quantity of `TRAINED`, mean over muscles
 
     @property
     def spread_ratio(self) -> float:
@@ -56,7 +56,7 @@ class Training:
     def converged(self) -> dict[str, float]:
         """Iteration from which on each quantity stays near where it ends, mean over muscles."""
         at = dict(zip(self.names, self.whole.converged_at(), strict=True))
-        return {q: float(np.mean([v for n, v in at.items() if n.split(".")[0] == q])) for q in PAPERS}
+        return {q: float(np.mean([v for n, v in at.items() if n.split(".")[0] == q])) for q in TRAINED}
 
     def evaluations(self, way: str) -> float:
         """Evaluations of the cost until it is within `NEAR` of the lowest; NaN if it never is."""
@@ -71,7 +71,7 @@ def train(trial: TorqueTrial, weight: float) -> Training:
     """Train a subject's muscles on the recording to be fitted."""
     muscles = driven_muscles([trial])
     samples, _ = muscle_samples([trial], muscles=[m.name for m in muscles])
-    problem = MuscleProblem(muscles, samples, quantities=tuple(PAPERS), weight=weight)
+    problem = MuscleProblem(muscles, samples, quantities=tuple(TRAINED), weight=weight)
     size = round(PART * trial.fs)
     parts = [np.arange(i, min(i + size, len(samples.torque))) for i in range(0, len(samples.torque) - size // 2, size)]
     counted = [p[samples.weight[p] > 0.0] for p in parts]
@@ -105,5 +105,5 @@ def train(trial: TorqueTrial, weight: float) -> Training:
         ),
         found.cost,
         found.evaluations,
-        {q: float(np.mean([v for n, v in ended.items() if n.split(".")[0] == q])) for q in PAPERS},
+        {q: float(np.mean([v for n, v in ended.items() if n.split(".")[0] == q])) for q in TRAINED},
     )

@@ -21,7 +21,7 @@ from ...lab.knee.rig import KneeRig
 from ...procedures.coupling.identify_coupling import identify_worn
 from ...recordings.recording import Recording
 from ...signals.filters import zero_phase_lowpass
-from .trials import STRAP_ONLY, Taken, take
+from .trials import STRAP_ONLY, KneeSession, take
 
 BAND = (30.0, 450.0)
 """Corners of the causal chain before it rectifies [Hz]."""
@@ -98,7 +98,7 @@ def identify_wearer_of(rig: KneeRig, name: str, seed: int) -> Identified:
     return identified(rig, name, seed, taken)
 
 
-def identified(rig: KneeRig, name: str, seed: int, taken: Taken) -> Identified:
+def identified(rig: KneeRig, name: str, seed: int, taken: KneeSession) -> Identified:
     """The same from recordings that are there already."""
     used = [r for r in taken.recordings if r.protocol != "torque_steps"]  # for the EMG map alone
     findings = identify_worn(taken.config, used)

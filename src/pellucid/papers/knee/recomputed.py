@@ -8,8 +8,8 @@ import numpy as np
 
 from ...fit.joint.gravity_holds import accuracy, cosine_moment, line_of_best_fit
 from ...models.anthropometry import WINTER_GYRATION, rod, shank_length, winter
+from ..figure import Reproduced, figure
 from ..printed import Printed, PrintedPaper
-from ..reproduction import Reproduced
 from .two_poles import TwoPoles, chord_stiffness, lowpass_delay, output_sd, r_squared, sine_stiffness
 
 GRAVITY = 9.81
@@ -47,10 +47,9 @@ def _row(
 ) -> Reproduced:
     """One row; "cannot be" where something is printed that ours does not round to and no reading (`ends`) explains."""
     wrong = printed is not None and not printed.agrees(ours) and not ends
-    return Reproduced(
-        f"knee.recomputed.{name}", quantity, unit, None if printed is None else printed.value, ours,
-        verdict="cannot be" if wrong else "recomputed", note="; ".join(part for part in (note, ends) if part),
-    )  # fmt: skip
+    said = "; ".join(part for part in (note, ends) if part)
+    verdict = "cannot be" if wrong else "recomputed"
+    return figure("knee.recomputed", name, quantity, unit, ours, printed, said, verdict=verdict)
 
 
 def _gravity(paper: PrintedPaper) -> list[Reproduced]:

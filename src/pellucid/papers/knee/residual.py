@@ -1,7 +1,7 @@
 """What the thesis left for later: the residual impedance of a worn orthosis cancelled, beside the alternatives.
 
 A wearer is recorded and identified, every controller is built from the cards and from constants chosen on other
-wearers, and all of them go through the same swings. The truth is used to judge alone.
+wearers, and all of them go through the same swings. The truth enters errors alone.
 """
 
 from __future__ import annotations
@@ -23,13 +23,13 @@ from .controllers import NAMES, Built, Chosen, chosen, controllers
 from .swings import driven_back, holds_margins, root_mean_square, swing, without_control
 
 TUNING, FRESH = tuple(range(101, 107)), tuple(range(201, 207))
-"""Seeds of drawn wearers: on whom constants were chosen, and on whom they were judged."""
+"""Seeds of drawn wearers: on whom constants were chosen, and on whom they were tried."""
 
 SWINGS, DURATION = (31, 32, 33), 20.0
-"""Seeds of the judged swings, and how long one lasts [s]."""
+"""Seeds of the swings, and how long one lasts [s]."""
 
 REPRODUCED = ("S1", "S2", "S3", f"D{FRESH[0]}")
-"""Who is judged in a reproduction, whose time is short; the others are judged by `main` of `residual_rows`."""
+"""Who is compared in a reproduction, whose time is short; the others are compared by `main` of `residual_rows`."""
 
 RECORDED = 5
 """Seed of the recordings that the rig's own subjects are identified from; a drawn wearer's is their own."""
@@ -80,36 +80,38 @@ def compare(
     built = controllers(card, rig.period, (pace["centre"], np.pi * sum(pace["frequency"])), constants, only)
     if "no_control" in only:
         built["no_control"] = Built(lambda: None)
-    margins, held = {}, {}
+    margins, steady = {}, {}
     plain = without_control(rig, name) if stability else None
     for kind, one in built.items() if stability else ():
         margins[kind] = one.margins() if one.margins else None
         if kind not in ("zero_impedance", "no_control"):
-            held[kind] = holds_margins(rig, name, one.build, plain)
+            steady[kind] = holds_margins(rig, name, one.build, plain)
     rows = []
     for seed in seeds:
 
-        def judge(where: KneeRig, controller: Controller | None, seed: int = seed) -> tuple[float, float]:
+        def left(where: KneeRig, controller: Controller | None, seed: int = seed) -> tuple[float, float]:
             taken = swing(where, name, seed, controller, duration=duration, session=session, faults=faults)
             return root_mean_square(taken)
 
-        alone = judge(rig, None)
+        alone = left(rig, None)
         for kind, one in built.items():
             controller = one.build()
             if kind == "zero_impedance":
                 mismatch, torque = alone
             else:
-                mismatch, torque = judge(driven_back(rig) if kind == "no_control" else rig, controller)
-            left = margins.get(kind)
-            gain, delay = (left.gain_db, left.delay) if left else (None, None)
+                mismatch, torque = left(driven_back(rig) if kind == "no_control" else rig, controller)
+            found = margins.get(kind)
+            gain, delay = (found.gain_db, found.delay) if found else (None, None)
             fault = getattr(controller, "fault", "none")
             rows.append(
-                ControllerRow(kind, name, seed, mismatch, torque, torque / alone[1], gain, delay, held.get(kind), fault)
+                ControllerRow(
+                    kind, name, seed, mismatch, torque, torque / alone[1], gain, delay, steady.get(kind), fault
+                )
             )
     return rows
 
 
-# ---------------------------------------------------------------------------------------------- who is judged, and how
+# ----------------------------------------------------------------------------------------- who is compared, and how
 
 
 def wearer(rig: KneeRig, name: str) -> Identified:
@@ -122,7 +124,7 @@ def wearer(rig: KneeRig, name: str) -> Identified:
     return identify_wearer_of(drawn_rig(rig, seed), name, seed)
 
 
-def judge_wearer(rig: KneeRig, name: str, seeds: Sequence[int] = SWINGS[:2]) -> tuple[ControllerRow, ...]:
+def evaluate_wearer(rig: KneeRig, name: str, seeds: Sequence[int] = SWINGS[:2]) -> tuple[ControllerRow, ...]:
     """Everything about one wearer, from recordings to rows."""
     return tuple(compare(wearer(rig, name), seeds))
 
@@ -168,6 +170,6 @@ def robustness(
     }  # fmt: skip
 
 
-def judge_changes(rig: KneeRig, name: str) -> dict[str, list[ControllerRow]]:
+def evaluate_changes(rig: KneeRig, name: str) -> dict[str, list[ControllerRow]]:
     """`robustness` of one wearer, from recordings to rows."""
     return robustness(wearer(rig, name))

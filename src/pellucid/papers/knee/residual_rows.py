@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 
 import numpy as np
 
@@ -10,11 +11,11 @@ from ...lab.knee.rig import knee_orthosis
 from ...pages.drawing import draw
 from ...pages.page import Section
 from ...pages.tables import Row, number_table
-from ..processes import finished
-from ..reproduction import Reproduced, spread
+from ..figure import Reproduced, figure, spread
+from ..processes import in_order
 from .controllers import DELAY, GAIN_DB, NAMES
-from .residual import FRESH, SWINGS, ControllerRow, judge_changes, judge_wearer
-from .residual_figures import ControllerRatios, torque_ratios
+from .knee_figures import ControllerRatios, torque_ratios
+from .residual import FRESH, SWINGS, ControllerRow, evaluate_changes, evaluate_wearer
 
 WANTED = 0.5
 """Share of zero-impedance mode's strap torque that is asked for [1]."""
@@ -29,6 +30,8 @@ GROUPS: Mapping[str, str] = {DRAWN: "drawn wearers, never seen before", SEEN: "t
 
 ROLES = {GROUPS[DRAWN]: "fitted", GROUPS[SEEN]: "measured"}
 
+_row = partial(figure, "knee.residual")
+
 
 def group_of(row: ControllerRow) -> str:
     """`DRAWN` or `SEEN`."""
@@ -38,11 +41,6 @@ def group_of(row: ControllerRow) -> str:
 def residual_rows(compared: Sequence[ControllerRow]) -> list[Reproduced]:
     """Strap torque, mismatch and margins of every controller."""
     rows: list[Reproduced] = []
-
-    def add(what: str, kind: str, quantity: str, unit: str, values: Iterable[float], note: str) -> None:
-        median, low, high = spread(values)
-        rows.append(Reproduced(f"knee.residual.{what}.{kind}", quantity, unit, None, median, low, high, note=note))
-
     for kind, words in NAMES.items():
         mine = [r for r in compared if r.controller == kind]
         for group, ending in ((DRAWN, ""), (SEEN, f".{SEEN}")):
@@ -50,13 +48,15 @@ def residual_rows(compared: Sequence[ControllerRow]) -> list[Reproduced]:
             if not own:
                 continue
             note = f"RMS; {len({r.subject for r in own})} wearers ({GROUPS[group]}), {len(own)} swings"
-            for what, quantity, unit, of in _JUDGED:
-                add(what, kind + ending, f"{quantity}, {words}", unit, map(of, own), note)
+            rows += [
+                _row(f"{what}.{kind}{ending}", f"{quantity}, {words}", unit, map(of, own), None, note)
+                for what, quantity, unit, of in COMPARED
+            ]
         rows += _margins(kind, words, mine)
     return rows
 
 
-_JUDGED: tuple[tuple[str, str, str, Callable[[ControllerRow], float]], ...] = (
+COMPARED: tuple[tuple[str, str, str, Callable[[ControllerRow], float]], ...] = (
     ("torque_ratio", "Interaction torque as a share of zero-impedance mode's", "1", lambda r: r.ratio),
     ("torque_rms", "Interaction torque", "N*m", lambda r: r.strap_torque),
     ("mismatch_rms", "Angle between leg and orthosis", "deg", lambda r: float(np.degrees(r.mismatch))),
@@ -75,29 +75,21 @@ def _margins(kind: str, words: str, rows: Sequence[ControllerRow]) -> list[Repro
         ):
             least = min(values)
             note = covers if np.isfinite(least) else f"{covers}; none below {most:g} {unit}, where the search ends"
-            made.append(
-                Reproduced(
-                    f"knee.residual.{what}.{kind}", f"{quantity}, {words}", unit, None, min(least, most), note=note
-                )
-            )
+            made.append(_row(f"{what}.{kind}", f"{quantity}, {words}", unit, min(least, most), None, note))
     tried = {r.subject: r.holds for r in rows if r.holds is not None}
     if tried:
-        made.append(
-            Reproduced(
-                f"knee.residual.holds.{kind}", f"Wearers with whom it does not sway, {words}", "1", None,
-                float(np.mean(list(tried.values()))),
-                note=f"simulated with {GAIN_DB:g} dB more gain, and with {1e3 * DELAY:g} ms more delay",
-            )
-        )  # fmt: skip
+        share = float(np.mean(list(tried.values())))
+        note = f"simulated with {GAIN_DB:g} dB more gain, and with {1e3 * DELAY:g} ms more delay"
+        made.append(_row(f"holds.{kind}", f"Wearers with whom it does not sway, {words}", "1", share, None, note))
     return made
 
 
-def change_rows(judged: Sequence[Mapping[str, Sequence[ControllerRow]]]) -> list[tuple[str, str, str]]:
+def change_rows(found: Sequence[Mapping[str, Sequence[ControllerRow]]]) -> list[tuple[str, str, str]]:
     """The compensator where something has changed, in a table's rows."""
     made = []
-    for what in judged[0]:
-        for kind in dict.fromkeys(r.controller for r in judged[0][what]):
-            median, low, high = spread(r.ratio for one in judged for r in one[what] if r.controller == kind)
+    for what in found[0]:
+        for kind in dict.fromkeys(r.controller for r in found[0][what]):
+            median, low, high = spread(r.ratio for one in found for r in one[what] if r.controller == kind)
             made.append((what, NAMES[kind], f"{median:.3f} ({low:.3f} to {high:.3f})"))
     return made
 
@@ -150,7 +142,7 @@ def residual_section(compared: Sequence[ControllerRow]) -> Section:
         "The thesis ends with a compensator that uses the identified strap and EMG still to be made. Here it is, built "
         "from each wearer's own recordings. Every controller's constants were chosen on further drawn wearers by one "
         "criterion, the least strap torque within 6 dB and 20 ms; the rig's own three wearers were known while "
-        "controllers were made, the drawn ones judged here were not."
+        "controllers were made, the drawn ones compared here were not."
     )
     if best is not None:
         said += f" The compensator leaves {100 * best.ours:.0f} % of the strap's torque in zero-impedance mode."
@@ -172,15 +164,14 @@ def residual_section(compared: Sequence[ControllerRow]) -> Section:
 
 
 def main() -> None:
-    """Judge every wearer, and the compensator where something is not as it was identified; print what came out."""
+    """Compare on every wearer, then where something is not as it was identified; print what came out."""
     rig = knee_orthosis()
     fresh = [f"D{seed}" for seed in FRESH]
-    judged = dict(finished([(judge_wearer, rig, name, SWINGS) for name in (*rig.subjects, *fresh)]))
-    for row in residual_rows([row for i in sorted(judged) for row in judged[i]]):
+    everyone = in_order([(evaluate_wearer, rig, name, SWINGS) for name in (*rig.subjects, *fresh)])
+    for row in residual_rows([row for one in everyone for row in one]):
         between = "" if row.lower is None else f" ({row.lower:.4g} to {row.upper:.4g})"
         print(f"{row.id}: {row.ours:.4g}{between} {row.unit}")
-    wrong = dict(finished([(judge_changes, rig, name) for name in fresh]))
-    for row in change_rows([wrong[i] for i in sorted(wrong)]):
+    for row in change_rows(in_order([(evaluate_changes, rig, name) for name in fresh])):
         print(*row, sep="; ")
 
 

@@ -2,41 +2,30 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 
 import numpy as np
 
 from ...fit.parameter import Parameter
 from ...lab.knee.rig import KneeRig
+from ..figure import Reproduced, figure
 from ..printed import Printed, PrintedPaper
-from ..reproduction import Reproduced, spread, verdict_between
 from .recomputed import SUBJECTS
-from .torque import TorqueMap, TorqueSteps
+from .torque import MapScored, TorqueSteps
 from .wearers import Bench, Drawn, WearerFound, mean_fit, tape_measure
 
 AXES = {9: "nine", 6: "six"}
 """Of the IMU, in ids."""
 
 
-def _row(
-    name: str, quantity: str, unit: str, values: float | Iterable[float], published: float | None = None, note: str = ""
-) -> Reproduced:
-    """A figure, or the median of several with their range."""
-    if isinstance(values, (int, float)):
-        ours, low, high = float(values), None, None
-    else:
-        ours, low, high = spread(values)
-    ends = (ours, ours) if low is None else (low, high)
-    verdict = verdict_between(published, *ends)
-    return Reproduced(f"knee.{name}", quantity, unit, published, ours, low, high, verdict, note)
+_row = partial(figure, "knee")
 
 
 def _interval(name: str, quantity: str, parameter: Parameter, published: Printed | None, note: str) -> Reproduced:
     """A parameter with its 95 % interval; another device's number stands beside it."""
-    low, high = parameter.interval()
     value = None if published is None else published.value
-    verdict = verdict_between(value, low, high)
-    return Reproduced(f"knee.{name}", quantity, parameter.unit, value, parameter.value, low, high, verdict, note)
+    return _row(name, quantity, parameter.unit, parameter.value, value, note, between=parameter.interval())
 
 
 def orthosis_rows(bench: Bench, paper: PrintedPaper) -> list[Reproduced]:
@@ -113,7 +102,7 @@ def _by_seed(drawn: Sequence[Drawn], of: Callable[[Drawn], float]) -> list[float
 
 
 def torques_rows(
-    steps: Mapping[tuple[str, str], TorqueSteps], maps: Sequence[TorqueMap], paper: PrintedPaper
+    steps: Mapping[tuple[str, str], TorqueSteps], maps: Sequence[MapScored], paper: PrintedPaper
 ) -> list[Reproduced]:
     """Table 3.4 and Fig. 3.4."""
     table, rows = paper.tables["regression"], []

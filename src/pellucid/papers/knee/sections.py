@@ -2,22 +2,26 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from ...fit.parameter import Parameter
-from ...pages import knee_figures
 from ...pages.drawing import Drawing, draw
-from ...pages.knee_figures import HeldTorques, StrapIntervals, Traces
+from ...pages.over_time import Traces, over_time
 from ...pages.page import Section
 from ...pages.quantities import MINUS, number, unit_text
 from ...pages.tables import Row, number_table
 from ...procedures.emg_torque import calibration_figures
+from ..figure import Reproduced
 from ..printed import Printed
-from ..reproduction import Reproduced
-from ..row_sections import cell
+from ..row_sections import bracketed, cell
+from .knee_figures import HoldTorques, StrapIntervals, hold_torques, strap_intervals
 from .recomputed import SUBJECTS
-from .reproduce_knee import KneeReproduction
 from .torque import ESTIMATORS
+
+if TYPE_CHECKING:
+    from .paper import KneePaper
 
 ROLES = {
     "true": "measured",
@@ -43,7 +47,7 @@ PRINTED = "In angular brackets, what the thesis prints."
 
 
 def _both(ours: str, printed: Printed | None) -> str:
-    return ours if printed is None else f"{ours} ⟨{cell(printed.value)}⟩"
+    return bracketed(ours, None if printed is None else cell(printed.value))
 
 
 def _with_interval(parameter: Parameter) -> str:
@@ -51,15 +55,15 @@ def _with_interval(parameter: Parameter) -> str:
     return f"{number(parameter.value, 0.5 * (high - low))} ± {number(0.5 * (high - low), digits=2)}"
 
 
-def thesis_sections(made: KneeReproduction, rows: dict[str, Reproduced]) -> tuple[Section, ...]:
+def thesis_sections(made: KneePaper, rows: dict[str, Reproduced]) -> tuple[Section, ...]:
     """Each table and figure of the thesis, in its order."""
     alone = (_subjects(made), _orthosis(made), _shanks(made))
     return (*alone, _torque(made, rows), _strap(made, rows), _straps_over_seeds(made, rows))
 
 
-def _subjects(made: KneeReproduction) -> Section:
+def _subjects(made: KneePaper) -> Section:
     """Table 3.1."""
-    table = made.paper.tables["subjects"]
+    table = made.printed.tables["subjects"]
     columns = ("age", "mass", "height", "shank_length")
     rows = [(table.labels[s], *(cell(table[s][n].value) for n in columns)) for s in SUBJECTS]
     return Section(
@@ -73,9 +77,9 @@ def _subjects(made: KneeReproduction) -> Section:
     )
 
 
-def _orthosis(made: KneeReproduction) -> Section:
+def _orthosis(made: KneePaper) -> Section:
     """Figs. 3.1 and 3.2, Table 3.2."""
-    bench, table = made.bench, made.paper.tables["orthosis"]
+    bench, table = made.bench, made.printed.tables["orthosis"]
     found = {p.name: p for p in bench.fit.parameters} | {"stiffness": bench.fit.linear["stiffness"]}
     truth = {"gravity": bench.gravity, "inertia": bench.inertia, "damping": made.rig["orthosis"]["bearing_viscous"]}
     names = {"gravity": "m g l", "inertia": "Inertia", "damping": "Viscous damping", "stiffness": "Spring"}
@@ -93,8 +97,8 @@ def _orthosis(made: KneeReproduction) -> Section:
     offset = bench.fit.gravity.offset.value
     short = 100.0 * abs(bench.as_published["line"] / bench.gravity - 1.0)
     holds = draw(
-        knee_figures.held_torques,
-        [HeldTorques("Orthosis alone", bench.angle, bench.torque, *_sine(_hanging(made)), offset)],
+        hold_torques,
+        [HoldTorques("Orthosis alone", bench.angle, bench.torque, *_sine(_hanging(made)), offset)],
         "fig-3-1",
         caption="Fig. 3.1: torque that holds the orthosis at each angle, the sine of its weight, and the thesis's line "
         f"of best fit, whose slope is {short:.0f} % short of m g l.",
@@ -121,7 +125,7 @@ def _orthosis(made: KneeReproduction) -> Section:
     )
 
 
-def _hanging(made: KneeReproduction) -> tuple[float, float]:
+def _hanging(made: KneePaper) -> tuple[float, float]:
     """m g l [N m] and angle of rest [rad] of the orthosis."""
     fit = made.bench.fit.gravity
     return fit.gravity.value, 0.0 if fit.zero is None else fit.zero.value
@@ -133,7 +137,7 @@ def _sine(*bodies: tuple[float, float]) -> tuple[float, float]:
     return float(abs(whole)), float(np.angle(whole))
 
 
-def _response(made: KneeReproduction) -> Drawing:
+def _response(made: KneePaper) -> Drawing:
     fit, brief = made.bench.fit, made.bench.brief
     first = next(r for r in brief.responses if r.recording.endswith("07"))
     name = next(n for n in fit.checks if n.endswith("07"))
@@ -141,7 +145,7 @@ def _response(made: KneeReproduction) -> Drawing:
     part = check.time <= check.time[0] + SHOWN
     panels = [
         Traces(
-            "1 rad, fitted", f"two poles {first.fit:.1f} %; the thesis {made.paper['response_fit']:g} %", first.time,
+            "1 rad, fitted", f"two poles {first.fit:.1f} %; the thesis {made.printed['response_fit']:g} %", first.time,
             {"measured": np.degrees(first.measured), "two poles": np.degrees(first.simulated)}, "Angle (deg)",
         ),
         Traces(
@@ -155,19 +159,21 @@ def _response(made: KneeReproduction) -> Drawing:
         ),
     ]  # fmt: skip
     return draw(
-        knee_figures.over_time, panels, "fig-3-2", roles=ROLES,
+        over_time, panels, "fig-3-2", roles=ROLES,
         caption="Fig. 3.2: the orthosis's angle at 0.7 Hz, measured, and simulated from the spring's torque.",
     )  # fmt: skip
 
 
-def _shanks(made: KneeReproduction) -> Section:
+def _shanks(made: KneePaper) -> Section:
     """Fig. 3.3, Table 3.3."""
-    shank = made.paper.tables["shank"]
+    shank = made.printed.tables["shank"]
     panels, cells = [], []
     for (name, found), subject in zip(made.wearers.items(), SUBJECTS, strict=True):
         limb = found.stages.limb
         together = _sine(_hanging(made), (limb.gravity.value, limb.zero.value))
-        panels.append(HeldTorques(f"{name}, orthosis on", *found.held, *together, made.bench.fit.gravity.offset.value))
+        panels.append(
+            HoldTorques(f"{name}, orthosis on", *found.holds_of_leg, *together, made.bench.fit.gravity.offset.value)
+        )
         printed = shank[subject]
         segments = limb.segments
         cells.append(
@@ -183,7 +189,7 @@ def _shanks(made: KneeReproduction) -> Section:
             )
         )
     drawing = draw(
-        knee_figures.held_torques, panels, "fig-3-3",
+        hold_torques, panels, "fig-3-3",
         caption="Fig. 3.3: torque that holds orthosis and relaxed leg on a rigid plate, three trials each. The shank's "
         "m g l is the sine's less the orthosis's.",
     )  # fmt: skip
@@ -207,9 +213,9 @@ def _shanks(made: KneeReproduction) -> Section:
     )  # fmt: skip
 
 
-def _torque(made: KneeReproduction, rows: dict[str, Reproduced]) -> Section:
+def _torque(made: KneePaper, rows: dict[str, Reproduced]) -> Section:
     """Fig. 3.4, Table 3.4."""
-    table, cells = made.paper.tables["regression"], []
+    table, cells = made.printed.tables["regression"], []
     for estimator in dict.fromkeys(m.estimator for m in made.maps):
         mine = [m for m in made.maps if (m.estimator, m.protocol) == (estimator, "published")]
         kind = estimator.removesuffix("_published")
@@ -244,7 +250,7 @@ def _torque(made: KneeReproduction, rows: dict[str, Reproduced]) -> Section:
     )
 
 
-def _torque_errors(made: KneeReproduction) -> tuple[Drawing, ...]:
+def _torque_errors(made: KneePaper) -> tuple[Drawing, ...]:
     errors = [
         (m.subject, m.estimator, WORDS[m.estimator], m.score.rmse)
         for m in made.maps
@@ -260,7 +266,7 @@ def _torque_errors(made: KneeReproduction) -> tuple[Drawing, ...]:
     )  # fmt: skip
 
 
-def _torque_trace(made: KneeReproduction) -> Drawing:
+def _torque_trace(made: KneePaper) -> Drawing:
     """The longer steps, in which the thesis's come first."""
     mine = [m for m in made.maps if m.protocol == "both_ways"]
     chosen = next((m for m in mine if m.estimator == "boost"), mine[0])
@@ -274,15 +280,15 @@ def _torque_trace(made: KneeReproduction) -> Drawing:
     }
     panel = Traces(f"{chosen.subject}, 15°", f"RMSE {chosen.score.rmse:.2f} N·m", trial.time, lines, "Torque (N·m)")
     return draw(
-        knee_figures.over_time, [panel], "fig-3-4", roles=ROLES, height=3.4,
+        over_time, [panel], "fig-3-4", roles=ROLES, height=3.4,
         caption="Fig. 3.4: the knee's true torque, what the map makes of EMG and angle in a repetition it has not "
         "seen, and the orthosis's torque that the subject counteracts: the thesis's steps, then the other way.",
     )  # fmt: skip
 
 
-def _strap(made: KneeReproduction, rows: dict[str, Reproduced]) -> Section:
+def _strap(made: KneePaper, rows: dict[str, Reproduced]) -> Section:
     """Figs. 3.5 to 3.7, Table 3.5."""
-    table, drawings, cells = made.paper.tables["coupling"], [], []
+    table, drawings, cells = made.printed.tables["coupling"], [], []
     for number_, ((name, found), subject) in enumerate(zip(made.wearers.items(), SUBJECTS, strict=True), 5):
         printed, coupling = table[subject], found.stages.coupling
         swing = next(s for s in found.swings if s.split == "heldout")
@@ -292,7 +298,7 @@ def _strap(made: KneeReproduction, rows: dict[str, Reproduced]) -> Section:
         head = f"strap {swing.fit():.1f} %, thesis's form {swing.fit('published'):.1f} %".replace("-", MINUS)
         drawings.append(
             draw(
-                knee_figures.over_time,
+                over_time,
                 [Traces(f"{name}, held out", head, swing.time[part], shown, "Limb ahead (deg)")],
                 f"fig-3-{number_}",
                 roles=ROLES,
@@ -349,7 +355,7 @@ def _imu_note(rows: dict[str, Reproduced]) -> str:
     )
 
 
-def _straps_over_seeds(made: KneeReproduction, rows: dict[str, Reproduced]) -> Section:
+def _straps_over_seeds(made: KneePaper, rows: dict[str, Reproduced]) -> Section:
     """Whether intervals hold the truth."""
     panels = []
     for what, unit, letter in (("stiffness", "N·m/rad", "k"), ("damping", "N·m·s/rad", "b")):
@@ -371,7 +377,7 @@ def _straps_over_seeds(made: KneeReproduction, rows: dict[str, Reproduced]) -> S
         (),
         (
             draw(
-                knee_figures.strap_intervals, panels, "coverage",
+                strap_intervals, panels, "coverage",
                 caption="Stiffness and damping of each strap with 95 % intervals, for each seed of all noise; lines "
                 "are the truth. An interval that misses it is orange.",
             ),

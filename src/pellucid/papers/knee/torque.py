@@ -16,7 +16,7 @@ from ...estimators.torque_trial import TorqueTrial
 from ...fit.strap.strap_torque import Orthosis
 from ...lab.knee.rig import KneeRig
 from ...signals.emg_chain import emg_chain
-from .trials import Taken
+from .trials import KneeSession
 from .wearers import WearerFound
 
 ESTIMATORS = ("boost", "bagging", "tree", "ridge")
@@ -33,7 +33,7 @@ KEPT = 5
 
 
 @dataclass(frozen=True, eq=False)
-class TorqueMap:
+class MapScored:
     """One estimator on one subject's torque steps."""
 
     subject: str  # subject, estimator, protocol: The last one of `PROTOCOLS`.
@@ -58,7 +58,7 @@ class TorqueSteps:
 
     @property
     def targets(self) -> dict[str, np.ndarray]:
-        """What maps are fitted to and judged on, by trial: shape (n,) each [N m]."""
+        """What maps are fitted to and scored on, by trial: shape (n,) each [N m]."""
         return {t.name: t.torque for t in self.trials}
 
     def true_error(self, predicted: Mapping[str, np.ndarray]) -> float:
@@ -66,7 +66,7 @@ class TorqueSteps:
         return score(*(np.concatenate([t[n] for n in self.true]) for t in (self.true, predicted))).rmse
 
 
-def torque_steps(rig: KneeRig, taken: Taken, orthosis: Orthosis, found: WearerFound) -> TorqueSteps:
+def torque_steps(rig: KneeRig, taken: KneeSession, orthosis: Orthosis, found: WearerFound) -> TorqueSteps:
     """A subject's torque steps with their envelopes."""
     chain, kept = emg_chain(taken.config.emg_torque.chain), slice(None, None, KEPT)
     limb, strap = found.stages.limb.limb, found.stages.coupling.orthosis_side
@@ -110,10 +110,10 @@ def published_steps(steps: TorqueSteps, duration: float) -> TorqueSteps:
     return TorqueSteps(steps.subject, "published", trials, *parts)
 
 
-def judge_map(steps: TorqueSteps, estimator: str) -> TorqueMap:
+def score_map(steps: TorqueSteps, estimator: str) -> MapScored:
     """One estimator, each repetition predicted by a map chosen and fitted without it."""
     found = torque_map_cv(steps.trials, (estimator,))[estimator]
-    return TorqueMap(steps.subject, estimator, steps.protocol, found.score, found.choices[0].words, found.predicted)
+    return MapScored(steps.subject, estimator, steps.protocol, found.score, found.choices[0].words, found.predicted)
 
 
 def _ligaments(rig: KneeRig, position: np.ndarray) -> np.ndarray:

@@ -21,7 +21,7 @@ STRAP_ONLY = ("imu_on_orthosis", "relaxed_holds", "free_swing")
 
 
 @dataclass(frozen=True, eq=False)
-class Taken:
+class KneeSession:
     """What was recorded, and what only the simulation knows."""
 
     config: StudyFile  # What study.toml would say
@@ -37,17 +37,17 @@ class Taken:
         return [input_output(r, ("torque", "position")) for r in self.of(protocol, use)]
 
 
-def take(rig: KneeRig, seed: int, subjects: Sequence[str] = (), *, protocols: Sequence[str] = ()) -> Taken:
+def take(rig: KneeRig, seed: int, subjects: Sequence[str] = (), *, protocols: Sequence[str] = ()) -> KneeSession:
     """Do the experiments on the orthosis alone, and those of some subjects."""
     made: list[Task] = bench_trials(rig)
     for name in subjects:
         worn = worn_trials(rig, rig.subjects[name])
         made += [task for task in worn if not protocols or task[0].protocol in protocols]
     config, recordings, taken = record_in_memory(rig, made, seed=seed)
-    return Taken(config, recordings, {one.trial.name: one.truth for one in taken})
+    return KneeSession(config, recordings, {one.trial.name: one.truth for one in taken})
 
 
-def held_angles(responses: Sequence[InputOutput]) -> tuple[np.ndarray, np.ndarray]:
+def hold_angles(responses: Sequence[InputOutput]) -> tuple[np.ndarray, np.ndarray]:
     """Angles and torques of holds, as a plot of them shows; gives (k,) [rad], [N m]."""
     holds = [h for r in responses for h in find_holds(r.time, r.output, r.input, recording=r.recording)]
     return np.array([h.angle for h in holds]), np.array([h.torque for h in holds])

@@ -1,4 +1,4 @@
-"""How the constants of ``chosen.toml`` are chosen: on drawn wearers, none of whom is judged.
+"""How the constants of ``chosen.toml`` are chosen: on drawn wearers, none of whom is compared afterwards.
 
 The criterion is the same for every controller: the least strap torque, as a share of zero-impedance mode's on the same
 swing, mean over the tuning wearers; and on each of them a controller must bear twice its command and 20 ms more delay,
@@ -233,7 +233,7 @@ def text(constants: Chosen, seeds: Sequence[int]) -> str:
     lines = [
         "# Constants of the controllers that are compared on the virtual knee orthosis. Written by",
         f"# `python -m pellucid.papers.knee.tuning` from drawn wearers {seeds[0]} to {seeds[-1]}; nobody who is",
-        "# judged is among them. Change the search, not this file.",
+        "# compared is among them. Change the search, not this file.",
     ]
     for table, values in constants.tables().items():
         lines += ["", f"[{table}]"]

@@ -1,4 +1,4 @@
-"""Orthosis and wearers identified as `identify` does it, and judged by what only a simulation knows."""
+"""Orthosis and wearers identified as `identify` does it, and compared with what only a simulation knows."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from ...procedures.coupling.coupling_findings import WearerStages
 from ...procedures.coupling.identify_coupling import identify_worn
 from ...signals.inertial import inertial
 from ...signals.input_output import input_output
-from .trials import STRAP_ONLY, Taken, held_angles, take
+from .trials import STRAP_ONLY, KneeSession, hold_angles, take
 
 STRAP = ("stiffness", "damping", "inertia")
 """Parameters of a strap; the last is 0."""
@@ -89,7 +89,7 @@ class WearerFound:
     six_axes_swings: tuple[Mismatch, ...] = ()
     best_published: tuple[Mismatch, ...] = ()  # The thesis's form given the muscles' true torque
     # (k,) Angles [rad] and torques [N m] of the relaxed leg's holds
-    held: tuple[np.ndarray, np.ndarray] = field(default=(np.zeros(0), np.zeros(0)))
+    holds_of_leg: tuple[np.ndarray, np.ndarray] = field(default=(np.zeros(0), np.zeros(0)))
 
     def of(self, axes: int) -> tuple[WearerStages, tuple[Mismatch, ...]]:
         """What was found with an IMU of 9 or 6 `axes`."""
@@ -108,7 +108,7 @@ def mean_fit(swings: Sequence[Mismatch], model: str = "predicted", split: str = 
 
 @dataclass(frozen=True)
 class Drawn:
-    """One subject and seed, judged by the truth: errors and fits in percent."""
+    """One subject and seed against the truth: errors and fits in percent."""
 
     subject: str
     seed: int
@@ -123,13 +123,13 @@ class Drawn:
 
 def drawn_from(found: WearerFound) -> Drawn:
     """A wearer's figures against the truth."""
-    coupling, held = found.stages.coupling, [s for s in found.swings if s.split == "heldout"]
+    coupling = found.stages.coupling
     return Drawn(
         found.name,
         found.seed,
         100.0 * (found.stages.limb.gravity.value / found.subject.gravity - 1.0),
         mean_fit(found.swings),
-        float(np.mean([s.rmse() for s in held])),
+        float(np.mean([s.rmse() for s in found.swings if s.split == "heldout"])),
         coupling.mean_fit(),
         coupling.mean_ceiling(),
         {name: getattr(coupling.orthosis_side, name) for name in STRAP},
@@ -140,11 +140,11 @@ def drawn_from(found: WearerFound) -> Drawn:
 def identify_bench(rig: KneeRig, seed: int) -> Bench:
     """Record the orthosis alone, and identify it."""
     taken = take(rig, seed)
-    held = taken.responses("gravity_holds")
-    fit = fit_orthosis(held, *(taken.responses("sine_tracking", use) for use in ("fit", "validate")))
+    holds = taken.responses("gravity_holds")
+    fit = fit_orthosis(holds, *(taken.responses("sine_tracking", use) for use in ("fit", "validate")))
     brief = fit_records(taken.responses("sine_brief"), 2, 0, hold=HOLD, units=("N*m", "rad"))
     gravity = float(np.hypot(*rig.orthosis_gravity))
-    return Bench(fit, brief, *held_angles(held), gravity, rig["orthosis"]["inertia"])
+    return Bench(fit, brief, *hold_angles(holds), gravity, rig["orthosis"]["inertia"])
 
 
 def identify_straps(rig: KneeRig, seed: int) -> list[WearerFound]:
@@ -157,7 +157,7 @@ def identify_straps(rig: KneeRig, seed: int) -> list[WearerFound]:
     ]
 
 
-def identify_subject(rig: KneeRig, name: str, seed: int) -> tuple[WearerFound, Taken]:
+def identify_subject(rig: KneeRig, name: str, seed: int) -> tuple[WearerFound, KneeSession]:
     """Record everything that one subject does, and identify limb and strap with six and with nine axes."""
     taken = take(rig, seed, [name])
     asked = taken.config.coupling
@@ -167,7 +167,7 @@ def identify_subject(rig: KneeRig, name: str, seed: int) -> tuple[WearerFound, T
     made = WearerFound(
         name, seed, stages, _mismatches(taken, stages.coupling), rig.subjects[name], other,
         _mismatches(taken, other.coupling), _with_true_torque(taken, found.orthosis, stages),
-        held_angles(taken.responses("relaxed_holds")),
+        hold_angles(taken.responses("relaxed_holds")),
     )  # fmt: skip
     return made, taken
 
@@ -181,7 +181,7 @@ def tape_measure(subject: Subject) -> dict[str, float]:
     }
 
 
-def _mismatches(taken: Taken, coupling: WearerCoupling) -> tuple[Mismatch, ...]:
+def _mismatches(taken: KneeSession, coupling: WearerCoupling) -> tuple[Mismatch, ...]:
     by_name = {r.name: r for r in taken.recordings}
     return tuple(
         Mismatch(
@@ -192,7 +192,7 @@ def _mismatches(taken: Taken, coupling: WearerCoupling) -> tuple[Mismatch, ...]:
     )  # fmt: skip
 
 
-def _with_true_torque(taken: Taken, orthosis: OrthosisFit, stages: WearerStages) -> tuple[Mismatch, ...]:
+def _with_true_torque(taken: KneeSession, orthosis: OrthosisFit, stages: WearerStages) -> tuple[Mismatch, ...]:
     """What the thesis's form could reach if EMG told the muscles' torque without any error."""
     made = []
     for recording in taken.of("free_swing"):

@@ -1,24 +1,23 @@
-"""The reproduction's page: Table I and Fig. 3 on virtual elbows, and what one coherent body makes of them."""
+"""The first half of the page: Table I and Fig. 3 on virtual elbows, and what one coherent body makes of them."""
 
 from __future__ import annotations
 
-from dataclasses import replace
-from pathlib import Path
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from ...fit.slider.slider_fit import METHODS
+from ...fit.slider.slider_fit import SliderFit
+from ...lab.elbow.rig import ElbowRig
 from ...models.energy import cycle_energy
 from ...pages.drawing import Drawing, draw
-from ...pages.page import Page, Section, Tile, write_page
+from ...pages.page import Section
 from ...pages.tables import Row, Table
 from ...procedures.slider import direction_figures as figures
 from ...procedures.slider.identify_slider import predicted
-from ..reproduction import Reproduced
-from ..row_sections import cell, row_sections
-from .reproduce_able import LOAD_FACTORS, AbleReproduction
-from .transparency import LAWS
-from .transparency_sections import transparency_sections
+from ..figure import Reproduced
+from ..row_sections import cell
+from .identification_rows import LOAD_FACTORS
+from .trials import ModelsCompared
 
 SHORT = {
     "pooled": "without dissociation",
@@ -31,76 +30,25 @@ SHORT = {
 ROLES = dict(zip(SHORT.values(), ("symmetric", "heldout", "fitted", "load"), strict=True))
 
 
-def write_able_page(out: Path, made: AbleReproduction) -> Path:
-    """Write index.html and every figure as SVG and PDF."""
-    rows = {row.id: row for row in made.rows}
-    ratio, load = rows["able.table1.ratio"], rows["able.load.ratio"]
-    seeds = len({c.seed for c in made.comparisons})
-    rigs = len({c.rig for c in made.comparisons})
-    page = Page(
-        title="ABLE: reproduced",
-        kicker="Reproduction of a paper",
-        headline=(
-            f"On a virtual elbow whose friction depends on load, speed and direction, dissociating the directions "
-            f"divides the error by {ratio.ours:.2f} ({ratio.lower:.2f} to {ratio.upper:.2f} over {seeds} seeds) on "
-            f"trials never fitted; the paper found {ratio.published:g} on its own robot. One coherent body with "
-            f"friction that follows the load errs by {100.0 * abs(1.0 / load.ours - 1.0):.1f} % "
-            f"{'more' if load.ours < 1.0 else 'less'} with 10 parameters instead of 16, and its gravity and inertia "
-            f"are the rig's own. {_laws(rows)}"
-        ),
-        tiles=(
-            Tile("Error ratio, never fitted", f"{ratio.ours:.2f}", "", f"the paper: {ratio.published:g}"),
-            Tile(
-                "Torque error, load model",
-                f"{1e3 * rows['able.load.torque_error'].ours:.1f}",
-                "mN·m",
-                "mean, trials never fitted",
-            ),
-            Tile(
-                "Gravity error, load model",
-                f"{100.0 * rows['able.load.gravity_error'].ours:.2f}",
-                "%",
-                f"{100.0 * rows['able.consistent.gravity_error'].ours:.2f} % without load friction",
-            ),
-            Tile(
-                "Torque over FC's, force sensor",
-                f"{rows['transparency.torque.best_over_fc.force_sensor'].ours:.2f}",
-                "",
-                f"{rows['transparency.torque.best_over_fc'].ours:.2f} by a tremble, "
-                f"{rows['transparency.torque.transparent_over_fc'].ours:.2f} without either",
-            ),
-        ),
-        sections=(
-            _table1(made, rows),
-            _trace(made),
-            _needed(made, rows),
-            _body(made),
-            _energy(made),
-            *transparency_sections(made.transparency, rows),
-            *_ending(made),
-        ),
-        footer=f"{rigs} rigs, {seeds} seeds each; {made.fit.filter_note}.",
-    )
-    return write_page(out, page)
-
-
-def _laws(rows: dict[str, Reproduced]) -> str:
-    said = ", ".join(
-        f"{law} {rows[f'transparency.duration.{law.lower()}'].ours:+.0f} % "
-        f"({rows[f'transparency.duration.first_rest.{law.lower()}'].ours:+.0f} % up to the first rest; "
-        f"the paper {rows[f'transparency.duration.{law.lower()}'].published:+.0f} %)"
-        for law in LAWS
-    )
-    best, sensed = (rows[f"transparency.torque.best_over_fc{tail}"].ours for tail in ("", ".force_sensor"))
+def identification_sections(
+    rig: ElbowRig,
+    comparisons: Sequence[ModelsCompared],
+    by_factor: Sequence[ModelsCompared],
+    fit: SliderFit,
+    rows: Mapping[str, Reproduced],
+) -> tuple[Section, ...]:
+    """Table I, Fig. 3b, the friction that the paper's ratio needs, gravity, inertia and friction, and energy."""
     return (
-        f"Virtual people's movements last longer under the paper's laws: {said}. Of the interaction torque under FC, "
-        f"the toolkit's own law leaves {best:.2f} with a tremble of the motor against sticking, and {sensed:.2f} with "
-        f"a force sensor, on robots that it was not chosen on."
+        _table1(rig, comparisons, rows),
+        _trace(fit),
+        _needed(rig, by_factor, rows),
+        _body(rig, fit),
+        _energy(fit),
     )
 
 
-def _table1(made: AbleReproduction, rows: dict[str, Reproduced]) -> Section:
-    committed = [c for c in made.comparisons if c.rig == made.rig.name]
+def _table1(rig: ElbowRig, comparisons: Sequence[ModelsCompared], rows: Mapping[str, Reproduced]) -> Section:
+    committed = [c for c in comparisons if c.rig == rig.name]
     first = committed[0]
     kinds = ["constant"] * 6 + ["sweep"] * 6 + ["slow"] * 6
     drawings = [
@@ -117,8 +65,8 @@ def _table1(made: AbleReproduction, rows: dict[str, Reproduced]) -> Section:
             ("unseen", "18 trials never fitted, with the carriage between the fitted places, one seed."),
         )
     ]
-    names = list(dict.fromkeys(c.rig for c in made.comparisons))
-    ids = [f"able.{'' if n == made.rig.name else n + '.'}table1.ratio" for n in names]
+    names = list(dict.fromkeys(c.rig for c in comparisons))
+    ids = [f"able.{'' if n == rig.name else n + '.'}table1.ratio" for n in names]
     drawings.append(
         draw(
             figures.ratio_by_rig,
@@ -132,7 +80,7 @@ def _table1(made: AbleReproduction, rows: dict[str, Reproduced]) -> Section:
     table = []
     for which, tail in (("the paper's 18 trials", "published_protocol."), ("18 never fitted", "")):
         for name in names:
-            head = f"able.{'' if name == made.rig.name else name + '.'}table1.{tail}"
+            head = f"able.{'' if name == rig.name else name + '.'}table1.{tail}"
             table.append(
                 Row(
                     (
@@ -142,7 +90,7 @@ def _table1(made: AbleReproduction, rows: dict[str, Reproduced]) -> Section:
                         f"{rows[head + 'ratio'].lower:.2f} to {rows[head + 'ratio'].upper:.2f}",
                         cell(rows[head + "p"].ours),
                     ),
-                    name == made.rig.name,
+                    name == rig.name,
                 )
             )
     printed = (cell(rows[f"able.table1.{key}"].published) for key in ("without", "with", "ratio"))
@@ -167,8 +115,7 @@ def _table1(made: AbleReproduction, rows: dict[str, Reproduced]) -> Section:
     )
 
 
-def _trace(made: AbleReproduction) -> Section:
-    fit = made.fit
+def _trace(fit: SliderFit) -> Section:
     m = next(m for m in fit.motions if m.recording == "unseen_constant_3")
     part = slice(0, len(m.position))
     drawing = draw(
@@ -189,9 +136,9 @@ def _trace(made: AbleReproduction) -> Section:
     )
 
 
-def _needed(made: AbleReproduction, rows: dict[str, Reproduced]) -> Section:
-    ratios = np.array([c.ratio("published", "pooled", "dissociated") for c in made.by_factor])
-    share = np.array(LOAD_FACTORS) * made.rig["transmission"]["load_motoring"]
+def _needed(rig: ElbowRig, by_factor: Sequence[ModelsCompared], rows: Mapping[str, Reproduced]) -> Section:
+    ratios = np.array([c.ratio("published", "pooled", "dissociated") for c in by_factor])
+    share = np.array(LOAD_FACTORS) * rig["transmission"]["load_motoring"]
     drawing = draw(
         figures.ratio_by_friction,
         share,
@@ -202,8 +149,8 @@ def _needed(made: AbleReproduction, rows: dict[str, Reproduced]) -> Section:
     needed = rows["able.friction_needed.factor"]
     text = (
         f"The paper's ratio takes {needed.ours:.2f} times this rig's load friction: "
-        f"{needed.ours * made.rig['transmission']['load_motoring']:.2f} of the load lost while lifting and "
-        f"{needed.ours * made.rig['transmission']['load_generating']:.2f} while lowering."
+        f"{needed.ours * rig['transmission']['load_motoring']:.2f} of the load lost while lifting and "
+        f"{needed.ours * rig['transmission']['load_generating']:.2f} while lowering."
         if needed.ours is not None
         else f"No multiple of this rig's load friction gives the paper's ratio: {needed.note}."
     )
@@ -221,8 +168,7 @@ def _needed(made: AbleReproduction, rows: dict[str, Reproduced]) -> Section:
     )
 
 
-def _body(made: AbleReproduction) -> Section:
-    fit, rig = made.fit, made.rig
+def _body(rig: ElbowRig, fit: SliderFit) -> Section:
     q = np.linspace(rig["range"]["low"], rig["range"]["high"], 80)
     middle = 0.5 * sum(fit.rail)
     model, body = fit["dissociated"].model, fit["load"]
@@ -292,9 +238,9 @@ def _body(made: AbleReproduction) -> Section:
     )
 
 
-def _energy(made: AbleReproduction) -> Section:
+def _energy(fit: SliderFit) -> Section:
     """Energy that compensating gravity alone puts into a joint over a closed cycle."""
-    fit, paper_angle = made.fit, 1.15
+    paper_angle = 1.15
     amplitude = np.linspace(0.02, 0.8, 30)
     middle = 0.5 * sum(fit.rail)
     model, body = fit["dissociated"].model, fit["load"]
@@ -328,10 +274,3 @@ def _energy(made: AbleReproduction) -> Section:
             ),
         ),
     )
-
-
-def _ending(made: AbleReproduction) -> tuple[Section, Section]:
-    recomputed, every = row_sections(made.rows, over="Over seeds or robots", remarks=False)
-    said = "Table II ships beside this page as table2-as-published.json; its numbers contradict each other."
-    methods = Table(("Method", "What it is"), tuple(Row((k, v)) for k, v in METHODS.items()))
-    return replace(recomputed, paragraphs=(said,)), replace(every, tables=(methods, *every.tables))
