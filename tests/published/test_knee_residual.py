@@ -5,11 +5,11 @@ import pytest
 
 from pellucid._errors import IdentificationError, PellucidError
 from pellucid.controllers.worn import WornCompensator
+from pellucid.estimators.causal_map import EmgSettings, EmgTrial, fit_causal_map
 from pellucid.lab.knee.drawn import BODY, FACTORS, WORN, drawn_rig
 from pellucid.lab.knee.protocol import Faults
 from pellucid.lab.knee.rig import FLEXOR, knee_orthosis
 from pellucid.papers.knee import tuning as knee_tuning
-from pellucid.papers.knee.cards import EmgSettings, Step, emg_map
 from pellucid.papers.knee.controllers import DELAY, GAIN_DB, Chosen, by_phase, chosen, for_wearer, parse_chosen
 from pellucid.papers.knee.residual import FRESH, TUNING, ControllerRow, compare, session_of, wearer
 from pellucid.papers.knee.residual_rows import residual_rows, residual_section
@@ -36,7 +36,7 @@ def rows(worn):
     return {r.controller: r for r in compare(worn, (SEED,), only=only, duration=14.0)}
 
 
-def test_nobody_judged_was_tuned_on():
+def test_nobody_compared_was_tuned_on():
     assert not set(FRESH) & set(TUNING)
 
 
@@ -73,7 +73,7 @@ def test_cards_come_from_recordings_and_lie_near_the_truth(rig, worn):
     assert found.actuator_leak == pytest.approx(loop["ki"] / share, rel=0.15)
     # The gear's losses under load count as Coulomb friction.
     assert motor["coulomb_positive"] / share < found.actuator_coulomb < 1.6 * motor["coulomb_positive"] / share
-    assert worn.card(EmgSettings(corner=3.0)).emg_rmse < 3.0
+    assert worn.card(EmgSettings(corner=3.0)).emg.rmse < 3.0
 
 
 def test_the_strap_carries_less_than_half_within_the_margins(rows):
@@ -107,7 +107,7 @@ def test_the_margins_hold_on_the_true_plant_as_well(rig, worn):
 
 def test_a_relaxed_wearer_is_not_swayed(rig, worn):
     """No limit cycle: a leg let go from half a radian comes to rest, and stays there."""
-    controller = WornCompensator(for_wearer(worn.coupling, rig.period, chosen()), worn.card(chosen().emg).emg)
+    controller = WornCompensator(for_wearer(worn.coupling, rig.period, chosen()), worn.card(chosen().emg).emg.build())
     taken = let_go(worn.rig, worn.name, controller)
     assert controller.fault == "none"
     assert last_speed(taken) < 0.1
@@ -115,7 +115,7 @@ def test_a_relaxed_wearer_is_not_swayed(rig, worn):
 
 
 def test_detached_electrodes_leave_what_needs_none(rig, worn):
-    controller = WornCompensator(for_wearer(worn.coupling, rig.period, chosen()), worn.card(chosen().emg).emg)
+    controller = WornCompensator(for_wearer(worn.coupling, rig.period, chosen()), worn.card(chosen().emg).emg.build())
     session, faults = session_of(worn), Faults(emg_detached={0: 6.0, 1: 6.0})
     plain = root_mean_square(swing(worn.rig, worn.name, SEED, None, duration=14.0, session=session))[1]
     taken = swing(worn.rig, worn.name, SEED, controller, duration=14.0, session=session, faults=faults)
@@ -161,16 +161,16 @@ def test_repetitions_that_were_not_held_are_left_out_of_the_map():
         level = 1.0 + np.sin(0.7 * emg_time)[:, None] * [1.0, -1.0]
         emg = 1e-5 * level * rng.standard_normal((20480, 2))
         torque = 5.0 * np.interp(time, emg_time, level[:, 1] - level[:, 0])
-        return Step(repetition, time, np.full(5000, 0.5) + angle, torque, emg_time, emg)
+        return EmgTrial(repetition, time, np.full(5000, 0.5) + angle, torque, emg_time, emg)
 
     held = [step(r, 0.0) for r in "123"]
     lost = step("3", 6.0 * np.clip(time - 5.0, 0.0, 1.0))
-    made, error = emg_map(held, EmgSettings())
-    assert error < 3.0
-    again, _ = emg_map([*held, lost], EmgSettings())
+    made = fit_causal_map(held)
+    assert made.rmse < 3.0
+    again = fit_causal_map([*held, lost])
     np.testing.assert_array_equal(again.weights, made.weights)
     with pytest.raises(IdentificationError, match="fewer than two repetitions"):
-        emg_map(held[:1], EmgSettings())
+        fit_causal_map(held[:1])
 
 
 def test_rows_and_section_tell_drawn_wearers_from_the_rigs_own():

@@ -5,55 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-import numpy as np
-
 from .. import _core
 from .residual_compensator import ResidualDesign
-
-
-@dataclass(frozen=True)
-class EmgMap:
-    """A causal EMG chain and an identified map, as the core takes them.
-
-    Attributes
-    ----------
-    band, envelope : ndarray, shape (k, 6)
-        Second-order sections before and after rectification, at the EMG's own rate.
-    weights : ndarray, shape (muscles + 1, powers)
-        Of the angle's powers: row 0 without EMG [N m/rad^p], then by muscle [N m/(V rad^p)].
-    floor, ceiling : ndarray, shape (muscles,)
-        Envelopes outside are no muscle's [V].
-    patience : int
-        Samples in a row outside before EMG is not valid.
-    torque_limit : float
-        [N m].
-    """
-
-    band: np.ndarray
-    envelope: np.ndarray
-    weights: np.ndarray
-    floor: np.ndarray
-    ceiling: np.ndarray
-    patience: int = 400
-    torque_limit: float = 40.0
-
-    def build(self) -> _core.EmgTorque:
-        """The core's chain.
-
-        Returns
-        -------
-        _core.EmgTorque
-            At rest.
-        """
-        return _core.EmgTorque(
-            band=self.band,
-            envelope=self.envelope,
-            weights=self.weights,
-            floor=self.floor,
-            ceiling=self.ceiling,
-            patience=self.patience,
-            torque_limit=self.torque_limit,
-        )
 
 
 @dataclass(frozen=True)
@@ -88,16 +41,18 @@ class WornCompensator:
     ----------
     design : ResidualDesign
         The controller.
-    emg : EmgMap, optional
-        None: without EMG, only what needs none.
+    emg : _core.EmgTorque, optional
+        At rest, of this controller alone. None: without EMG, only what needs none.
     learning : StrapLearning, optional
         None: the strap as identified.
     """
 
-    def __init__(self, design: ResidualDesign, emg: EmgMap | None = None, learning: StrapLearning | None = None):
+    def __init__(
+        self, design: ResidualDesign, emg: _core.EmgTorque | None = None, learning: StrapLearning | None = None
+    ):
         self.design = design
         self.core = design.build()
-        self._emg = emg.build() if emg is not None else None
+        self._emg = emg
         self._strap = None
         if learning is not None:
             m = design.coupling

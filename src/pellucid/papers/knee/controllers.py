@@ -28,8 +28,9 @@ from ...controllers.residual_compensator import (
 )
 from ...controllers.stability import Margins, bears, margins
 from ...controllers.worn import StrapLearning, WornCompensator
+from ...estimators.causal_map import EmgSettings
 from ...lab.knee.trial import Controller
-from .cards import EmgSettings, WearerCard
+from .cards import WearerCard
 
 SPEEDS = (0.1, 0.5, 1.5, 4.0)
 """At which friction is linearised for the margins [rad/s]."""
@@ -175,16 +176,16 @@ def controllers(
         return cache(lambda: worst_margins(one, plants, SPEEDS))
 
     own = linear(made)
-    found["residual"] = Built(lambda: WornCompensator(made, card.emg), own)
+    found["residual"] = Built(lambda: WornCompensator(made, card.emg.build()), own)
     found["residual_no_emg"] = Built(lambda: WornCompensator(made), own)
-    found["residual_strap_learnt"] = Built(lambda: WornCompensator(made, card.emg, constants.learning), own)
+    found["residual_strap_learnt"] = Built(lambda: WornCompensator(made, card.emg.build(), constants.learning), own)
     if "residual_by_phase" in only:
         phased = by_phase(made, constants.phase_gain, swing)
         largest = replace(phased, law=replace(phased.law, phase_gain=(max(phased.law.phase_gain),) * 8))
-        found["residual_by_phase"] = Built(lambda: WornCompensator(phased, card.emg), linear(largest))
+        found["residual_by_phase"] = Built(lambda: WornCompensator(phased, card.emg.build()), linear(largest))
     if "pid" in only:
         pid = tune_pid(made, plants, gain_db=GAIN_DB, delay=DELAY)
-        found["pid"] = Built(lambda: WornCompensator(pid, card.emg), linear(pid))
+        found["pid"] = Built(lambda: WornCompensator(pid, card.emg.build()), linear(pid))
     if "disturbance_observer" in only:
         observer = disturbance_observer(coupling, period, constants)
         found["disturbance_observer"] = Built(lambda: replace(observer), lambda: observer_margins(observer))

@@ -23,10 +23,11 @@ from ..._atomic import write_text_atomically
 from ..._errors import PellucidError
 from ...controllers.residual_compensator import Law, Noise, ResidualDesign
 from ...controllers.worn import WornCompensator
+from ...estimators.causal_map import EmgSettings
 from ...lab.knee.rig import knee_orthosis
 from ...lab.knee.trial import KneeTaken
 from ..processes import one_thread_each
-from .cards import EmgSettings, Identified, WearerCard, mistaken
+from .cards import Identified, WearerCard, mistaken
 from .controllers import Chosen, controllers, for_wearer
 from .residual import TUNING, session_of, wearer
 from .swings import SETTLING, WithoutControl, holds_margins, root_mean_square, swing, without_control
@@ -213,7 +214,7 @@ def gains_of(constants: Chosen, seed: int) -> tuple[float, ...]:
     one, pace = _wearer(seed), knee_orthosis()["swing"]
     made = for_wearer(one.coupling, one.rig.period, constants)
     made = replace(made, swing=(pace["centre"], np.pi * sum(pace["frequency"])))
-    controller = WornCompensator(made, one.card(constants.emg).emg)
+    controller = WornCompensator(made, one.card(constants.emg).emg.build())
     taken = swing(one.rig, one.name, SWING, controller, duration=20.0, session=session_of(one))
     return phase_gains(taken, made)
 
