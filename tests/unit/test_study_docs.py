@@ -12,7 +12,8 @@ PAGE = Path(__file__).parents[2] / "docs" / "study-file.md"
 EXAMPLES = re.findall(r"```toml\n(.*?)```", PAGE.read_text(encoding="utf-8"), re.DOTALL)
 TABLES = [
     study_file.StudyFile,
-    study_file.Rig,
+    study_file.OneJoint,
+    study_file.RigJoint,
     study_file.Drive,
     study_file.Loop,
     study_file.Limits,
@@ -44,9 +45,16 @@ def test_the_example_is_valid(tmp_path):
     assert len(study.recordings) == 3
 
 
+def test_the_example_of_several_joints_is_valid(tmp_path):
+    (tmp_path / "study.toml").write_text(f'name = "arm"\n{EXAMPLES[1]}', encoding="utf-8")
+    study = parse_study_file(tmp_path / "study.toml")
+    assert [joint.name for joint in study.rig.joints] == ["shoulder", "elbow"]
+    assert study.channels["position.elbow"].si_unit == "rad"
+
+
 def test_the_slider_s_examples_are_valid(tmp_path):
     """They stand apart from the whole example, which has no slider: put into it."""
-    example, rail, _, optical, *_ = EXAMPLES
+    example, _, rail, _, optical, *_ = EXAMPLES
     head, channels = example.split("[channels]")
     (tmp_path / "study.toml").write_text(f"{head}{rail}[channels]{channels}{optical}", encoding="utf-8")
     study = parse_study_file(tmp_path / "study.toml")
@@ -56,7 +64,7 @@ def test_the_slider_s_examples_are_valid(tmp_path):
 
 def test_the_streams_example_is_valid(tmp_path):
     """It stands apart from the whole example, whose channels it goes with."""
-    example, streams = EXAMPLES[0], EXAMPLES[2]
+    example, streams = EXAMPLES[0], EXAMPLES[3]
     (tmp_path / "study.toml").write_text(f"{example}\n{streams}", encoding="utf-8")
     study = parse_study_file(tmp_path / "study.toml")
     assert study.streams["emg"].channels["emg.rectus_femoris"].si_unit == "V"

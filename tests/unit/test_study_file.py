@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from pellucid._errors import RecordingError, StudyError
+from pellucid._errors import PellucidError, RecordingError, StudyError
 from pellucid.recordings import open_study
 
 
@@ -239,3 +239,145 @@ def test_the_schema_for_editors_accepts_what_is_accepted(make_study):
     raw["processing"]["lowpas"] = "3 Hz"
     with pytest.raises(jsonschema.ValidationError, match="lowpas"):
         jsonschema.validate(raw, schema)
+
+
+SHOULDER = """
+[[rig.joints]]
+name = "shoulder"
+motion = "rotary"
+
+[rig.joints.drive]
+kind = "current"
+torque_constant = "0.1 N*m/A"
+
+"""
+RAIL = """
+[[rig.joints]]
+name = "rail"
+motion = "prismatic"
+
+[rig.joints.drive]
+kind = "current"
+force_constant = "3 N/A"
+
+[rig.joints.limits]
+velocity = "50 mm/s"
+"""
+CHANNELS = {
+    "shoulder": 'position.shoulder = { column = "q", unit = "deg" }\ncurrent.shoulder = { column = "i", unit = "A" }\n',
+    "rail": 'position.rail = { column = "q", unit = "mm" }\ncurrent.rail = { column = "i", unit = "mA" }\n',
+}
+
+
+@pytest.fixture
+def make_joints(make_study):
+    """A study whose [rig] is a list of joints, with the channels of a shoulder and a rail."""
+
+    def make(tables, *changes, channels=("shoulder", "rail")):
+        whole = make_study().folder.joinpath("study.toml").read_text(encoding="utf-8")
+        rig = whole[whole.index("[rig]") : whole.index("[channels]")]
+        plain = whole[whole.index("position =") : whole.index("[processing]")]
+        named = "".join(CHANNELS[name] for name in channels)
+        return make_study(None, (rig, tables), (plain, named + "\n"), *changes)
+
+    return make
+
+
+def test_a_machine_of_several_joints_is_read_joint_by_joint(make_joints):
+    study = make_joints(SHOULDER + RAIL)
+    shoulder, rail = study.rig.joints
+    assert (shoulder.name, shoulder.joint, rail.name) == ("shoulder", "shoulder", "rail")
+    assert shoulder.drive.constant == pytest.approx(0.1)
+    assert (rail.drive.constant, rail.limits.velocity) == (pytest.approx(3.0), pytest.approx(0.05))
+    recording = study.recording("sweep")
+    assert recording.channels["position.shoulder"].unit == "rad"
+    assert recording.channels["position.rail"].unit == "m"
+    both = recording.of_joints("current", ["rail", "shoulder"])
+    assert both.shape == (len(recording), 2)
+    assert both[:, 0] == pytest.approx(1e-3 * both[:, 1])
+    with pytest.raises(RecordingError, match=r"position.rail: found the units rad, m, expected one"):
+        recording.of_joints("position", ["shoulder", "rail"])
+    with pytest.raises(RecordingError, match=r"no channel position.wrist"):
+        recording.of_joints("position", ["wrist", "rail"])
+
+
+def test_several_joints_are_not_half_identified(make_joints):
+    from pellucid import identify
+
+    study = make_joints(SHOULDER + RAIL)
+    expected = r"found 2 joints in \[\[rig.joints\]\] \(shoulder, rail\), expected one: .* one at a time"
+    with pytest.raises(PellucidError, match=expected):
+        identify(study)
+    with pytest.raises(StudyError, match=expected):
+        _ = study.rig.motion
+    asks = '[transfer_function]\ninput = "current.rail"\noutput = "position.rail"\npoles = 2\n[processing]'
+    with pytest.raises(PellucidError, match=expected):
+        identify(make_joints(SHOULDER + RAIL, ("[processing]", asks)))
+
+
+@pytest.mark.parametrize("suffix", ["", ".shoulder"])
+def test_a_list_of_one_joint_is_a_machine_of_one(make_joints, suffix):
+    study = make_joints(SHOULDER, ("position.shoulder", f"position{suffix}"), channels=("shoulder",))
+    assert study.rig.joints == (study.rig,)
+    assert (study.rig.joint, study.rig.motion) == ("shoulder", "rotary")
+    recording = study.recording("sweep")
+    assert set(recording.channels) == {"time", "position", "current"}
+    assert np.array_equal(recording.of_joints("position", ["shoulder"])[:, 0], recording["position"])
+
+
+def test_today_s_rig_is_one_joint(make_study):
+    rig = make_study().rig
+    assert [joint.joint for joint in rig.joints] == ["elbow"]
+    assert rig.joints[0].drive is rig.drive
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ('name = "rail"', 'name = "shoulder"', "found the joints shoulder, shoulder, expected each name once"),
+        ('"prismatic"', '"sliding"', "line 15: [[rig.joints]] 2 motion: found 'sliding', expected 'rotary' or 'pris"),
+        ("force_constant", "torque_constant", "[[rig.joints]] 2 drive: found torque_constant with"),
+        (
+            '"50 mm/s"',
+            '"50 deg/s"',
+            'line 22: [[rig.joints]] 2 limits.velocity: found the unit "deg/s", expected "m/s"',
+        ),
+        ("force_constant", "force_const", 'unknown key "force_const"; the nearest valid one is "force_constant"'),
+        ('name = "rail"', 'nam = "rail"', '[[rig.joints]] 2 nam: unknown key "nam"; the nearest valid one is "name"'),
+        ("current.rail", "current.elbow", 'current.elbow: found the joint "elbow", expected one of shoulder, rail'),
+        ("current.rail", "current", "found no joint's name in it, expected one of current.shoulder, current.rail"),
+        (
+            '0.1 N*m/A"',
+            '0.1 N*m/A"\n[rig.joints.slider]\nlow = "0 m"\nhigh = "1 m"',
+            "a slider in a machine of 2 joints",
+        ),
+        ('unit = "mm"', 'unit = "deg"', '[channels] position.rail: found the unit "deg", expected "m"'),
+        ("lowpass", "lowpas", 'unknown key "lowpas"; the nearest valid one is "lowpass"'),
+    ],
+)
+def test_what_is_wrong_with_one_of_several_joints_is_told(make_joints, old, new, message):
+    changes = [(old, new)]
+    if new == "current":  # a table cannot be a channel as well
+        changes = [(CHANNELS["shoulder"], CHANNELS["shoulder"].split("\n")[0] + "\n"), ("current.rail", "current")]
+    with pytest.raises(StudyError) as error:
+        make_joints(SHOULDER + RAIL, *changes)
+    assert message in str(error.value)
+
+
+def test_a_joint_s_keys_stand_in_one_of_both_places(make_joints):
+    with pytest.raises(StudyError, match=r'\[rig\] lifts: unknown key "lifts"'):
+        make_joints('[rig]\nlifts = "flexion"\n' + SHOULDER + RAIL)
+
+
+def test_the_schema_for_editors_knows_both_forms_of_a_rig(make_joints):
+    import tomllib
+
+    import jsonschema
+
+    from pellucid.recordings.study_file import json_schema
+
+    raw = tomllib.loads((make_joints(SHOULDER + RAIL).folder / "study.toml").read_text())
+    jsonschema.validate(raw, json_schema())
+    raw["rig"]["joints"][0]["motions"] = "rotary"
+    with pytest.raises(jsonschema.ValidationError):
+        jsonschema.validate(raw, json_schema())

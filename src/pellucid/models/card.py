@@ -131,6 +131,8 @@ class ModelCard(Card):
         SHA-256 of the files it came from, by recording.
     pellucid : str
         Version that wrote it.
+    joint : str
+        What study.toml calls it.
     """
 
     velocity_range: float
@@ -140,6 +142,7 @@ class ModelCard(Card):
     confidence: float
     checksums: Mapping[str, str]
     pellucid: str
+    joint: str = "joint"
     format: int = field(default=FORMAT)
 
     def model(self) -> JointModel:

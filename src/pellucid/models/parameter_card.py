@@ -40,6 +40,8 @@ class ParameterCard:
         SHA-256 of the files it came from, by recording.
     pellucid : str
         Version that wrote it.
+    joint : str
+        Which one of the machine's it is of; empty where that is not said.
     """
 
     kind: str
@@ -52,6 +54,7 @@ class ParameterCard:
     confidence: float = 0.95
     checksums: Mapping[str, str] = field(default_factory=dict)
     pellucid: str = ""
+    joint: str = ""
 
     @property
     def values(self) -> dict[str, float]:

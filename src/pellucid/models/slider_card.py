@@ -38,6 +38,8 @@ class SliderCard(Card):
         SHA-256 of the files it came from, by recording.
     pellucid : str
         Version that wrote it.
+    joint : str
+        What study.toml calls it.
     """
 
     rail: tuple[float, float]
@@ -49,6 +51,7 @@ class SliderCard(Card):
     notes: tuple[str, ...]
     checksums: Mapping[str, str]
     pellucid: str
+    joint: str = "joint"
     kind: str = field(default="slider")
     format: int = field(default=FORMAT)
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -142,6 +142,38 @@ class Recording:
                 f"{self.path.name} (recording {self.name}): no channel {name}; study.toml gives it "
                 f"{', '.join(self.channels)}"
             ) from None
+
+    def of_joints(self, quantity: str, joints: Sequence[str]) -> np.ndarray:
+        """A quantity of several joints: ``r.of_joints("position", ["shoulder", "elbow"])``.
+
+        Parameters
+        ----------
+        quantity : str
+            First part of the channels' names.
+        joints : sequence of str
+            Their last part. The only joint of a recording may be left out of its channel's name.
+
+        Returns
+        -------
+        ndarray, shape (n, joints)
+            SI, a column a joint, in the order given.
+
+        Raises
+        ------
+        RecordingError
+            If a joint has no such channel, or several joints' units differ.
+        """
+        names = [f"{quantity}.{joint}" for joint in joints]
+        if len(names) == 1 and names[0] not in self:
+            names = [quantity]
+        columns = [self[name] for name in names]
+        units = dict.fromkeys(self.channels[name].unit for name in names)
+        if len(units) > 1:
+            raise RecordingError(
+                f"{self.path.name} (recording {self.name}), channels {', '.join(names)}: found the units "
+                f"{', '.join(units)}, expected one for all"
+            )
+        return np.column_stack(columns) if columns else np.empty((len(self), 0))
 
     def stream(self, name: str) -> Recording:
         """What an instrument recorded of this trial.

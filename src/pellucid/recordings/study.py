@@ -15,7 +15,7 @@ from .recording import Channel, Payload, Recording
 
 if TYPE_CHECKING:
     from .readers import Columns
-    from .study_file import ChannelSpec, Model, Processing, RecordingEntry, Rig, StudyFile
+    from .study_file import ChannelSpec, JointTable, Model, Processing, RecordingEntry, SeveralJoints, StudyFile
 
 STUDY_FILE = "study.toml"
 
@@ -42,8 +42,8 @@ class Study:
         return self.config.name
 
     @property
-    def rig(self) -> Rig:
-        """The machine."""
+    def rig(self) -> JointTable | SeveralJoints:
+        """The machine: its joint, or several of them in `joints`."""
         return self.config.rig
 
     @property
@@ -182,7 +182,7 @@ class Study:
         if entry.optical is None:
             return None
         columns, digest = _read_once(self._beside(entry, entry.optical, "optical"), files)
-        rail, spec = self.rig.slider, self.config.optical
+        rail, spec = self.config.rail, self.config.optical
         time = _to_si(columns.column(spec.time.column, "time"), spec.time)
         return read_optical(columns, digest, time, spec, rail.marker if rail is not None else None)
 

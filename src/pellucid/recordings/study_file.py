@@ -6,11 +6,20 @@ Quantities are texts with a unit; they become SI numbers here. ``docs/study-file
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from pathlib import Path
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
-from pydantic import Field, ValidationError, ValidationInfo, field_validator, model_validator
+from pydantic import (
+    AfterValidator,
+    Discriminator,
+    Field,
+    Tag,
+    ValidationError,
+    ValidationInfo,
+    field_validator,
+    model_validator,
+)
 
 from .._errors import StudyError
 from ..units import parse_quantity, si_text, to_si_factor
@@ -166,13 +175,11 @@ class Slider(Table):
         return self
 
 
-class Rig(Table):
-    """The machine: ``[rig]``.
+class JointTable(Table):
+    """One joint of the machine.
 
     Attributes
     ----------
-    joint : str
-        ``"elbow"``.
     motion : str
         ``"rotary"`` or ``"prismatic"``.
     lifts : str
@@ -184,7 +191,6 @@ class Rig(Table):
         `slider` where the machine has none.
     """
 
-    joint: str = "joint"
     motion: Literal["rotary", "prismatic"]
     lifts: str = ""
     moving_mass: quantity("kg", gt=0) | None = None
@@ -194,10 +200,101 @@ class Rig(Table):
     slider: Slider | None = None
 
     @model_validator(mode="after")
-    def _slider_turns(self) -> Rig:
+    def _slider_turns(self) -> JointTable:
         if self.slider is not None and self.motion != "rotary":
             raise ValueError(f'found [rig.slider] with motion = "{self.motion}", expected "rotary"')
         return self
+
+    @property
+    def joints(self) -> tuple[JointTable, ...]:
+        """This one, as a machine of several gives its own."""
+        return (self,)
+
+
+class OneJoint(JointTable):
+    """The machine, of one joint: ``[rig]``. `joint` is what it is called: ``"elbow"``."""
+
+    joint: str = "joint"
+
+
+class RigJoint(JointTable):
+    """One of the machine's joints: ``[[rig.joints]]``. `name` is what its channels end in: ``position.elbow``."""
+
+    name: str = Field(pattern=NAME)
+
+    @property
+    def joint(self) -> str:
+        """What it is called."""
+        return self.name
+
+    @model_validator(mode="wrap")
+    @classmethod
+    def _in_its_own_units(cls, table: Any, handler: Any, info: ValidationInfo) -> RigJoint:
+        units = info.context or {}
+        before, name = dict(units), table.get("name") if isinstance(table, dict) else None
+        units.update(units.get("joints", {}).get(name, {}) if isinstance(name, str) else {})
+        try:
+            return handler(table)
+        finally:
+            units.clear()
+            units.update(before)
+
+
+class SeveralJoints(Table):
+    """The machine, joint by joint: ``[rig]`` with ``[[rig.joints]]``.
+
+    Whoever asks it for what one joint has is told that there are several.
+
+    Attributes
+    ----------
+    joints : tuple of RigJoint
+    """
+
+    joints: tuple[RigJoint, ...] = Field(min_length=1)
+
+    @model_validator(mode="before")
+    @classmethod
+    def _each_once(cls, table: Any) -> Any:
+        names = joint_names({"rig": table})
+        if len(set(names)) < len(names):
+            raise ValueError(f"found the joints {', '.join(names)}, expected each name once")
+        return table
+
+    @model_validator(mode="after")
+    def _slides_alone(self) -> SeveralJoints:
+        if len(self.joints) > 1 and any(joint.slider is not None for joint in self.joints):
+            raise ValueError(f"found a slider in a machine of {len(self.joints)} joints, expected it with one alone")
+        return self
+
+    @property
+    def refusal(self) -> str:
+        """What is said where only one joint is supported."""
+        names = ", ".join(joint.name for joint in self.joints)
+        return (
+            f"study.toml: found {len(self.joints)} joints in [[rig.joints]] ({names}), expected one: joints are "
+            "identified one at a time; make a study of each, whose [channels] name its columns of the same files"
+        )
+
+    def __getattr__(self, name: str) -> Any:
+        if name in JointTable.model_fields or name in ("joint", "name"):
+            raise StudyError(self.refusal)
+        return super().__getattr__(name)
+
+
+_ONE, _SEVERAL = DERIVED + "one", DERIVED + "several"
+
+
+def _single(rig: OneJoint | SeveralJoints) -> JointTable | SeveralJoints:
+    """A list of one joint is that joint."""
+    return rig.joints[0] if len(rig.joints) == 1 else rig
+
+
+RigTable = Annotated[
+    Annotated[OneJoint, Tag(_ONE)] | Annotated[SeveralJoints, Tag(_SEVERAL)],
+    Discriminator(lambda table: _SEVERAL if isinstance(table, dict) and "joints" in table else _ONE),
+    AfterValidator(_single),
+]
+"""``[rig]`` in either form."""
 
 
 class Participant(Table):
@@ -570,7 +667,7 @@ class StudyFile(Table):
     name: str = Field(pattern=NAME)
     citation: str = ""
     notes: tuple[str, ...] = ()
-    rig: Rig
+    rig: RigTable
     participants: dict[str, Participant] = Field({})
     channels: dict[str, ChannelSpec]
     optical: Optical | None = None
@@ -594,10 +691,10 @@ class StudyFile(Table):
             return raw
         raw = {"model": {}, **raw}
         if isinstance(raw.get("channels"), dict):
-            raw["channels"] = _flat_channels(raw["channels"])
+            raw["channels"] = _plain_where_single(_flat_channels(raw["channels"]), joint_names(raw))
         entries = raw.get("recordings")
         if isinstance(entries, list) and isinstance(raw.get("channels"), dict):
-            raw["recordings"] = [_complete(entry, raw["channels"]) for entry in entries]
+            raw["recordings"] = [_complete(entry, raw["channels"], joint_names(raw)) for entry in entries]
         return raw
 
     @model_validator(mode="after")
@@ -622,12 +719,25 @@ class StudyFile(Table):
         return self
 
     @model_validator(mode="after")
+    def _says_whose_channels_they_are(self) -> StudyFile:
+        names = [joint.joint for joint in self.rig.joints]
+        everywhere = {**self.channels, **{n: c for entry in self.recordings for n, c in entry.channels.items()}}
+        for name in everywhere if len(names) > 1 else ():
+            if name in OF_A_JOINT:
+                wanted = ", ".join(f"{name}.{joint}" for joint in names)
+                raise ValueError(f"[channels] {name}: found no joint's name in it, expected one of {wanted}")
+            head, _, last = name.rpartition(".")
+            if head in OF_A_JOINT and last not in names:
+                raise ValueError(f'[channels] {name}: found the joint "{last}", expected one of {", ".join(names)}')
+        return self
+
+    @model_validator(mode="after")
     def _asks_one_thing(self) -> StudyFile:
         asked = [name for name in PROCEDURES if getattr(self, name) is not None]
         if len(asked) > 1:
             raise ValueError(f"found the tables {', '.join(asked)}, expected one of them: each is a study of its own")
         others = any(t is not None for t in (self.emg_torque, self.assessment, self.isolated_muscle))
-        if self.rig.drive is None and not asked and not others:
+        if any(joint.drive is None for joint in self.rig.joints) and not asked and not others:
             raise ValueError("[rig.drive] no such table found, expected one that says how the effort is known")
         return self
 
@@ -652,7 +762,7 @@ class StudyFile(Table):
 
     @model_validator(mode="after")
     def _places_the_slider(self) -> StudyFile:
-        rail = self.rig.slider
+        rail = self.rail
         marker = rail.marker if rail is not None else None
         if self.optical is not None and marker is not None and marker not in self.optical.markers:
             raise ValueError(
@@ -673,6 +783,11 @@ class StudyFile(Table):
             if entry.optical is not None and rail is not None and marker is None:
                 raise ValueError(f"{where}: found optical, expected [rig.slider] marker: which one is on the carriage")
         return self
+
+    @property
+    def rail(self) -> Slider | None:
+        """What a carriage moves on; None where the machine has none."""
+        return next((joint.slider for joint in self.rig.joints if joint.slider is not None), None)
 
     @property
     def procedure(self) -> str | None:
@@ -696,14 +811,21 @@ _PARTS = {
 }  # fmt: skip
 
 
-def channel_unit(name: str, units: Mapping[str, str | None], given: str | None = None) -> str | None:
+OF_A_JOINT = frozenset(
+    ("position", "reference", "velocity", "acceleration", "current", "voltage", "duty", "supply", "torque", "force",
+     "enabled", "temperature", "motor_position", "target", "interaction")
+)  # fmt: skip
+"""Channels that are a joint's: where a machine has several, their names end in its name."""
+
+
+def channel_unit(name: str, units: Mapping[str, Any], given: str | None = None) -> str | None:
     """SI unit a channel must have, by its name; None where any unit is meaningful.
 
     Parameters
     ----------
     name : str
-        ``"position"``, ``"emg.biceps"``, ``"imu.acceleration.x"``, ``"moment.knee"``.
-    units : Mapping[str, str]
+        ``"position"``, ``"position.elbow"``, ``"emg.biceps"``, ``"imu.acceleration.x"``, ``"moment.knee"``.
+    units : Mapping
         The rig's, from `rig_units`.
     given : str, optional
         What study.toml says: an EMG is a voltage, or an envelope that was made relative already.
@@ -714,6 +836,10 @@ def channel_unit(name: str, units: Mapping[str, str | None], given: str | None =
         "force": "N", "enabled": "1", "temperature": "K", "motor_position": "<coordinate>",
         "target": "<coordinate>", "interaction": "N*m",
     }  # fmt: skip
+    head, _, joint = name.rpartition(".")
+    own = units.get("joints", {}).get(joint)
+    if own is not None and (head in OF_A_JOINT or head == own["injected"]):
+        return channel_unit(head, own, given)
     expected = fixed.get(name)
     parts = name.split(".")
     if expected is None and parts[0] == "emg" and len(parts) > 1:
@@ -741,12 +867,36 @@ def parameter_units(name: str, units: Mapping[str, str | None]) -> tuple[str, ..
     return None
 
 
-def rig_units(raw: Mapping[str, Any]) -> dict[str, str | None]:
-    """SI units that follow from the rig's motion and drive, from the raw text of study.toml."""
+def joint_names(raw: Mapping[str, Any]) -> list[str]:
+    """Names in ``[[rig.joints]]``, from the raw text of study.toml; empty in the other form of ``[rig]``."""
     rig = raw.get("rig") if isinstance(raw.get("rig"), dict) else {}
+    tables = rig.get("joints") if isinstance(rig.get("joints"), list) else []
+    return [t["name"] for t in tables if isinstance(t, dict) and isinstance(t.get("name"), str)]
+
+
+def rig_units(raw: Mapping[str, Any]) -> dict[str, Any]:
+    """SI units that follow from a joint's motion and drive, from the raw text of study.toml.
+
+    Those of a machine's only joint; under ``"joints"`` those of each in ``[[rig.joints]]``, by name.
+    """
+    rig = raw.get("rig") if isinstance(raw.get("rig"), dict) else {}
+    channels = raw.get("channels") if isinstance(raw.get("channels"), dict) else {}
+    names = joint_names(raw)
+    if not names:
+        return _joint_units(rig, set(channels))
+    tables = {t["name"]: t for t in rig["joints"] if isinstance(t, dict) and t.get("name") in names}
+    flat = set(_flat_channels(channels))
+    units = {}
+    for name, table in tables.items():
+        own = flat if len(names) == 1 else {n for n in flat if n.endswith(f".{name}")}
+        units[name] = _joint_units(table, {n.removesuffix(f".{name}") for n in own})
+    # What is of no joint alone, such as a dead band, has no unit that all would share.
+    return {**(units[names[0]] if len(names) == 1 else _joint_units({}, set())), "joints": units}
+
+
+def _joint_units(rig: Mapping[str, Any], channels: Collection[str]) -> dict[str, str | None]:
     drive = rig.get("drive") if isinstance(rig.get("drive"), dict) else {}
     loop = rig.get("loop") if isinstance(rig.get("loop"), dict) else {}
-    channels = raw.get("channels") if isinstance(raw.get("channels"), dict) else {}
     motion, kind = rig.get("motion"), drive.get("kind")
     # Without a valid motion or kind nothing is expected of a unit, so that only the true cause is told.
     coordinate, effort = {"rotary": ("rad", "N*m"), "prismatic": ("m", "N")}.get(motion, (None, None))
@@ -834,10 +984,25 @@ def _flat_channels(tables: Mapping[str, Any], prefix: str = "") -> dict[str, Any
     return flat
 
 
-def _complete(entry: Any, defaults: Mapping[str, Any]) -> Any:
+def _plain_where_single(channels: dict[str, Any], joints: list[str]) -> dict[str, Any]:
+    """A machine's only joint may be left out of its channels' names, and is."""
+    if len(joints) != 1:
+        return channels
+
+    def plain(name: str) -> str:
+        head = name.removesuffix(f".{joints[0]}")
+        return head if head in OF_A_JOINT else name
+
+    return {
+        plain(name): {**table, DERIVED + "name": plain(name)} if isinstance(table, dict) else table
+        for name, table in channels.items()
+    }
+
+
+def _complete(entry: Any, defaults: Mapping[str, Any], joints: list[str]) -> Any:
     if not isinstance(entry, dict) or not isinstance(entry.get("channels"), dict):
         return entry
-    own = _flat_channels(entry["channels"])
+    own = _plain_where_single(_flat_channels(entry["channels"]), joints)
     merged = {
         name: {**defaults[name], **table} if isinstance(table, dict) and isinstance(defaults.get(name), dict) else table
         for name, table in own.items()

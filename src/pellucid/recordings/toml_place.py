@@ -10,6 +10,8 @@ from typing import Any
 
 from pydantic import BaseModel, ValidationError
 
+from .study_fields import DERIVED
+
 _HEADER = re.compile(r"\s*(\[\[?)\s*([^\[\]]+?)\s*\]\]?\s*(?:#.*)?$")
 _KEY = re.compile(r"""\s*((?:[A-Za-z0-9_-]+|"[^"]*"|'[^']*')(?:\s*\.\s*(?:[A-Za-z0-9_-]+|"[^"]*"|'[^']*'))*)\s*=""")
 
@@ -34,7 +36,9 @@ def explain(error: ValidationError, path: Path, text: str, root: type[BaseModel]
     """
     lines = []
     for problem in error.errors(include_url=False):
-        where = tuple(part for part in problem["loc"] if not (isinstance(part, str) and part.startswith("function-")))
+        where = tuple(
+            part for part in problem["loc"] if not (isinstance(part, str) and part.startswith(("function-", DERIVED)))
+        )
         number = line_of(text, where)
         place = f"{path}{f', line {number}' if number else ''}: {spell(where)}"
         message = _say(problem, where, root)
@@ -49,6 +53,8 @@ def spell(where: tuple[str | int, ...]) -> str:
         return ""
     if where[0] == "recordings" and len(where) > 1:
         return f"[[recordings]] {int(where[1]) + 1} {'.'.join(map(str, where[2:]))}".rstrip()
+    if where[:2] == ("rig", "joints") and len(where) > 2:
+        return f"[[rig.joints]] {int(where[2]) + 1} {'.'.join(map(str, where[3:]))}".rstrip()
     if len(where) == 1:
         return str(where[0])
     if where[0] == "channels":
@@ -79,8 +85,10 @@ def line_of(text: str, where: tuple[str | int, ...]) -> int | None:
             if header[1] == "[[":
                 counts[header[2]] = counts.get(header[2], -1) + 1
                 table.append(str(counts[header[2]]))
-            elif table[0] in counts:
-                table.insert(1, str(counts[table[0]]))
+            else:
+                for array in (key.split(".") for key in counts):
+                    if table[: len(array)] == array:
+                        table.insert(len(array), str(counts[".".join(array)]))
             here = table
         else:
             key = _KEY.match(line)
@@ -114,27 +122,25 @@ def _say(problem: dict[str, Any], where: tuple, root: type[BaseModel]) -> str:
 
 def _keys(model: Any, where: tuple) -> list[str]:
     """Keys a person may write in the table at `where`."""
-    skip = False
+    models, skip = [model], False
     for part in where:
         if skip:  # an array's index, or a name the user chose
             skip = False
             continue
-        if not _is_table(model) or part not in model.model_fields:
-            return []
-        model, skip = _inner(model.model_fields[part].annotation)
-    return [key for key, field in model.model_fields.items() if not field.validation_alias] if _is_table(model) else []
+        fields = [m.model_fields[part] for m in models if part in m.model_fields]
+        models, skip = _inner(fields[0].annotation) if fields else ([], False)
+    return list(
+        dict.fromkeys(key for m in models for key, field in m.model_fields.items() if not field.validation_alias)
+    )
 
 
 def _is_table(model: Any) -> bool:
     return isinstance(model, type) and issubclass(model, BaseModel)
 
 
-def _inner(annotation: Any) -> tuple[Any, bool]:
-    """Model of the table inside an annotation, and whether it stands in an array or under chosen names."""
+def _inner(annotation: Any) -> tuple[list[type[BaseModel]], bool]:
+    """Models of the table inside an annotation, and whether it stands in an array or under chosen names."""
     if _is_table(annotation):
-        return annotation, False
-    for argument in typing.get_args(annotation):
-        found, _ = _inner(argument)
-        if found is not None:
-            return found, typing.get_origin(annotation) in (dict, tuple)
-    return None, False
+        return [annotation], False
+    found = [model for argument in typing.get_args(annotation) for model in _inner(argument)[0]]
+    return found, bool(found) and typing.get_origin(annotation) in (dict, tuple)

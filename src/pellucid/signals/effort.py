@@ -9,7 +9,7 @@ import numpy as np
 from .._errors import RecordingError
 from ..recordings.quality import DRIVE_CHANNELS
 from ..recordings.recording import Recording
-from ..recordings.study_file import Drive, Rig
+from ..recordings.study_file import Drive, JointTable
 
 
 @dataclass(frozen=True)
@@ -31,7 +31,7 @@ class DriveModel:
     effort_unit: str
 
 
-def drive_model(rig: Rig) -> DriveModel:
+def drive_model(rig: JointTable) -> DriveModel:
     """The drive's effort per command, from the rig's constants.
 
     A voltage drive with resistance R and joint-side constant K = gear ratio x torque constant gives
@@ -39,7 +39,7 @@ def drive_model(rig: Rig) -> DriveModel:
 
     Parameters
     ----------
-    rig : Rig
+    rig : JointTable
 
     Returns
     -------
@@ -57,13 +57,13 @@ def drive_model(rig: Rig) -> DriveModel:
     return DriveModel(constant, 0.0, si)
 
 
-def command_of(recording: Recording, rig: Rig) -> np.ndarray:
+def command_of(recording: Recording, rig: JointTable) -> np.ndarray:
     """The drive's command as recorded: torque, current, or voltage (duty times supply where only duty is recorded).
 
     Parameters
     ----------
     recording : Recording
-    rig : Rig
+    rig : JointTable
 
     Returns
     -------

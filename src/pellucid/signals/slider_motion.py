@@ -9,7 +9,7 @@ import numpy as np
 
 from .._errors import RecordingError
 from ..recordings.recording import Recording
-from ..recordings.study_file import Processing, Rig
+from ..recordings.study_file import JointTable, Processing
 from .effort import command_of, drive_model
 from .filters import runs, zero_phase_lowpass
 from .markers import Geometry
@@ -75,14 +75,14 @@ class SliderMotion:
 
 
 def slider_motions(
-    recordings: Sequence[Recording], rig: Rig, processing: Processing, geometry: Geometry
+    recordings: Sequence[Recording], rig: JointTable, processing: Processing, geometry: Geometry
 ) -> tuple[SliderMotion, ...]:
     """Every recording, low-passed at full rate with one zero-phase filter, thinned, and differentiated.
 
     Parameters
     ----------
     recordings : sequence of Recording
-    rig : Rig
+    rig : JointTable
     processing : Processing
         `lowpass` is needed.
     geometry : Geometry

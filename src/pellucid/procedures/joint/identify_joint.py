@@ -18,7 +18,7 @@ from ...models.joint import FAMILIES, JointModel, joint_model
 from ...models.simulate import LoopSetting
 from ...recordings.quality import drive_channel, require_sound
 from ...recordings.study import Study
-from ...recordings.study_file import Rig
+from ...recordings.study_file import JointTable
 from ...signals.effort import drive_model
 from ...signals.motion import filtering_of, motions
 from ..result import Findings
@@ -57,8 +57,10 @@ def identify(
     RecordingError
         If a recording is not fit to identify from.
     IdentificationError
-        If the recordings cannot carry a model of any family.
+        If the recordings cannot carry a model of any family, or the machine has several joints.
     """
+    if len(study.rig.joints) > 1:
+        raise IdentificationError(study.rig.refusal)
     own = study.config.procedure is not None or study.rig.drive is None
     if families and (own or study.rig.slider is not None):
         raise IdentificationError("this study is identified by methods of its own; leave out --family")
@@ -146,7 +148,7 @@ def filter_note(study: Study) -> str:
     return f"resampled to {resample:g} Hz; {said}" if resample else said
 
 
-def machine_of(rig: Rig) -> Machine:
+def machine_of(rig: JointTable) -> Machine:
     """A rig's drive, and its controller where it states one."""
     drive, loop = drive_model(rig), rig.loop
     if loop is None:

@@ -81,6 +81,7 @@ def card_of(study: Study, fit: JointFit, family: FamilyFit) -> ModelCard:
         confidence=level,
         checksums=dict(fit.checksums),
         pellucid=version("pellucid"),
+        joint=study.rig.joint,
     )
 
 

@@ -71,6 +71,7 @@ def slider_card(study: Study, fit: SliderFit, estimate: SliderEstimate) -> Slide
         notes=estimate.notes,
         checksums=dict(fit.checksums),
         pellucid=version("pellucid"),
+        joint=study.rig.joint,
     )
 
 
