@@ -2,20 +2,20 @@
 
 from itertools import product
 
+import moving_average
 import numpy as np
 import pytest
+from parameter_count import chain_parameters, coupled_parameters, listed_sets
 from scipy import signal, stats
+from sd_bounds import sd_bounds
 
 from pellucid._errors import PellucidError, StudyError
 from pellucid.assessment.friedman import friedman, friedman_from_rank_sums, nemenyi_from_rank_sums
 from pellucid.models.joint import GRAVITY
-from pellucid.papers.able import moving_average
-from pellucid.papers.able.coherence import implied_friction, inconsistencies, least_mass, positive_inertia_range
+from pellucid.papers.able.coherence import implied_friction, inconsistencies, positive_inertia_range
 from pellucid.papers.able.elbow import able_elbow
-from pellucid.papers.able.parameter_count import chain_parameters, coupled_parameters, listed_sets
 from pellucid.papers.paired_test import paired_test
 from pellucid.papers.printed import printed
-from pellucid.papers.sd_bounds import sd_bounds
 from pellucid.protocols.swept_sine import swept_sine
 from pellucid.units import to_si_factor
 
@@ -23,6 +23,16 @@ ABLE = printed("able")
 PRINTED = ABLE.values
 ELBOW = able_elbow()
 RAIL = np.linspace(0.0, 0.5, 501)  # m; the rail's length is not printed
+
+
+def least_mass(elbow, direction: str, sliders: np.ndarray) -> np.ndarray:
+    """How heavy the forearm must be at least for its first moment not to be too large for its inertia.
+
+    sliders (n,) [m]; gives (n,) [kg].
+    """
+    inertia = elbow.inertia(direction, sliders)
+    moment = elbow.first_moment(direction, sliders) ** 2 + elbow.direction(direction).m_y ** 2
+    return np.where(inertia > 0.0, moment / np.where(inertia > 0.0, inertia, 1.0), np.inf)
 
 
 def minimum_jerk(time: np.ndarray, duration: float, amplitude: float) -> np.ndarray:

@@ -7,19 +7,15 @@ import pytest
 
 from pellucid._errors import PellucidError
 from pellucid.models.joint import GRAVITY
-from pellucid.papers.able import moving_average
-from pellucid.papers.able.card import published_card, read_published_card, write_published_card
+from pellucid.papers.able.card import published_card, write_published_card
 from pellucid.papers.able.coherence import (
     implied_friction,
     inconsistencies,
-    least_mass,
     positive_inertia_range,
 )
-from pellucid.papers.able.elbow import DirectionSet, PublishedElbow, able_elbow, direction_of, published_angle
-from pellucid.papers.able.parameter_count import chain_parameters, coupled_parameters, listed_sets
+from pellucid.papers.able.elbow import DirectionSet, PublishedElbow, able_elbow, published_angle
 from pellucid.papers.paired_test import paired_test
 from pellucid.papers.printed import Printed, papers, printed
-from pellucid.papers.sd_bounds import sd_bounds
 from pellucid.units import to_si_factor
 
 
@@ -107,10 +103,6 @@ def test_angles_are_converted_at_the_boundary():
     assert published_angle(0.5 * np.pi) == 0.0
 
 
-def test_the_switch_has_no_band():
-    assert [direction_of(v) for v in (-1e-300, 0.0, 1e-300)] == ["down", "static", "up"]
-
-
 @pytest.mark.parametrize(
     ("call", "said"),
     [
@@ -130,7 +122,9 @@ def test_the_elbow_refuses(call, said):
 def test_a_joint_that_can_exist_is_not_complained_of():
     assert inconsistencies(coherent()) == ()
     assert positive_inertia_range(coherent(), "up") is None
-    assert np.all(least_mass(coherent(), "up", np.linspace(0.0, 0.3, 7)) < 1.2)
+    sliders = np.linspace(0.0, 0.3, 7)
+    moment = coherent().first_moment("up", sliders) ** 2 + coherent().direction("up").m_y ** 2
+    assert np.all(moment / coherent().inertia("up", sliders) < 1.2)
     friction = implied_friction(coherent(), np.zeros(2), np.zeros(3))
     assert friction.shape == (2, 3)
     assert friction == pytest.approx(np.full((2, 3), 0.25))
@@ -155,34 +149,15 @@ def test_each_fault_is_named_alone(changed, subjects):
 # ------------------------------------------------------------------------------------------------------------ cards
 
 
-def test_a_card_comes_back_and_says_what_is_wrong(tmp_path):
+def test_a_card_says_what_is_printed_and_what_is_wrong(tmp_path):
     path = tmp_path / "elbow.json"
     write_published_card(path, able_elbow())
-    assert read_published_card(path) == able_elbow()
     table = json.loads(path.read_text(encoding="utf-8"))
     assert table["kind"] == "as_published"
+    assert table["directions"]["down"]["inertia"] == [-0.0019, -0.043, -0.081]
     assert {w["subject"] for w in table["warnings"]} == {i.subject for i in inconsistencies(able_elbow())}
     assert "torque constant" in table["missing"]
     assert published_card(coherent())["warnings"] == []
-
-
-@pytest.mark.parametrize(
-    ("text", "said"),
-    [
-        (None, "no such card"),
-        ("{", "not a card"),
-        ('{"format": 1}', "kind"),
-        ('{"kind": "as_published", "format": 2}', "format 2"),
-        ('{"kind": "as_published", "format": 1, "source": "s", "directions": {}}', "down"),
-        ('{"kind": "as_published", "format": 1, "source": "s", "directions": {"down": {"mass": 1}}}', "unknown mass"),
-    ],
-)
-def test_other_files_are_refused(tmp_path, text, said):
-    path = tmp_path / "card.json"
-    if text is not None:
-        path.write_text(text, encoding="utf-8")
-    with pytest.raises(PellucidError, match=said):
-        read_published_card(path)
 
 
 def test_a_card_of_an_identified_model_is_not_mistaken_for_one(tmp_path):
@@ -212,75 +187,3 @@ def test_a_paired_test_gives_back_what_data_say():
     assert found.unpaired_t == pytest.approx(stats.ttest_ind(a, b).statistic, rel=1e-10)
     with pytest.raises(PellucidError, match="t != 0"):
         paired_test(0.0, 18, means=(1.0, 1.0), sds=(1.0, 1.0))
-
-
-@pytest.mark.parametrize("n", [3, 4, 5, 6])
-def test_sd_bounds_hold_samples_and_are_reached(n):
-    """Samples with the same mean, minimum, median and maximum as another: none lies outside, some come close."""
-    rng = np.random.default_rng(n)
-    x = np.sort(rng.uniform(0.0, 1.0, n))
-    known = {"mean": x.mean(), "low": x[0], "median": np.median(x), "high": x[-1]}
-    least, most = sd_bounds(n, **known)
-    assert least - 1e-6 <= x.std(ddof=1) <= most + 1e-6
-    # Directions that keep all four statistics, from the sample on, as far as the order allows.
-    forms = np.zeros((4, n))
-    forms[0], forms[1, 0], forms[2, -1] = 1.0, 1.0, 1.0
-    forms[3, (n - 1) // 2] += 0.5
-    forms[3, n // 2] += 0.5
-    _, s, vt = np.linalg.svd(forms)
-    free = vt[np.sum(s > 1e-12) :]
-    seen = [x.std(ddof=1)]
-    for _ in range(20_000 if len(free) else 0):
-        y = x + rng.normal(0.0, 0.3, len(free)) @ free
-        if np.all(np.diff(y) >= 0.0):
-            seen.append(y.std(ddof=1))
-    assert least - 1e-6 <= min(seen)
-    assert max(seen) <= most + 1e-6
-    if len(free):
-        assert len(seen) > 20
-    assert min(seen) - least < 0.02
-    assert most - max(seen) < 0.02
-
-
-def test_sd_bounds_by_hand():
-    """0, a, 0.5, b, 1 with a + b = 1: evenly squeezed to the middle, or thrown to the ends."""
-    least, most = sd_bounds(5, mean=0.5, low=0.0, median=0.5, high=1.0)
-    assert least == pytest.approx(np.sqrt(0.5 / 4.0), abs=1e-6)
-    assert most == pytest.approx(np.sqrt(1.0 / 4.0), abs=1e-6)
-    _, most = sd_bounds(5, mean=0.5, low=0.0, median=0.5, high=1.0, ddof=0)
-    assert most == pytest.approx(np.sqrt(1.0 / 5.0), abs=1e-6)
-    wider = sd_bounds(5, mean=0.5, low=0.0, median=0.5, high=1.0, half_unit=0.01)
-    assert wider[0] < least
-    assert wider[1] > np.sqrt(1.0 / 4.0)
-
-
-def test_sd_bounds_refuse_what_cannot_be():
-    with pytest.raises(PellucidError, match="no 6 values"):
-        sd_bounds(6, mean=0.9, low=0.0, median=0.1, high=1.0)
-    with pytest.raises(PellucidError, match="3 to 8"):
-        sd_bounds(40, mean=0.5, low=0.0, median=0.5, high=1.0)
-
-
-@pytest.mark.parametrize("joints", [1, 2, 3, 5, 7])
-def test_parameter_counts_are_those_of_a_list(joints):
-    chain = [set(range(i)) for i in range(joints)]
-    full = [set(range(joints)) - {i} for i in range(joints)]
-    assert chain_parameters(joints, 9) == 9 * listed_sets(chain)
-    assert coupled_parameters(joints, 9) == 9 * listed_sets(full)
-
-
-def test_parameter_counts_refuse_nothing_to_count():
-    with pytest.raises(PellucidError, match="at least 1"):
-        chain_parameters(0, 9)
-
-
-@pytest.mark.parametrize(("n", "fs", "frequency"), [(100, 1000.0, 3.0), (40, 179.0, 1.1)])
-def test_a_moving_average_by_averaging(n, fs, frequency):
-    time = np.arange(20_000) / fs
-    averaged = np.convolve(np.exp(2j * np.pi * frequency * time), np.full(n, 1.0 / n), mode="valid")
-    assert np.abs(averaged) == pytest.approx(moving_average.gain(n, fs, frequency), rel=1e-9)
-    late = -np.angle(averaged[0] / np.exp(2j * np.pi * frequency * time[n - 1])) / (2.0 * np.pi * frequency)
-    assert late == pytest.approx(moving_average.delay(n, fs), rel=1e-9)
-    assert moving_average.gain(n, fs, moving_average.cutoff(n, fs)) == pytest.approx(np.sqrt(0.5), rel=1e-9)
-    with pytest.raises(PellucidError, match="no cutoff"):
-        moving_average.cutoff(1, fs)

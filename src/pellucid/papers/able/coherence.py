@@ -69,16 +69,6 @@ def positive_inertia_range(elbow: PublishedElbow, direction: str) -> tuple[float
     return float(middle - half), float(middle + half)
 
 
-def least_mass(elbow: PublishedElbow, direction: str, sliders: np.ndarray) -> np.ndarray:
-    """How heavy the forearm must be at least for its first moment not to be too large for its inertia.
-
-    sliders (n,) [m]; gives (n,) [kg].
-    """
-    inertia = elbow.inertia(direction, sliders)
-    moment = elbow.first_moment(direction, sliders) ** 2 + elbow.direction(direction).m_y ** 2
-    return np.where(inertia > 0.0, moment / np.where(inertia > 0.0, inertia, 1.0), np.inf)
-
-
 def implied_friction(
     elbow: PublishedElbow, sliders: np.ndarray, angles: np.ndarray, *, positive: str = "up"
 ) -> np.ndarray:

@@ -116,11 +116,6 @@ def published_angle(position: float | np.ndarray) -> float | np.ndarray:
     return np.asarray(position, float) - 0.5 * np.pi
 
 
-def direction_of(velocity: float) -> str:
-    """Which set the paper's switch takes at a velocity [rad/s], with positive upward: there is no band around zero."""
-    return "up" if velocity > 0.0 else "down" if velocity < 0.0 else "static"
-
-
 def able_elbow() -> PublishedElbow:
     """Table II of the paper ``able``."""
     paper = printed("able")

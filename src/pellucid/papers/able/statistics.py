@@ -13,8 +13,6 @@ from ...assessment.friedman import friedman_from_rank_sums, nemenyi_from_rank_su
 from ..figure import Reproduced, figure
 from ..printed import PrintedPaper
 
-CONDITIONS = ("ctrl", "fc", "pcfr", "clpc")
-
 RANK_SUMS: Mapping[str, Mapping[str, int]] = MappingProxyType(
     {
         "duration": MappingProxyType({"ctrl": 9, "fc": 9, "pcfr": 21, "clpc": 21}),

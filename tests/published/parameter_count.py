@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from itertools import product
 
-from ..._errors import PellucidError
+from pellucid._errors import PellucidError
 
 
 def chain_parameters(joints: int, per_joint: int) -> int:

@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.optimize import brentq
 
-from ..._errors import PellucidError
+from pellucid._errors import PellucidError
 
 
 def gain(n: int, fs: float, frequency: float | np.ndarray) -> float | np.ndarray:

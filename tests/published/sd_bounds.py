@@ -12,7 +12,7 @@ from itertools import combinations
 import numpy as np
 from scipy.optimize import LinearConstraint, minimize
 
-from .._errors import PellucidError
+from pellucid._errors import PellucidError
 
 LARGEST_SAMPLE = 8
 """Values whose corners are listed; there are binomially many."""
