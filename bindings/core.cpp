@@ -6,6 +6,7 @@
 #include "elbow.hpp"
 #include "hill.hpp"
 #include "kernels.hpp"
+#include "zero_phase.hpp"
 
 #include <pellucid/pellucid.hpp>
 
@@ -449,6 +450,7 @@ NB_MODULE(_core, m) {
   b::add_coupled_plant(m);
   b::add_elbow(m);
   b::add_hill(m);
+  b::add_zero_phase(m);
 
   nb::module_ math = m.def_submodule("math", "The core's elementary functions, on float64 or float32 arrays.");
   const auto elementary = [&math](const char* name, double (*in_double)(double), float (*in_float)(float),

@@ -31,19 +31,21 @@ template <class S, std::size_t max_sections = 8> struct BiquadState {
   S s2[max_sections]{};  ///< one per section, in the signal's unit
 };
 
+/// One sample through one section, whose memory is s1 and s2.
+template <class S> S pass(const BiquadSection<S>& k, S& s1, S& s2, S x) noexcept {
+  const S y = k.b0 * x + s1;
+  s1 = (k.b1 * x - k.a1 * y) + s2;
+  s2 = k.b2 * x - k.a2 * y;
+  return y;
+}
+
 /// One sample. A sample that is not finite, or makes the output so, passes through and the state starts again at 0:
 /// the next filter, or the gate, sees it, and it does not stay.
 template <class S, std::size_t max_sections>
 S step(const BiquadCoefficients<S, max_sections>& c, BiquadState<S, max_sections>& state, S x) noexcept {
   const std::size_t count = c.count < max_sections ? c.count : max_sections;
   S y = x;
-  for (std::size_t i = 0; i < count; ++i) {
-    const BiquadSection<S>& k = c.section[i];
-    const S in = y;
-    y = k.b0 * in + state.s1[i];
-    state.s1[i] = (k.b1 * in - k.a1 * y) + state.s2[i];
-    state.s2[i] = k.b2 * in - k.a2 * y;
-  }
+  for (std::size_t i = 0; i < count; ++i) y = pass(c.section[i], state.s1[i], state.s2[i], y);
   const mask_t<S> keep = is_finite(y);
   for (std::size_t i = 0; i < count; ++i) {
     state.s1[i] = select(both(keep, is_finite(state.s1[i])), state.s1[i], S(0));

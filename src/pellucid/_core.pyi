@@ -1099,6 +1099,29 @@ class ElasticMuscle:
     def fibre_length(self) -> float:
         """At the last sample [m]."""
 
+def zero_phase(sos: ArrayLike, settled: ArrayLike, samples: ArrayLike, padding: int) -> NDArray[float64]:
+    """
+    A cascade of second-order sections run forwards and backwards over each column: no delay.
+
+    Each pass starts settled on its first sample. The signals are continued at both borders by their point reflection.
+
+    Parameters
+    ----------
+    sos : (k, 6)
+        Rows b0, b1, b2, a0 = 1, a1, a2.
+    settled : (k, 2)
+        The state of each section in which a constant input of 1 leaves it.
+    samples : (n, m)
+        Signals, any unit.
+    padding : int
+        Samples that are added at each border, below n.
+
+    Returns
+    -------
+    (n, m)
+        In the signals' units.
+    """
+
 class math:
     """The core's elementary functions, on float64 or float32 arrays."""
 

@@ -5,6 +5,7 @@ import pytest
 from scipy import signal
 
 from pellucid.signals.filters import central_difference, decimate, runs, zero_phase_lowpass
+from pellucid.signals.low_pass import butterworth, chebyshev, settled
 
 FS = 1000.0
 TIME = np.arange(4000) / FS
@@ -54,3 +55,25 @@ def test_decimation_is_scipys(factor):
     x = np.random.default_rng(1).standard_normal(4000).cumsum()
     theirs = signal.decimate(x, factor, ftype="iir", zero_phase=True)
     assert decimate(x, factor) == pytest.approx(theirs, rel=1e-9, abs=1e-9)
+
+
+@pytest.mark.parametrize("order", range(1, 13))
+@pytest.mark.parametrize("cutoff", [0.003, 0.1, 0.3, 0.5, 0.9])
+def test_butterworth_is_scipys(order, cutoff):
+    sos = signal.butter(order, cutoff, output="sos")
+    np.testing.assert_allclose(butterworth(order, cutoff), sos, rtol=1e-13, atol=1e-15)
+    np.testing.assert_allclose(settled(sos), signal.sosfilt_zi(sos), rtol=1e-12)
+
+
+@pytest.mark.parametrize("factor", [2, 3, 10, 50])
+def test_chebyshev_is_scipys(factor):
+    sos = signal.cheby1(8, 0.05, 0.8 / factor, output="sos")
+    np.testing.assert_allclose(chebyshev(8, 0.05, 0.8 / factor), sos, rtol=1e-13)
+
+
+@pytest.mark.parametrize("order", [1, 2, 5, 8])
+@pytest.mark.parametrize("shape", [(600,), (600, 1), (600, 7)])
+def test_filtering_both_ways_is_scipys(order, shape):
+    x = np.random.default_rng(3).standard_normal(shape).cumsum(axis=0)
+    theirs = signal.sosfiltfilt(signal.butter(order, 40.0, fs=FS, output="sos"), x, axis=0)
+    np.testing.assert_allclose(zero_phase_lowpass(x, 40.0, order, FS), theirs, rtol=1e-12, atol=1e-12)

@@ -1,0 +1,72 @@
+"""Designs of digital low-passes as second-order sections, the same numbers as scipy.signal's, which loads all of
+scipy.stats: a second at every start [1]_.
+
+.. [1] A. V. Oppenheim, R. W. Schafer, Discrete-Time Signal Processing, 3rd ed., 2010, section 7.2 (bilinear transform).
+"""
+
+from __future__ import annotations
+
+from functools import lru_cache
+
+import numpy as np
+
+
+@lru_cache(maxsize=32)
+def butterworth(order: int, cutoff: float) -> np.ndarray:
+    """Sections (k, 6) of a Butterworth low-pass; `cutoff` [half the sampling rate] is where it passes -3 dB."""
+    return _digital(-np.exp(1j * np.pi * _turns(order) / (2 * order)), 1.0, cutoff)
+
+
+@lru_cache(maxsize=32)
+def chebyshev(order: int, ripple: float, cutoff: float) -> np.ndarray:
+    """Sections (k, 6) of a Chebyshev low-pass with a `ripple` [dB] in its pass band, which ends at `cutoff` [half the
+    sampling rate]."""
+    eps = np.sqrt(10 ** (0.1 * ripple) - 1.0)
+    poles = -np.sinh(1.0 / order * np.arcsinh(1 / eps) + 1j * (np.pi * _turns(order) / (2 * order)))
+    gain = np.prod(-poles).real
+    return _digital(poles, gain if order % 2 else gain / np.sqrt(1 + eps * eps), cutoff)
+
+
+def settled(sections: np.ndarray) -> np.ndarray:
+    """The state (k, 2) of each of the `sections` (k, 6) in which a constant input of 1 leaves the cascade."""
+    states, level = np.empty((len(sections), 2)), 1.0
+    for state, section in zip(states, sections, strict=True):
+        b, a = section[:3], section[3:]
+        state[:] = level * np.linalg.solve([[1.0 + a[1], -1.0], [a[2], 1.0]], b[1:] - a[1:] * b[0])
+        level *= b.sum() / a.sum()
+    return states
+
+
+def _turns(order: int) -> np.ndarray:
+    """Where an analog prototype's poles lie, from the negative real axis [pi / 2 / order rad]."""
+    return np.arange(-order + 1, order, 2)
+
+
+def _digital(poles: np.ndarray, gain: float, cutoff: float) -> np.ndarray:
+    """The bilinear transform of an analog low-pass without zeros and with a cutoff of 1 rad/s."""
+    warped = 4.0 * np.tan(np.pi * cutoff / 2.0)
+    poles = warped * poles
+    gain = gain * warped ** len(poles) * (1.0 / np.prod(4.0 - poles)).real
+    sections = _sections((4.0 + poles) / (4.0 - poles))
+    sections[0, :3] *= gain
+    return sections
+
+
+def _sections(poles: np.ndarray) -> np.ndarray:
+    """Each pair of poles with the zeros nearest to it, the pair nearest to the unit circle last: rounding then does the
+    least harm. All zeros are at -1; an odd order takes a pole and a zero at 0 as well."""
+    odd = len(poles) % 2
+    zeros = np.concatenate([np.full(len(poles), -1.0), np.zeros(odd)])
+    left = np.concatenate([poles[poles.imag > 0.0], poles[poles.imag == 0.0], np.zeros(odd)])
+    sections = []
+    while len(left):
+        at = np.argmin(np.abs(1.0 - np.abs(left)))
+        pole, left = left[at], np.delete(left, at)
+        other = pole.conj()
+        if pole.imag == 0.0:
+            at = np.flatnonzero(left.imag == 0.0)[0]
+            other, left = left[at], np.delete(left, at)
+        nearest = np.argsort(np.abs(zeros - pole))[:2]
+        pair, zeros = zeros[nearest], np.delete(zeros, nearest)
+        sections.insert(0, [1.0, -pair.sum(), pair.prod(), 1.0, -(pole + other).real, (pole * other).real])
+    return np.array(sections)
