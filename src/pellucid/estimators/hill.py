@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from scipy.stats import norm
+from scipy.special import ndtri
 
 from .. import _core
 from .._errors import IdentificationError
@@ -127,7 +127,7 @@ class HillMap:
         samples, own = self.samples(trial)
         _, slopes = self.fit.problem.jacobian(self.fit.z, samples)
         unsure = np.einsum("pn,pq,qn->n", slopes, covariance(self.fit), slopes)[own]
-        return float(norm.ppf(0.5 + level / 2.0)) * np.sqrt(self.residual_sd**2 + unsure)
+        return float(ndtri(0.5 + level / 2.0)) * np.sqrt(self.residual_sd**2 + unsure)
 
     def stream(self, period: float) -> tuple[_core.HillTorque, tuple[float, float, float]]:
         """The same muscles sample by sample, and the joint's own tissue: offset, stiffness, damping.

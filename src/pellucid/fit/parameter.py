@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from scipy.stats import norm
-
 from ..models.card import CardParameter
 
 
@@ -40,7 +38,9 @@ class Parameter:
 
     def interval(self, level: float = 0.95) -> tuple[float, float]:
         """Confidence interval at `level`, in the parameter's unit."""
-        half = float(norm.ppf(0.5 + level / 2.0)) * self.standard_error
+        from scipy.special import ndtri
+
+        half = float(ndtri(0.5 + level / 2.0)) * self.standard_error
         return self.value - half, self.value + half
 
     def on_card(self, level: float) -> CardParameter:

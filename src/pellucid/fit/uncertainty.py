@@ -19,7 +19,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from scipy.stats import chi2
 
 from .parameter import Whiteness
 
@@ -180,6 +179,8 @@ def whiteness(residual: np.ndarray, lengths: Sequence[int], lags: int = 20) -> W
     -------
     Whiteness
     """
+    from scipy.special import chdtrc
+
     ends = np.cumsum(lengths)
     parts = [residual[e - n : e] for e, n in zip(ends, lengths, strict=True) if n > lags + 1]
     if not parts:
@@ -193,4 +194,4 @@ def whiteness(residual: np.ndarray, lengths: Sequence[int], lags: int = 20) -> W
     # Up to the first lag that is not positive: beyond it sample correlations are mostly noise.
     memory = rho[: int(np.argmax(rho <= 0.0))] if np.any(rho <= 0.0) else rho
     share = float(1.0 / (1.0 + 2.0 * memory.sum()))
-    return Whiteness(float(rho[0]), statistic, float(chi2.sf(statistic, lags)), lags, share)
+    return Whiteness(float(rho[0]), statistic, float(chdtrc(lags, statistic)), lags, share)

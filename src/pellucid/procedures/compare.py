@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from scipy.stats import chi2, norm
+from scipy.special import chdtrc, ndtr
 
 from .._errors import IdentificationError
 from ..fit.parameter import Verdict
@@ -79,7 +79,7 @@ def compare(a: Path | str, b: Path | str, *, family: str | None = None, level: f
     covariance = _part(one, shared) + _part(two, shared)
     sd = np.sqrt(np.diag(covariance))
     z = np.divide(difference, sd, out=np.zeros_like(difference), where=sd > 0.0)
-    p = _holm(2.0 * norm.sf(np.abs(z)))
+    p = _holm(2.0 * ndtr(-np.abs(z)))
     rows = tuple(
         ComparedParameter(
             n, one[n].unit, one[n].value, two[n].value, float(s), float(zi), float(pi), bool(pi < 1.0 - level)
@@ -88,7 +88,7 @@ def compare(a: Path | str, b: Path | str, *, family: str | None = None, level: f
     )
     free = sd > 0.0
     statistic = float(difference[free] @ np.linalg.pinv(covariance[np.ix_(free, free)]) @ difference[free])
-    joint_p = float(chi2.sf(statistic, max(int(free.sum()), 1)))
+    joint_p = float(chdtrc(max(int(free.sum()), 1), statistic))
     return Comparison(one.family, rows, statistic, joint_p, _sentences(rows, joint_p, level))
 
 

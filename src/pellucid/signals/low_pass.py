@@ -13,14 +13,14 @@ import numpy as np
 
 @lru_cache(maxsize=32)
 def butterworth(order: int, cutoff: float) -> np.ndarray:
-    """Sections (k, 6) of a Butterworth low-pass; `cutoff` [half the sampling rate] is where it passes -3 dB."""
+    """Sections (k, 6) of a Butterworth low-pass of an `order`, -3 dB at its `cutoff` [half the sampling rate]."""
     return _digital(-np.exp(1j * np.pi * _turns(order) / (2 * order)), 1.0, cutoff)
 
 
 @lru_cache(maxsize=32)
 def chebyshev(order: int, ripple: float, cutoff: float) -> np.ndarray:
-    """Sections (k, 6) of a Chebyshev low-pass with a `ripple` [dB] in its pass band, which ends at `cutoff` [half the
-    sampling rate]."""
+    """Sections (k, 6) of a Chebyshev low-pass of an `order`, with a `ripple` [dB] in its pass band, which ends
+    at `cutoff` [half the sampling rate]."""
     eps = np.sqrt(10 ** (0.1 * ripple) - 1.0)
     poles = -np.sinh(1.0 / order * np.arcsinh(1 / eps) + 1j * (np.pi * _turns(order) / (2 * order)))
     gain = np.prod(-poles).real

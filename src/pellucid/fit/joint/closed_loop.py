@@ -21,7 +21,6 @@ from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
-from scipy.optimize import least_squares
 
 from ..._errors import IdentificationError
 from ...models.joint import JointModel
@@ -189,6 +188,8 @@ def solve_output_error(model: JointModel, data: Stack, machine: Machine, first: 
     IdentificationError
         If the simulation diverges at the first guess.
     """
+    from scipy.optimize import least_squares
+
     closed = all(machine.can_close(m) for m in data.motions)
     signal = "effort" if closed else "position"
     measured = [getattr(m, signal) for m in data.motions]

@@ -15,7 +15,6 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from scipy.optimize import minimize
 
 from ...models.joint import GRAVITY, JointModel
 from .regression import Solution, Stack, linearised
@@ -74,6 +73,8 @@ def _nearest(
     lower: np.ndarray,
     upper: np.ndarray,
 ) -> np.ndarray:
+    from scipy.optimize import minimize
+
     scale = 1.0 / np.linalg.norm(jacobian, axis=0)
     w = jacobian * scale
     gram, moment = w.T @ w, w.T @ residual

@@ -18,7 +18,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-from scipy.stats import norm, t
+from scipy.special import ndtri, stdtrit
 
 from ..._errors import IdentificationError
 from ...signals.filters import runs, zero_phase_lowpass
@@ -254,7 +254,7 @@ def added_gravity(together: Sequence[Sequence[Hold]], alone: GravityFit) -> tupl
         raise IdentificationError("too few holds of both bodies for a gravity torque and an angle of rest")
     covariance = found.covariance
     if len(phasors) > 1:
-        widen = (t.ppf(0.5 + LEVEL / 2.0, len(phasors) - 1) / norm.ppf(0.5 + LEVEL / 2.0)) ** 2
+        widen = (stdtrit(len(phasors) - 1, 0.5 + LEVEL / 2.0) / ndtri(0.5 + LEVEL / 2.0)) ** 2
         between = widen * np.cov(np.transpose(phasors)) / len(phasors)
         covariance = between if between[0, 0] > covariance[0, 0] else covariance
     return phasor_parameters(found.values, covariance + alone.phasor_covariance)
@@ -365,9 +365,9 @@ def _solve(columns: np.ndarray, torque: np.ndarray, level: float) -> _Solution |
         return None
     values, *_ = np.linalg.lstsq(columns, torque, rcond=None)
     residual = torque - columns @ values
-    widen = t.ppf(0.5 + level / 2.0, n - p) / norm.ppf(0.5 + level / 2.0)
+    widen = stdtrit(n - p, 0.5 + level / 2.0) / ndtri(0.5 + level / 2.0)
     covariance = widen**2 * (residual @ residual) / (n - p) * np.linalg.inv(columns.T @ columns)
-    half = norm.ppf(0.5 + level / 2.0) * np.sqrt(np.diag(covariance))
+    half = ndtri(0.5 + level / 2.0) * np.sqrt(np.diag(covariance))
     return _Solution(values, covariance, half, residual)
 
 

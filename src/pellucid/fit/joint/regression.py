@@ -17,7 +17,6 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.optimize import least_squares, lsq_linear, minimize_scalar
 
 from ... import _core
 from ..._errors import IdentificationError
@@ -281,6 +280,8 @@ def _rows(model: JointModel, values: np.ndarray, data: Stack) -> tuple[np.ndarra
 def _solve_linear(
     model: JointModel, jacobian: np.ndarray, target: np.ndarray, lower: np.ndarray, upper: np.ndarray
 ) -> np.ndarray:
+    from scipy.optimize import lsq_linear
+
     require_full_rank(model, jacobian)
     values = np.linalg.lstsq(jacobian, target, rcond=None)[0]
     if np.all(values >= lower) and np.all(values <= upper):
@@ -294,6 +295,7 @@ def _solve_nonlinear(
     model: JointModel, data: Stack, w: np.ndarray, lower: np.ndarray, upper: np.ndarray, after: Solution | None
 ) -> tuple[np.ndarray, int, bool]:
     """Bounded least squares over a family with load friction, from its linear part or from an earlier solution."""
+    from scipy.optimize import least_squares
 
     if after is None:
         linear = replace(model, symbols=tuple(s for s in model.symbols if s.linear))
@@ -336,6 +338,8 @@ def _solve_stribeck(
     model: JointModel, data: Stack, w: np.ndarray, consistent: bool, after: Solution | None
 ) -> Solution:
     """Profile over the Stribeck velocity: given it, the others follow without a local minimum to fall into."""
+    from scipy.optimize import minimize_scalar
+
     at = model.names.index("stribeck_velocity")
     top = float(model.bounds()[1][at])
     if not np.isfinite(top):

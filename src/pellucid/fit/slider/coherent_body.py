@@ -9,7 +9,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from scipy.optimize import least_squares, minimize
 
 from ... import _core
 from ..._errors import IdentificationError
@@ -110,6 +109,8 @@ def fit_coherent(
     IdentificationError
         If a direction or a second place of the carriage is missing, or parameters cannot be told apart.
     """
+    from scipy.optimize import least_squares
+
     require_both_directions(motions)
     require_places(motions)
     lower, upper = model.bounds()
@@ -177,6 +178,8 @@ def _require_rank(model: SliderJointModel, w: np.ndarray) -> None:
 
 def _possible(model, values, motions, rail, mass) -> np.ndarray:
     """The nearest values that meet the conditions of consistency, in the metric of their own residuals."""
+    from scipy.optimize import minimize
+
     lower, upper = model.bounds()
     best = None
     for _ in range(1 if model.linear else ROUNDS):

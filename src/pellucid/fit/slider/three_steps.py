@@ -18,7 +18,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from scipy.optimize import least_squares, lsq_linear
 
 from ..._errors import IdentificationError
 from ...models.directional_slider import (
@@ -267,11 +266,15 @@ def bounded_least_squares(w: np.ndarray, y: np.ndarray, lower: np.ndarray, upper
     -------
     ndarray, shape (p,)
     """
+    from scipy.optimize import lsq_linear
+
     triangle = np.linalg.qr(np.column_stack([w, y]), mode="r")
     return lsq_linear(triangle[:, :-1], triangle[:, -1], bounds=(lower, upper), tol=1e-13).x
 
 
 def _solve(w, y, lengths, terms, solver, where) -> tuple[np.ndarray, np.ndarray]:
+    from scipy.optimize import least_squares
+
     copies = w.shape[1] // (terms.stop - terms.start)
     names = [name + suffix for suffix in _suffixes(copies) for name in NAMES[terms]]
     lower, upper = np.tile(LOWER[terms], copies), np.full(w.shape[1], np.inf)

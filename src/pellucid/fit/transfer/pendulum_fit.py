@@ -15,7 +15,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.optimize import least_squares, lsq_linear
-from scipy.stats import norm
+from scipy.special import ndtri
 
 from ..._errors import IdentificationError
 from ...models.card import named
@@ -389,7 +389,7 @@ def _finished(
 
 
 def _reason(parameter: Parameter, edge: float, wanted: float, slope: float) -> str:
-    half = float(norm.ppf(0.975)) * parameter.standard_error
+    half = float(ndtri(0.975)) * parameter.standard_error
     side = "below" if wanted < edge else "above"
     low, high = wanted - half, wanted + half
     text = (
