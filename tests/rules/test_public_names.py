@@ -91,3 +91,16 @@ def test_help_loads_nothing_heavy():
         "try:\n    app(['--help'])\nexcept SystemExit as stop:\n    assert not stop.code\n"
     )
     assert not _loaded_by(code) & set(HEAVY)
+
+
+def test_checking_a_study_loads_what_it_needs(make_study):
+    study = make_study()
+    code = (
+        "from pellucid.cli import app\n"
+        f"try:\n    app(['check', {str(study.folder)!r}])\nexcept SystemExit as stop:\n    assert not stop.code\n"
+    )
+    script = f"import sys\n{code}\nprint('\\n'.join(sys.modules))"
+    run = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
+    loaded = set(run.stdout.splitlines())
+    assert "pellucid.procedures.check" in loaded
+    assert not loaded & {"scipy.stats", "scipy.signal", "scipy.optimize", "scipy.special", "matplotlib", "sklearn"}

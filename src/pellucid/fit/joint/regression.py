@@ -280,12 +280,12 @@ def _rows(model: JointModel, values: np.ndarray, data: Stack) -> tuple[np.ndarra
 def _solve_linear(
     model: JointModel, jacobian: np.ndarray, target: np.ndarray, lower: np.ndarray, upper: np.ndarray
 ) -> np.ndarray:
-    from scipy.optimize import lsq_linear
-
     require_full_rank(model, jacobian)
     values = np.linalg.lstsq(jacobian, target, rcond=None)[0]
     if np.all(values >= lower) and np.all(values <= upper):
         return values
+    from scipy.optimize import lsq_linear  # only where a bound is crossed: a study is checked without
+
     scale = np.linalg.norm(jacobian, axis=0)
     found = lsq_linear(jacobian / scale, target, bounds=(lower * scale, upper * scale), tol=1e-12)
     return np.clip(found.x / scale, lower, upper)
