@@ -1,13 +1,16 @@
-# make demo: identify joints, write reports.   make test: every test.   Both set everything up by themselves.
+# make demo: identify joints, write reports.   make test: every test that this machine has data and tools for.
+# Both set everything up by themselves.
 PYTHON ?= python3
 VENV   ?= .venv
 DEMO   ?= demo
 BIN    := $(VENV)/bin
 # A file's tests stay in one process, for they share what they make; a process per core leaves none for BLAS's threads.
 PYTEST := OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 $(BIN)/python -m pytest -n auto --dist loadfile
+# Tests whose figures another BLAS kernel rounds otherwise.
+NUMERIC = tests/property $(shell grep -lE 'pellucid\.(fit|estimators|signals)' tests/unit/test_*.py)
 CORE   := $(wildcard include/pellucid/*.hpp bindings/*.cpp bindings/*.hpp) CMakeLists.txt pyproject.toml
 
-.PHONY: demo test core-test python-test fuzz bench clean
+.PHONY: demo test core-test python-test numeric-test fuzz bench clean
 
 demo: $(VENV)/.installed
 	$(BIN)/pellucid demo --out $(DEMO)
@@ -18,6 +21,9 @@ test: $(VENV)/.installed core-test
 
 python-test: $(VENV)/.installed
 	$(PYTEST) -q
+
+numeric-test: $(VENV)/.installed
+	$(PYTEST) -q $(NUMERIC)
 
 core-test: $(VENV)/.installed
 	$(BIN)/cmake -G Ninja -S tests/core -B build/core -DCMAKE_MAKE_PROGRAM=$(abspath $(BIN))/ninja >/dev/null

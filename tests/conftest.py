@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections import Counter
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +12,39 @@ import pytest
 from pellucid.recordings import Study, open_study
 
 NEARBY = Path(__file__).parents[1].parent / "shared" / "data"
+
+# What a test that was skipped lacks, by words of its reason, and how to have it run.
+LACKED = {
+    "the public recordings": (
+        ("public recordings", "is not here", "not on this machine", "could not be downloaded"),
+        "set PELLUCID_DATA to a folder that has them, or: pellucid datasets fetch NAME (pellucid datasets list: names)",
+    ),
+    "a browser": (("no browser",), "apt-get install chromium"),
+    "a compiler, or a microcontroller's and its emulator": (
+        ("not installed",),
+        "apt-get install build-essential gcc-arm-none-eabi libstdc++-arm-none-eabi-newlib qemu-system-arm",
+    ),
+}
+
+
+def skipped_lines(reasons: list[str]) -> list[str]:
+    """One line for each thing that skipped tests lack; other reasons with their count."""
+    lacked = Counter()
+    for reason in reasons:
+        plain = reason.removeprefix("Skipped: ")
+        lacked[next((what for what, (words, _) in LACKED.items() if any(w in plain for w in words)), plain)] += 1
+    lines = [
+        f"{lacked.pop(what)} skipped for want of {what}. To have them run: {how}"
+        for what, (_, how) in LACKED.items()
+        if what in lacked
+    ]
+    return lines + [f"{count} skipped: {reason}" for reason, count in lacked.items()]
+
+
+def pytest_terminal_summary(terminalreporter):
+    skipped = [report.longrepr for report in terminalreporter.stats.get("skipped", ())]
+    for line in skipped_lines([each[2] if isinstance(each, tuple) else str(each) for each in skipped]):
+        terminalreporter.write_line(line)
 
 
 @pytest.fixture
