@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from .assessment.power import power_curve as power_curve
     from .demonstration.demo import demo as demo
     from .deployment.export import export as export
+    from .estimators.torque_regressor import TorqueRegressor as TorqueRegressor
     from .fit.joint.fit_joint import fit_joint as fit_joint
     from .fit.transfer.fit_transfer_function import fit_transfer_function as fit_transfer_function
     from .lab.init import init as init
@@ -52,6 +53,7 @@ _WHERE = {
     "demo": ("demonstration.demo", "demo"),
     "export": ("deployment.export", "export"),
     "Muscle": ("models.muscle", "Muscle"),
+    "TorqueRegressor": ("estimators.torque_regressor", "TorqueRegressor"),
     "compare_conditions": ("assessment.comparison", "compare_conditions"),
     "envelope": ("signals.envelope", "envelope"),
     "movement_indices": ("assessment.movement_indices", "movement_indices"),
@@ -61,6 +63,7 @@ _WHERE = {
 
 __all__ = [
     "Muscle",
+    "TorqueRegressor",
     "__version__",
     "assess",
     "calibrate",

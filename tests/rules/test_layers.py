@@ -27,7 +27,7 @@ ALLOWED = {
     "models": BASE | {"_core"},  # physics knows no data
     "fit": UP_TO_SIGNALS | PHYSICS,
     "controllers": PHYSICS,
-    "estimators": UP_TO_SIGNALS | PHYSICS | {"fit"},
+    "estimators": BASE | PHYSICS | {"signals", "fit"},  # arrays; procedures read studies
     "assessment": UP_TO_SIGNALS | PHYSICS - {"_core"} | {"fit", "estimators"},
     "pages": BASE | {"models", "fit"},  # words, tables, drawings: of nobody's procedure
     "procedures": UP_TO_SIGNALS | PHYSICS | {"fit", "controllers", "estimators", "assessment", "pages"},

@@ -9,6 +9,7 @@ import pellucid
 
 NAMES = [
     "Muscle",
+    "TorqueRegressor",
     "__version__",
     "assess",
     "calibrate",

@@ -7,8 +7,8 @@ import pytest
 
 from pellucid._errors import IdentificationError, RecordingError
 from pellucid.estimators.cross_validation import block_folds, grouped_folds, score
-from pellucid.estimators.ensembles import PUBLISHED, make_ensemble
-from pellucid.estimators.families import ESTIMATORS, Family
+from pellucid.estimators.families import ESTIMATORS
+from pellucid.estimators.families.family import Family
 from pellucid.estimators.features import LAGS, FeatureSet, feature_sets, features
 from pellucid.estimators.ridge import Ridge
 from pellucid.estimators.smoothing import smooth, smoothing_delay
@@ -66,7 +66,7 @@ def test_products_of_features():
     assert Ridge(0.0, products=(0, 1)).fit(x, y).predict(x) == pytest.approx(y, abs=1e-10)
     assert score(y, Ridge(0.0).fit(x, y).predict(x)).r2 < 0.6
     with pytest.raises(IdentificationError, match="penalty -1"):
-        Ridge(-1.0)
+        Ridge(-1.0).fit(x, y)
 
 
 def test_scores():
@@ -146,10 +146,10 @@ def test_an_unrelated_torque_is_not_predicted(name):
     x = np.vstack([features(t, FeatureSet()).x for t in trials])
     y = np.concatenate([t.torque for t in trials])
     shuffled = np.random.default_rng(0).permutation(len(y))
-    leaky = np.empty(len(y))
+    leaky, family = np.empty(len(y)), ESTIMATORS[f"{name}_published"]
     for judged in np.array_split(shuffled, 5):
         fitted = np.setdiff1d(shuffled, judged)
-        leaky[judged] = make_ensemble(name, PUBLISHED[name]).fit(x[fitted], y[fitted]).predict(x[judged])
+        leaky[judged] = family.make(family.settings[0], None).fit(x[fitted], y[fitted]).predict(x[judged])
     assert score(y, leaky).r2 > 0.5
     plain = f"{name}_published"
     assert torque_map_cv(trials, [plain])[plain].score.r2 < 0.1
@@ -188,7 +188,7 @@ def test_one_recording_is_chosen_on_in_blocks():
     assert score(unseen.torque, found.predict(unseen)).r2 > 0.98
 
 
-def test_a_family_is_one_line(monkeypatch):
+def test_a_family_is_one_entry(monkeypatch):
     class Mean:
         def fit(self, x, y):
             self.mean = y.mean()

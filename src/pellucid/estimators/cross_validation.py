@@ -6,7 +6,7 @@ estimator on what it has seen.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -102,26 +102,3 @@ def score(reference: np.ndarray, predicted: np.ndarray) -> Score:
     spread = float(np.sum((reference - reference.mean()) ** 2))
     r2 = 1.0 - float(error @ error) / spread if spread > 0.0 else float("nan")
     return Score(float(np.sqrt(np.mean(error**2))), r2)
-
-
-def out_of_fold(folds: Sequence[Fold], predict: Callable[[np.ndarray, np.ndarray], np.ndarray], n: int) -> np.ndarray:
-    """Every sample predicted by an estimator that has not seen its fold.
-
-    Parameters
-    ----------
-    folds : sequence of Fold
-        Their judged indices cover what is to be predicted.
-    predict : callable
-        Takes the indices to fit and those to predict, and returns predictions for the latter.
-    n : int
-        Samples.
-
-    Returns
-    -------
-    ndarray, shape (n,)
-        NaN where no fold judged.
-    """
-    predicted = np.full(n, np.nan)
-    for fitted, judged in folds:
-        predicted[judged] = predict(fitted, judged)
-    return predicted

@@ -5,15 +5,19 @@ from __future__ import annotations
 import warnings
 
 import numpy as np
+from sklearn.base import BaseEstimator, RegressorMixin
+from sklearn.exceptions import ConvergenceWarning
+from sklearn.neural_network import MLPRegressor
+from sklearn.utils.validation import check_is_fitted, validate_data
 
-from .ensembles import SEED
+from .families.family import SEED
 
 HIDDEN = 10
 """Neurons in its one hidden layer; the original does not say."""
 
 
-class NeuralNetwork:
-    """One hidden layer of tanh neurons on standardised features.
+class NeuralNetwork(RegressorMixin, BaseEstimator):
+    """One hidden layer of tanh neurons on standardised features, as a scikit-learn estimator.
 
     Parameters
     ----------
@@ -24,25 +28,13 @@ class NeuralNetwork:
     def __init__(self, penalty: float = 1e-2):
         self.penalty = penalty
 
-    def fit(self, x: np.ndarray, y: np.ndarray) -> NeuralNetwork:
-        """Train.
-
-        Parameters
-        ----------
-        x : ndarray, shape (n, k)
-        y : ndarray, shape (n,)
-
-        Returns
-        -------
-        NeuralNetwork
-        """
-        from sklearn.exceptions import ConvergenceWarning
-        from sklearn.neural_network import MLPRegressor
-
-        self._centre, scale = x.mean(axis=0), x.std(axis=0)
-        self._scale = np.where(scale > 0.0, scale, 1.0)
-        self._mean, self._spread = float(np.mean(y)), float(np.std(y)) or 1.0
-        self._network = MLPRegressor(
+    def fit(self, X: np.ndarray, y: np.ndarray) -> NeuralNetwork:
+        """Train on `X`, shape (n, k), and `y`, shape (n,)."""
+        X, y = validate_data(self, X, y, dtype=np.float64, y_numeric=True, ensure_min_samples=2)
+        self.mean_, scale = X.mean(axis=0), X.std(axis=0)
+        self.scale_ = np.where(scale > 0.0, scale, 1.0)
+        self.offset_, self.deviation_ = float(np.mean(y)), float(np.std(y)) or 1.0
+        self.network_ = MLPRegressor(
             hidden_layer_sizes=(HIDDEN,),
             activation="tanh",
             solver="lbfgs",
@@ -53,18 +45,11 @@ class NeuralNetwork:
         with warnings.catch_warnings():
             # It ends after its iterations: early stopping is part of the method.
             warnings.simplefilter("ignore", ConvergenceWarning)
-            self._network.fit((x - self._centre) / self._scale, (y - self._mean) / self._spread)
+            self.network_.fit((X - self.mean_) / self.scale_, (y - self.offset_) / self.deviation_)
         return self
 
-    def predict(self, x: np.ndarray) -> np.ndarray:
-        """Torque for features.
-
-        Parameters
-        ----------
-        x : ndarray, shape (n, k)
-
-        Returns
-        -------
-        ndarray, shape (n,)
-        """
-        return self._mean + self._spread * self._network.predict((x - self._centre) / self._scale)
+    def predict(self, X: np.ndarray) -> np.ndarray:
+        """Torque for features, shape (n,), from `X` of shape (n, k)."""
+        check_is_fitted(self)
+        X = validate_data(self, X, dtype=np.float64, reset=False)
+        return self.offset_ + self.deviation_ * self.network_.predict((X - self.mean_) / self.scale_)

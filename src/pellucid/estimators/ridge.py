@@ -10,6 +10,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+from sklearn.base import BaseEstimator, RegressorMixin
+from sklearn.utils.validation import check_is_fitted, validate_data
 
 from .._errors import IdentificationError
 
@@ -17,80 +19,55 @@ DEPENDENT = 1e-10
 """Singular values below this share of the largest are those of features that others already say."""
 
 
-class Ridge:
-    """Least squares with a penalty on the standardised coefficients; 0 is plain linear regression.
+class Ridge(RegressorMixin, BaseEstimator):
+    """Least squares with a penalty on the standardised coefficients, as a scikit-learn estimator.
 
     Parameters
     ----------
     alpha : float
-        Penalty, >= 0: on the sum of squared coefficients beside the sum of squared errors.
+        Penalty, >= 0: on the sum of squared coefficients beside the sum of squared errors; 0 is linear regression.
     products : tuple of int
         Columns whose squares and products are added as features; empty: none.
     """
 
     def __init__(self, alpha: float = 1.0, products: tuple[int, ...] = ()):
-        if not alpha >= 0.0:
-            raise IdentificationError(f"ridge: found the penalty {alpha:g}, expected at least 0")
         self.alpha = alpha
-        self.products = tuple(products)
+        self.products = products
 
-    def fit(self, x: np.ndarray, y: np.ndarray) -> Ridge:
-        """Find the coefficients.
-
-        Parameters
-        ----------
-        x : ndarray, shape (n, k)
-        y : ndarray, shape (n,)
-
-        Returns
-        -------
-        Ridge
-            Itself.
-        """
-        x = self._expanded(np.asarray(x, float))
-        self.mean, scale = x.mean(axis=0), x.std(axis=0)
-        self.scale = np.where(scale > 0.0, scale, 1.0)
-        q, r = np.linalg.qr((x - self.mean) / self.scale)
+    def fit(self, X: np.ndarray, y: np.ndarray) -> Ridge:
+        """Find the coefficients; `X`, shape (n, k), and `y`, shape (n,). IdentificationError below a penalty of 0."""
+        if not self.alpha >= 0.0:
+            raise IdentificationError(f"ridge: found the penalty {self.alpha:g}, expected at least 0")
+        X, y = validate_data(self, X, y, dtype=np.float64, y_numeric=True)
+        x = self._expanded(X)
+        self.mean_, scale = x.mean(axis=0), x.std(axis=0)
+        self.scale_ = np.where(scale > 0.0, scale, 1.0)
+        q, r = np.linalg.qr((x - self.mean_) / self.scale_)
         u, s, vt = np.linalg.svd(r, full_matrices=False)  # as of x itself, and much smaller
-        self.offset = float(np.mean(y))
+        self.offset_ = float(np.mean(y))
         carried = s > DEPENDENT * s[0]
         gain = np.divide(s, s**2 + self.alpha, out=np.zeros_like(s), where=carried)
-        self.coefficients = vt.T @ (gain * (u.T @ (q.T @ (y - self.offset))))
+        self.coefficients_ = vt.T @ (gain * (u.T @ (q.T @ (y - self.offset_))))
         return self
 
-    def predict(self, x: np.ndarray) -> np.ndarray:
-        """Torque for features.
-
-        Parameters
-        ----------
-        x : ndarray, shape (n, k)
-
-        Returns
-        -------
-        ndarray, shape (n,)
-        """
-        return self.offset + ((self._expanded(np.asarray(x, float)) - self.mean) / self.scale) @ self.coefficients
+    def predict(self, X: np.ndarray) -> np.ndarray:
+        """Torque for features, shape (n,), from `X` of shape (n, k)."""
+        check_is_fitted(self)
+        X = validate_data(self, X, dtype=np.float64, reset=False)
+        return self.offset_ + ((self._expanded(X) - self.mean_) / self.scale_) @ self.coefficients_
 
     def plain(self, names: Sequence[str]) -> dict[str, float]:
-        """The same map on features as they are: torque = offset + sum of each term times its coefficient.
+        """The same map on features as they are: ``"offset"``, then the coefficient of each term, by `names`.
 
-        Parameters
-        ----------
-        names : sequence of str
-            Of the features.
-
-        Returns
-        -------
-        dict of str to float
-            ``"offset"``, then by feature; a product is named by its two factors with ``" * "`` between.
+        A product is named by its two factors with ``" * "`` between.
         """
         chosen = [names[i] for i in self.products]
         terms = [*names, *(f"{chosen[i]} * {chosen[j]}" for i, j in zip(*np.triu_indices(len(chosen)), strict=True))]
-        slopes = self.coefficients / self.scale
-        return {"offset": self.offset - float(slopes @ self.mean), **dict(zip(terms, slopes.tolist(), strict=True))}
+        slopes = self.coefficients_ / self.scale_
+        return {"offset": self.offset_ - float(slopes @ self.mean_), **dict(zip(terms, slopes.tolist(), strict=True))}
 
     def _expanded(self, x: np.ndarray) -> np.ndarray:
-        if not self.products:
+        if not len(self.products):
             return x
         chosen = x[:, list(self.products)]
         rows, columns = np.triu_indices(chosen.shape[1])

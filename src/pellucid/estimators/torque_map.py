@@ -10,8 +10,8 @@ import numpy as np
 
 from .._errors import IdentificationError
 from .cross_validation import Fold, Score, block_folds, grouped_folds, score
-from .ensembles import Regressor
-from .families import ESTIMATORS, Family
+from .families import ESTIMATORS, family_of
+from .families.family import Family, Regressor
 from .features import LAGS, Features, FeatureSet, features
 from .smoothing import smooth
 from .torque_trial import TorqueTrial
@@ -111,7 +111,7 @@ def fit_torque_map(trials: Sequence[TorqueTrial], name: str, *, causal: bool = F
     IdentificationError
         If there is no trial to fit, one is held out, or there is no such estimator.
     """
-    family = _family(name)
+    name, family = family_of(name)
     if not trials or any(trial.heldout for trial in trials):
         found = "no trial" if not trials else f"the held-out trial {next(t.name for t in trials if t.heldout)}"
         raise IdentificationError(f"torque map: found {found}, expected trials to fit")
@@ -222,12 +222,6 @@ class _Stack:
             each = [features(trial, chosen, causal=self.causal) for trial in self.trials]
             self._made[chosen] = Features(np.vstack([f.x for f in each]), each[0].names, each[0].motion)
         return self._made[chosen]
-
-
-def _family(name: str) -> Family:
-    if name not in ESTIMATORS:
-        raise IdentificationError(f"torque map: found the estimator {name!r}, expected one of {', '.join(ESTIMATORS)}")
-    return ESTIMATORS[name]
 
 
 def _choose(family: Family, stack: _Stack) -> Choice:

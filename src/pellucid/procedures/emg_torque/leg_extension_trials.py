@@ -14,12 +14,12 @@ from __future__ import annotations
 import numpy as np
 
 from ...estimators.features import MOTION_LOWPASS
-from ...estimators.muscle_source import muscle_source
 from ...estimators.torque_trial import TorqueTrial
 from ...models.anthropometry import shank_length, winter
 from ...recordings.study import Study
 from ...signals.filters import central_difference, zero_phase_lowpass
 from ...signals.repetitions import find_repetitions
+from .known_muscles import muscle_source
 from .trial_sources import KEPT_RATE, maxima_of, relative_envelopes
 
 EXTENSION = "leg_extension"

@@ -8,7 +8,6 @@ from math import nan, prod
 
 from ..._errors import PellucidError
 from ...estimators.features import CAUSAL_LOWPASS, MOTION_LOWPASS, features
-from ...estimators.ridge import Ridge
 from ...estimators.torque_map import TorqueMap
 from ...estimators.torque_trial import TorqueTrial
 from ...models.card import CardParameter
@@ -28,7 +27,7 @@ def torque_card(study: Study, found: TorqueMap, trials: Sequence[TorqueTrial], n
     ----------
     study : Study
     found : TorqueMap
-        Its regressor is a `Ridge`.
+        Its regressor is a `ridge.Ridge`.
     trials : sequence of TorqueTrial
         What it was fitted to.
     name : str
@@ -44,7 +43,7 @@ def torque_card(study: Study, found: TorqueMap, trials: Sequence[TorqueTrial], n
     PellucidError
         If the map is none by ridge regression.
     """
-    if not isinstance(found.regressor, Ridge):
+    if not hasattr(found.regressor, "plain"):
         raise PellucidError(f"card {name}: found a map by {found.name}, expected one by ridge regression")
     seen = features(trials[0], found.choice.features, causal=found.causal)
     chain = study.config.emg_torque.chain

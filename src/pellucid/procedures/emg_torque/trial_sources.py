@@ -8,7 +8,6 @@ import numpy as np
 
 from ..._errors import IdentificationError, RecordingError
 from ...estimators.features import MOTION_LOWPASS
-from ...estimators.muscle_source import muscle_source
 from ...estimators.torque_reference import MovedBody, human_torque
 from ...estimators.torque_trial import TorqueTrial
 from ...models.parameter_card import ParameterCard, read_parameter_card
@@ -17,6 +16,7 @@ from ...recordings.study import Study
 from ...signals.emg_chain import EmgChain, emg_chain
 from ...signals.filters import zero_phase_lowpass
 from .emg_faults import trial_faults
+from .known_muscles import muscle_source
 
 STEPS = "torque_steps"
 """Protocol in which a wearer counteracts an orthosis's torque."""

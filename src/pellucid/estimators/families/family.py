@@ -1,0 +1,80 @@
+"""What an estimator is asked for by: its features, the settings it chooses from, how it is made."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+import numpy as np
+
+from ..features import Features, FeatureSet, feature_sets
+
+SEED = 20210
+"""Of every estimator's draws."""
+
+
+class Regressor(Protocol):
+    """Anything that is fitted to features and a torque, as scikit-learn's estimators are."""
+
+    def fit(self, x: np.ndarray, y: np.ndarray) -> Regressor:
+        """Fit to features `x`, shape (n, k), and torque `y`, shape (n,) [N m]."""
+
+    def predict(self, x: np.ndarray) -> np.ndarray:
+        """Torque for features `x`."""
+
+
+def _made_of_trials(settings: Mapping[str, Any], seen: Features) -> Regressor:
+    raise NotImplementedError("this family fits trials, not features")
+
+
+@dataclass(frozen=True)
+class Family:
+    """An estimator that can be asked for by name.
+
+    Parameters
+    ----------
+    words : str
+        What it is.
+    make : callable
+        From settings and the features it will see to a scikit-learn estimator, not yet fitted.
+    settings : tuple of Mapping
+        Candidates.
+    lags : bool or None
+        Whether it sees earlier envelopes; None: cross-validation decides.
+    muscles : bool
+        Whether it sees EMG at all.
+    fixed : FeatureSet or None
+        The only features it sees, where they are not to be chosen.
+    every : bool
+        Every pair of features and settings is tried; otherwise features first, then settings.
+    quick : Mapping or None
+        Settings with which features are chosen, where that is done first; None: the first of `settings`.
+    smoothing : float
+        Length of the moving average on its output [s]; 0 for none.
+    whole : callable or None
+        Fits trials itself, where features do not do: from trials, name and whether it is causal to a fitted map.
+    aliases : tuple of str
+        What it may also be called.
+    rank : int
+        Its place in tables, the lowest first.
+    """
+
+    words: str
+    make: Callable[[Mapping[str, Any], Features], Regressor] = _made_of_trials
+    settings: tuple[Mapping[str, Any], ...] = ({},)
+    lags: bool | None = None
+    muscles: bool = True
+    fixed: FeatureSet | None = None
+    every: bool = False
+    quick: Mapping[str, Any] | None = None
+    smoothing: float = 0.05
+    whole: Callable[[Any, str, bool], Any] | None = None
+    aliases: tuple[str, ...] = ()
+    rank: int = 100
+
+    def candidates(self, *, neighbours: bool) -> tuple[FeatureSet, ...]:
+        """Feature sets it may choose from; `neighbours`: whether other joints' angles are there."""
+        if self.fixed is not None:
+            return (self.fixed,)
+        return feature_sets(neighbours=neighbours, lags=self.lags, muscles=self.muscles)

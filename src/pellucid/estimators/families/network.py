@@ -1,0 +1,28 @@
+"""A small neural network: the reconstruction of M-BP."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from ..features import Features, FeatureSet
+from .family import Family, Regressor
+
+
+def network(settings: Mapping[str, Any], seen: Features) -> Regressor:
+    """One hidden layer."""
+    from ..neural_network import NeuralNetwork
+
+    return NeuralNetwork(settings["penalty"])
+
+
+FAMILIES = {
+    "mbp": Family(
+        "M-BP, a network (reconstruction)",
+        network,
+        tuple({"penalty": a} for a in (0.01, 0.1, 1.0)),
+        fixed=FeatureSet(velocities=True),
+        smoothing=0.0,
+        rank=70,
+    ),
+}

@@ -1,0 +1,267 @@
+"""Torque from EMG by any of the estimators, over arrays, as a scikit-learn estimator."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from sklearn.base import BaseEstimator, RegressorMixin
+from sklearn.model_selection import GroupKFold, KFold
+from sklearn.utils.validation import check_is_fitted, validate_data
+
+from .._errors import IdentificationError
+from ..models.muscle_geometry import muscle_table
+from .cross_validation import score
+from .families import ESTIMATORS, family_of
+from .families.family import Family
+from .features import Features
+from .muscle_source import FIBRE_DAMPING, MuscleSource
+from .torque_trial import TorqueTrial
+
+MOTION = ("angle.", "velocity.", "acceleration.")
+"""How columns begin that are no EMG."""
+
+
+class TorqueRegressor(RegressorMixin, BaseEstimator):
+    """A joint's torque from envelopes of EMG and motion.
+
+    Settings (penalties, sizes of trees) are chosen by cross-validation within what is fitted, then all of it is fitted
+    once. Works with scikit-learn's ``clone``, ``cross_val_score``, ``Pipeline`` and ``GridSearchCV``.
+
+    Parameters
+    ----------
+    method : str
+        ``"ridge"``, ``"linear"``, ``"boosting"``, ``"bagging"``, ``"tree"``, ``"hill"`` (muscles, which need
+        `columns`), or another of `methods`.
+    columns : sequence of str, optional
+        What the columns of X are, which methods made of muscles need: ``"time"`` [s], ``"emg.<muscle>"`` (envelopes
+        relative to a maximal contraction), ``"angle.<joint>"`` [rad]. Others use it to know motion from EMG: products
+        of columns that begin with ``angle.``, ``velocity.`` or ``acceleration.`` are then among ridge regression's
+        candidates.
+    joint : str, optional
+        Whose torque it is; left out, that of the first column ``angle.<joint>``.
+    muscles : MuscleSource, optional
+        Constants and paths of muscles; left out, those of a model of a leg, whose knee angle grows with extension.
+    settings : mapping, optional
+        The only settings to be used, in place of a choice.
+    folds : int
+        Of the choice, at least 2: groups together where `fit` is given them, otherwise consecutive blocks of rows.
+    causal : bool
+        Whether methods made of muscles filter angles from the past alone.
+
+    Attributes
+    ----------
+    settings_ : dict
+        Chosen.
+    tried_ : dict of str to float
+        RMSE of every candidate within what was fitted, in the torque's unit.
+    regressor_ : object
+        What was fitted with them: a scikit-learn estimator, or calibrated muscles.
+    n_features_in_ : int
+        Columns of X.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import pellucid as pl
+    >>> from sklearn.model_selection import GroupKFold, cross_val_score
+    >>> rng = np.random.default_rng(0)
+    >>> envelopes, angle = rng.uniform(0.0, 1.0, (300, 2)), rng.uniform(-1.0, 1.0, 300)
+    >>> torque = envelopes @ [30.0, -25.0] + 5.0 * np.sin(angle) + rng.normal(0.0, 0.5, 300)
+    >>> X, repetition = np.column_stack([envelopes, angle]), np.repeat(np.arange(6), 50)
+    >>> estimator = pl.TorqueRegressor("ridge").fit(X, torque, groups=repetition)
+    >>> estimator.settings_
+    {'products': 'none', 'penalty': 0.1}
+    >>> r2 = cross_val_score(estimator, X, torque, groups=repetition, cv=GroupKFold(3))
+    >>> bool(r2.min() > 0.99)
+    True
+    """
+
+    def __init__(
+        self,
+        method: str = "ridge",
+        *,
+        columns: Sequence[str] | None = None,
+        joint: str | None = None,
+        muscles: MuscleSource | None = None,
+        settings: Mapping[str, Any] | None = None,
+        folds: int = 5,
+        causal: bool = False,
+    ):
+        self.method = method
+        self.columns = columns
+        self.joint = joint
+        self.muscles = muscles
+        self.settings = settings
+        self.folds = folds
+        self.causal = causal
+
+    @staticmethod
+    def methods() -> dict[str, str]:
+        """Every method's name, and what it is.
+
+        Returns
+        -------
+        dict of str to str
+
+        Examples
+        --------
+        >>> import pellucid as pl
+        >>> pl.TorqueRegressor.methods()["ridge"]
+        'ridge regression'
+        """
+        return {name: family.words for name, family in ESTIMATORS.items()}
+
+    def fit(self, X: np.ndarray, y: np.ndarray, groups: np.ndarray | None = None) -> TorqueRegressor:
+        """Choose settings and fit.
+
+        Parameters
+        ----------
+        X : array_like, shape (n, k)
+            Rows in the order of time.
+        y : array_like, shape (n,)
+            Torque [N m].
+        groups : array_like, shape (n,), optional
+            Repetition, trial or person of each row: rows of one are left out together while settings are chosen.
+
+        Returns
+        -------
+        TorqueRegressor
+            Itself.
+
+        Raises
+        ------
+        IdentificationError
+            If there is no such method, or X lacks what it needs.
+        ValueError
+            If X, y and groups do not fit together, or a value is missing.
+
+        Examples
+        --------
+        >>> import numpy as np
+        >>> import pellucid as pl
+        >>> X = np.random.default_rng(0).normal(size=(50, 3))
+        >>> pl.TorqueRegressor("linear").fit(X, X @ [1.0, 2.0, 3.0]).predict([[1.0, 1.0, 1.0]]).round(6)
+        array([6.])
+        """
+        name, family = family_of(self.method)
+        X, y = validate_data(self, X, y, dtype=np.float64, y_numeric=True)
+        if groups is not None and np.shape(groups) != y.shape:
+            raise IdentificationError(f"torque: found groups of shape {np.shape(groups)}, expected {y.shape} as of y")
+        names = self._names(X)
+        if family.whole is not None:
+            self.settings_, self.tried_ = {}, {}
+            self.regressor_ = family.whole(self._trials(X, y, names, groups), name, self.causal)
+            return self
+        motion = tuple(i for i, column in enumerate(names) if column.startswith(MOTION))
+        seen = Features(X, tuple(names), motion)
+        self.settings_, self.tried_ = self._chosen(family, seen, y, groups)
+        self.regressor_ = family.make(self.settings_, seen).fit(X, y)
+        return self
+
+    def predict(self, X: np.ndarray) -> np.ndarray:
+        """Torque.
+
+        Parameters
+        ----------
+        X : array_like, shape (n, k)
+            As fitted.
+
+        Returns
+        -------
+        ndarray, shape (n,)
+            [N m]
+
+        Raises
+        ------
+        ValueError
+            If X does not fit what was fitted, a value is missing, or nothing was fitted.
+
+        Examples
+        --------
+        >>> import numpy as np
+        >>> import pellucid as pl
+        >>> X = np.random.default_rng(0).normal(size=(50, 1))
+        >>> pl.TorqueRegressor("tree").fit(X, np.sign(X[:, 0])).predict([[-2.0], [2.0]])
+        array([-1.,  1.])
+        """
+        check_is_fitted(self)
+        X = validate_data(self, X, dtype=np.float64, reset=False)
+        if family_of(self.method)[1].whole is None:
+            return self.regressor_.predict(X)
+        trials = self._trials(X, np.zeros(len(X)), self._names(X), None)
+        return np.concatenate([self.regressor_.predict(trial) for trial in trials])
+
+    def _chosen(self, family: Family, seen: Features, y: np.ndarray, groups) -> tuple[dict, dict[str, float]]:
+        candidates: dict[str, Mapping[str, Any]] = {}
+        for settings in family.settings if self.settings is None else (self.settings,):
+            # Without columns of motion some candidates are the same.
+            candidates.setdefault(repr(sorted(family.make(settings, seen).get_params().items())), settings)
+        count = len(y) if groups is None else len(np.unique(groups))
+        folds = min(self.folds, count)
+        if len(candidates) == 1 or folds < 2 or len(y) < 2 * folds:
+            return dict(next(iter(candidates.values()))), {}
+        divided = (KFold(folds) if groups is None else GroupKFold(folds)).split(seen.x, y, groups)
+        parts, tried = list(divided), {}
+        best, least = None, np.inf
+        for settings in candidates.values():
+            predicted = np.empty(len(y))
+            for fitted, out in parts:
+                within = replace(seen, x=seen.x[fitted])
+                predicted[out] = family.make(settings, within).fit(within.x, y[fitted]).predict(seen.x[out])
+            reached = tried[", ".join(f"{key} {value}" for key, value in settings.items())] = score(y, predicted).rmse
+            if best is None or reached < least:
+                best, least = settings, reached
+        return dict(best), tried
+
+    def _names(self, X: np.ndarray) -> list[str]:
+        if self.columns is None:
+            return list(getattr(self, "feature_names_in_", [f"x{i}" for i in range(X.shape[1])]))
+        if len(self.columns) != X.shape[1]:
+            raise IdentificationError(
+                f"torque: found {len(self.columns)} names of columns ({', '.join(self.columns)}), expected "
+                f"{X.shape[1]} as X has columns"
+            )
+        return list(self.columns)
+
+    def _trials(self, X: np.ndarray, y: np.ndarray, names: Sequence[str], groups) -> list[TorqueTrial]:
+        """Rows as trials: a new one begins where the group changes, or time does not go on."""
+        columns = dict(zip(names, X.T, strict=True))
+        time, lacking = columns.get("time"), []
+        lacking += [] if time is not None else ["time"]
+        for head in ("emg.", "angle."):
+            lacking += [] if any(name.startswith(head) for name in names) else [f"{head}<name>"]
+        if lacking:
+            raise IdentificationError(
+                f"{self.method}: found the columns {', '.join(names)}, expected {', '.join(lacking)} among `columns`"
+            )
+        angles = {n.removeprefix("angle."): x for n, x in columns.items() if n.startswith("angle.")}
+        joint = self.joint or next(iter(angles))
+        steps = np.diff(time)
+        ahead = steps[steps > 0.0]
+        if not len(ahead):
+            raise IdentificationError(f"{self.method}: found no two rows whose time increases, expected rows in order")
+        new = (steps <= 0.0) | (steps > 1.5 * np.median(ahead))
+        if groups is not None:
+            new |= np.asarray(groups)[1:] != np.asarray(groups)[:-1]
+        source = self.muscles
+        if source is None:
+            source = MuscleSource({n: replace(m, damping=FIBRE_DAMPING) for n, m in muscle_table().constants.items()})
+        trials = []
+        for i, rows in enumerate(np.split(np.arange(len(time)), np.flatnonzero(new) + 1)):
+            group = f"{i}" if groups is None else f"{np.asarray(groups)[rows[0]]}"
+            trials.append(
+                TorqueTrial(
+                    name=f"rows {rows[0]} to {rows[-1]}",
+                    joint=joint,
+                    time=time[rows],
+                    envelopes={n.removeprefix("emg."): x[rows] for n, x in columns.items() if n.startswith("emg.")},
+                    angles={n: x[rows] for n, x in angles.items()},
+                    torque=y[rows],
+                    group=group,
+                    muscles=source,
+                )
+            )
+        return trials
