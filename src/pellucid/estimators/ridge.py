@@ -35,7 +35,13 @@ class Ridge(RegressorMixin, BaseEstimator):
         self.products = products
 
     def fit(self, X: np.ndarray, y: np.ndarray) -> Ridge:
-        """Find the coefficients; `X`, shape (n, k), and `y`, shape (n,). IdentificationError below a penalty of 0."""
+        """Find the coefficients of `X`, shape (n, k), for `y`, shape (n,).
+
+        Raises
+        ------
+        IdentificationError
+            If the penalty is below 0.
+        """
         if not self.alpha >= 0.0:
             raise IdentificationError(f"ridge: found the penalty {self.alpha:g}, expected at least 0")
         X, y = validate_data(self, X, y, dtype=np.float64, y_numeric=True)

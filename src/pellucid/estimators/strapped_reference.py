@@ -14,9 +14,7 @@ import numpy as np
 
 from ..fit.strap.coupled_impedance import mismatch
 from ..fit.strap.strap_torque import Limb, Orthosis, Swing, from_orthosis
-from ..recordings.recording import Recording
 from ..signals.filters import central_difference, zero_phase_lowpass
-from .causal_map import MOTION, EmgTrial
 
 
 def strapped_torque(
@@ -56,40 +54,3 @@ def strapped_torque(
     velocity = central_difference(angle, trial.fs)
     own = limb.inertia * central_difference(velocity, trial.fs) + limb.viscous * velocity
     return own + limb.gravity * np.sin(angle - limb.zero) + through
-
-
-def strapped_emg_trial(
-    recording: Recording,
-    stream: str,
-    repetition: str,
-    *,
-    orthosis: Orthosis,
-    limb: Limb,
-    stiffness: float,
-    damping: float,
-) -> EmgTrial:
-    """A recording of torques that a wearer counteracts, ready for `causal_map.fit_causal_map`.
-
-    Parameters
-    ----------
-    recording : Recording
-        With ``position`` of the orthosis and ``torque`` of its spring.
-    stream : str
-        Its raw EMG, whose channels are called ``emg.<muscle>``.
-    repetition : str
-    orthosis : Orthosis
-    limb : Limb
-    stiffness, damping : float
-        Of the strap [N m/rad], [N m s/rad].
-
-    Returns
-    -------
-    EmgTrial
-    """
-    emg, position = recording.streams[stream], recording["position"]
-    torque = strapped_torque(
-        recording.time, position, recording["torque"], orthosis=orthosis, limb=limb, stiffness=stiffness,
-        damping=damping, lowpass=MOTION,
-    )  # fmt: skip
-    raw = np.column_stack([emg[channel] for channel in emg.channels if channel.startswith("emg.")])
-    return EmgTrial(repetition, recording.time, position, torque, emg.time, raw)

@@ -12,10 +12,10 @@ from dataclasses import dataclass, fields, replace
 from ..._errors import IdentificationError
 from ...controllers.coupling import Coupling
 from ...estimators.causal_map import CausalMap, EmgSettings, EmgTrial, fit_causal_map
-from ...estimators.strapped_reference import strapped_emg_trial
 from ...fit.joint.actuator_residual import actuator_residual
 from ...lab.knee.rig import KneeRig
 from ...procedures.coupling.identify_coupling import identify_worn
+from ...procedures.emg_torque.strapped_trials import strapped_emg_trial
 from ...recordings.recording import Recording
 from .trials import STRAP_ONLY, KneeSession, take
 

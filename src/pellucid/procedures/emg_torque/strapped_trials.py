@@ -1,0 +1,47 @@
+"""Recordings of a wearer against an orthosis's torque, ready for a causal map of raw EMG."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ...estimators.causal_map import MOTION, EmgTrial
+from ...estimators.strapped_reference import strapped_torque
+from ...fit.strap.strap_torque import Limb, Orthosis
+from ...recordings.recording import Recording
+
+
+def strapped_emg_trial(
+    recording: Recording,
+    stream: str,
+    repetition: str,
+    *,
+    orthosis: Orthosis,
+    limb: Limb,
+    stiffness: float,
+    damping: float,
+) -> EmgTrial:
+    """A recording of torques that a wearer counteracts, ready for `causal_map.fit_causal_map`.
+
+    Parameters
+    ----------
+    recording : Recording
+        With ``position`` of the orthosis and ``torque`` of its spring.
+    stream : str
+        Its raw EMG, whose channels are called ``emg.<muscle>``.
+    repetition : str
+    orthosis : Orthosis
+    limb : Limb
+    stiffness, damping : float
+        Of the strap [N m/rad], [N m s/rad].
+
+    Returns
+    -------
+    EmgTrial
+    """
+    emg, position = recording.streams[stream], recording["position"]
+    torque = strapped_torque(
+        recording.time, position, recording["torque"], orthosis=orthosis, limb=limb, stiffness=stiffness,
+        damping=damping, lowpass=MOTION,
+    )  # fmt: skip
+    raw = np.column_stack([emg[channel] for channel in emg.channels if channel.startswith("emg.")])
+    return EmgTrial(repetition, recording.time, position, torque, emg.time, raw)
