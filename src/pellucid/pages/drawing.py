@@ -7,13 +7,15 @@ from __future__ import annotations
 
 import io
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 
 import matplotlib
 import numpy as np
+from fontTools.subset import Options
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import PathPatch
@@ -78,9 +80,21 @@ class Drawing:
         folder = Path(folder)
         drawn = write_text_atomically(folder / f"{self.name}.svg", self.svg)
         printed = folder / f"{self.name}.pdf"
-        with matplotlib.rc_context(dict(RC)):
+        with matplotlib.rc_context(dict(RC)), _outlines_alone():
             self.figure.savefig(printed, metadata={"CreationDate": None, "ModDate": None}, facecolor=colour("paper"))
         return drawn, printed
+
+
+@contextmanager
+def _outlines_alone() -> Iterator[None]:
+    """Fonts go into a PDF without their rules of layout, which no viewer reads: to cut them down to a figure's letters
+    takes longer than to draw the figure."""
+    before = Options._drop_tables_default
+    Options._drop_tables_default = [*before, "GDEF", "GPOS", "GSUB"]
+    try:
+        yield
+    finally:
+        Options._drop_tables_default = before
 
 
 def _rounded(svg: str) -> str:
@@ -106,9 +120,11 @@ def draw(make: Callable[..., Drawing], *args, **options) -> Drawing:
     """
     with matplotlib.rc_context(dict(RC)):
         drawing = make(*args, **options)
-        # Once, so that every later output has the same layout.
-        drawing.figure.draw_without_rendering()
-        # None takes the engine away; "none" leaves a stand-in, for which every output draws the figure twice.
+        # Once, so that every later output has the same layout. None takes the engine away; "none" leaves a stand-in,
+        # for which every output draws the figure twice.
+        layout = drawing.figure.get_layout_engine()
+        if layout is not None:
+            layout.execute(drawing.figure)
         drawing.figure.set_layout_engine(None)
         return drawing
 
