@@ -72,6 +72,13 @@ inline void* allocate(std::size_t bytes) {
   return memory;
 }
 
+/// Lets the process keep the pages of large arrays that it frees: glibc keeps as much as the largest block that was ever
+/// given back, and to give back and fetch again what every step of a fit needs takes longer than its arithmetic.
+inline void keep_pages() {
+  void* volatile block = std::malloc(std::size_t(31) << 20);  // never touched, so it costs nothing
+  std::free(block);
+}
+
 /// An array of T that goes out.
 template <class T> struct BasicResult {
   T* data;

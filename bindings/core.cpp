@@ -389,6 +389,7 @@ nb::object elementwise(double (*in_double)(double), float (*in_float)(float), nb
 NB_MODULE(_core, m) {
   namespace b = bindings;
   namespace p = pellucid;
+  b::keep_pages();
   m.doc() = "The core: every physical model once, in C++ (include/pellucid). SI units throughout.";
 
   nb::list names, geared_names;

@@ -5,6 +5,9 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+from functools import lru_cache
+
 import numpy as np
 
 from .. import _core
@@ -34,19 +37,41 @@ def zero_phase_lowpass(samples: np.ndarray, cutoff: float, order: int, fs: float
     """
     if not 0.0 < cutoff < fs / 2.0:
         raise ValueError(f"low-pass at {cutoff:g} Hz; expected above 0 and below half the sampling rate, {fs / 2:g} Hz")
-    sos = butterworth(order, 2.0 * cutoff / fs)
-    padding = 3 * (2 * len(sos) + 1)
+    low_pass = _butterworth(order, 2.0 * cutoff / fs)
+    padding = 3 * (2 * len(low_pass.sections) + 1)
     if len(samples) <= padding:
         raise ValueError(f"{len(samples)} samples; an order-{order} zero-phase filter needs more than {padding}")
-    return _both_ways(sos, samples)
+    return low_pass(samples)
 
 
-def _both_ways(sos: np.ndarray, samples: np.ndarray) -> np.ndarray:
-    """Sections run forwards and backwards over `samples`, (n,) or (n, k), along axis 0."""
+@dataclass(frozen=True)
+class _BothWays:
+    """A cascade of `sections` (k, 6), its `settled` states (k, 2), and how many samples it adds at each border."""
+
+    sections: np.ndarray
+    settled: np.ndarray
+    padding: int
+
+    def __call__(self, samples: np.ndarray) -> np.ndarray:
+        """Samples, (n,) or (n, k), run through forwards and backwards along axis 0."""
+        columns = np.reshape(samples, (len(samples), -1))
+        return _core.zero_phase(self.sections, self.settled, columns, self.padding).reshape(np.shape(samples))
+
+
+def _both_ways(sections: np.ndarray) -> _BothWays:
     # An odd order fills its last section with a pole and a zero at 0, which need no border.
-    padding = 3 * (2 * len(sos) + 1 - min((sos[:, 2] == 0.0).sum(), (sos[:, 5] == 0.0).sum()))
-    columns = np.reshape(samples, (len(samples), -1))
-    return _core.zero_phase(sos, settled(sos), columns, padding).reshape(np.shape(samples))
+    filled = min((sections[:, 2] == 0.0).sum(), (sections[:, 5] == 0.0).sum())
+    return _BothWays(sections, settled(sections), 3 * int(2 * len(sections) + 1 - filled))
+
+
+@lru_cache(maxsize=32)
+def _butterworth(order: int, cutoff: float) -> _BothWays:
+    return _both_ways(butterworth(order, cutoff))
+
+
+@lru_cache(maxsize=32)
+def _anti_aliasing(factor: int) -> _BothWays:
+    return _both_ways(chebyshev(8, 0.05, 0.8 / factor))
 
 
 def central_difference(samples: np.ndarray, fs: float) -> np.ndarray:
@@ -82,7 +107,7 @@ def decimate(samples: np.ndarray, factor: int) -> np.ndarray:
     """
     if factor == 1:
         return samples
-    return _both_ways(chebyshev(8, 0.05, 0.8 / factor), samples)[::factor]
+    return _anti_aliasing(factor)(samples)[::factor]
 
 
 def runs(mask: np.ndarray) -> list[slice]:

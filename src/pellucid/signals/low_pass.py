@@ -6,18 +6,14 @@ scipy.stats: a second at every start [1]_.
 
 from __future__ import annotations
 
-from functools import lru_cache
-
 import numpy as np
 
 
-@lru_cache(maxsize=32)
 def butterworth(order: int, cutoff: float) -> np.ndarray:
     """Sections (k, 6) of a Butterworth low-pass of an `order`, -3 dB at its `cutoff` [half the sampling rate]."""
     return _digital(-np.exp(1j * np.pi * _turns(order) / (2 * order)), 1.0, cutoff)
 
 
-@lru_cache(maxsize=32)
 def chebyshev(order: int, ripple: float, cutoff: float) -> np.ndarray:
     """Sections (k, 6) of a Chebyshev low-pass of an `order`, with a `ripple` [dB] in its pass band, which ends
     at `cutoff` [half the sampling rate]."""
