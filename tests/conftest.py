@@ -9,7 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pellucid.recordings import Study, open_study
+from pellucid.procedures.registry import open_study
+from pellucid.recordings import Study
 
 NEARBY = Path(__file__).parents[1].parent / "shared" / "data"
 
@@ -139,7 +140,7 @@ def emps_study(data_folder, tmp_path_factory) -> Study:
 @pytest.fixture(scope="session")
 def emps_fit(emps_study):
     """The EMPS benchmark identified, once for all tests that judge it."""
-    from pellucid.procedures.joint.identify_joint import identify
+    from pellucid.procedures.run import identify
 
     return identify(emps_study, families=["symmetric", "directional"])
 

@@ -3,7 +3,7 @@
 >>> study = pellucid.open("my-elbow")                                   # doctest: +SKIP
 >>> fit = pellucid.identify(study)                                      # doctest: +SKIP
 >>> fit["inertia"].value, fit["inertia"].interval(0.95)                 # doctest: +SKIP
->>> pellucid.pages(study, fit)                                         # doctest: +SKIP
+>>> pellucid.report(study, fit)                                         # doctest: +SKIP
 
 Each name below is imported when it is first used, so that importing the package costs nothing.
 """
@@ -26,24 +26,24 @@ if TYPE_CHECKING:
     from .lab.simulate import simulate as simulate
     from .models.muscle import Muscle as Muscle
     from .papers.reproduce import reproduce as reproduce
-    from .procedures.assessment.assess import assess as assess
-    from .procedures.check import check as check
     from .procedures.compare import compare as compare
-    from .procedures.emg_torque.calibrate import calibrate as calibrate
-    from .procedures.joint.identify_joint import identify as identify
-    from .procedures.joint.joint_page import write_report as report
+    from .procedures.registry import open_study as open
+    from .procedures.run import assess as assess
+    from .procedures.run import calibrate as calibrate
+    from .procedures.run import check as check
+    from .procedures.run import identify as identify
+    from .procedures.run import report as report
     from .recordings.readers import read_columns as read
-    from .recordings.study import open_study as open
     from .signals.envelope import envelope as envelope
 
 _WHERE = {
-    "open": ("recordings.study", "open_study"),
-    "assess": ("procedures.assessment.assess", "assess"),
-    "check": ("procedures.check", "check"),
-    "calibrate": ("procedures.emg_torque.calibrate", "calibrate"),
-    "identify": ("procedures.joint.identify_joint", "identify"),
+    "open": ("procedures.registry", "open_study"),
+    "assess": ("procedures.run", "assess"),
+    "check": ("procedures.run", "check"),
+    "calibrate": ("procedures.run", "calibrate"),
+    "identify": ("procedures.run", "identify"),
     "compare": ("procedures.compare", "compare"),
-    "report": ("procedures.joint.joint_page", "write_report"),
+    "report": ("procedures.run", "report"),
     "fit_joint": ("fit.joint.fit_joint", "fit_joint"),
     "fit_transfer_function": ("fit.transfer.fit_transfer_function", "fit_transfer_function"),
     "init": ("lab.init", "init"),

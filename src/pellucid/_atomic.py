@@ -27,12 +27,17 @@ def write_text_atomically(path: str | os.PathLike, text: str) -> Path:
     OSError
         If the folder cannot be written; `path` is then as it was before.
     """
+    return write_bytes_atomically(path, text.encode("utf-8"))
+
+
+def write_bytes_atomically(path: str | os.PathLike, content: bytes | memoryview) -> Path:
+    """`write_text_atomically` of bytes."""
     path = Path(path)
     path.parent.mkdir(parents=True, exist_ok=True)
     handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.", suffix=".tmp")
     try:
-        with os.fdopen(handle, "w", encoding="utf-8", newline="\n") as file:
-            file.write(text)
+        with os.fdopen(handle, "wb") as file:
+            file.write(content)
             file.flush()
             os.fsync(file.fileno())
         # mkstemp makes private files; a result is meant to be read by the whole lab.

@@ -18,12 +18,8 @@ from ._errors import PellucidError
 
 if TYPE_CHECKING:
     from rich.console import Console
-    from rich.table import Table
 
-    from .fit.parameter import Parameter, Verdict
-    from .fit.slider.slider_fit import SliderFit
-    from .procedures.joint.joint_fit import JointFit
-    from .procedures.result import Findings
+    from .procedures.result import Result
     from .recordings.quality import Fault
     from .recordings.study import Study
 
@@ -41,6 +37,7 @@ datasets_app = typer.Typer(
 app.add_typer(datasets_app)
 
 Folder = Annotated[Path, typer.Argument(metavar="DIR", help="Folder of the study.")]
+Json = Annotated[bool, typer.Option("--json", help="Print the figures as JSON instead of tables.")]
 Family = Annotated[
     list[str] | None,
     typer.Option("--family", metavar="NAME", help="Friction family; may be given several times."),
@@ -94,8 +91,8 @@ def simulate(
 @app.command()
 def check(folder: Folder) -> None:
     """Are these recordings fit to identify from? Status 1 if not."""
-    from .procedures.check import check as run
-    from .recordings.study import open_study
+    from .procedures.registry import asked, open_study
+    from .procedures.run import check as run
 
     study = open_study(folder)
     with _progress() as tell:
@@ -107,76 +104,30 @@ def check(folder: Folder) -> None:
     if refused:
         _say(out, f"Not fit to identify from: {_count(len(refused), 'fault')}.")
         raise typer.Exit(1)
-    command = "identify"
-    if study.config.procedure is None and study.rig.drive is None:
-        command = study.config.beyond_identify
+    command = asked(study)[0].command
     _say(out, f"Fit to {command} from. Next: pellucid {command} {folder}")
 
 
 @app.command()
-def identify(
-    folder: Folder,
-    family: Family = None,
-    json: Annotated[bool, typer.Option("--json", help="Print the figures as JSON instead of tables.")] = False,
-) -> None:
+def identify(folder: Folder, family: Family = None, json: Json = False) -> None:
     """Identify what study.toml asks for, with intervals and verdicts."""
-    from .procedures.joint.identify_joint import identify as run
-    from .procedures.joint.save_joint import save
-    from .procedures.result import Findings, save_findings
-    from .recordings.study import open_study
+    from .procedures.run import identify as run
 
-    study = open_study(folder)
-    with _progress() as tell:
-        fit = run(study, families=tuple(family) if family else None, on_progress=tell)
-    if isinstance(fit, Findings):
-        save_findings(study, fit, "identify")
-    else:
-        save(study, fit)
-    if json:
-        _print_json(study, "identify")
-        return
-    out = _console()
-    if isinstance(fit, Findings):
-        _print_findings(out, fit)
-    elif study.rig.slider is None:
-        _print_fit(out, study, fit)
-    else:
-        _print_slider_fit(out, study, fit)
-    _say(out, f"Model cards in {study.models_dir}, every figure in {study.results_path}.")
-    command = "report" if study.config.emg_torque is None else "calibrate"
-    _say(out, f"Next: pellucid {command} {folder}")
+    _found(folder, "identify", json, lambda study, tell: run(study, families=family or None, on_progress=tell))
 
 
 @app.command()
-def calibrate(
-    folder: Folder,
-    json: Annotated[bool, typer.Option("--json", help="Print the figures as JSON instead of tables.")] = False,
-) -> None:
+def calibrate(folder: Folder, json: Json = False) -> None:
     """Torque from EMG by several methods, judged on held-out data."""
-    from .procedures.emg_torque.calibrate import calibrate as run
-    from .procedures.emg_torque.calibration_file import keep_calibration
-    from .procedures.result import save_findings
-    from .recordings.study import open_study
+    from .procedures.run import calibrate as run
 
-    study = open_study(folder)
-    with _progress() as tell:
-        found = run(study, on_progress=tell)
-    save_findings(study, found, "calibrate")
-    if study.config.emg_torque is not None:
-        keep_calibration(study, found)
-    if json:
-        _print_json(study, "calibrate")
-        return
-    out = _console()
-    _print_findings(out, found)
-    _say(out, f"Model cards in {study.models_dir}, every figure in {study.results_path}.")
-    _say(out, f"Next: pellucid report {folder}")
+    _found(folder, "calibrate", json, run)
 
 
 @app.command()
 def assess(
     folder: Folder,
-    json: Annotated[bool, typer.Option("--json", help="Print the figures as JSON instead of tables.")] = False,
+    json: Json = False,
     studies: Annotated[int, typer.Option(metavar="N", min=100, help="Simulated to plan the next study.")] = 1000,
     scheduler: Annotated[str | None, typer.Option(metavar="ADDRESS", help="Dask scheduler to simulate on.")] = None,
 ) -> None:
@@ -184,35 +135,21 @@ def assess(
     from contextlib import nullcontext
 
     from .assessment.cluster import cluster
-    from .procedures.assessment.assess import assess as run
-    from .procedures.assessment.paper_tables import write_tables
-    from .procedures.result import save_findings
-    from .recordings.study import open_study
+    from .procedures.run import assess as run
 
-    study = open_study(folder)
-    with cluster(scheduler) if scheduler else nullcontext() as executor, _progress() as tell:
-        found = run(study, tell, studies=studies, executor=executor)
-    save_findings(study, found, "assess")
-    write_tables(study.folder / "tables", found)
-    if json:
-        _print_json(study, "assess")
-        return
-    out = _console()
-    _print_findings(out, found)
-    out.print(found.paragraph, markup=False)
-    _say(out, f"\nEvery figure in {study.results_path}, tables for a paper in {study.folder / 'tables'}.")
-    _say(out, f"Next: pellucid report {folder}")
+    with cluster(scheduler) if scheduler else nullcontext() as executor:
+        _found(folder, "assess", json, lambda study, tell: run(study, tell, studies=studies, executor=executor))
 
 
 @app.command()
 def report(folder: Folder) -> None:
     """Write the report: one HTML page, figures as SVG and PDF."""
-    from .procedures.joint.joint_page import write_report
-    from .recordings.study import open_study
+    from .procedures.registry import open_study
+    from .procedures.run import report as run
 
     study = open_study(folder)
     with _progress() as tell:
-        page = write_report(study, on_progress=tell)
+        page = run(study, on_progress=tell)
     _say(_console(), f"Report: {page}")
 
 
@@ -223,11 +160,12 @@ def compare(
     family: Annotated[str | None, typer.Option(metavar="NAME", help="Friction family to compare.")] = None,
 ) -> None:
     """Did this joint change? Two studies, parameter by parameter."""
-    from .pages.quantities import number, unit_text
+    from .pages.quantities import number, unit_text, units_in
     from .procedures.compare import compare as run
+    from .procedures.print_result import plain_table
 
     found = run(a, b, family=family)
-    table = _table("parameter", ">A", ">B", ">B − A", "unit", ">p", "")
+    table = plain_table("parameter", ">A", ">B", ">B − A", "unit", ">p", "")
     for row in found.rows:
         table.add_row(
             row.name,
@@ -241,7 +179,8 @@ def compare(
     out = _console()
     _say(out, f"\n{found.family} friction; A is {a}, B is {b}")
     out.print(table)
-    _print_verdicts(out, found.verdicts)
+    _list(out, [(v.kind, units_in(v.text)) for v in found.verdicts])
+    out.print()
 
 
 @app.command()
@@ -258,7 +197,9 @@ def demo(
     for chapter, said in told(made):
         console.print(f"\n{chapter}")
         _list(console, [("good", said)])
-    table = _table("residuals", ">repetitions", ">lowest coverage %", ">textbook intervals %")
+    from .procedures.print_result import plain_table
+
+    table = plain_table("residuals", ">repetitions", ">lowest coverage %", ">textbook intervals %")
     for c in made.coverages:
         table.add_row(c.colour, str(c.repetitions), f"{c.lowest:.1f}", f"{c.textbook:.1f}")
     _say(console, "\nHow often 95 % intervals hold the truth, known for a virtual joint:")
@@ -302,7 +243,7 @@ def export(
     """Write the controller as source for a microcontroller."""
     from .deployment.export import export as run
     from .deployment.microcontroller import measure, missing_tools, save_measured
-    from .recordings.study import open_study
+    from .procedures.registry import open_study
 
     study = open_study(folder)
     with _progress() as tell:
@@ -336,8 +277,9 @@ def version() -> None:
 def datasets_list() -> None:
     """Names, titles and terms of the public data sets, and whether they are on this machine."""
     from . import datasets
+    from .procedures.print_result import plain_table
 
-    table = _table("name", "what it is~", "terms~", "here")
+    table = plain_table("name", "what it is~", "terms~", "here")
     for name in datasets.names():
         found = datasets.info(name)
         try:
@@ -414,114 +356,24 @@ def _progress() -> Iterator[Callable[[str, float], None]]:
         yield lambda text, share: progress.update(task, description=text, completed=share)
 
 
-def _table(*heads: str) -> Table:
-    """A table without frames; a head that begins with > sets its column to the right, one that ends with ~ may wrap."""
-    from rich.box import SIMPLE_HEAD
-    from rich.markup import escape
-    from rich.table import Table
+def _found(folder: Path, command: str, json: bool, run: Callable[[Study, Callable], Result]) -> None:
+    """Open a study, find what it asks for, save that and print it."""
+    from .procedures.print_result import print_result
+    from .procedures.registry import asked, open_study
 
-    table = Table(box=SIMPLE_HEAD, pad_edge=False, padding=(0, 1), header_style="dim", safe_box=True)
-    for head in heads:
-        table.add_column(
-            escape(head.removeprefix(">").removesuffix("~")),  # a unit in brackets is no markup
-            justify="right" if head.startswith(">") else "left",
-            no_wrap=not head.endswith("~"),
-        )
-    return table
-
-
-def _print_fit(out: Console, study: Study, fit: JointFit) -> None:
-    from .pages.quantities import number, percent
-
-    best = fit.families[fit.best]
-    split = "held-out" if best.heldout_effort_error == best.heldout_effort_error else "fitted"
-    error = best.heldout_effort_error if split == "held-out" else best.fitted_effort_error
-    _say(out, f"\n{fit.study}: {fit.best} friction, {split} effort error {percent(error)} %")
-    shown = [*best.estimate.parameters, *([fit.drive_constant] if fit.drive_constant is not None else [])]
-    out.print(_parameter_table(shown, study.model.confidence))
-    if len(fit.families) > 1:
-        table = _table("family", ">parameters", ">fitted %", ">held out %", ">held-out R²", "")
-        for f in fit.families.values():
-            is_best = f.family == fit.best
-            table.add_row(
-                f.family,
-                str(len(f.model.symbols)),
-                percent(f.fitted_effort_error),
-                percent(f.heldout_effort_error),
-                number(f.heldout_r2),
-                "best" if is_best else "",
-                style="bold" if is_best else None,
-            )
-        out.print(table)
-    _print_verdicts(out, fit.verdicts)
-
-
-def _print_slider_fit(out: Console, study: Study, fit: SliderFit) -> None:
-    from .fit.slider.slider_fit import METHODS
-    from .pages.quantities import number
-
-    split = "held-out" if fit.judged_split == "heldout" else "fitted"
-    _say(out, f"\n{fit.study}: {_count(len(fit.motions), 'recording')}; mean absolute error over {split} trials")
-    table = _table("method~", ">parameters", ">error A", ">error N·m")
-    for name, estimate in fit.estimates.items():
-        error = fit.judged_error(name)
-        torque = error * fit.gain
-        table.add_row(METHODS[name], f"{len(estimate.values)}", number(error, digits=3), number(torque, digits=3))
-    out.print(table)
-    for name in ("load", "dissociated"):
-        _say(out, f"{METHODS[name]}:")
-        out.print(_parameter_table(fit[name].parameters, study.model.confidence))
-    _print_verdicts(out, fit.verdicts)
-
-
-def _parameter_table(parameters: Sequence[Parameter], level: float) -> Table:
-    from .pages.quantities import number, parameter_note, relative_sd, unit_text
-
-    table = _table("parameter", ">value", f">± ({100.0 * level:.4g} %)", "unit", ">SD %", "")
-    for p in parameters:
-        low, high = p.interval(level)
-        table.add_row(
-            p.name,
-            number(p.value, p.standard_error),
-            number(0.5 * (high - low), p.standard_error) if high > low else "–",
-            unit_text(p.unit),
-            relative_sd(p),
-            parameter_note(p, level),
-        )
-    return table
-
-
-def _print_findings(out: Console, found: Findings) -> None:
-    from rich.markup import escape
-
-    from .pages.quantities import cell_text, units_in
-    from .procedures.result import ParameterTable
-
-    _say(out, f"\n{found.study}: {units_in(found.headline)}")
-    for shown in found.tables:
-        _say(out, f"\n{shown.title}")
-        if isinstance(shown, ParameterTable):
-            out.print(_parameter_table(shown.parameters, found.confidence))
-            continue
-        rows = [[cell_text(cell) for cell in row] for row in shown.rows]
-        table = _table(*(_folded(head, [r[i] for r in rows], shown.rows, i) for i, head in enumerate(shown.heads)))
-        for row in rows:
-            table.add_row(*map(escape, row))
-        out.print(table)
-    _print_verdicts(out, found.verdicts)
-
-
-def _folded(head: str, cells: Sequence[str], rows: Sequence[Sequence[object]], column: int) -> str:
-    """A head on as many lines as keep it no wider than what stands below; figures stand to the right."""
-    from textwrap import wrap
-
-    from .pages.quantities import units_in
-
-    head = units_in(head)
-    width = max(map(len, [*head.split(), *cells]))
-    head = "\n".join(wrap(head, width, break_long_words=False, break_on_hyphens=False))
-    # Words may wrap where a terminal is narrow; a figure that is cut is none.
-    return f"{head}~" if any(isinstance(row[column], str) for row in rows) else f">{head}"
+    study = open_study(folder)
+    with _progress() as tell:
+        result = run(study, tell)
+    result.save(study)
+    if json:
+        _print_json(study, command)
+        return
+    out = _console()
+    print_result(out, result)
+    _say(out, f"{result.written(study)}, every figure in {study.results_path}.")
+    later = [p.command for p in asked(study)]
+    following = [c for c in later[later.index(command) + 1 :] if c != command]
+    _say(out, f"Next: pellucid {following[0] if following else 'report'} {folder}")
 
 
 def _print_json(study: Study, command: str) -> None:
@@ -535,27 +387,10 @@ def _print_json(study: Study, command: str) -> None:
     typer.echo(dumps({"figures": rows}, indent=1, ensure_ascii=False))
 
 
-def _print_verdicts(out: Console, verdicts: Sequence[Verdict]) -> None:
-    from .pages.quantities import units_in
-
-    _list(out, [(v.kind, units_in(v.text)) for v in verdicts])
-    out.print()
-
-
 def _list(out: Console, items: Sequence[tuple[str, str]]) -> None:
-    """Sentences with a mark in front, wrapped and indented."""
-    from rich.padding import Padding
-    from rich.table import Table
-    from rich.text import Text
+    from .procedures.print_result import print_sentences
 
-    marks = {"good": ("+", "green"), "note": ("·", "dim"), "warning": ("!", "yellow")}
-    grid = Table.grid(padding=(0, 1))
-    for kind, text in items:
-        mark, style = marks.get(kind, ("·", "dim"))
-        # Folded, not cut: a message may hold an address longer than a line.
-        grid.add_row(Text(mark, style=style), Text(text, overflow="fold"))
-    if items:
-        out.print(Padding(grid, 0))
+    print_sentences(out, items)
 
 
 def _grouped(faults: Sequence[Fault], most: int = 3) -> list[str]:

@@ -13,8 +13,8 @@ from pellucid.lab.elbow.protocol import fitted_sliders, trials
 from pellucid.lab.elbow.rig import able_elbow
 from pellucid.models.energy import cycle_energy
 from pellucid.models.joint import GRAVITY
+from pellucid.procedures.registry import open_study
 from pellucid.procedures.slider.identify_slider import STEPS, fit_slider
-from pellucid.recordings.study import open_study
 
 SEED = 1
 THREADS = min(2, os.cpu_count() or 1)

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from pellucid import datasets
+from pellucid.procedures.registry import asked
 from pellucid.recordings import inspect
 from pellucid.recordings.study_muscles import study_muscles
 from pellucid.signals.emg_quality import inspect_emg
@@ -18,7 +19,7 @@ def studies(data_folder, tmp_path_factory):
 @pytest.mark.parametrize("name", datasets.names())
 def test_nothing_is_refused(studies, name):
     study = studies[name]
-    joint = study.config.procedure is None and study.rig.drive is not None
+    joint = [p.name for p in asked(study, "identify")] == ["joint"]
     faults = [f for r in study.recordings() for f in (inspect(r, study) if joint else [])]
     for recording in study.recordings():
         faults += [f for each in (recording, *recording.streams.values()) for f in inspect_emg(each)]

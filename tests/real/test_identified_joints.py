@@ -8,9 +8,9 @@ import pytest
 import scipy.io
 
 from pellucid.datasets import init
-from pellucid.procedures.joint.identify_joint import identify
-from pellucid.procedures.joint.save_joint import rows_of, save
-from pellucid.recordings.study import open_study
+from pellucid.procedures.joint.joint_result import rows_of
+from pellucid.procedures.registry import open_study
+from pellucid.procedures.run import identify
 
 
 def figures(fit):
@@ -75,8 +75,8 @@ def test_names_of_files_and_columns_do_not_matter(tmp_path, data_folder):
 
 def test_identifying_twice_gives_the_same_bits_and_replaces_its_own_rows(tmp_path, data_folder):
     study = init(tmp_path / "s", dataset="sydney_pendulum")
-    save(study, identify(study, families=["symmetric"], thorough=False))
+    identify(study, families=["symmetric"], thorough=False).save(study)
     first = study.results_path.read_text(encoding="utf-8")
-    save(study, identify(study, families=["symmetric"], thorough=False))
+    identify(study, families=["symmetric"], thorough=False).save(study)
     assert study.results_path.read_text(encoding="utf-8") == first
     assert json.loads(first)["figures"]

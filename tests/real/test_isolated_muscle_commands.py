@@ -4,7 +4,6 @@ import pytest
 
 import pellucid
 from pellucid import datasets
-from pellucid.procedures.result import save_findings
 from pellucid.recordings.results import read_rows
 
 NAME = "rat_soleus_hill"
@@ -18,7 +17,7 @@ def test_from_the_data_set_to_the_report(tmp_path):
     study = datasets.init(tmp_path / "s", dataset=NAME)
     assert [fault for fault in pellucid.check(study) if fault.severity == "refuse"] == []
     found = pellucid.calibrate(study)
-    save_findings(study, found, "calibrate")
+    found.save(study)
     rows = {row.id: row.value for row in read_rows(study.results_path)}
     assert rows[f"{NAME}.mae_percent"] < 8.9 < rows[f"{NAME}.rigid.mae_percent"]
     assert "Force over imposed length" in pellucid.report(study).read_text(encoding="utf-8")

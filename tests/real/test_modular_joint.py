@@ -5,9 +5,7 @@ import pytest
 
 from pellucid._errors import DatasetError
 from pellucid.datasets import init
-from pellucid.procedures.check import check
-from pellucid.procedures.joint.identify_joint import identify
-from pellucid.procedures.result import save_findings
+from pellucid.procedures.run import check, identify
 from pellucid.recordings.results import read_rows
 
 GOOD = ("i_005_b_1_k_10_T_50_2", "i_005_b_1_k_10_T_100_2", "i_002_b_1_k_10_T_50")
@@ -40,7 +38,7 @@ def test_the_static_gain_is_the_one_the_joint_was_told(found):
 
 def test_every_recording_is_reported(found):
     study, findings = found
-    save_findings(study, findings, "identify")
+    findings.save(study)
     rows = {r.id: r for r in read_rows(study.results_path)}
     for recording in study.recordings():
         row = rows[f"modexo_joint.transfer_function.fit.{recording.name}"]

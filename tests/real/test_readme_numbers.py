@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from pellucid.procedures.joint.save_joint import rows_of
+from pellucid.procedures.joint.joint_result import rows_of
 
 README = (Path(__file__).parents[2] / "README.md").read_text(encoding="utf-8")
 TABLE = re.findall(r"^\| `([\w.]+)` \| ([^|]+) \| ([^|]+) \| ([^|]+) \|$", README, flags=re.MULTILINE)

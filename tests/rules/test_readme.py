@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 import pellucid
-from pellucid.procedures.check import check
-from pellucid.procedures.joint.identify_joint import identify
+from pellucid.procedures.run import check, identify
 
 ROOT = Path(__file__).parents[2]
 README = (ROOT / "README.md").read_text(encoding="utf-8")

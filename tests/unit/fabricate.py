@@ -13,8 +13,9 @@ from pellucid.fit.joint.joint_estimate import JointEstimate
 from pellucid.fit.joint.replay import Simulation
 from pellucid.fit.parameter import Parameter, Verdict, Whiteness
 from pellucid.models.joint import joint_model
-from pellucid.procedures.joint.joint_fit import JointFit
-from pellucid.recordings.study import Study, open_study
+from pellucid.procedures.joint.joint_result import JointResult, Trace
+from pellucid.procedures.registry import open_study
+from pellucid.recordings.study import Study
 
 TRUTH = {
     "prismatic": {
@@ -32,7 +33,7 @@ TRUTH = {
 METHODS = ("wls", "irls", "iv", "didim", "output_error")
 
 
-def study(folder: Path, made: JointFit) -> Study:
+def study(folder: Path, made: JointResult) -> Study:
     """A study on disk that could have led to a fit: study.toml, and a CSV for every recording it predicts."""
     folder = Path(folder)
     (folder / "recordings").mkdir(parents=True, exist_ok=True)
@@ -69,7 +70,7 @@ def fit(
     others: bool = True,
     simulated: bool = True,
     effort_unit: str | None = None,
-) -> JointFit:
+) -> JointResult:
     """A fit of a made-up joint: consistent signals, predictions off by coloured noise."""
     rng = np.random.default_rng(seed)
     effort_unit = effort_unit or {"prismatic": "N", "rotary": "N*m"}[motion]
@@ -118,17 +119,30 @@ def fit(
             0.996 if heldout else float("nan"),
         )
     score = {f: g.heldout_effort_error if heldout else g.fitted_effort_error for f, g in found.items()}
-    return JointFit(
-        name, motion, effort_unit, "outward", found, min(score, key=score.get),
-        (
+    return JointResult(
+        study=name,
+        headline=f"{name} was made up",
+        tables=(),
+        verdicts=(
             Verdict("good", "Inertia is known to better than 1 %."),
             Verdict("note", "Residuals are not white: intervals allow for it."),
             Verdict("warning", "The Stribeck velocity is not identifiable: it hardly moves slower than 5 mm/s <b>."),
         ),
-        "zero-phase Butterworth, order 4, 100 Hz on both sides; 1 sample in 10",
-        {p.recording: "ab" * 32 for p in predictions},
-        Parameter("drive_constant", f"{effort_unit}/V", 35.15, 0.21) if effort_unit in ("N", "N*m") else None,
-    )  # fmt: skip
+        rows=(),
+        cards={},
+        checksums={p.recording: "ab" * 32 for p in predictions},
+        procedure="joint",
+        motion=motion,
+        effort_unit=effort_unit,
+        lifts="outward",
+        families=found,
+        best=min(score, key=score.get),
+        filter_note="zero-phase Butterworth, order 4, 100 Hz on both sides; 1 sample in 10",
+        drive_constant=Parameter("drive_constant", f"{effort_unit}/V", 35.15, 0.21)
+        if effort_unit in ("N", "N*m")
+        else None,
+        traces=tuple(Trace(p.recording, p.split, p.time, p.position, p.velocity, p.effort) for p in predictions),
+    )
 
 
 def _signals(motion: str, n: int, rng: np.random.Generator):

@@ -7,7 +7,8 @@ from pathlib import Path
 
 import numpy as np
 
-from pellucid.recordings.study import Study, open_study
+from pellucid.procedures.registry import open_study
+from pellucid.recordings.study import Study
 
 SLOWER = {"Ctrl": 1.0, "FC": 1.03, "PCFr": 1.2, "CLPC": 1.18}
 """By how much longer movements take."""

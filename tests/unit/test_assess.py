@@ -12,12 +12,11 @@ from typer.testing import CliRunner
 from pellucid import cli
 from pellucid._errors import RecordingError, StudyError
 from pellucid.assessment.indices import affine
-from pellucid.procedures.assessment.assess import assess
 from pellucid.procedures.assessment.paper_tables import write_tables
-from pellucid.procedures.check import check
-from pellucid.procedures.joint.joint_page import write_report
+from pellucid.procedures.registry import open_study
+from pellucid.procedures.run import assess, check
+from pellucid.procedures.run import report as write_report
 from pellucid.recordings.results import read_rows
-from pellucid.recordings.study import open_study
 
 
 @pytest.fixture(scope="module")

@@ -6,7 +6,8 @@ import scipy.io
 
 from pellucid._errors import DatasetError, PellucidError, RecordingError, StudyError
 from pellucid.datasets import init
-from pellucid.recordings import open_study, read_rows, require_sound
+from pellucid.procedures.registry import open_study
+from pellucid.recordings import read_rows, require_sound
 
 
 def complaint(study_or_make):

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from pellucid._errors import RecordingError
-from pellucid.procedures.assessment.assess import assess
+from pellucid.procedures.registry import open_study
+from pellucid.procedures.run import assess
 from pellucid.recordings.readers.read import read_columns
-from pellucid.recordings.study import open_study
 
 MUSCLES = ("biceps", "brachioradialis", "triceps_lateral", "triceps_long")
 

@@ -15,12 +15,13 @@ from pellucid.models.card import CardParameter
 from pellucid.models.parameter_card import ParameterCard, read_parameter_card, write_parameter_card
 from pellucid.pages.page import write_page
 from pellucid.procedures.emg_torque import calibrate as module
-from pellucid.procedures.emg_torque.calibrate import calibrate
-from pellucid.procedures.emg_torque.calibration_file import keep_calibration, kept_calibration
 from pellucid.procedures.emg_torque.calibration_page import page
+from pellucid.procedures.emg_torque.procedure import EmgTorqueProcedure
 from pellucid.procedures.emg_torque.torque_card import torque_of_card
 from pellucid.procedures.emg_torque.trial_sources import moment_trials, step_trials
-from pellucid.recordings.study import open_study
+from pellucid.procedures.registry import open_study
+from pellucid.procedures.result import Result
+from pellucid.procedures.run import calibrate
 
 MOMENTS = """
 name = "leg"
@@ -287,18 +288,18 @@ def test_the_page_shows_what_was_found(tmp_path, quick):
 
 
 def test_what_was_found_is_kept_until_something_changes(tmp_path, quick):
-    study = leg(tmp_path)
+    study, procedure = leg(tmp_path), EmgTorqueProcedure()
     found = calibrate(study)
-    assert kept_calibration(study) is None
-    path = keep_calibration(study, found)
-    kept = kept_calibration(open_study(tmp_path))
+    assert Result.kept(study, procedure) is None
+    found.save(study)
+    kept = Result.kept(open_study(tmp_path), procedure)
     for part in ("judged", "rows", "tables", "verdicts", "checksums"):
         assert getattr(kept, part) == getattr(found, part)
     for a, b in zip(kept.traces, found.traces, strict=True):
-        np.testing.assert_allclose(a.predicted["ridge"], b.predicted["ridge"], atol=1e-5)
+        np.testing.assert_array_equal(a.predicted["ridge"], b.predicted["ridge"])
     assert page(study, kept).headline == page(study, found).headline
     emg = tmp_path / "recordings" / "emg.csv"
     emg.write_text(emg.read_text().replace("0.1", "0.2"), encoding="utf-8")
-    assert kept_calibration(open_study(tmp_path)) is None
-    path.write_text("{}", encoding="utf-8")
-    assert kept_calibration(study) is None
+    assert Result.kept(open_study(tmp_path), procedure) is None
+    study.kept_path("emg_torque").write_text("{}", encoding="utf-8")
+    assert Result.kept(study, procedure) is None

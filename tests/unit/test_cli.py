@@ -13,7 +13,9 @@ import pellucid
 from pellucid import cli
 from pellucid._errors import DatasetError
 from pellucid.fit.parameter import Verdict
-from pellucid.procedures.result import FigureTable, Findings
+from pellucid.procedures.joint.joint_result import completed
+from pellucid.procedures.print_result import print_result
+from pellucid.procedures.result import FigureTable, Result
 
 run = CliRunner().invoke
 
@@ -29,13 +31,12 @@ def bench(fit, tmp_path, monkeypatch):
     study = fabricate.study(tmp_path / "bench", fit)
     asked = []
 
-    def identify(study, *, families=None, on_progress=None):
+    def identify(study, tell, *, families=None, thorough=True):
         asked.append(families)
-        on_progress("halfway", 0.5)
-        return fit
+        tell("halfway", 0.5)
+        return completed(study, fit)
 
-    monkeypatch.setattr("pellucid.procedures.joint.identify_joint.identify", identify)
-    monkeypatch.setattr("pellucid.procedures.joint.joint_page.identify", identify)
+    monkeypatch.setattr("pellucid.procedures.joint.identify_joint.identify_joint", identify)
     return SimpleNamespace(folder=study.folder, asked=asked)
 
 
@@ -78,7 +79,9 @@ def test_identify_prints_what_was_found(bench, fit):
 def test_the_widest_table_fits_80_columns(bench, fit, monkeypatch):
     """The richest family, with the longest names and units."""
     widest = fabricate.fit(samples=300, motion="rotary", families=("combined",), seed=3)
-    monkeypatch.setattr("pellucid.procedures.joint.identify_joint.identify", lambda study, **_: widest)
+    monkeypatch.setattr(
+        "pellucid.procedures.joint.identify_joint.identify_joint", lambda study, *_, **__: completed(study, widest)
+    )
     folder = fabricate.study(bench.folder.parent / "rotary", widest).folder
     result = run(cli.app, ["identify", str(folder)])
     assert result.exit_code == 0, result.output
@@ -90,7 +93,7 @@ def test_the_widest_table_fits_80_columns(bench, fit, monkeypatch):
 def test_families_can_be_chosen(bench):
     run(cli.app, ["identify", str(bench.folder), "--family", "load", "--family", "symmetric"])
     run(cli.app, ["identify", str(bench.folder)])
-    assert bench.asked == [("load", "symmetric"), None]
+    assert bench.asked == [["load", "symmetric"], None]
 
 
 def test_identify_prints_json(bench, fit):
@@ -106,8 +109,7 @@ def test_report_says_where_it_is(bench):
     assert result.exit_code == 0, result.output
     assert f"Report: {bench.folder / 'report' / 'index.html'}" in result.output
     assert (bench.folder / "report" / "index.html").is_file()
-    # The families that were identified, not whatever the study would try by itself.
-    assert set(bench.asked[-1]) == {"symmetric", "directional", "load", "stribeck", "combined"}
+    assert len(bench.asked) == 1  # what was kept is drawn: nothing is identified again
 
 
 def test_check_exits_1_where_recordings_are_not_fit(bench, monkeypatch):
@@ -115,12 +117,12 @@ def test_check_exits_1_where_recordings_are_not_fit(bench, monkeypatch):
     fault = SimpleNamespace(severity="refuse", message="bench.csv: channel position: found 40 frozen samples")
     address = "https://example.org/" + "x" * 90
     note = SimpleNamespace(severity="note", message=f"bench.csv: jitter {address}")
-    monkeypatch.setattr("pellucid.procedures.check.check", lambda study: [note])
+    monkeypatch.setattr("pellucid.procedures.run.check", lambda study: [note])
     result = run(cli.app, ["check", str(bench.folder)])
     assert result.exit_code == 0
     assert "jitter" in result.output
     assert address in "".join(line.strip() for line in result.output.splitlines())
-    monkeypatch.setattr("pellucid.procedures.check.check", lambda study: [note, fault])
+    monkeypatch.setattr("pellucid.procedures.run.check", lambda study: [note, fault])
     result = run(cli.app, ["check", str(bench.folder)])
     assert result.exit_code == 1
     assert "frozen" in result.output
@@ -178,8 +180,8 @@ def test_figures_are_whole_in_a_narrow_terminal(capsys):
     """Words make room for them."""
     long = "a method whose name in words is longer than any terminal of eighty columns has room for, and says so"
     table = FigureTable("Errors", ("Method", "RMSE (N*m)", "R2"), ((long, 3.604, 0.847), ("short", 12.35, 0.911)))
-    found = Findings(study="s", headline="h", tables=(table,), verdicts=(), rows=(), cards={}, checksums={})
-    cli._print_findings(Console(highlight=False, width=80), found)
+    found = Result(study="s", headline="h", tables=(table,), verdicts=(), rows=(), cards={}, checksums={})
+    print_result(Console(highlight=False, width=80), found)
     lines = capsys.readouterr().out.splitlines()
     assert max(map(len, lines)) <= 80
     for figure in ("3.60", "0.847", "12.3", "0.911"):
@@ -237,7 +239,7 @@ def test_what_the_system_refuses_is_one_sentence(monkeypatch, capsys, bench):
     def refuse(study, **_):
         raise PermissionError(13, "Permission denied", "report/index.html")
 
-    monkeypatch.setattr("pellucid.procedures.joint.joint_page.write_report", refuse)
+    monkeypatch.setattr("pellucid.procedures.run.report", refuse)
     code, _, err = as_program(monkeypatch, capsys, "report", bench.folder)
     assert (code, err) == (2, "pellucid: Permission denied: report/index.html\n")
 

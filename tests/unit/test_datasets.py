@@ -15,6 +15,7 @@ from pellucid import datasets
 from pellucid._errors import DatasetError
 from pellucid.datasets import registry
 from pellucid.datasets.registry import Dataset
+from pellucid.procedures.registry import study_model
 from pellucid.recordings.study_file import parse_study_file
 
 CSV = b"t,q,i\n" + b"".join(b"%d,%d,0\n" % (n, n % 7) for n in range(50))
@@ -93,7 +94,7 @@ def test_the_registry_names_all_that_a_user_must_know():
 
 def test_every_template_is_a_study_of_the_registered_files():
     for name in datasets.names():
-        study = parse_study_file(datasets.template(name))
+        study = parse_study_file(datasets.template(name), study_model())
         assert study.name == name
         assert study.citation
         files = {file for entry in study.recordings for file in (entry.file, *entry.streams.values())}

@@ -15,7 +15,7 @@ from pellucid.demonstration.story import told
 from pellucid.lab.elbow.rig import able_elbow
 from pellucid.lab.pointing.people import draw_people, elbow_participants
 from pellucid.models.slider_card import read_slider_card
-from pellucid.recordings.study import open_study
+from pellucid.procedures.registry import open_study
 
 
 @pytest.fixture(scope="module")

@@ -9,12 +9,12 @@ import pytest
 from pellucid._errors import IdentificationError, PellucidError
 from pellucid.lab.virtual_joint import bench_joint, matched, write_study
 from pellucid.models.card import read_card
-from pellucid.procedures.check import check
 from pellucid.procedures.compare import compare
-from pellucid.procedures.joint.identify_joint import best_family, identify
-from pellucid.procedures.joint.save_joint import rows_of, save
+from pellucid.procedures.joint.identify_joint import best_family
+from pellucid.procedures.joint.joint_result import rows_of
+from pellucid.procedures.registry import open_study
+from pellucid.procedures.run import check, identify
 from pellucid.recordings.results import read_rows
-from pellucid.recordings.study import open_study
 
 
 @pytest.fixture(scope="module")
@@ -57,7 +57,7 @@ def test_progress_reaches_the_end(virtual):
 
 
 def test_the_card_comes_back_as_it_was_written(virtual, fit):
-    rows = save(virtual, fit)
+    rows = fit.save(virtual)
     card = read_card(virtual.models_dir / "joint.json")
     assert card.family == fit.best
     assert card.values == pytest.approx(fit.families[fit.best].estimate.array, rel=1e-15)
@@ -173,7 +173,7 @@ def test_two_recordings_of_one_joint_do_not_differ_and_a_worn_one_does(tmp_path)
     folders = []
     for name, plant, seed in (("a", joint, 1), ("b", joint, 2), ("c", replace(joint, vector=worn), 3)):
         study = write_study(tmp_path / name, plant, name=name, seed=seed)
-        save(study, identify(study, families=["load"], thorough=False))
+        identify(study, families=["load"], thorough=False).save(study)
         folders.append(study.folder)
     same, worse = compare(folders[0], folders[1]), compare(folders[0], folders[2])
     assert not any(row.changed for row in same.rows)
@@ -183,7 +183,7 @@ def test_two_recordings_of_one_joint_do_not_differ_and_a_worn_one_does(tmp_path)
 
 
 def test_different_joints_are_not_compared(virtual, tmp_path, fit):
-    save(virtual, fit)
+    fit.save(virtual)
     card = json.loads((virtual.models_dir / "joint.json").read_text(encoding="utf-8"))
     other = tmp_path / "other.json"
     other.write_text(json.dumps(card | {"motion": "prismatic"}), encoding="utf-8")
@@ -249,6 +249,6 @@ def test_a_joint_without_inertia_is_not_simulated_and_the_verdicts_say_so(virtua
     assert found.families["symmetric"]["inertia"].value == 0.0
     assert "simulation of multisine" in found.families["symmetric"].failures
     assert any("the simulated joint diverges" in verdict.text for verdict in found.verdicts)
-    rows = {row.id for row in save(slow, found)}
+    rows = {row.id for row in found.save(slow)}
     assert "still.symmetric.inertia" in rows
     assert not any(".openloop.multisine" in row for row in rows)

@@ -6,11 +6,9 @@ import pytest
 from pellucid._errors import IdentificationError
 from pellucid.models.parameter_card import read_parameter_card
 from pellucid.models.transfer_function import TransferFunction
-from pellucid.procedures.check import check
-from pellucid.procedures.joint.identify_joint import identify
-from pellucid.procedures.joint.joint_page import write_report
-from pellucid.procedures.result import save_findings
-from pellucid.recordings.study import open_study
+from pellucid.procedures.registry import open_study
+from pellucid.procedures.run import check, identify
+from pellucid.procedures.run import report as write_report
 
 HEAD = """
 name = "joint"
@@ -48,7 +46,7 @@ def table(seed: int = 0, n: int = 900) -> np.ndarray:
 def test_recordings_are_fitted_and_others_judged_with_what_they_gave(tmp_path):
     study = study_of(tmp_path / "s", {"a": ("fit", table(0)), "b": ("fit", table(1)), "c": ("validate", table(2))})
     found = identify(study)
-    save_findings(study, found, "identify")
+    found.save(study)
     values = {r.id: (r.value, r.split) for r in found.rows}
     assert values["joint.transfer_function.fit.a"][0] > 90.0
     assert values["joint.transfer_function.fit.c"] == (found.heldout["c"].fit, "heldout")

@@ -15,7 +15,7 @@ from pellucid.lab.knee.protocol import Faults, mvc_trial, relaxed_trial, swing_t
 from pellucid.lab.knee.rig import knee_orthosis
 from pellucid.lab.knee.study import write_knee_study
 from pellucid.procedures.emg_torque.trial_sources import step_trials
-from pellucid.recordings.study import open_study
+from pellucid.procedures.registry import open_study
 
 RIG = knee_orthosis()
 S1 = RIG.subjects["S1"]

@@ -10,9 +10,9 @@ import pytest
 from pellucid._errors import RecordingError
 from pellucid.assessment.session import measure
 from pellucid.procedures.assessment.pointing_faults import pointing_faults
+from pellucid.procedures.assessment.procedure import AssessmentTable as Assessment
 from pellucid.recordings.optical import OpticalRecording
 from pellucid.recordings.recording import Channel, Recording
-from pellucid.recordings.study_procedures import Assessment
 from pellucid.signals.emg_timing import emg_lead
 from pellucid.signals.movements import MovementRule, kinematics
 from pellucid.signals.pointing import assessed, drop_mistaken, labels, pointing_record, with_rule

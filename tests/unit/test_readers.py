@@ -8,7 +8,8 @@ import pytest
 import scipy.io
 
 from pellucid._errors import RecordingError
-from pellucid.recordings import Channel, channels_toml, open_study, write_csv, write_text_atomically
+from pellucid.procedures.registry import open_study
+from pellucid.recordings import Channel, channels_toml, write_csv, write_text_atomically
 from pellucid.recordings.readers import read_columns
 
 

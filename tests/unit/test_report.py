@@ -16,7 +16,7 @@ from pellucid.pages.quantities import number, parameter_interval, percent, prose
 from pellucid.pages.series import broken, busiest, outline, running_median, whole
 from pellucid.pages.style import COLOURS, css_variables
 from pellucid.procedures.joint import joint_figures as figures
-from pellucid.procedures.joint.joint_page import write_report
+from pellucid.procedures.run import report as write_report
 
 VOID = {"meta", "link", "br", "img", "input", "hr", "use", "path"}
 

@@ -19,7 +19,7 @@ from pellucid.lab.elbow.study import write_elbow_study
 from pellucid.lab.init import init_rig, rig_names, rig_text
 from pellucid.lab.simulate import study_name
 from pellucid.models.slider_card import read_slider_card
-from pellucid.procedures.check import check
+from pellucid.procedures.run import check
 from pellucid.recordings.results import read_rows
 
 run = CliRunner().invoke

@@ -5,8 +5,8 @@ from pathlib import Path
 
 import pytest
 
-from pellucid.recordings import study_file, study_procedures
-from pellucid.recordings.study_file import parse_study_file
+from pellucid.procedures.registry import PROCEDURES, open_study
+from pellucid.recordings import study_file
 
 PAGE = Path(__file__).parents[2] / "docs" / "study-file.md"
 EXAMPLES = re.findall(r"```toml\n(.*?)```", PAGE.read_text(encoding="utf-8"), re.DOTALL)
@@ -22,13 +22,7 @@ TABLES = [
     study_file.ChannelSpec,
     study_file.Optical,
     study_file.Stream,
-    study_procedures.TransferFunction,
-    study_procedures.Hinge,
-    study_procedures.Coupling,
-    study_procedures.LoadedSwing,
-    study_procedures.EmgTorque,
-    study_procedures.Assessment,
-    study_procedures.IsolatedMuscle,
+    *(p.table for p in PROCEDURES if p.table is not None),
     study_file.Processing,
     study_file.Model,
     study_file.PayloadSpec,
@@ -39,7 +33,7 @@ TABLES = [
 def test_the_example_is_valid(tmp_path):
     example, *_ = EXAMPLES
     (tmp_path / "study.toml").write_text(example, encoding="utf-8")
-    study = parse_study_file(tmp_path / "study.toml")
+    study = open_study(tmp_path).config
     assert study.name == "my-elbow"
     assert study.channels["position"].si_unit == "rad"
     assert len(study.recordings) == 3
@@ -47,7 +41,7 @@ def test_the_example_is_valid(tmp_path):
 
 def test_the_example_of_several_joints_is_valid(tmp_path):
     (tmp_path / "study.toml").write_text(f'name = "arm"\n{EXAMPLES[1]}', encoding="utf-8")
-    study = parse_study_file(tmp_path / "study.toml")
+    study = open_study(tmp_path).config
     assert [joint.name for joint in study.rig.joints] == ["shoulder", "elbow"]
     assert study.channels["position.elbow"].si_unit == "rad"
 
@@ -57,7 +51,7 @@ def test_the_slider_s_examples_are_valid(tmp_path):
     example, _, rail, _, optical, *_ = EXAMPLES
     head, channels = example.split("[channels]")
     (tmp_path / "study.toml").write_text(f"{head}{rail}[channels]{channels}{optical}", encoding="utf-8")
-    study = parse_study_file(tmp_path / "study.toml")
+    study = open_study(tmp_path).config
     assert study.rig.slider.marker in study.optical.markers
     assert [r.slider for r in study.recordings] == [None] * 4 + [0.152]
 
@@ -66,7 +60,7 @@ def test_the_streams_example_is_valid(tmp_path):
     """It stands apart from the whole example, whose channels it goes with."""
     example, streams = EXAMPLES[0], EXAMPLES[3]
     (tmp_path / "study.toml").write_text(f"{example}\n{streams}", encoding="utf-8")
-    study = parse_study_file(tmp_path / "study.toml")
+    study = open_study(tmp_path).config
     assert study.streams["emg"].channels["emg.rectus_femoris"].si_unit == "V"
     assert study.recordings[-1].streams == {"emg": "recordings/P1_swing_emg.csv"}
 
@@ -82,7 +76,7 @@ def test_every_key_is_explained(table):
 def test_the_assessment_s_tutorial_is_a_valid_study(tmp_path):
     page = (PAGE.parent / "tutorial-assess.md").read_text(encoding="utf-8")
     (tmp_path / "study.toml").write_text(re.findall(r"```toml\n(.*?)```", page, re.DOTALL)[0], encoding="utf-8")
-    study = parse_study_file(tmp_path / "study.toml")
+    study = open_study(tmp_path).config
     assert study.assessment.control == study.recordings[0].condition
     assert study.recordings[1].channels["interaction"].si_unit == "N*m"
     assert all(f"emg.{muscle}" in study.streams["emg"].channels for muscle in study.assessment.agonists)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from pellucid._errors import PellucidError, RecordingError, StudyError
-from pellucid.recordings import open_study
+from pellucid.procedures.registry import open_study
 
 
 def test_everything_is_si(make_study):
@@ -231,9 +231,10 @@ def test_the_schema_for_editors_accepts_what_is_accepted(make_study):
 
     import jsonschema
 
+    from pellucid.procedures.registry import study_model
     from pellucid.recordings.study_file import json_schema
 
-    schema = json_schema()
+    schema = json_schema(study_model())
     raw = tomllib.loads((make_study().folder / "study.toml").read_text())
     jsonschema.validate(raw, schema)
     raw["processing"]["lowpas"] = "3 Hz"

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from pellucid._errors import RecordingError
+from pellucid.procedures.registry import open_study
 from pellucid.recordings.readers.read import read_columns
-from pellucid.recordings.study import open_study
 
 
 def chunk(tag: int, content: bytes) -> bytes:

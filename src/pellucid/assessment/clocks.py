@@ -16,10 +16,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..recordings.quality import Fault
-from ..recordings.study_procedures import Assessment
 from ..signals.emg_timing import LEAD, emg_drift, emg_lead
 from ..signals.movements import MovementRule
-from ..signals.pointing import PointingRecord
+from ..signals.pointing import PointingRecord, PointingSettings
 from .emg_index import Activity
 
 FASTEST = 0.01
@@ -101,7 +100,7 @@ def delay_notes(delays: MarkerDelays) -> list[str]:
 
 
 def emg_on_motions_clock(
-    record: PointingRecord, made: Activity, spec: Assessment, rule: MovementRule
+    record: PointingRecord, made: Activity, spec: PointingSettings, rule: MovementRule
 ) -> tuple[Activity, list[Fault]]:
     """A recording's EMG, its drift taken back, and what is wrong with its clock.
 
@@ -109,7 +108,7 @@ def emg_on_motions_clock(
     ----------
     record : PointingRecord
     made : Activity
-    spec : Assessment
+    spec : PointingSettings
     rule : MovementRule
         Of the motion that it is compared with.
 

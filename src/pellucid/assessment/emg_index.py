@@ -22,8 +22,8 @@ import numpy as np
 
 from .._errors import RecordingError
 from ..recordings.recording import Recording
-from ..recordings.study_procedures import Assessment
 from ..signals.emg_chain import EmgChain, emg_chain
+from ..signals.pointing import PointingSettings
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,13 +65,13 @@ class Activity:
         return {m: np.concatenate(([0.0], np.cumsum(np.square(each)))) for m, each in self.rectified.items()}
 
 
-def activity(recording: Recording, spec: Assessment) -> Activity | None:
+def activity(recording: Recording, spec: PointingSettings) -> Activity | None:
     """EMG of a recording, processed as published but for its normalisation, which needs all recordings.
 
     Parameters
     ----------
     recording : Recording
-    spec : Assessment
+    spec : PointingSettings
 
     Returns
     -------

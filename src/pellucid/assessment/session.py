@@ -10,10 +10,9 @@ import numpy as np
 
 from .._errors import RecordingError
 from ..recordings.quality import Fault
-from ..recordings.study_procedures import Assessment
 from ..signals.amplitude_check import RANDOM
 from ..signals.movements import Kinematics, Movement, MovementRule
-from ..signals.pointing import PointingRecord, drop_mistaken, labels
+from ..signals.pointing import PointingRecord, PointingSettings, drop_mistaken, labels
 from ..signals.resampling import linear
 from .clocks import emg_on_motions_clock
 from .emg_index import Activity, activity, emg_per_acceleration, maxima
@@ -68,14 +67,14 @@ class Session:
 
 
 def activities(
-    records: Sequence[PointingRecord], spec: Assessment, rule: MovementRule
+    records: Sequence[PointingRecord], spec: PointingSettings, rule: MovementRule
 ) -> tuple[dict[str, Activity], dict[str, dict[str, float]], list[Fault]]:
     """EMG of every recording, each muscle's largest activity, and clocks that are none.
 
     Parameters
     ----------
     records : sequence of PointingRecord
-    spec : Assessment
+    spec : PointingSettings
     rule : MovementRule
         Of the motion that EMG is compared with.
 
@@ -109,7 +108,7 @@ def activities(
 
 def measure(
     records: Sequence[PointingRecord],
-    spec: Assessment,
+    spec: PointingSettings,
     rule: MovementRule,
     emg: Mapping[str, Activity],
     largest: Mapping[str, Mapping[str, float]],
@@ -122,7 +121,7 @@ def measure(
     Parameters
     ----------
     records : sequence of PointingRecord
-    spec : Assessment
+    spec : PointingSettings
     rule : MovementRule
     emg, largest
         As `activities` gives them.

@@ -41,7 +41,8 @@ def init(folder: str | os.PathLike, dataset: str, progress: bool = False) -> Stu
     DatasetError
         If the folder is not empty, there is no such data set, or its files cannot be had. No folder is left then.
     """
-    from ..recordings.study import STUDY_FILE, open_study
+    from ..procedures.registry import open_study
+    from ..recordings.study import STUDY_FILE
 
     folder = Path(folder)
     source_file = template(dataset)

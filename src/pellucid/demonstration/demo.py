@@ -27,12 +27,9 @@ from ..lab.pointing.people import PointingRig, elbow_participants
 from ..lab.pointing.study import CONTROL, write_pointing_study
 from ..lab.virtual_joint import bench_joint
 from ..models.slider_card import read_slider_card
-from ..procedures.assessment.assess import assess
-from ..procedures.assessment.assessment_findings import AssessmentFindings
-from ..procedures.joint.identify_joint import identify
-from ..procedures.joint.joint_page import write_report
-from ..procedures.joint.save_joint import save
-from ..procedures.result import save_findings
+from ..procedures.assessment.assessment_result import AssessmentResult
+from ..procedures.run import assess, identify
+from ..procedures.run import report as write_report
 from ..recordings.results import ResultRow, write_rows
 from ..recordings.study import STUDY_FILE, Study
 from .coverage import Coverage, coverage
@@ -106,7 +103,7 @@ def demo(out: Path | str, *, on_progress: Tell | None = None) -> Demonstration:
         notes.append(f"The real recording '{real_name}' is not here and could not be fetched: {error}")
     else:
         real_fit = identify(real, on_progress=lambda text, share: tell(f"{real_name}: {text}", 0.74 + 0.1 * share))
-        save(real, real_fit)
+        real_fit.save(real)
         tell(f"{real_name}: report", 0.84)
         write_report(real, real_fit)
     tell("the page that tells it all", 0.96)
@@ -155,13 +152,13 @@ def _identified_elbow(folder: Path, robot: ElbowRig, tell: Tell) -> tuple[Study,
     tell("a virtual elbow exoskeleton moves", 0.0)
     study = write_elbow_study(folder, robot, name=ELBOW, seed=SEED, made=elbow_trials(robot))
     fit = identify(study, on_progress=lambda text, share: tell(f"{ELBOW}: {text}", 0.25 + 0.4 * share))
-    save(study, fit)
+    fit.save(study)
     tell(f"{ELBOW}: report", 0.65)
     write_report(study, fit)
-    return study, fit
+    return study, fit.fit
 
 
-def _assessed_people(folder: Path, robot: ElbowRig, elbow: Study, tell: Tell) -> tuple[Study, AssessmentFindings]:
+def _assessed_people(folder: Path, robot: ElbowRig, elbow: Study, tell: Tell) -> tuple[Study, AssessmentResult]:
     """People point without the robot and under controllers that are built of the cards on disk."""
     needed = {controller.method: controller.card for controller in map(ELBOW_CONTROLLERS.get, WORN)}
     cards = {method: read_slider_card(elbow.models_dir / card) for method, card in needed.items()}
@@ -177,7 +174,7 @@ def _assessed_people(folder: Path, robot: ElbowRig, elbow: Study, tell: Tell) ->
         on_progress=lambda text, share: tell(text, 0.5 * share),
     )
     findings = assess(study, on_progress=lambda text, share: tell(f"{PEOPLE}: {text}", 0.5 + 0.3 * share))
-    save_findings(study, findings, "assess")
+    findings.save(study)
     tell(f"{PEOPLE}: report", 0.8)
     write_report(study, findings)
     return study, findings

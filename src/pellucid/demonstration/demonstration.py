@@ -8,8 +8,8 @@ from pathlib import Path
 from ..deployment.microcontroller import OnCortexM4
 from ..fit.slider.slider_fit import SliderFit
 from ..lab.elbow.rig import ElbowRig
-from ..procedures.assessment.assessment_findings import AssessmentFindings
-from ..procedures.joint.joint_fit import JointFit
+from ..procedures.assessment.assessment_result import AssessmentResult
+from ..procedures.joint.joint_result import JointResult
 from ..recordings.study import Study
 from .coverage import Coverage
 
@@ -28,7 +28,7 @@ class Demonstration:
     fit : SliderFit
         What was identified of it.
     people : Study
-    findings : AssessmentFindings
+    findings : AssessmentResult
         What its controllers do to them.
     controller : Path
         Folder of the exported one.
@@ -39,7 +39,7 @@ class Demonstration:
     coverages : tuple of Coverage
     real : Study or None
         None where the real recording could not be had.
-    real_fit : JointFit or None
+    real_fit : JointResult or None
     notes : tuple of str
         What was left out, and why.
     """
@@ -49,11 +49,11 @@ class Demonstration:
     elbow: Study
     fit: SliderFit
     people: Study
-    findings: AssessmentFindings
+    findings: AssessmentResult
     controller: Path
     cost: OnCortexM4 | None
     played: tuple[int, int] | None
     coverages: tuple[Coverage, ...]
     real: Study | None
-    real_fit: JointFit | None
+    real_fit: JointResult | None
     notes: tuple[str, ...]

@@ -14,7 +14,7 @@ from ..pages.page import Page, Section, Tile, write_page
 from ..pages.quantities import number, parameter_interval, percent, prose, unit_text
 from ..pages.tables import Row, Table
 from ..procedures.assessment import assessment_figures
-from ..procedures.assessment.assessment_findings import AssessmentFindings
+from ..procedures.assessment.assessment_result import AssessmentResult
 from ..procedures.joint import joint_figures as figures
 from ..procedures.slider import direction_figures
 from ..procedures.slider.slider_page import DRAWN, PROTOCOLS, ROLES, SHORT
@@ -109,12 +109,12 @@ def _gravity_error(made: Demonstration) -> float:
     return abs(made.fit["load"]["gravity"].value / made.robot.gravity(0.0)[0] - 1.0)
 
 
-def _means(findings: AssessmentFindings, index: str) -> dict[str, float]:
+def _means(findings: AssessmentResult, index: str) -> dict[str, float]:
     table = findings.assessed[index].table
     return {c: float(table.column(c).mean()) for c in table.conditions}
 
 
-def _changes(findings: AssessmentFindings) -> Mapping[str, float]:
+def _changes(findings: AssessmentResult) -> Mapping[str, float]:
     """Of the mean duration against control, by condition [%]."""
     found = findings.assessed["duration"].comparison.against_control
     return {one.condition: 100.0 * (one.relative or 0.0) for one in found}

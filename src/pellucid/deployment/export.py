@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from .._errors import PellucidError
+from ..procedures.registry import asked
 from ..recordings.study import Study
 from .c_folder import write_c_folder
 from .controller_values import ControllerValues
@@ -101,10 +102,11 @@ def values_for(
         raise PellucidError(f'export: found to = "{to}", expected "{LANGUAGES[0]}"')
     if period is not None and not 0.0 < period <= 0.1:
         raise PellucidError(f"export: found a period of {period:g} s, expected one above 0 and up to 0.1 s")
-    if study.config.procedure is None and study.rig.drive is None:
+    if not asked(study, "identify"):
+        others = ", ".join(dict.fromkeys(procedure.command for procedure in asked(study)))
         raise PellucidError(
             f"export of {study.name}: found no [rig.drive], expected the study of a joint or of an orthosis; "
-            f"for this one there is: pellucid {study.config.beyond_identify} {study.folder}"
+            f"for this one there is: pellucid {others} {study.folder}"
         )
     if study.config.coupling is not None:
         if any(given is not None for given in (card, slider, controller, exponents)):
@@ -113,8 +115,8 @@ def values_for(
     if controller is not None:
         if card is not None:
             raise PellucidError(f"export of {study.name}: found a card and a controller, expected one of them")
-        asked = {"slider": slider, "participant": participant, "exponents": exponents}
-        return elbow_values(study, controller, **asked, period=period)
+        given = {"slider": slider, "participant": participant, "exponents": exponents}
+        return elbow_values(study, controller, **given, period=period)
     if participant is not None:
         raise PellucidError(f"export of {study.name}: found a participant, expected none: nobody wears this joint")
     if exponents is not None:

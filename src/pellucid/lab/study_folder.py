@@ -8,7 +8,8 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 
 from .._atomic import write_text_atomically
-from ..recordings.study import STUDY_FILE, Study, open_study
+from ..procedures.registry import open_study, study_model
+from ..recordings.study import STUDY_FILE, Study
 from ..recordings.study_file import StudyFile, rig_units
 
 TRUTH_FILE = "lab/truth.json"
@@ -18,7 +19,7 @@ TRUTH_FILE = "lab/truth.json"
 def study_config(text: str) -> StudyFile:
     """What a study.toml says, from its text."""
     raw = tomllib.loads(text)
-    return StudyFile.model_validate(raw, context=rig_units(raw))
+    return study_model().model_validate(raw, context=rig_units(raw))
 
 
 def write_study_folder(folder: Path, text: str, truth: Mapping) -> Study:

@@ -28,7 +28,8 @@ class Tile:
 class Section:
     """A part of a page: paragraphs, then drawings, then tables, then links, then muted notes; all text is plain.
 
-    `id` is the anchor; the `heading` stands in the navigation too; `links` are words and where they lead.
+    `id` is the anchor; the `heading` stands in the navigation too; `links` are words and where they lead; `folded` are
+    tables below a line that opens them.
     """
 
     id: str
@@ -38,11 +39,12 @@ class Section:
     drawings: tuple[Drawing, ...] = ()
     notes: tuple[str, ...] = ()
     links: tuple[tuple[str, str], ...] = ()
+    folded: tuple[tuple[str, Table], ...] = ()
 
 
 @dataclass(frozen=True)
 class Page:
-    """What a page says, as plain text: `kicker` above the title, `headline` below it."""
+    """What a page says, as plain text: `kicker` above the title, `headline` below it, then `verdicts` of a kind."""
 
     title: str
     kicker: str
@@ -50,6 +52,7 @@ class Page:
     tiles: tuple[Tile, ...] = ()
     sections: tuple[Section, ...] = ()
     footer: str = ""
+    verdicts: tuple[tuple[str, str], ...] = ()
 
 
 def write_page(folder: Path, page: Page) -> Path:

@@ -1,14 +1,21 @@
-"""What a procedure found, in one form that can be printed, saved and drawn whatever was identified."""
+"""What a procedure found, in one form that can be printed, saved, kept and drawn whatever was identified."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field, replace
+from html import escape
+from typing import TYPE_CHECKING, Self
 
 from ..fit.parameter import Parameter, Verdict
+from ..models.card import Card, write_card
 from ..models.parameter_card import ParameterCard, write_parameter_card
+from ..recordings.kept import keep, read_kept
 from ..recordings.results import ResultRow, write_rows
-from ..recordings.study import Study
+
+if TYPE_CHECKING:
+    from ..recordings.study import Study
+    from .procedure import Procedure
 
 
 @dataclass(frozen=True)
@@ -29,8 +36,11 @@ class FigureTable:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Findings:
-    """Everything a procedure found; each kind of study adds to it what its figures need.
+class Result:
+    """Everything a procedure found; each procedure adds to it what its figures need.
+
+    ``result["inertia"]`` is a parameter with its interval, ``print(result)`` what the command prints; a notebook shows
+    it as tables.
 
     Attributes
     ----------
@@ -43,41 +53,119 @@ class Findings:
         What the recordings do and do not show.
     rows : tuple of ResultRow
         Every figure, all of one command.
-    cards : Mapping[str, ParameterCard]
+    cards : Mapping[str, Card or ParameterCard]
         By the name of their file in ``models/``, without its ending.
     checksums : Mapping[str, str]
         SHA-256 of the files it came from, by recording.
     confidence : float
         Of the intervals.
+    procedure, command : str
+        That found it.
+    made_from : str
+        Fingerprint of everything it was made from; with it a kept result is known to be fresh.
     """
 
     study: str
     headline: str
     tables: tuple[ParameterTable | FigureTable, ...]
     verdicts: tuple[Verdict, ...]
-    rows: tuple[ResultRow, ...]
-    cards: Mapping[str, ParameterCard]
-    checksums: Mapping[str, str]
+    rows: tuple[ResultRow, ...] = field(repr=False)
+    cards: Mapping[str, Card | ParameterCard] = field(repr=False)
+    checksums: Mapping[str, str] = field(repr=False)
     confidence: float = 0.95
+    procedure: str = ""
+    command: str = ""
+    made_from: str = field(default="", repr=False)
+
+    @property
+    def estimates(self) -> Mapping[str, Parameter]:
+        """Parameters by name; of several with one name, of several legs, say, each below the title of its table too."""
+        found: dict[str, Parameter] = {}
+        for table in self.tables:
+            for parameter in table.parameters if isinstance(table, ParameterTable) else ():
+                found.setdefault(parameter.name, parameter)
+                found[f"{table.title}.{parameter.name}"] = parameter
+        return found
+
+    def __getitem__(self, name: str) -> Parameter:
+        """A parameter by its name.
+
+        Raises
+        ------
+        KeyError
+            If there is none of that name; the message has those that there are.
+        """
+        found = self.estimates
+        if name not in found:
+            raise KeyError(f"{name!r}; found here: {', '.join(found) or 'no parameter'}")
+        return found[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self.estimates)
+
+    def __contains__(self, name: object) -> bool:
+        return name in self.estimates
+
+    def __str__(self) -> str:
+        """What its command prints, 100 columns wide."""
+        from .print_result import printed
+
+        return printed(self)
+
+    def _repr_html_(self) -> str:
+        """Headline, tables and verdicts, for a notebook."""
+        from .print_result import html_tables
+
+        said = "".join(f"<li>{escape(v.text)}</li>" for v in self.verdicts)
+        return f"<p>{escape(self.headline)}</p>{html_tables(self)}<ul>{said}</ul>"
+
+    def written(self, study: Study) -> str:
+        """Where its cards, and whatever else it writes, are."""
+        return f"Model cards in {study.models_dir}"
+
+    def save_more(self, study: Study) -> None:
+        """Whatever a procedure writes beside cards and rows; nothing, mostly."""
+
+    def save(self, study: Study) -> tuple[ResultRow, ...]:
+        """Write every card, this command's rows in place of its earlier ones, and the result itself to be drawn later.
+
+        Parameters
+        ----------
+        study : Study
+            It was found from.
+
+        Returns
+        -------
+        tuple of ResultRow
+            What results.json now holds of its procedure.
+
+        Raises
+        ------
+        OSError
+            If the study's folder cannot be written.
+        """
+        study.models_dir.mkdir(exist_ok=True)
+        for name, card in self.cards.items():
+            write = write_card if isinstance(card, Card) else write_parameter_card
+            write(study.models_dir / f"{name}.json", card)
+        write_rows(study.results_path, self.command, self.rows)
+        self.save_more(study)
+        if self.made_from:
+            keep(study.kept_path(self.procedure), self.made_from, self)
+        return self.rows
+
+    @classmethod
+    def kept(cls, study: Study, procedure: Procedure) -> Self | None:
+        """What was saved of a procedure; None where nothing was, or what it was made from has changed since."""
+        found = read_kept(study.kept_path(procedure.name), fingerprint(study, procedure))
+        return found if isinstance(found, cls) else None
 
 
-def save_findings(study: Study, found: Findings, command: str) -> tuple[ResultRow, ...]:
-    """Write ``models/<name>.json`` for every card, and this command's rows in place of its earlier ones.
+def fingerprint(study: Study, procedure: Procedure) -> str:
+    """SHA-256 of everything that a procedure looks at: study.toml, recordings, cards, and Pellucid itself."""
+    return study.fingerprint(procedure.inputs(study))
 
-    Parameters
-    ----------
-    study : Study
-    found : Findings
-    command : str
-        ``"identify"`` or ``"calibrate"``.
 
-    Returns
-    -------
-    tuple of ResultRow
-        What results.json now holds of this command.
-    """
-    study.models_dir.mkdir(exist_ok=True)
-    for name, card in found.cards.items():
-        write_parameter_card(study.models_dir / f"{name}.json", card)
-    write_rows(study.results_path, command, found.rows)
-    return found.rows
+def found_by(procedure: Procedure, study: Study, result: Result) -> Result:
+    """A result with what it was made from and by."""
+    return replace(result, procedure=procedure.name, command=procedure.command, made_from=fingerprint(study, procedure))

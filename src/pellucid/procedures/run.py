@@ -1,69 +1,212 @@
-"""Which module identifies what a table of study.toml asks for."""
+"""A study's commands: is it fit, what is found, and the report of it; each asks the procedures that the study names."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from importlib import import_module
+from collections.abc import Callable, Sequence
+from concurrent.futures import Executor
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING
 
 from .._errors import IdentificationError
 from ..recordings.quality import Fault
 from ..recordings.study import Study
-from .result import Findings
+from .procedure import Procedure, Progress, quiet
+from .registry import asked
+from .result import Result, found_by
 
-_MODULES = {
-    "transfer_function": "transfer_function.identify_transfer",
-    "hinge": "hinge.identify_hinge",
-    "coupling": "coupling.identify_coupling",
-    "loaded_swing": "loaded_swing.identify_loaded_swing",
-}  # each has a function of its own name, and `faults`
+if TYPE_CHECKING:
+    from ..pages.page import Page
 
 
-def run_procedure(study: Study, *, on_progress: Callable[[str, float], None] | None = None) -> Findings:
-    """Identify what the study's table asks for.
+def check(study: Study) -> list[Fault]:
+    """Every fault found in a study's recordings; empty where there is none.
 
     Parameters
     ----------
     study : Study
-        Its study.toml has such a table, or asks only for a torque from EMG or an assessment.
-    on_progress : callable, optional
-        Called with a text and the share done, 0 to 1.
-
-    Returns
-    -------
-    Findings
-
-    Raises
-    ------
-    RecordingError
-        If a recording is not fit to identify from.
-    IdentificationError
-        If the recordings cannot carry the model, or nothing is asked of them that `identify` does.
-    """
-    asked = study.config.procedure
-    if asked is None:
-        raise IdentificationError(
-            f"{study.folder}: study.toml has no [rig.drive] and asks for nothing that identify does; use: pellucid "
-            f"{study.config.beyond_identify} {study.folder}"
-        )
-    name = _MODULES[asked]
-    return getattr(import_module(f".{name}", __package__), name.partition(".")[2])(study, on_progress=on_progress)
-
-
-def procedure_faults(study: Study) -> list[Fault]:
-    """What is wrong with the recordings, for what the study's table asks of them.
-
-    Parameters
-    ----------
-    study : Study
-        Its study.toml has such a table.
 
     Returns
     -------
     list of Fault
+        `severity` "refuse" stops a procedure, "note" does not; the refusing ones first.
 
     Raises
     ------
     RecordingError
         If a file cannot be read at all.
     """
-    return import_module(f".{_MODULES[study.config.procedure]}", __package__).faults(study)
+    faults = [fault for procedure in reversed(asked(study)) for fault in procedure.faults(study)]
+    return sorted(faults, key=lambda fault: fault.severity != "refuse")
+
+
+def identify(
+    study: Study,
+    *,
+    families: Sequence[str] | None = None,
+    on_progress: Callable[[str, float], None] | None = None,
+    thorough: bool = True,
+) -> Result:
+    """Identify what a study's study.toml asks for: a joint, one with a carriage, a transfer function, a coupling...
+
+    Parameters
+    ----------
+    study : Study
+    families : sequence of str, optional
+        Friction families of a joint; the study's own list if left out. Other procedures have methods of their own.
+    on_progress : callable, optional
+        Called with a text and the share done, 0 to 1.
+    thorough : bool
+        Of a joint also weighted, robust, closed-loop and output-error estimates and simulations; False gives least
+        squares, intervals and held-out errors only.
+
+    Returns
+    -------
+    Result
+        ``result["inertia"]`` is a parameter with its interval; ``result.save(study)`` writes cards and rows.
+
+    Raises
+    ------
+    RecordingError
+        If a recording is not fit to identify from.
+    IdentificationError
+        If the recordings cannot carry a model, or nothing is asked of them that `identify` does.
+    """
+    procedure = _only(study, "identify")
+    if procedure.name == "joint":
+        return _run(procedure, study, on_progress, families=families, thorough=thorough)
+    if families:
+        raise IdentificationError("this study is identified by methods of its own; leave out --family")
+    return _run(procedure, study, on_progress)
+
+
+def calibrate(study: Study, on_progress: Callable[[str, float], None] | None = None) -> Result:
+    """Calibrate torque from EMG by several methods, and judge them on what was not fitted.
+
+    Parameters
+    ----------
+    study : Study
+        With a table ``[emg_torque]``, or ``[isolated_muscle]``: a muscle without EMG, at a known excitation.
+    on_progress : callable, optional
+        Called with a text and the share done, 0 to 1.
+
+    Returns
+    -------
+    Result
+
+    Raises
+    ------
+    IdentificationError
+        If the study asks for no torque from EMG, nothing can be fitted or judged, or cards are missing.
+    RecordingError
+        If a recording is not fit to be used.
+    """
+    return _run(_only(study, "calibrate"), study, on_progress)
+
+
+def assess(
+    study: Study,
+    on_progress: Callable[[str, float], None] | None = None,
+    *,
+    studies: int = 1000,
+    executor: Executor | None = None,
+) -> Result:
+    """Do conditions change how people move? Indices, tests, effect sizes and how many participants it takes.
+
+    Parameters
+    ----------
+    study : Study
+        With a table ``[assessment]``.
+    on_progress : callable, optional
+        Called with a text and the share done, 0 to 1.
+    studies : int
+        Simulated to plan the next one.
+    executor : Executor, optional
+        That simulates them, a cluster for instance.
+
+    Returns
+    -------
+    Result
+
+    Raises
+    ------
+    IdentificationError
+        If the study asks for no assessment, or nobody took part in all conditions.
+    RecordingError
+        If a recording is not fit to be used.
+    """
+    return _run(_only(study, "assess"), study, on_progress, studies=studies, executor=executor)
+
+
+def report(
+    study: Study, result: Result | None = None, *, on_progress: Callable[[str, float], None] | None = None
+) -> Path:
+    """Write the report: all that was identified, calibrated and assessed, on one page, with every figure beside it.
+
+    Parameters
+    ----------
+    study : Study
+    result : Result, optional
+        What was just found. Everything else is taken from what its command kept, if that is fresh, or found again.
+    on_progress : callable, optional
+        Called with a text and the share done, 0 to 1.
+
+    Returns
+    -------
+    Path
+        The page, ``report/index.html``: one file without outside references, the same bytes for the same result.
+
+    Raises
+    ------
+    OSError
+        If the study's folder cannot be written.
+    PellucidError
+        If a recording can no longer be read, or nothing can be identified from them.
+    """
+    from ..pages.page import write_page
+
+    tell, procedures, pages = on_progress or quiet, asked(study), []
+    for i, procedure in enumerate(procedures):
+        found = result if result is not None and result.procedure == procedure.name else Result.kept(study, procedure)
+        if found is None:
+            tell(f"{procedure.command} again: nothing that was kept is fresh", i / len(procedures))
+            found = _run(procedure, study, lambda text, share, i=i: tell(text, (i + 0.8 * share) / len(procedures)))
+        tell("drawing", (i + 0.8) / len(procedures))
+        pages.append(procedure.page(study, found))
+    return write_page(Path(study.report_dir), _one_page(pages))
+
+
+def _run(procedure: Procedure, study: Study, on_progress: Progress | None, **options) -> Result:
+    tell = on_progress or quiet
+    found = found_by(procedure, study, procedure.run(study, tell, **options))
+    tell("done", 1.0)
+    return found
+
+
+def _only(study: Study, command: str) -> Procedure:
+    """What the study asks of a command."""
+    if command == "identify" and len(study.rig.joints) > 1:
+        raise IdentificationError(study.rig.refusal)
+    found = asked(study, command)
+    if found:
+        return found[0]
+    others = ", ".join(dict.fromkeys(p.command for p in asked(study)))
+    raise IdentificationError(
+        f"{study.folder}: study.toml has no [rig.drive] and asks for nothing that {command} does; use: pellucid "
+        f"{others} {study.folder}"
+        if command == "identify"
+        else f"{study.folder}: study.toml asks for nothing that {command} does; use: pellucid {others} {study.folder}"
+    )
+
+
+def _one_page(pages: list[Page]) -> Page:
+    """All on the first, whose name stays; the others' headlines and sections say what they are of."""
+    first, *others = pages
+    headlines, sections = [first.headline], list(first.sections)
+    for page in others:
+        what = page.title.rpartition(": ")[2]
+        headlines.append(f"{what[:1].upper()}{what[1:]}: {page.headline}")
+        known = {section.heading for section in sections}
+        sections += [replace(s, heading=f"{s.heading}: {what}") if s.heading in known else s for s in page.sections]
+    tiles = tuple(tile for page in pages for tile in page.tiles)
+    return replace(first, headline=" ".join(headlines), tiles=tiles, sections=tuple(sections))

@@ -6,26 +6,18 @@ import platform
 from collections.abc import Iterable
 from importlib.metadata import version
 
+from ..fit.parameter import Verdict
 from ..pages.page import Page, Section, Tile
 from ..pages.quantities import MINUS, cell_text, number, parameter_interval, parameter_note, prose, unit_text
 from ..pages.tables import Row, Table
 from ..recordings.study import Study
-from .result import FigureTable, Findings, ParameterTable
+from .result import FigureTable, ParameterTable, Result
 
 
-def study_page(title: str, headline: str, tiles: Iterable[Tile], sections: Iterable[Section]) -> Page:
-    """A page of a study, in the frame that all have.
-
-    Parameters
-    ----------
-    title, headline : str
-    tiles : iterable of Tile
-    sections : iterable of Section
-
-    Returns
-    -------
-    Page
-    """
+def study_page(
+    title: str, headline: str, tiles: Iterable[Tile], sections: Iterable[Section], verdicts: Iterable[Verdict] = ()
+) -> Page:
+    """A page of a study, in the frame that all have; verdicts are those that stand in no section."""
     return Page(
         title,
         "Pellucid report",
@@ -34,15 +26,16 @@ def study_page(title: str, headline: str, tiles: Iterable[Tile], sections: Itera
         tuple(sections),
         f"Written by pellucid {version('pellucid')}. Every figure is beside this page as SVG and PDF, every number in "
         "results.json.",
+        tuple((v.kind, prose(v.text)) for v in verdicts),
     )
 
 
-def figure_tables(found: Findings) -> tuple[Table, ...]:
+def figure_tables(found: Result) -> tuple[Table, ...]:
     """Every table of figures that was found; columns without words are set as numbers."""
     return tuple(_figures(table) for table in found.tables if isinstance(table, FigureTable))
 
 
-def parameter_tables(found: Findings, part: str = "") -> tuple[Table, ...]:
+def parameter_tables(found: Result, part: str = "") -> tuple[Table, ...]:
     """Every table of parameters that was found, or those whose title has `part` in it."""
     return tuple(
         _parameters(table, found.confidence)

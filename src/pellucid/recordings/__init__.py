@@ -15,6 +15,5 @@ from .results import ResultRow as ResultRow
 from .results import read_rows as read_rows
 from .results import write_rows as write_rows
 from .study import Study as Study
-from .study import open_study as open_study
 from .writers import channels_toml as channels_toml
 from .writers import write_csv as write_csv

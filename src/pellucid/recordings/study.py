@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import hashlib
 import os
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -35,6 +37,7 @@ class Study:
     folder: Path
     config: StudyFile = field(repr=False)
     _loaded: dict = field(default_factory=dict, repr=False)
+    _digests: dict[Path, str] = field(default_factory=dict, repr=False)
 
     @property
     def name(self) -> str:
@@ -75,6 +78,29 @@ class Study:
     def report_dir(self) -> Path:
         """Where the report is."""
         return self.folder / "report"
+
+    def kept_path(self, procedure: str) -> Path:
+        """Where what a procedure found is kept, to be drawn again."""
+        return self.folder / "kept" / f"{procedure}.npz"
+
+    def files(self) -> tuple[Path, ...]:
+        """Every file that study.toml names among the recordings, once."""
+        found = []
+        for entry in self.config.recordings:
+            found += [path for _, path in self._paths(entry)]
+            found += [self.folder / file for file in (entry.optical, *entry.streams.values()) if file is not None]
+        return tuple(dict.fromkeys(found))
+
+    def fingerprint(self, more: Iterable[Path] = ()) -> str:
+        """SHA-256 of study.toml, of every recording's file, of `more` files, and of Pellucid's own code."""
+        from .kept import code_fingerprint
+
+        parts = [code_fingerprint()]
+        for path in (self.folder / STUDY_FILE, *self.files(), *more):
+            if path not in self._digests:
+                self._digests[path] = checksum(path) if path.is_file() else ""
+            parts.append(f"{path.relative_to(self.folder)} {self._digests[path]}")
+        return hashlib.sha256("\n".join(parts).encode()).hexdigest()
 
     def recordings(self, use: str | None = None) -> tuple[Recording, ...]:
         """Recordings in the order study.toml names them; each file is read once.
@@ -187,13 +213,15 @@ class Study:
         return read_optical(columns, digest, time, spec, rail.marker if rail is not None else None)
 
 
-def open_study(folder: str | os.PathLike) -> Study:
+def open_folder(folder: str | os.PathLike, model: type[StudyFile] | None = None) -> Study:
     """Open a study's folder; recordings are read when they are asked for.
 
     Parameters
     ----------
     folder : path-like
         Folder with a study.toml in it.
+    model : type, optional
+        Of `study_file_model`; without procedures if left out.
 
     Returns
     -------
@@ -204,16 +232,14 @@ def open_study(folder: str | os.PathLike) -> Study:
     StudyError
         If study.toml is missing or cannot be understood.
     """
-    from .study_file import parse_study_file
+    from .study_file import StudyFile, parse_study_file
 
     folder = Path(folder)
-    return Study(folder, parse_study_file(folder / STUDY_FILE))
+    return Study(folder, parse_study_file(folder / STUDY_FILE, model or StudyFile))
 
 
 def checksum(path: Path) -> str:
     """SHA-256 of a file, hexadecimal."""
-    import hashlib
-
     with path.open("rb") as file:
         return hashlib.file_digest(file, "sha256").hexdigest()
 

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationInfo
 
 from ..units import parse_quantity
+
+if TYPE_CHECKING:
+    from .study_file import StudyFile
 
 NAME = r"^[A-Za-z0-9][A-Za-z0-9_-]*$"
 """What a study's name may look like."""
@@ -19,6 +22,16 @@ class Table(BaseModel):
     """A table; quantities are SI once it is read."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False, hide_input_in_errors=True)
+
+
+class ProcedureTable(Table):
+    """A table of study.toml that asks for a procedure."""
+
+    alone: ClassVar[bool] = False
+    """Whether no other such table may stand beside it: each is a study of its own."""
+
+    def require_in(self, config: StudyFile) -> None:
+        """Raise ValueError where what the table names is not among the rest of study.toml."""
 
 
 def quantity(expected: str, **bounds: float) -> Any:

@@ -17,18 +17,15 @@ from pydantic import (
     Tag,
     ValidationError,
     ValidationInfo,
+    create_model,
     field_validator,
     model_validator,
 )
 
 from .._errors import StudyError
 from ..units import parse_quantity, si_text, to_si_factor
-from .study_fields import DERIVED, NAME, Table, quantity
-from .study_procedures import Assessment, Coupling, EmgTorque, Hinge, IsolatedMuscle, LoadedSwing, TransferFunction
+from .study_fields import DERIVED, NAME, ProcedureTable, Table, quantity
 from .toml_place import explain
-
-PROCEDURES = ("transfer_function", "hinge", "coupling", "loaded_swing")
-"""Tables that ask `identify` for something else than a joint with friction."""
 
 FRICTION_FAMILIES = ("symmetric", "directional", "load", "stribeck", "combined")
 """The friction models `identify` tries, in this order, where study.toml names none."""
@@ -660,8 +657,8 @@ class StudyFile(Table):
         Remarks the report repeats.
     rig, participants, channels, optical, streams, processing, model, recordings
         Its tables; `optical` is None where no motion capture took part.
-    transfer_function, hinge, coupling, loaded_swing, emg_torque, assessment, isolated_muscle
-        What is asked of these recordings in place of a joint with friction; None where it is not.
+
+    `study_file_model` adds a field for each table that asks for a procedure, None where it is not there.
     """
 
     name: str = Field(pattern=NAME)
@@ -674,13 +671,6 @@ class StudyFile(Table):
     streams: dict[str, Stream] = Field({})
     processing: Processing = Processing()
     model: Model
-    transfer_function: TransferFunction | None = None
-    hinge: Hinge | None = None
-    coupling: Coupling | None = None
-    loaded_swing: LoadedSwing | None = None
-    emg_torque: EmgTorque | None = None
-    assessment: Assessment | None = None
-    isolated_muscle: IsolatedMuscle | None = None
     recordings: tuple[RecordingEntry, ...] = ()
 
     @model_validator(mode="before")
@@ -733,31 +723,13 @@ class StudyFile(Table):
 
     @model_validator(mode="after")
     def _asks_one_thing(self) -> StudyFile:
-        asked = [name for name in PROCEDURES if getattr(self, name) is not None]
-        if len(asked) > 1:
-            raise ValueError(f"found the tables {', '.join(asked)}, expected one of them: each is a study of its own")
-        others = any(t is not None for t in (self.emg_torque, self.assessment, self.isolated_muscle))
-        if any(joint.drive is None for joint in self.rig.joints) and not asked and not others:
+        alone = [name for name, table in self.procedures.items() if table.alone]
+        if len(alone) > 1:
+            raise ValueError(f"found the tables {', '.join(alone)}, expected one of them: each is a study of its own")
+        if any(joint.drive is None for joint in self.rig.joints) and not self.procedures:
             raise ValueError("[rig.drive] no such table found, expected one that says how the effort is known")
-        return self
-
-    @model_validator(mode="after")
-    def _has_what_is_assessed(self) -> StudyFile:
-        if self.assessment is None:
-            return self
-        conditions = [entry.condition for entry in self.recordings if entry.condition is not None]
-        if self.recordings and self.assessment.control not in conditions:
-            raise ValueError(
-                f'[assessment] control: found "{self.assessment.control}", expected a condition of the recordings: '
-                f"{', '.join(dict.fromkeys(conditions)) or 'none'}"
-            )
-        markers = self.optical.markers if self.optical is not None else ()
-        absent = [marker for marker in self.assessment.segment if marker not in markers]
-        if absent:
-            raise ValueError(
-                f"[assessment] segment: found {', '.join(absent)}, expected [optical] markers: "
-                f"{', '.join(markers) or 'none'}"
-            )
+        for table in self.procedures.values():
+            table.require_in(self)
         return self
 
     @model_validator(mode="after")
@@ -790,18 +762,20 @@ class StudyFile(Table):
         return next((joint.slider for joint in self.rig.joints if joint.slider is not None), None)
 
     @property
-    def procedure(self) -> str | None:
-        """Name of the table that asks `identify` for something else than a joint with friction; None without one."""
-        return next((name for name in PROCEDURES if getattr(self, name) is not None), None)
-
-    @property
-    def beyond_identify(self) -> str:
-        """Command for what is asked beside, or in place of, what `identify` does: calibrate where that is asked."""
-        return "assess" if self.emg_torque is None and self.isolated_muscle is None else "calibrate"
+    def procedures(self) -> dict[str, ProcedureTable]:
+        """The tables that ask for a procedure, by their names."""
+        found = {name: getattr(self, name) for name in type(self).model_fields}
+        return {name: table for name, table in found.items() if isinstance(table, ProcedureTable)}
 
     def channels_of(self, entry: RecordingEntry) -> dict[str, ChannelSpec]:
         """All channels of one recording: the defaults, with its own in their place."""
         return {**self.channels, **entry.channels}
+
+
+def study_file_model(tables: Mapping[str, type[ProcedureTable]]) -> type[StudyFile]:
+    """`StudyFile` with a field for each table, by its name, that may ask for a procedure."""
+    fields: dict[str, Any] = {name: (table | None, None) for name, table in tables.items()}
+    return create_model("StudyFile", __base__=StudyFile, **fields)
 
 
 # What the last or last but one part of a dotted name says of its unit.
@@ -919,13 +893,15 @@ def _joint_units(rig: Mapping[str, Any], channels: Collection[str]) -> dict[str,
     }
 
 
-def parse_study_file(path: Path) -> StudyFile:
+def parse_study_file(path: Path, model: type[StudyFile] = StudyFile) -> StudyFile:
     """Read and check a study.toml.
 
     Parameters
     ----------
     path : Path
         The file.
+    model : type
+        Of `study_file_model`: what it may ask for.
 
     Returns
     -------
@@ -950,14 +926,14 @@ def parse_study_file(path: Path) -> StudyFile:
     except tomllib.TOMLDecodeError as error:
         raise StudyError(f"{path}: not valid TOML: {error}") from error
     try:
-        return StudyFile.model_validate(raw, context=rig_units(raw))
+        return model.model_validate(raw, context=rig_units(raw))
     except ValidationError as error:
-        raise StudyError(explain(error, path, text, StudyFile)) from None
+        raise StudyError(explain(error, path, text, model)) from None
 
 
-def json_schema() -> dict[str, Any]:
+def json_schema(model: type[StudyFile] = StudyFile) -> dict[str, Any]:
     """JSON Schema of study.toml, for editors that complete and check as one types."""
-    schema = StudyFile.model_json_schema()
+    schema = model.model_json_schema()
     channel = schema["$defs"]["ChannelSpec"]
     channel["properties"] = {key: value for key, value in channel["properties"].items() if key[0] != DERIVED}
     channel["required"] = ["column", "unit"]

@@ -9,12 +9,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from typing import Protocol
 
 import numpy as np
 
 from .._errors import RecordingError
 from ..recordings.recording import Recording
-from ..recordings.study_procedures import Assessment
 from .alignment import align, clock_drift
 from .amplitude_check import OWN
 from .movements import (
@@ -50,6 +50,23 @@ COMPARED_AT = 25.0
 
 SAME = 0.005
 """Labels closer than this [rad] are one that was rounded."""
+
+
+class PointingSettings(Protocol):
+    """What a study of pointing says of its recordings; ``[assessment]`` in study.toml."""
+
+    control: str
+    angle: str
+    segment: tuple[str, ...]
+    target: str
+    agonists: tuple[str, ...]
+    antagonists: tuple[str, ...]
+    emg: str
+    interaction: str
+    lowpass: float  # Hz
+    order: int
+    threshold: float
+    advance: float  # s
 
 
 @dataclass(frozen=True, eq=False)
@@ -127,13 +144,13 @@ def assessed(recordings: Sequence[Recording]) -> list[Recording]:
     return found
 
 
-def pointing_record(recording: Recording, spec: Assessment) -> PointingRecord:
+def pointing_record(recording: Recording, spec: PointingSettings) -> PointingRecord:
     """Read angle and targets from a recording.
 
     Parameters
     ----------
     recording : Recording
-    spec : Assessment
+    spec : PointingSettings
         What study.toml says of it.
 
     Returns
@@ -231,6 +248,6 @@ def drop_mistaken(found: Sequence[Movement], labels: Sequence[float]) -> tuple[l
     return kept, len(found) - len(kept)
 
 
-def with_rule(spec: Assessment, **changes) -> MovementRule:
+def with_rule(spec: PointingSettings, **changes) -> MovementRule:
     """The study's rule for movements, with changes such as ``lowpass=6.0``."""
     return replace(MovementRule(spec.lowpass, spec.order, spec.threshold), **changes)

@@ -15,7 +15,7 @@ from ...controllers.elbow_controllers import ELBOW_CONTROLLERS
 from ...controllers.elbow_laws import ElbowLaw, full_compensation
 from ...models.slider_card import SliderCard
 from ...procedures.slider.identify_slider import fit_slider
-from ...procedures.slider.save_slider import slider_card
+from ...procedures.slider.slider_result import slider_card
 from ...signals.movements import MovementRule, movements
 from ..elbow.protocol import trials
 from ..elbow.rig import ElbowRig

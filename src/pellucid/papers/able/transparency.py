@@ -29,7 +29,7 @@ from ...lab.pointing.study import (
 )
 from ...lab.study_folder import study_config
 from ...procedures.assessment.assess import assess_recordings
-from ...procedures.assessment.assessment_findings import AssessmentFindings
+from ...procedures.assessment.assessment_result import AssessmentResult
 from ...signals.movements import Movement, MovementRule, movements
 
 LAWS = ("FC", "PCFr", "CLPC")
@@ -209,7 +209,7 @@ class Recorded:
     """One study as a lab would record and assess it."""
 
     study: VirtualStudy  # What was true of it
-    findings: AssessmentFindings | None  # Of its recordings; None where the assessment refuses them
+    findings: AssessmentResult | None  # Of its recordings; None where the assessment refuses them
     refused: str  # Why it does
     seconds: float  # That people, robots and instruments took [s]
 

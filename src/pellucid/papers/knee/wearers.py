@@ -16,7 +16,7 @@ from ...fit.strap.wearer_coupling import EDGE, WearerCoupling, identify_wearer
 from ...fit.transfer.transfer_function_fit import TransferFit, fit_percent, fit_records
 from ...lab.knee.rig import KneeRig, Subject
 from ...models.anthropometry import de_leva, shank_length, winter
-from ...procedures.coupling.coupling_findings import WearerStages
+from ...procedures.coupling.coupling_result import WearerStages
 from ...procedures.coupling.identify_coupling import identify_worn
 from ...signals.inertial import inertial
 from ...signals.input_output import input_output

@@ -18,13 +18,13 @@ from ...assessment.session import UP, Measured, Session, activities, joined, mea
 from ...recordings.quality import Fault
 from ...recordings.recording import Recording
 from ...recordings.study import Study
-from ...recordings.study_procedures import Assessment
 from ...signals.movements import MovementRule
 from ...signals.pointing import PointingRecord, assessed, labels, pointing_record, with_rule
-from .assessment_findings import Assessed, AssessmentFindings, Needed, Profile, Sensitivity
+from .assessment_result import Assessed, AssessmentResult, Needed, Profile, Sensitivity
 from .assessment_rows import result_rows
 from .assessment_tables import tables
 from .pointing_faults import pointing_faults
+from .procedure import AssessmentTable
 from .statements import headline, paragraph, verdicts
 
 SEED = 1
@@ -50,7 +50,7 @@ Progress = Callable[[str, float], None]
 
 def assess(
     study: Study, on_progress: Progress | None = None, *, studies: int = STUDIES, executor: Any = None
-) -> AssessmentFindings:
+) -> AssessmentResult:
     """Compare a study's conditions.
 
     Parameters
@@ -66,7 +66,7 @@ def assess(
 
     Returns
     -------
-    AssessmentFindings
+    AssessmentResult
 
     Raises
     ------
@@ -90,12 +90,12 @@ def assess(
 def assess_recordings(
     name: str,
     recordings: Sequence[Recording],
-    spec: Assessment,
+    spec: AssessmentTable,
     *,
     on_progress: Progress | None = None,
     studies: int = STUDIES,
     executor: Any = None,
-) -> AssessmentFindings:
+) -> AssessmentResult:
     """Compare conditions of recordings that need not be files.
 
     Parameters
@@ -104,7 +104,7 @@ def assess_recordings(
         Of the study.
     recordings : sequence of Recording
         Those that name a condition take part.
-    spec : Assessment
+    spec : AssessmentTable
         What ``[assessment]`` says.
     on_progress : callable, optional
         Called with a text and the share done, 0 to 1.
@@ -113,7 +113,7 @@ def assess_recordings(
 
     Returns
     -------
-    AssessmentFindings
+    AssessmentResult
 
     Raises
     ------
@@ -161,7 +161,7 @@ def assess_recordings(
     left_out = Counter()
     for reasons in session.left_out.values():
         left_out.update(reasons)
-    made = AssessmentFindings(
+    made = AssessmentResult(
         study=name,
         headline="",
         tables=(),
@@ -194,7 +194,7 @@ def _require_none_refused(faults: Sequence[Fault]) -> None:
         raise RecordingError("\n".join(refused))
 
 
-def _told(made: AssessmentFindings, notes: Sequence[str]) -> AssessmentFindings:
+def _told(made: AssessmentResult, notes: Sequence[str]) -> AssessmentResult:
     return replace(
         made,
         headline=headline(made),
@@ -241,7 +241,7 @@ def _assessed(
     movements: Sequence[Measured],
     participants: Sequence[str],
     conditions: Sequence[str],
-    spec: Assessment,
+    spec: AssessmentTable,
     names: Sequence[str] = tuple(INDICES),
 ) -> dict[str, Assessed]:
     found = {}
@@ -274,7 +274,7 @@ def _without_index(found: Mapping[str, Assessed], participants: Sequence[str], c
     ]
 
 
-def _rules(records: Sequence[PointingRecord], spec: Assessment) -> dict[str, MovementRule]:
+def _rules(records: Sequence[PointingRecord], spec: AssessmentTable) -> dict[str, MovementRule]:
     """The study's rule, first, and those it is compared with; those with the same filter stand together."""
     rules = {}
     rates = [1.0 / float(np.median(np.diff(record.time))) for record in records]
@@ -290,7 +290,7 @@ def _rules(records: Sequence[PointingRecord], spec: Assessment) -> dict[str, Mov
 
 def _sensitivity(
     sessions: Mapping[str, Session],
-    spec: Assessment,
+    spec: AssessmentTable,
     participants: Sequence[str],
     conditions: Sequence[str],
     names: Sequence[str] = WATCHED,
@@ -313,7 +313,7 @@ def _sensitive(words: str, each: Assessed, condition: str, control: str) -> Sens
 
 
 def _needed(
-    found: Mapping[str, Assessed], spec: Assessment, comparisons: int, studies: int, executor: Any
+    found: Mapping[str, Assessed], spec: AssessmentTable, comparisons: int, studies: int, executor: Any
 ) -> tuple[Needed, ...]:
     wanted: list[tuple[str, float | None, float]] = [("", None, effect) for effect in EFFECTS]
     for name in PLANNED:

@@ -14,7 +14,7 @@ from ...assessment.indices import DOWN, UP, Isochrony
 from ...pages.drawing import Drawing, dots, key, line, tidy
 from ...pages.quantities import unit_text
 from ...pages.style import FIGURE_WIDTH, colour
-from .assessment_findings import Assessed, Profile
+from .assessment_result import Assessed, Profile
 
 TONES = ("measured", "fitted", "heldout", "directional", "load", "stribeck", "combined", "good")
 """Control's colour, and those of the other conditions in their order; more than these share the last."""

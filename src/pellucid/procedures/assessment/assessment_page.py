@@ -12,7 +12,7 @@ from ...recordings.study import Study
 from ..result import FigureTable
 from . import assessment_figures as figures
 from . import assessment_tables as tables
-from .assessment_findings import AssessmentFindings
+from .assessment_result import AssessmentResult
 
 TILES = (("duration", "Duration"), ("vmax", "Peak velocity"), ("emgacc", "EMG/Acc"), ("torque_rms", "Interaction"))
 DRAWN = (
@@ -22,13 +22,13 @@ DRAWN = (
 """Indices with a panel."""
 
 
-def page(study: Study, findings: AssessmentFindings) -> Page:
+def page(study: Study, findings: AssessmentResult) -> Page:
     """Everything that an assessment found, as a page.
 
     Parameters
     ----------
     study : Study
-    findings : AssessmentFindings
+    findings : AssessmentResult
 
     Returns
     -------
@@ -52,7 +52,7 @@ def page(study: Study, findings: AssessmentFindings) -> Page:
     )
 
 
-def _tiles(findings: AssessmentFindings) -> tuple[Tile, ...]:
+def _tiles(findings: AssessmentResult) -> tuple[Tile, ...]:
     made = []
     for name, words in TILES:
         each = findings.assessed.get(name)
@@ -72,7 +72,7 @@ def _tiles(findings: AssessmentFindings) -> tuple[Tile, ...]:
     return tuple(made)
 
 
-def _found(findings: AssessmentFindings) -> Section:
+def _found(findings: AssessmentResult) -> Section:
     shown = [tables.summary_table(findings), tables.test_table(findings)]
     if any(each.comparison.nemenyi is not None for each in findings.assessed.values()):
         shown.append(tables.pair_table(findings))
@@ -89,25 +89,25 @@ def _found(findings: AssessmentFindings) -> Section:
     )
 
 
-def _people(findings: AssessmentFindings) -> Section:
+def _people(findings: AssessmentResult) -> Section:
     drawn = {name: findings.assessed[name] for name in DRAWN if name in findings.assessed}
     described = tuple(_table(tables.description_table(findings, each)) for each in findings.assessed.values())
     drawing = draw(figures.index_figure, drawn, findings.conditions)
     return Section("assess_people", "Every participant", tables=described, drawings=(drawing,))
 
 
-def _movements(findings: AssessmentFindings) -> Section:
+def _movements(findings: AssessmentResult) -> Section:
     drawing = draw(figures.profile_figure, findings.profiles, findings.profile_of, findings.conditions)
     return Section("assess_movements", "Movements", drawings=(drawing,))
 
 
-def _isochrony(findings: AssessmentFindings) -> Section:
+def _isochrony(findings: AssessmentResult) -> Section:
     drawing = draw(figures.isochrony_figure, findings.isochrony, findings.conditions)
     table = _table(tables.isochrony_table(findings))
     return Section("assess_isochrony", "Isochrony", tables=(table,), drawings=(drawing,))
 
 
-def _sensitivity(findings: AssessmentFindings) -> Section:
+def _sensitivity(findings: AssessmentResult) -> Section:
     said = (
         "The published indices again: with other cut-offs of the angle's filter; with other shares of the largest "
         "speed that begin and end a movement; with movements that end where the speed first falls below the share, in "
@@ -119,7 +119,7 @@ def _sensitivity(findings: AssessmentFindings) -> Section:
     return Section("assess_filters", "Other filters", (said,), shown)
 
 
-def _needed(findings: AssessmentFindings) -> Section:
+def _needed(findings: AssessmentResult) -> Section:
     said = (
         f"With how many participants signed ranks against {findings.control}, corrected after Holm for the smallest of "
         f"the p values, would be significant in 8 of 10 studies. Changes from {findings.control} are drawn from a "
@@ -130,7 +130,7 @@ def _needed(findings: AssessmentFindings) -> Section:
     return Section("assess_needed", "Participants needed", (said,), tuple(_table(each) for each in shown if each.rows))
 
 
-def _method(study: Study, findings: AssessmentFindings) -> Section:
+def _method(study: Study, findings: AssessmentResult) -> Section:
     spec = study.config.assessment
     said = [
         f"The angle passes a zero-phase Butterworth low-pass of order {spec.order} at {spec.lowpass:g} Hz. A movement "

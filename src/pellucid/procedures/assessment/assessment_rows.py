@@ -10,12 +10,12 @@ import numpy as np
 from ...recordings.results import ResultRow, checksum_of_all
 
 if TYPE_CHECKING:
-    from .assessment_findings import Assessed, AssessmentFindings
+    from .assessment_result import Assessed, AssessmentResult
 
 COMMAND = "assess"
 
 
-def result_rows(found: AssessmentFindings) -> tuple[ResultRow, ...]:
+def result_rows(found: AssessmentResult) -> tuple[ResultRow, ...]:
     """Every figure of an assessment.
 
     ``<study>.transparency.<index>.<condition>`` is the change of the mean from control in % (SPARC, LDLJ and the signed
@@ -24,7 +24,7 @@ def result_rows(found: AssessmentFindings) -> tuple[ResultRow, ...]:
 
     Parameters
     ----------
-    found : AssessmentFindings
+    found : AssessmentResult
 
     Returns
     -------
@@ -63,7 +63,7 @@ def result_rows(found: AssessmentFindings) -> tuple[ResultRow, ...]:
     return tuple(rows)
 
 
-def _index_rows(found: AssessmentFindings, each: Assessed, add) -> None:
+def _index_rows(found: AssessmentResult, each: Assessed, add) -> None:
     index, compared = each.table.index, each.comparison
     against = {a.condition: a for a in compared.against_control}
     for condition in each.table.conditions:
@@ -112,5 +112,5 @@ def _describe(column: np.ndarray) -> dict[str, float]:
     }
 
 
-def _without(found: AssessmentFindings) -> str:
+def _without(found: AssessmentResult) -> str:
     return "; ".join(f"{person} left out: {why}" for person, why in found.without.items())

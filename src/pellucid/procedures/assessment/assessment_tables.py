@@ -11,7 +11,7 @@ from ...assessment.power import SIZES
 from ..result import FigureTable
 
 if TYPE_CHECKING:
-    from .assessment_findings import Assessed, AssessmentFindings, Needed
+    from .assessment_result import Assessed, AssessmentResult, Needed
 
 MINUS = "\N{MINUS SIGN}"
 UNITS = {"rad/s": "rad/s", "rad/s^2": "rad/s²", "N*m": "N·m", "1": ""}
@@ -20,12 +20,12 @@ SHOWN = ("duration", "vmax", "end_absolute", "emg_level", "emgacc", "torque_rms"
 """Indices with a table of their own among an assessment's tables; a report has one for each."""
 
 
-def tables(found: AssessmentFindings) -> tuple[FigureTable, ...]:
+def tables(found: AssessmentResult) -> tuple[FigureTable, ...]:
     """Tables of an assessment: a summary, the main indices, pairs, isochrony, other filters, participants needed.
 
     Parameters
     ----------
-    found : AssessmentFindings
+    found : AssessmentResult
 
     Returns
     -------
@@ -44,12 +44,12 @@ def tables(found: AssessmentFindings) -> tuple[FigureTable, ...]:
     return tuple(made)
 
 
-def summary_table(found: AssessmentFindings) -> FigureTable:
+def summary_table(found: AssessmentResult) -> FigureTable:
     """Every index: mean ± SD in each condition, with an asterisk where Nemenyi's test tells it from control.
 
     Parameters
     ----------
-    found : AssessmentFindings
+    found : AssessmentResult
 
     Returns
     -------
@@ -65,7 +65,7 @@ def summary_table(found: AssessmentFindings) -> FigureTable:
     return FigureTable(title, ("Index", *found.conditions), tuple(rows))
 
 
-def _mean_cell(found: AssessmentFindings, each: Assessed, condition: str, decimals: int) -> str | None:
+def _mean_cell(found: AssessmentResult, each: Assessed, condition: str, decimals: int) -> str | None:
     if condition not in each.table.conditions:
         return None
     column = each.table.index.shown[0] * each.table.column(condition)
@@ -121,12 +121,12 @@ def p_text(p: float | None) -> str | None:
     return "<0.001" if p < 1e-3 else f"{p:.3f}"
 
 
-def test_table(found: AssessmentFindings) -> FigureTable:
+def test_table(found: AssessmentResult) -> FigureTable:
     """Friedman's test of every index.
 
     Parameters
     ----------
-    found : AssessmentFindings
+    found : AssessmentResult
 
     Returns
     -------
@@ -143,12 +143,12 @@ def test_table(found: AssessmentFindings) -> FigureTable:
     return FigureTable("Do conditions differ at all (Friedman)", heads, tuple(rows))
 
 
-def needed_table(found: AssessmentFindings) -> FigureTable:
+def needed_table(found: AssessmentResult) -> FigureTable:
     """Participants needed to find changes from control, by index.
 
     Parameters
     ----------
-    found : AssessmentFindings
+    found : AssessmentResult
 
     Returns
     -------
@@ -167,12 +167,12 @@ def needed_table(found: AssessmentFindings) -> FigureTable:
     )
 
 
-def effect_size_table(found: AssessmentFindings) -> FigureTable:
+def effect_size_table(found: AssessmentResult) -> FigureTable:
     """Participants needed against effect size, whatever the index.
 
     Parameters
     ----------
-    found : AssessmentFindings
+    found : AssessmentResult
 
     Returns
     -------
@@ -192,12 +192,12 @@ def _people(needed: Needed) -> str | int:
     return f">{SIZES[-1]}" if needed.participants is None else needed.participants
 
 
-def description_table(found: AssessmentFindings, each: Assessed) -> FigureTable:
+def description_table(found: AssessmentResult, each: Assessed) -> FigureTable:
     """One index: what describes it in each condition, and how it changes from control.
 
     Parameters
     ----------
-    found : AssessmentFindings
+    found : AssessmentResult
     each : Assessed
 
     Returns
@@ -227,12 +227,12 @@ def description_table(found: AssessmentFindings, each: Assessed) -> FigureTable:
     return FigureTable(words(each), heads, tuple(rows))
 
 
-def effect_table(found: AssessmentFindings) -> FigureTable:
+def effect_table(found: AssessmentResult) -> FigureTable:
     """How much every index changes from control: the change, its interval, effect sizes, p alone and corrected.
 
     Parameters
     ----------
-    found : AssessmentFindings
+    found : AssessmentResult
 
     Returns
     -------
@@ -279,12 +279,12 @@ def _short(value: float, digits: int = 3) -> str:
     return (f"{value:.0f}" if "e+" in text else text).replace("-", MINUS)
 
 
-def pair_table(found: AssessmentFindings) -> FigureTable:
+def pair_table(found: AssessmentResult) -> FigureTable:
     """Nemenyi's p of every pair of conditions; the time of the peak is compared in each direction by itself.
 
     Parameters
     ----------
-    found : AssessmentFindings
+    found : AssessmentResult
 
     Returns
     -------
@@ -301,12 +301,12 @@ def pair_table(found: AssessmentFindings) -> FigureTable:
     return FigureTable("Which conditions differ (Nemenyi's p)", heads, tuple(rows))
 
 
-def isochrony_table(found: AssessmentFindings) -> FigureTable:
+def isochrony_table(found: AssessmentResult) -> FigureTable:
     """Straight lines of mean velocity over amplitude.
 
     Parameters
     ----------
-    found : AssessmentFindings
+    found : AssessmentResult
 
     Returns
     -------
@@ -323,12 +323,12 @@ def isochrony_table(found: AssessmentFindings) -> FigureTable:
     return FigureTable(title, heads, tuple(rows))
 
 
-def sensitivity_table(found: AssessmentFindings) -> FigureTable:
+def sensitivity_table(found: AssessmentResult) -> FigureTable:
     """Changes from control, and Friedman's p, by other filters, thresholds and ends of movements.
 
     Parameters
     ----------
-    found : AssessmentFindings
+    found : AssessmentResult
 
     Returns
     -------
@@ -348,12 +348,12 @@ def sensitivity_table(found: AssessmentFindings) -> FigureTable:
     return FigureTable(title, ("Index", "", *rules), tuple(rows))
 
 
-def range_table(found: AssessmentFindings) -> FigureTable:
+def range_table(found: AssessmentResult) -> FigureTable:
     """How far changes from control move with filters, thresholds and ends of movements; `sensitivity_table` has all.
 
     Parameters
     ----------
-    found : AssessmentFindings
+    found : AssessmentResult
 
     Returns
     -------

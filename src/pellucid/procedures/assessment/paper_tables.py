@@ -10,7 +10,7 @@ import numpy as np
 
 from ..._atomic import write_text_atomically
 from ..result import FigureTable
-from .assessment_findings import AssessmentFindings
+from .assessment_result import AssessmentResult
 from .assessment_tables import (
     MINUS,
     effect_size_table,
@@ -31,14 +31,14 @@ LATEX = {
 """What LaTeX cannot take as it is."""
 
 
-def write_tables(folder: Path, found: AssessmentFindings) -> tuple[Path, ...]:
+def write_tables(folder: Path, found: AssessmentResult) -> tuple[Path, ...]:
     """Write every table for a paper as CSV and as LaTeX, and values of participants and movements as CSV.
 
     Parameters
     ----------
     folder : Path
         Made where it is not there.
-    found : AssessmentFindings
+    found : AssessmentResult
 
     Returns
     -------
@@ -67,12 +67,12 @@ def write_tables(folder: Path, found: AssessmentFindings) -> tuple[Path, ...]:
     return tuple(folder / name for name in texts)
 
 
-def paper_table(found: AssessmentFindings) -> FigureTable:
+def paper_table(found: AssessmentResult) -> FigureTable:
     """The summary with Friedman's test of every index.
 
     Parameters
     ----------
-    found : AssessmentFindings
+    found : AssessmentResult
 
     Returns
     -------
@@ -89,12 +89,12 @@ def paper_table(found: AssessmentFindings) -> FigureTable:
     return FigureTable(summary.title, (*summary.heads, "χ²", "df", "p"), tuple(rows))
 
 
-def participant_values(found: AssessmentFindings) -> tuple[tuple[str, ...], list[tuple]]:
+def participant_values(found: AssessmentResult) -> tuple[tuple[str, ...], list[tuple]]:
     """Every participant's value of every index in every condition, in SI, one a row.
 
     Parameters
     ----------
-    found : AssessmentFindings
+    found : AssessmentResult
 
     Returns
     -------
@@ -110,12 +110,12 @@ def participant_values(found: AssessmentFindings) -> tuple[tuple[str, ...], list
     return ("index", "unit", "participant", "condition", "value"), rows
 
 
-def movement_values(found: AssessmentFindings) -> tuple[tuple[str, ...], list[tuple]]:
+def movement_values(found: AssessmentResult) -> tuple[tuple[str, ...], list[tuple]]:
     """Every movement that was used, one a row: whose it is, when, and all its values in SI.
 
     Parameters
     ----------
-    found : AssessmentFindings
+    found : AssessmentResult
 
     Returns
     -------

@@ -11,11 +11,11 @@ from ..._errors import RecordingError
 from ...recordings.quality import Fault
 from ...recordings.recording import Recording
 from ...recordings.study import Study
-from ...recordings.study_procedures import Assessment
 from ...signals.amplitude_check import MISTAKEN, strays
 from ...signals.emg_quality import inspect_emg
 from ...signals.movements import Movement, MovementRule
 from ...signals.pointing import PointingRecord, assessed, labels, pointing_record
+from .procedure import AssessmentTable
 
 SCALE = (0.75, 1.35)
 """Measured over labelled amplitudes, in the median, beyond which labels or angle have another unit or zero ..."""
@@ -64,7 +64,7 @@ def assessment_faults(study: Study) -> list[Fault]:
     return faults
 
 
-def _refused(recording: Recording, spec: Assessment, message: str) -> Fault:
+def _refused(recording: Recording, spec: AssessmentTable, message: str) -> Fault:
     return Fault("refuse", "movements", recording.path.name, spec.angle, message, "movements", message)
 
 
@@ -80,13 +80,13 @@ def _missing_conditions(study: Study, recordings: Sequence[Recording]) -> list[F
     return faults
 
 
-def pointing_faults(record: PointingRecord, spec: Assessment, labels: Sequence[float]) -> list[Fault]:
+def pointing_faults(record: PointingRecord, spec: AssessmentTable, labels: Sequence[float]) -> list[Fault]:
     """What is wrong with the movements of a recording.
 
     Parameters
     ----------
     record : PointingRecord
-    spec : Assessment
+    spec : AssessmentTable
     labels : sequence of float
         All amplitudes that the study labels, without sign [rad].
 
@@ -129,11 +129,11 @@ def pointing_faults(record: PointingRecord, spec: Assessment, labels: Sequence[f
     return faults
 
 
-def _worn(record: PointingRecord, spec: Assessment) -> bool:
+def _worn(record: PointingRecord, spec: AssessmentTable) -> bool:
     return record.recording.condition != spec.control
 
 
-def _which_marker(record: PointingRecord, spec: Assessment) -> str:
+def _which_marker(record: PointingRecord, spec: AssessmentTable) -> str:
     """Which of the segment's markers was lost how often, where the angle is one of markers."""
     optical = record.recording.optical
     if not spec.segment or optical is None:
@@ -154,7 +154,7 @@ REASONS = {
 
 
 def _label_faults(
-    record: PointingRecord, spec: Assessment, named: Sequence[Movement], labels: np.ndarray
+    record: PointingRecord, spec: AssessmentTable, named: Sequence[Movement], labels: np.ndarray
 ) -> list[Fault]:
     reach = np.array([m.reach for m in named])
     label = np.array([m.amplitude for m in named])

@@ -15,7 +15,7 @@ from .pointing_faults import REASONS
 
 if TYPE_CHECKING:
     from ...assessment.comparison import AgainstControl
-    from .assessment_findings import Assessed, AssessmentFindings
+    from .assessment_result import Assessed, AssessmentResult
 
 MAIN = ("duration", "vmax", "end_absolute", "emgacc", "torque_rms", "emg_level")
 """Indices that the paragraph goes through; of the others it says whether conditions differ."""
@@ -24,12 +24,12 @@ ISOCHRONOUS = 0.8
 """Mean R² of amplitude and mean velocity from which on the relation counts as kept."""
 
 
-def headline(found: AssessmentFindings) -> str:
+def headline(found: AssessmentResult) -> str:
     """The result in one sentence.
 
     Parameters
     ----------
-    found : AssessmentFindings
+    found : AssessmentResult
 
     Returns
     -------
@@ -46,12 +46,12 @@ def headline(found: AssessmentFindings) -> str:
     return f"{said}; duration against {found.control}: {', '.join(parts)}."
 
 
-def paragraph(found: AssessmentFindings) -> str:
+def paragraph(found: AssessmentResult) -> str:
     """What was found and what was not; what belongs to one index stands apart, behind an empty line.
 
     Parameters
     ----------
-    found : AssessmentFindings
+    found : AssessmentResult
 
     Returns
     -------
@@ -78,7 +78,7 @@ def paragraph(found: AssessmentFindings) -> str:
     return "\n\n".join(" ".join(part) for part in parts if part)
 
 
-def _told_apart(found: AssessmentFindings, each: Assessed, alpha: float) -> bool | None:
+def _told_apart(found: AssessmentResult, each: Assessed, alpha: float) -> bool | None:
     """Whether Friedman's and Nemenyi's tests tell every condition from control; None without a test against it."""
     if each.comparison.p_value is None or not each.comparison.against_control:
         return None
@@ -88,7 +88,7 @@ def _told_apart(found: AssessmentFindings, each: Assessed, alpha: float) -> bool
     return each.comparison.p_value < alpha and all(p < alpha for p in pairs)
 
 
-def _index_sentences(found: AssessmentFindings, each: Assessed, alpha: float) -> list[str]:
+def _index_sentences(found: AssessmentResult, each: Assessed, alpha: float) -> list[str]:
     index, compared = each.table.index, each.comparison
     factor, unit = index.shown
     unit = UNITS.get(unit, unit)
@@ -129,7 +129,7 @@ def _mean_of(words: str) -> str:
     return f"Mean {words if words[:2].isupper() else words[:1].lower() + words[1:]}"
 
 
-def _change(found: AssessmentFindings, each: Assessed, own: AgainstControl) -> str:
+def _change(found: AssessmentResult, each: Assessed, own: AgainstControl) -> str:
     """A change from control with its interval, in % where that says something."""
     share = each.share_of_control(found.control)
     scale, unit = (each.table.index.shown[0], "") if share is None else (100.0 / share, " %")
@@ -140,7 +140,7 @@ def _change(found: AssessmentFindings, each: Assessed, own: AgainstControl) -> s
     return f"{text}, {100 * found.confidence:g} % CI {_signed(low)} to {_signed(high)}{unit}"
 
 
-def _plain_change(found: AssessmentFindings, each: Assessed, condition: str) -> str:
+def _plain_change(found: AssessmentResult, each: Assessed, condition: str) -> str:
     """A change from control without a test, of one participant."""
     share = each.share_of_control(found.control)
     if len(each.table.values) > 1 or share is None or each.table.index.over_control or condition == found.control:
@@ -148,7 +148,7 @@ def _plain_change(found: AssessmentFindings, each: Assessed, condition: str) -> 
     return f"{_signed(100.0 * (float(each.table.column(condition).mean()) / share - 1.0))} %"
 
 
-def _other_indices(found: AssessmentFindings, alpha: float) -> list[str]:
+def _other_indices(found: AssessmentResult, alpha: float) -> list[str]:
     others = [e for e in found.assessed.values() if e.name not in MAIN and e.comparison.p_value is not None]
     differ = [e for e in others if e.comparison.p_value < alpha]
     same = [e for e in others if e.comparison.p_value >= alpha]
@@ -164,7 +164,7 @@ def _listed(parts: Sequence[str]) -> str:
     return " and ".join([", ".join(parts[:-1]), parts[-1]] if len(parts) > 1 else parts)
 
 
-def _isochrony_sentence(found: AssessmentFindings) -> list[str]:
+def _isochrony_sentence(found: AssessmentResult) -> list[str]:
     if not found.isochrony:
         return []
     means = {(line.condition, line.direction): float(np.mean(line.velocity_r2)) for line in found.isochrony}
@@ -180,7 +180,7 @@ def _isochrony_sentence(found: AssessmentFindings) -> list[str]:
     ]
 
 
-def _limits(found: AssessmentFindings, alpha: float) -> str:
+def _limits(found: AssessmentResult, alpha: float) -> str:
     n, m = len(found.participants), len(found.conditions) - 1
     best = m * smallest_p(n)
     if best >= alpha:
@@ -206,12 +206,12 @@ def _limits(found: AssessmentFindings, alpha: float) -> str:
     )
 
 
-def verdicts(found: AssessmentFindings, notes: Sequence[str] = ()) -> tuple[Verdict, ...]:
+def verdicts(found: AssessmentResult, notes: Sequence[str] = ()) -> tuple[Verdict, ...]:
     """What a reader must know before using the numbers.
 
     Parameters
     ----------
-    found : AssessmentFindings
+    found : AssessmentResult
     notes : sequence of str
         On recordings.
 
@@ -237,7 +237,7 @@ def verdicts(found: AssessmentFindings, notes: Sequence[str] = ()) -> tuple[Verd
     return tuple(said)
 
 
-def _filter_verdicts(found: AssessmentFindings) -> list[Verdict]:
+def _filter_verdicts(found: AssessmentResult) -> list[Verdict]:
     """Does another filter or rule turn a result around?"""
     alpha = 1.0 - found.confidence
     turned = []

@@ -17,7 +17,7 @@ from ...fit.transfer.transfer_function_fit import Response
 from ...pages.drawing import Drawing, Head, dots, heads, key, line, one_panel, tidy
 from ...pages.quantities import number, unit_text
 from ...pages.style import FIGURE_WIDTH, colour
-from .coupling_findings import WearerStages
+from .coupling_result import WearerStages
 
 SHOWN = 12.0
 """Seconds of a response or a swing that are drawn."""

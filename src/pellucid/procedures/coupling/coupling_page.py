@@ -11,19 +11,19 @@ from ...pages.tables import number_table
 from ...recordings.study import Study
 from ..study_page import figure_tables, parameter_tables, study_page
 from . import coupling_figures as figures
-from .coupling_findings import CouplingFindings
+from .coupling_result import CouplingResult
 
 NAMES = {"vqf": "VQF", "madgwick": "Madgwick's filter"}
 """Of the ways from an IMU to an orientation."""
 
 
-def page(study: Study, findings: CouplingFindings) -> Page:
+def page(study: Study, findings: CouplingResult) -> Page:
     """Everything that was found, as a page.
 
     Parameters
     ----------
     study : Study
-    findings : CouplingFindings
+    findings : CouplingResult
 
     Returns
     -------
@@ -43,7 +43,7 @@ def page(study: Study, findings: CouplingFindings) -> Page:
     )
 
 
-def _tiles(findings: CouplingFindings) -> tuple[Tile, ...]:
+def _tiles(findings: CouplingResult) -> tuple[Tile, ...]:
     gravity = findings.orthosis.gravity.gravity
     tiles = [Tile("Orthosis, gravity", number(gravity.value, gravity.standard_error), "N·m", "held out horizontally")]
     for who, stages in findings.wearers.items():
@@ -53,7 +53,7 @@ def _tiles(findings: CouplingFindings) -> tuple[Tile, ...]:
     return tuple(tiles)
 
 
-def _found(findings: CouplingFindings) -> Section:
+def _found(findings: CouplingResult) -> Section:
     return Section(
         "coupling_found",
         "What was found",
@@ -63,7 +63,7 @@ def _found(findings: CouplingFindings) -> Section:
     )
 
 
-def _orthosis(findings: CouplingFindings) -> Section:
+def _orthosis(findings: CouplingResult) -> Section:
     fit = findings.orthosis
     drawings = [draw(figures.gravity_figure, fit.gravity)]
     if fit.checks:
@@ -81,7 +81,7 @@ def _orthosis(findings: CouplingFindings) -> Section:
     )
 
 
-def _limbs(findings: CouplingFindings) -> Section:
+def _limbs(findings: CouplingResult) -> Section:
     known = {who: stages for who, stages in findings.wearers.items() if stages.limb is not None}
     rows = []
     for who, stages in known.items():
@@ -95,7 +95,7 @@ def _limbs(findings: CouplingFindings) -> Section:
     return Section("coupling_limbs", "The limbs", tables=tables, drawings=(drawing,))
 
 
-def _straps(findings: CouplingFindings) -> Section:
+def _straps(findings: CouplingResult) -> Section:
     drawings = [draw(figures.straps_figure, findings.wearers, findings.confidence)]
     for who, stages in findings.wearers.items():
         drawings.append(draw(figures.mismatch_figure, who, figures.drawn_swing(stages.coupling.judged)))
@@ -111,7 +111,7 @@ def _straps(findings: CouplingFindings) -> Section:
     )
 
 
-def _provenance(study: Study, findings: CouplingFindings) -> Section:
+def _provenance(study: Study, findings: CouplingResult) -> Section:
     asked = study.config.coupling
     axes = 9 if asked.magnetometer else 6
     return Section(

@@ -22,12 +22,12 @@ from ...recordings.quality import Fault
 from ...recordings.recording import Recording
 from ...recordings.study import Study
 from ...recordings.study_file import Participant, StudyFile
-from ...recordings.study_procedures import Coupling
 from ...signals.emg_chain import EmgChain, emg_chain
 from ...signals.inertial import inertial
 from ...signals.input_output import InputOutput, input_output
 from ...signals.wrapping import unwrap
-from .coupling_findings import CouplingFindings, WearerStages, coupling_findings
+from .coupling_result import CouplingResult, WearerStages, coupling_result
+from .procedure import CouplingTable
 
 Progress = Callable[[str, float], None]
 
@@ -40,7 +40,7 @@ BEYOND = np.radians(30.0)
 PROTOCOLS = ("gravity_holds", "sine_tracking", "imu_on_orthosis", "relaxed_holds", "mvc", "torque_steps", "free_swing")
 
 
-def identify_coupling(study: Study, on_progress: Progress | None = None) -> CouplingFindings:
+def identify_coupling(study: Study, on_progress: Progress | None = None) -> CouplingResult:
     """Identify orthosis, limbs and straps of a study with ``[coupling]``.
 
     Recordings are told apart by their protocol: ``gravity_holds``, ``sine_tracking``, ``imu_on_orthosis``,
@@ -54,7 +54,7 @@ def identify_coupling(study: Study, on_progress: Progress | None = None) -> Coup
 
     Returns
     -------
-    CouplingFindings
+    CouplingResult
 
     Raises
     ------
@@ -71,7 +71,7 @@ def identify_coupling(study: Study, on_progress: Progress | None = None) -> Coup
 
 def identify_worn(
     config: StudyFile, recordings: Sequence[Recording], *, on_progress: Progress | None = None
-) -> CouplingFindings:
+) -> CouplingResult:
     """The same from recordings that are at hand already.
 
     Parameters
@@ -83,7 +83,7 @@ def identify_worn(
 
     Returns
     -------
-    CouplingFindings
+    CouplingResult
 
     Raises
     ------
@@ -119,7 +119,7 @@ def identify_worn(
     tell("writing down", 0.95)
     checksums = {r.name: r.checksum for r in trials.recordings}
     people = {r.name: r.participant for r in trials.recordings}
-    return coupling_findings(config.name, orthosis, wearers, refused, trials.notes, checksums, people, asked.confidence)
+    return coupling_result(config.name, orthosis, wearers, refused, trials.notes, checksums, people, asked.confidence)
 
 
 def faults(study: Study) -> list[Fault]:
@@ -214,13 +214,13 @@ class _Trials:
             )
         return record
 
-    def imu(self, recording: Recording, asked: Coupling):
+    def imu(self, recording: Recording, asked: CouplingTable):
         stream = recording.stream(asked.imu)
         return inertial(stream, "imu", magnetometer=asked.magnetometer)
 
 
 def _wearer(
-    trials: _Trials, who: str, orthosis: OrthosisFit, asked: Coupling, participant: Participant | None
+    trials: _Trials, who: str, orthosis: OrthosisFit, asked: CouplingTable, participant: Participant | None
 ) -> WearerStages:
     """All stages of one participant."""
     chosen = {"method": asked.orientation, "axes": 9 if asked.magnetometer else 6}
@@ -251,7 +251,7 @@ def _wearer(
 
 
 def _swing(
-    trials: _Trials, recording: Recording, asked: Coupling, muscles: MuscleTorque | None, chosen: Mapping
+    trials: _Trials, recording: Recording, asked: CouplingTable, muscles: MuscleTorque | None, chosen: Mapping
 ) -> Swing:
     record = trials.worn(recording)
     time, angle = limb_by_imu(trials.imu(recording, asked), record, **chosen)
@@ -261,12 +261,12 @@ def _swing(
     return Swing(recording.name, record.split, record.time, record.output, record.input, time, angle, torque)
 
 
-def _levels(trials: _Trials, who: str, asked: Coupling, chain: EmgChain) -> Levels | None:
+def _levels(trials: _Trials, who: str, asked: CouplingTable, chain: EmgChain) -> Levels | None:
     maximal = [r.streams[asked.emg] for r in trials.of("mvc", who) if asked.emg in r.streams]
     return find_levels(maximal, (), chain) if maximal else None
 
 
-def _not_relaxed(trials: _Trials, who: str, asked: Coupling) -> dict[str, str]:
+def _not_relaxed(trials: _Trials, who: str, asked: CouplingTable) -> dict[str, str]:
     """Relaxed trials in which muscles were at work, and what was seen."""
     chain = emg_chain(CHAIN)
     recorded = [r for r in trials.of("relaxed_holds", who) if asked.emg in r.streams]
@@ -280,7 +280,7 @@ def _not_relaxed(trials: _Trials, who: str, asked: Coupling) -> dict[str, str]:
     return {name: text for name, text in said.items() if text}
 
 
-def _muscles(trials: _Trials, who: str, asked: Coupling, gravity: float) -> MuscleTorque | None:
+def _muscles(trials: _Trials, who: str, asked: CouplingTable, gravity: float) -> MuscleTorque | None:
     """The plain map from EMG to torque; None where no EMG was recorded against torques."""
     chain = emg_chain(CHAIN)
     steps = [r for r in trials.of("torque_steps", who) if r.use == "fit" and asked.emg in r.streams]

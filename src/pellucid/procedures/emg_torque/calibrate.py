@@ -18,8 +18,7 @@ from ...estimators.torque_trial import TorqueTrial
 from ...fit.parameter import Verdict
 from ...recordings.study import Study
 from ...signals.emg_chain import emg_chain
-from ..isolated_muscle.isolated_muscle import isolated_findings
-from ..result import FigureTable, Findings
+from ..result import FigureTable, Result
 from .calibration_rows import calibration_rows
 from .judged import CAUSAL, JUDGED, Calibrated, Judged, TorqueTrace, estimators_for
 from .leave_one_out import moments_left_out, repetitions_left_out
@@ -43,7 +42,7 @@ Progress = Callable[[str, float], None]
 
 
 @dataclass(frozen=True, kw_only=True)
-class CalibrationFindings(Findings):
+class CalibrationResult(Result):
     """What calibration found, with what its figures need.
 
     Attributes
@@ -59,7 +58,7 @@ class CalibrationFindings(Findings):
     muscles: tuple[MuscleSummary, ...] = field(default=(), repr=False)
 
 
-def calibrate(study: Study, on_progress: Progress | None = None) -> Findings:
+def calibrate(study: Study, on_progress: Progress | None = None) -> CalibrationResult:
     """Calibrate maps from EMG to torque and judge them on what was not fitted.
 
     Recordings with moments are fitted or held out as the study says. Torque steps against an orthosis are judged trial
@@ -68,14 +67,13 @@ def calibrate(study: Study, on_progress: Progress | None = None) -> Findings:
     Parameters
     ----------
     study : Study
-        With a table ``[emg_torque]``, or ``[isolated_muscle]``: a muscle without EMG, at a known excitation.
+        With a table ``[emg_torque]``.
     on_progress : callable, optional
         Called with a text and the share done, 0 to 1.
 
     Returns
     -------
-    Findings
-        `CalibrationFindings` of torque from EMG.
+    CalibrationResult
 
     Raises
     ------
@@ -84,14 +82,12 @@ def calibrate(study: Study, on_progress: Progress | None = None) -> Findings:
     RecordingError
         If a recording is not fit to be used.
     """
-    if study.config.isolated_muscle is not None:
-        return isolated_findings(study)
     if study.config.emg_torque is None:
         raise IdentificationError(f"{study.folder}: found no table [emg_torque] in study.toml, expected one")
     tell = on_progress or (lambda text, share: None)
     found = _judge_by(study)(study, tell)
     judged, trials = found.judged, found.trials
-    return CalibrationFindings(
+    return CalibrationResult(
         study=study.name,
         headline=_headline(judged),
         tables=(*_tables(judged), *muscle_tables(found.muscles)),

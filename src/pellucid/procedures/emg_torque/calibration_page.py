@@ -13,16 +13,16 @@ from ..result import ParameterTable
 from ..study_page import figure_tables, study_page
 from . import calibration_figures as figures
 from . import muscle_figures
-from .calibrate import CalibrationFindings, preferred
+from .calibrate import CalibrationResult, preferred
 
 
-def page(study: Study, findings: CalibrationFindings) -> Page:
+def page(study: Study, findings: CalibrationResult) -> Page:
     """Everything that calibration found, as a page.
 
     Parameters
     ----------
     study : Study
-    findings : CalibrationFindings
+    findings : CalibrationResult
 
     Returns
     -------
@@ -38,7 +38,7 @@ def page(study: Study, findings: CalibrationFindings) -> Page:
     )
 
 
-def _tiles(findings: CalibrationFindings) -> tuple[Tile, ...]:
+def _tiles(findings: CalibrationResult) -> tuple[Tile, ...]:
     tiles = []
     for what in dict.fromkeys(each.what for each in findings.judged):
         best = preferred(findings.judged, what)
@@ -47,7 +47,7 @@ def _tiles(findings: CalibrationFindings) -> tuple[Tile, ...]:
     return tuple(tiles)
 
 
-def _found(findings: CalibrationFindings) -> Section:
+def _found(findings: CalibrationResult) -> Section:
     tables = figure_tables(findings)
     first = findings.judged[0].recording
     plain = [e for e in findings.judged if not e.causal and e.recording == first]
@@ -62,7 +62,7 @@ def _found(findings: CalibrationFindings) -> Section:
     return Section("emg_found", "What was found", tuple(prose(v.text) for v in findings.verdicts), tables, (drawing,))
 
 
-def _traces(findings: CalibrationFindings) -> Section:
+def _traces(findings: CalibrationResult) -> Section:
     words = {name: family.words for name, family in ESTIMATORS.items()}
     drawings = tuple(
         draw(
@@ -76,7 +76,7 @@ def _traces(findings: CalibrationFindings) -> Section:
     return Section("emg_torque", "Torque over time", drawings=drawings)
 
 
-def _muscles(findings: CalibrationFindings) -> Section | None:
+def _muscles(findings: CalibrationResult) -> Section | None:
     """Parameters with intervals, and what every muscle does; None where muscles were passed over."""
     if not findings.muscles:
         return None
@@ -119,7 +119,7 @@ def _muscles(findings: CalibrationFindings) -> Section | None:
     return Section("emg_muscles", "Muscles", tables=tables, drawings=tuple(drawings))
 
 
-def _choices(findings: CalibrationFindings) -> Section:
+def _choices(findings: CalibrationResult) -> Section:
     first = findings.judged[0].recording
     rows = tuple(
         Row(

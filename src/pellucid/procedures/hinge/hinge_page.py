@@ -10,16 +10,16 @@ from ...pages.quantities import prose
 from ...recordings.study import Study
 from ..study_page import figure_tables, parameter_tables, study_page
 from . import hinge_figures as figures
-from .identify_hinge import PROCESSING, HingeFindings, HingeTrial
+from .identify_hinge import PROCESSING, HingeResult, HingeTrial
 
 
-def page(study: Study, findings: HingeFindings) -> Page:
+def page(study: Study, findings: HingeResult) -> Page:
     """Everything that was found, as a page.
 
     Parameters
     ----------
     study : Study
-    findings : HingeFindings
+    findings : HingeResult
 
     Returns
     -------
@@ -51,7 +51,7 @@ def _tile(trial: HingeTrial) -> Tile:
     )
 
 
-def _found(findings: HingeFindings) -> Section:
+def _found(findings: HingeResult) -> Section:
     told = tuple(prose(v.text) for v in findings.verdicts)
     return Section("hinge_found", "What was found", told, figure_tables(findings))
 
@@ -65,6 +65,6 @@ def _angles(study: Study, judged: tuple[HingeTrial, ...]) -> Section:
     return Section("hinge_angle", "Angle and error", drawings=tuple(drawings))
 
 
-def _hinges(findings: HingeFindings) -> Section:
+def _hinges(findings: HingeResult) -> Section:
     drawing = draw(figures.axes_figure, findings.trials, "axes")
     return Section("hinge", "Axis and centre", tables=parameter_tables(findings), drawings=(drawing,))

@@ -14,13 +14,13 @@ from ...recordings.quality import Fault
 from ...recordings.recording import Recording
 from ...recordings.results import ResultRow
 from ...recordings.study import Study
-from ...recordings.study_procedures import Hinge as HingeTable
 from ...signals.alignment import Alignment, clock_drift
 from ...signals.hinge import Hinge, find_hinge
 from ...signals.hinge_angle import HingeAngle, hinge_angle
 from ...signals.inertial import Inertial, inertial
-from ..result import FigureTable, Findings, ParameterTable
+from ..result import FigureTable, ParameterTable, Result
 from .hinge_reference import HingeReference, HingeScore, clock_delay, has_reference, hinge_reference, score
+from .procedure import HingeTable
 
 COMMAND = "identify"
 PROCESSING = (
@@ -66,13 +66,13 @@ class HingeTrial:
 
 
 @dataclass(frozen=True, kw_only=True)
-class HingeFindings(Findings):
+class HingeResult(Result):
     """What `identify` found on hinges, one trial for each recording."""
 
     trials: tuple[HingeTrial, ...] = ()
 
 
-def identify_hinge(study: Study, on_progress: Callable[[str, float], None] | None = None) -> HingeFindings:
+def identify_hinge(study: Study, on_progress: Callable[[str, float], None] | None = None) -> HingeResult:
     """Find hinge and angle in every recording, and judge the angle where there is a reference.
 
     Parameters
@@ -84,7 +84,7 @@ def identify_hinge(study: Study, on_progress: Callable[[str, float], None] | Non
 
     Returns
     -------
-    HingeFindings
+    HingeResult
 
     Raises
     ------
@@ -116,7 +116,7 @@ def identify_hinge(study: Study, on_progress: Callable[[str, float], None] | Non
         ResultRow(f"{study.name}.angle.rmse_deg.{name}", None, "deg", COMMAND, "heldout", checksums[name], why)
         for name, why in failures.items()
     ]
-    return HingeFindings(
+    return HingeResult(
         study=study.name,
         headline=_headline(trials),
         tables=(*_error_tables(trials), *(_parameters(trial) for trial in trials)),

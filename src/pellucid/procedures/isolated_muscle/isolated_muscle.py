@@ -18,10 +18,12 @@ from scipy import optimize
 from ..._errors import IdentificationError
 from ...fit.parameter import Verdict
 from ...models.muscle import Muscle
+from ...recordings.quality import Fault
 from ...recordings.recording import Recording
 from ...recordings.results import ResultRow
 from ...recordings.study import Study
-from ..result import FigureTable, Findings
+from ..procedure import Progress, quiet
+from ..result import FigureTable, Result
 
 PERIOD = 1e-3
 """Of the simulation [s]."""
@@ -99,28 +101,13 @@ class IsolatedMuscleFit:
         return rows
 
 
-def isolated_findings(study: Study) -> Findings:
-    """What `calibrate` says of a muscle whose length was imposed.
-
-    Parameters
-    ----------
-    study : Study
-        With a table ``[isolated_muscle]``.
-
-    Returns
-    -------
-    Findings
-
-    Raises
-    ------
-    RecordingError
-        If a recording lacks the length or the force.
-    """
+def isolated_result(study: Study, tell: Progress = quiet) -> Result:
+    """The force of one muscle by a rigid and by an elastic tendon, as tables, rows and verdicts."""
     fit = isolated_muscle(study)
     heads = ("Trial", "amplitude [mm]", "mean absolute error [% of F_iso]", "")
     shown = ((t.name, 1e3 * t.amplitude, t.mae_percent, "fitted" if t.use == "fit" else "held out") for t in fit.trials)
     said = f"{fit.rigid_mae_percent:.1f} % with a rigid tendon; the length's offset is {1e3 * fit.offset:.2f} mm"
-    return Findings(
+    return Result(
         study=study.name,
         headline=f"force within {fit.mae_percent:.2f} % of its isometric value, mean over the amplitudes",
         tables=(FigureTable("Force over imposed length", heads, tuple(shown)),),
@@ -129,6 +116,12 @@ def isolated_findings(study: Study) -> Findings:
         cards={},
         checksums={recording.name: recording.checksum for recording in study.recordings()},
     )
+
+
+def faults(study: Study) -> list[Fault]:
+    """None beyond what reading refuses: a force and a displacement that are missing, or too short."""
+    study.recordings()
+    return []
 
 
 def isolated_muscle(study: Study) -> IsolatedMuscleFit:

@@ -4,17 +4,17 @@ from __future__ import annotations
 
 from ...pages.page import Page, Section
 from ...recordings.study import Study
-from ..result import Findings
+from ..result import Result
 from ..study_page import figure_tables
 
 
-def page(study: Study, found: Findings) -> Page:
+def page(study: Study, found: Result) -> Page:
     """The page of an isolated muscle.
 
     Parameters
     ----------
     study : Study
-    found : Findings
+    found : Result
         From `calibrate`.
 
     Returns

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -13,7 +13,6 @@ from ...fit.joint.friction_family import FamilyFit, best_family, fit_family
 from ...fit.joint.regression import stack
 from ...fit.joint.replay import Machine
 from ...fit.parameter import Parameter
-from ...fit.slider.slider_fit import SliderFit
 from ...models.joint import FAMILIES, JointModel, joint_model
 from ...models.simulate import LoopSetting
 from ...recordings.quality import drive_channel, require_sound
@@ -21,54 +20,15 @@ from ...recordings.study import Study
 from ...recordings.study_file import JointTable
 from ...signals.effort import drive_model
 from ...signals.motion import filtering_of, motions
-from ..result import Findings
-from ..run import run_procedure
-from ..slider.identify_slider import identify_slider
-from .joint_fit import JointFit
+from ..procedure import Progress, quiet
+from .joint_result import JointResult, completed, traces_of
 from .joint_verdicts import sign_error, verdicts
 
-Progress = Callable[[str, float], None]
 
-
-def identify(
-    study: Study, *, families: Sequence[str] | None = None, on_progress: Progress | None = None, thorough: bool = True
-) -> JointFit | SliderFit | Findings:
-    """Identify the joint of a study, or what else its study.toml asks for.
-
-    Parameters
-    ----------
-    study : Study
-    families : sequence of str, optional
-        Friction families; the study's own list if left out.
-    on_progress : callable, optional
-        Called with a text and the share done, 0 to 1.
-    thorough : bool
-        Also weighted, robust, closed-loop and output-error estimates and simulations; False gives least squares,
-        intervals and held-out errors only.
-
-    Returns
-    -------
-    JointFit, SliderFit or Findings
-        Of a joint with friction; of one with a carriage; of a transfer function, a hinge or a coupling. The latter
-        have methods of their own: `families` must then be left out.
-
-    Raises
-    ------
-    RecordingError
-        If a recording is not fit to identify from.
-    IdentificationError
-        If the recordings cannot carry a model of any family, or the machine has several joints.
-    """
-    if len(study.rig.joints) > 1:
-        raise IdentificationError(study.rig.refusal)
-    own = study.config.procedure is not None or study.rig.drive is None
-    if families and (own or study.rig.slider is not None):
-        raise IdentificationError("this study is identified by methods of its own; leave out --family")
-    if own:
-        return run_procedure(study, on_progress=on_progress)
-    if study.rig.slider is not None:
-        return identify_slider(study, on_progress=on_progress)
-    tell = on_progress or (lambda text, share: None)
+def identify_joint(
+    study: Study, tell: Progress = quiet, *, families: Sequence[str] | None = None, thorough: bool = True
+) -> JointResult:
+    """Every family of a study's joint; `thorough` adds the other estimators and simulations to least squares."""
     names = tuple(families or study.model.families)
     for name in names:
         if name not in FAMILIES:
@@ -125,20 +85,25 @@ def identify(
             failures[name] = str(error)
     tell("verdicts", 1.0 - 0.3 / (len(names) + 0.5))
     best = best_family(fits)
-    result = JointFit(
+    found = JointResult(
         study=study.name,
+        headline="",
+        tables=(),
+        verdicts=tuple(verdicts(study, fits, best, failures, data, constant, no_constant)),
+        rows=(),
+        cards={},
+        checksums={r.name: r.checksum for r in recordings},
+        confidence=study.model.confidence,
         motion=study.rig.motion,
         effort_unit=drive.effort_unit,
         lifts=study.rig.lifts,
         families=fits,
         best=best,
-        verdicts=verdicts(study, fits, best, failures, data, constant, no_constant),
         filter_note=filter_note(study),
-        checksums={r.name: r.checksum for r in recordings},
         drive_constant=constant,
+        traces=traces_of(everything),
     )
-    tell("done", 1.0)
-    return result
+    return completed(study, found)
 
 
 def filter_note(study: Study) -> str:

@@ -7,7 +7,6 @@ Blue is fitted, orange is held out, dark grey is measured; colours and sizes liv
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -33,7 +32,7 @@ from ...pages.series import (
     whole,
 )
 from ...pages.style import FIGURE_WIDTH, colour, family_colour
-from .joint_fit import JointFit
+from .joint_result import JointResult, Trace
 
 COLUMNS = 4
 """Recordings side by side in one figure."""
@@ -41,32 +40,17 @@ SPLITS = {"fitted": "fitted", "heldout": "held out"}
 """What a split is called."""
 
 
-@dataclass(frozen=True)
-class Trace:
-    """One recording as it is drawn: arrays of shape (n,) in SI, NaN where the line is to break.
-
-    `split` is "fitted" or "heldout".
-    """
-
-    recording: str
-    split: str
-    time: np.ndarray
-    position: np.ndarray
-    velocity: np.ndarray
-    effort: np.ndarray
-
-
 # --- the recordings -------------------------------------------------------------------------------------------------
 
 
-def recordings(traces: Sequence[Trace], fit: JointFit, name: str = "recordings") -> Drawing:
+def recordings(traces: Sequence[Trace], fit: JointResult, name: str = "recordings") -> Drawing:
     """Position, velocity and effort of each recording against time, fitted and held out apart by colour.
 
     Parameters
     ----------
     traces : sequence of Trace
         At most `COLUMNS`.
-    fit : JointFit
+    fit : JointResult
     name : str
 
     Returns
@@ -102,12 +86,12 @@ def recordings(traces: Sequence[Trace], fit: JointFit, name: str = "recordings")
 # --- the fit in effort ----------------------------------------------------------------------------------------------
 
 
-def effort(fit: JointFit, family: FamilyFit, name: str = "effort") -> Drawing:
+def effort(fit: JointResult, family: FamilyFit, name: str = "effort") -> Drawing:
     """Measured and predicted effort with the prediction interval, and a zoom where the effort changes most.
 
     Parameters
     ----------
-    fit : JointFit
+    fit : JointResult
     family : FamilyFit
     name : str
 
@@ -172,13 +156,13 @@ def effort(fit: JointFit, family: FamilyFit, name: str = "effort") -> Drawing:
 
 
 def simulation(
-    fit: JointFit, simulations: Mapping[str, Sequence[Simulation]], mode: str, name: str = "simulation"
+    fit: JointResult, simulations: Mapping[str, Sequence[Simulation]], mode: str, name: str = "simulation"
 ) -> Drawing:
     """Measured and simulated motion, and their difference in position, for one mode of simulation.
 
     Parameters
     ----------
-    fit : JointFit
+    fit : JointResult
     simulations : mapping of str to sequence of Simulation
         By method; all of `mode`. At most `COLUMNS` recordings are drawn, held-out ones first in line.
     mode : {"closed_loop", "openloop"}
@@ -258,12 +242,12 @@ def simulation(
 # --- residuals ------------------------------------------------------------------------------------------------------
 
 
-def residuals(fit: JointFit, family: FamilyFit, name: str = "residuals") -> Drawing:
+def residuals(fit: JointResult, family: FamilyFit, name: str = "residuals") -> Drawing:
     """Residual effort against position, velocity and load, with running medians.
 
     Parameters
     ----------
-    fit : JointFit
+    fit : JointResult
     family : FamilyFit
     name : str
 
@@ -310,12 +294,12 @@ def residuals(fit: JointFit, family: FamilyFit, name: str = "residuals") -> Draw
     )
 
 
-def whiteness(fit: JointFit, family: FamilyFit, name: str = "whiteness") -> Drawing:
+def whiteness(fit: JointResult, family: FamilyFit, name: str = "whiteness") -> Drawing:
     """Autocorrelation of the residuals of the fitted recordings.
 
     Parameters
     ----------
-    fit : JointFit
+    fit : JointResult
     family : FamilyFit
     name : str
 
@@ -357,12 +341,12 @@ def whiteness(fit: JointFit, family: FamilyFit, name: str = "whiteness") -> Draw
 # --- friction -------------------------------------------------------------------------------------------------------
 
 
-def friction(fit: JointFit, name: str = "friction") -> Drawing:
+def friction(fit: JointResult, name: str = "friction") -> Drawing:
     """Friction against velocity: the best family with its interval over the data, and all families beside it.
 
     Parameters
     ----------
-    fit : JointFit
+    fit : JointResult
     name : str
 
     Returns
@@ -402,12 +386,12 @@ def friction(fit: JointFit, name: str = "friction") -> Drawing:
     )
 
 
-def families(fit: JointFit, name: str = "families") -> Drawing:
+def families(fit: JointResult, name: str = "families") -> Drawing:
     """Small multiples of the friction curve, one panel a family, on common axes.
 
     Parameters
     ----------
-    fit : JointFit
+    fit : JointResult
     name : str
 
     Returns
@@ -446,7 +430,7 @@ def families(fit: JointFit, name: str = "families") -> Drawing:
     )
 
 
-def _friction_panel(axis: Axes, fit: JointFit, family: FamilyFit) -> None:
+def _friction_panel(axis: Axes, fit: JointResult, family: FamilyFit) -> None:
     reading = READINGS[fit.motion]
     chosen = [p for p in family.predictions if p.split == "fitted"] or list(family.predictions)
     offset = family["offset"].value if "offset" in family.model.names else family.model.known.get("offset", 0.0)
@@ -484,7 +468,7 @@ def _curve(family: FamilyFit, velocity: np.ndarray, load: float) -> FrictionCurv
     return friction_curve(family.model, estimate.array, estimate.covariance, velocity, load)
 
 
-def _velocities(fit: JointFit, family: FamilyFit) -> tuple[float, float]:
+def _velocities(fit: JointResult, family: FamilyFit) -> tuple[float, float]:
     chosen = [p for p in family.predictions if p.split == "fitted"] or list(family.predictions)
     speed = np.concatenate([p.velocity for p in chosen])
     return float(np.quantile(speed, 0.003)), float(np.quantile(speed, 0.997))
@@ -508,12 +492,12 @@ def _loaded(family: FamilyFit) -> bool:
 # --- estimators and families in numbers -----------------------------------------------------------------------------
 
 
-def estimators(fit: JointFit, family: FamilyFit, name: str = "estimators") -> Drawing:
+def estimators(fit: JointResult, family: FamilyFit, name: str = "estimators") -> Drawing:
     """Every parameter by every way of estimating it, with 95 % intervals.
 
     Parameters
     ----------
-    fit : JointFit
+    fit : JointResult
     family : FamilyFit
     name : str
 
@@ -558,12 +542,12 @@ def estimators(fit: JointFit, family: FamilyFit, name: str = "estimators") -> Dr
     )
 
 
-def heldout(fit: JointFit, name: str = "heldout") -> Drawing:
+def heldout(fit: JointResult, name: str = "heldout") -> Drawing:
     """Effort error of every family, fitted and held out.
 
     Parameters
     ----------
-    fit : JointFit
+    fit : JointResult
     name : str
 
     Returns
@@ -603,7 +587,7 @@ def heldout(fit: JointFit, name: str = "heldout") -> Drawing:
 # --- common to several ----------------------------------------------------------------------------------------------
 
 
-def _effort_label(fit: JointFit) -> str:
+def _effort_label(fit: JointResult) -> str:
     return f"{EFFORTS.get(fit.effort_unit, 'Effort')} ({unit_text(fit.effort_unit)})"
 
 

@@ -1,18 +1,16 @@
-"""The report: one self-contained HTML page, and its figures as files beside it."""
+"""The page of a joint with friction: parameters, families, residuals, simulated motion, estimators side by side."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from pathlib import Path
+from collections.abc import Sequence
 
 import numpy as np
 
-from ..._atomic import write_text_atomically
 from ...fit.joint.friction_family import FamilyFit
 from ...fit.joint.joint_estimate import JointEstimate
 from ...fit.parameter import Parameter
-from ...fit.slider.slider_fit import SliderFit
 from ...pages.drawing import Drawing, draw
+from ...pages.page import Page, Section, Tile
 from ...pages.quantities import (
     EFFORTS,
     FAMILIES,
@@ -31,19 +29,10 @@ from ...pages.quantities import (
 )
 from ...pages.series import whole_recordings
 from ...pages.tables import Row, Table
-from ...pages.templates import render
 from ...recordings.study import Study
-from ...signals.motion import motions
-from ..report import write_procedure_report
-from ..result import Findings
-from ..slider.slider_page import write_slider_report
-from ..study_page import made_with
+from ..study_page import provenance, study_page
 from . import joint_figures as figures
-from .identify_joint import identify
-from .joint_figures import Trace
-from .joint_fit import JointFit
-
-PAGE = "index.html"
+from .joint_result import JointResult, Trace
 
 WHAT_ESTIMATORS_DO = (
     (("ls",), "least squares trusts the filtered motion as measured"),
@@ -57,108 +46,90 @@ WHAT_ESTIMATORS_DO = (
 )
 
 
-def write_report(
-    study: Study,
-    fit: JointFit | SliderFit | Findings | None = None,
-    *,
-    on_progress: Callable[[str, float], None] | None = None,
-) -> Path:
-    """Write the report of a study's joint: ``report/index.html``, and every figure as SVG and PDF.
-
-    Parameters
-    ----------
-    study : Study
-    fit : JointFit, SliderFit or Findings, optional
-        What `identify` or `calibrate` found. Left out, that is done again, with the families that model cards name.
-    on_progress : callable, optional
-        Called with a text and the share done, 0 to 1.
-
-    Returns
-    -------
-    Path
-        The page: one file without outside references, the same bytes for the same fit.
-
-    Raises
-    ------
-    OSError
-        If the study's folder cannot be written.
-    PellucidError
-        If a recording can no longer be read, or the joint cannot be identified.
-    """
-    if study.config.procedure is not None or study.rig.drive is None:
-        return write_procedure_report(study, fit, on_progress=on_progress)
-    if study.rig.slider is not None:
-        return write_slider_report(study, fit, on_progress=on_progress)
-    tell = on_progress or (lambda text, share: None)
-    share = 0.0
-    if fit is None:
-        share = 0.7
-        fit = identify(study, families=_identified(study), on_progress=lambda text, done: tell(text, share * done))
-    folder = Path(study.report_dir)
-    folder.mkdir(parents=True, exist_ok=True)
-    plans = _plans(study, fit)
-    drawings: dict[str, list[Drawing]] = {group: [] for group, *_ in plans}
-    for i, (group, make, *arguments) in enumerate(plans):
-        tell("drawing", share + (1.0 - share) * i / len(plans))
-        if make is None:
-            continue
-        drawing = draw(make, *arguments)
-        drawing.save(folder)
-        drawings[group].append(drawing)
-    page = render("template.html.j2", **_content(study, fit, drawings))
-    return write_text_atomically(folder / PAGE, page)
-
-
-def _identified(study: Study) -> tuple[str, ...] | None:
-    """Families that `identify` left cards of, in the usual order; None where there are none."""
-    found = {path.name.split(".")[1] for path in Path(study.models_dir).glob("joint.*.json")}
-    return tuple(f for f in FAMILIES if f in found) or None
+def page(study: Study, result: JointResult) -> Page:
+    """Everything that was found, as a page."""
+    best = result.families[result.best]
+    simulated, compared = _simulated_family(result), _compared_family(result)
+    effort = EFFORTS.get(result.effort_unit, "Effort").lower()
+    several = len(result.families) > 1
+    sections = [
+        Section(
+            "parameters",
+            "Parameters",
+            (
+                f"The {result.best} model: {FAMILIES.get(result.best, result.best)}. Values are the filtered "
+                "least-squares estimate; the last digit shown is the second uncertain one.",
+            ),
+            (_parameters(result, best.estimate, result.confidence),),
+            notes=tuple(prose(note) for note in best.estimate.notes),
+            folded=tuple(
+                (f"The {f.family} model", _parameters(result, f.estimate, result.confidence))
+                for f in result.families.values()
+                if f.family != result.best
+            ),
+        ),
+        Section(
+            "friction",
+            "Friction",
+            drawings=(
+                draw(figures.friction, result),
+                *((draw(figures.families, result),) if several else ()),
+            ),
+        ),
+        Section("recordings", "Recordings", drawings=_recordings(result)),
+        Section("effort", f"Fit in {effort}", drawings=(draw(figures.effort, result, best),)),
+    ]
+    motion = _simulation_drawings(result, simulated)
+    if motion:
+        said = (
+            "A prediction of effort can look good while a simulation drifts, so the identified joint "
+            f"({simulated.family} friction) is also set in motion."
+        )
+        table = _simulated(result, simulated)
+        sections.append(Section("simulation", "Simulated motion", (said,), (table,), motion))
+    sections.append(
+        Section(
+            "families",
+            "Friction families compared",
+            (_families_words(result),),
+            (_families(result),),
+            (draw(figures.heldout, result),) if several else (),
+            folded=(("Every recording", _by_recording(result)),),
+        )
+    )
+    residuals = (draw(figures.residuals, result, best), draw(figures.whiteness, result, best))
+    sections.append(Section("residuals", "Residuals", (), (_diagnostics(result),), residuals))
+    if compared is not None:
+        table, drawing = _estimators(compared, result.confidence), draw(figures.estimators, result, compared)
+        sections.append(
+            Section("estimators", "Estimators side by side", (_estimators_words(compared),), (table,), (drawing,))
+        )
+    return study_page(
+        title=f"{result.study}: identified joint",
+        headline=prose(_headline(study, result)),
+        tiles=_tiles(result, result.confidence),
+        sections=(*sections, _provenance(study, result)),
+        verdicts=result.verdicts,
+    )
 
 
 # --- figures --------------------------------------------------------------------------------------------------------
 
 
-def _plans(study: Study, fit: JointFit) -> list[tuple]:
-    """What to draw: the group in the page, the figure's function, and its arguments."""
-    best = fit.families[fit.best]
-    groups = _in_columns(_traces(study))
-    several = len(fit.families) > 1
-    plans: list[tuple] = [("friction", figures.friction, fit)]
-    plans.append(("friction", figures.families if several else None, fit))
-    for i, group in enumerate(groups):
-        plans.append(
-            ("recordings", figures.recordings, group, fit, f"recordings-{i + 1}" if len(groups) > 1 else "recordings")
-        )
-    plans.append(("effort", figures.effort, fit, best))
-    plans.append(("simulation", None))
-    simulated = _simulated_family(fit)
+def _recordings(fit: JointResult) -> tuple[Drawing, ...]:
+    groups = _in_columns(fit.traces)
+    names = [f"recordings-{i + 1}" if len(groups) > 1 else "recordings" for i in range(len(groups))]
+    return tuple(draw(figures.recordings, group, fit, name) for group, name in zip(groups, names, strict=True))
+
+
+def _simulation_drawings(fit: JointResult, simulated: FamilyFit | None) -> tuple[Drawing, ...]:
+    drawings = []
     for mode in MODES if simulated is not None else ():
         runs = {m: [s for s in made if s.mode == mode] for m, made in simulated.simulations.items()}
         runs = {m: made for m, made in runs.items() if made}
         if runs:
-            plans.append(("simulation", figures.simulation, fit, runs, mode, f"simulation-{mode.replace('_', '-')}"))
-    plans.append(("heldout", figures.heldout if several else None, fit))
-    plans.append(("residuals", figures.residuals, fit, best))
-    plans.append(("residuals", figures.whiteness, fit, best))
-    compared = _compared_family(fit)
-    plans.append(("estimators", figures.estimators if compared is not None else None, fit, compared))
-    return plans
-
-
-def _traces(study: Study) -> list[Trace]:
-    """Recordings as filtered, stretches of one recording joined by a break; fitted ones first."""
-    whole: dict[str, list] = {}
-    for motion in motions(study):
-        whole.setdefault(motion.recording, []).append(motion)
-
-    def joined(parts: list, signal: str) -> np.ndarray:
-        return np.concatenate([np.append(getattr(m, signal)[m.inner], np.nan) for m in parts])[:-1]
-
-    traces = [
-        Trace(name, parts[0].split, *(joined(parts, s) for s in ("time", "position", "velocity", "effort")))
-        for name, parts in whole.items()
-    ]
-    return sorted(traces, key=lambda t: t.split != "fitted")
+            drawings.append(draw(figures.simulation, fit, runs, mode, f"simulation-{mode.replace('_', '-')}"))
+    return tuple(drawings)
 
 
 def _in_columns(traces: Sequence[Trace]) -> list[Sequence[Trace]]:
@@ -167,13 +138,13 @@ def _in_columns(traces: Sequence[Trace]) -> list[Sequence[Trace]]:
     return [part for part in (traces[i * len(traces) // count : (i + 1) * len(traces) // count] for i in range(count))]
 
 
-def _simulated_family(fit: JointFit) -> FamilyFit | None:
+def _simulated_family(fit: JointResult) -> FamilyFit | None:
     """The family whose simulations are drawn: the best one, or else the first that was simulated."""
     ordered = [fit.families[fit.best], *fit.families.values()]
     return next((f for f in ordered if any(f.simulations.values())), None)
 
 
-def _compared_family(fit: JointFit) -> FamilyFit | None:
+def _compared_family(fit: JointResult) -> FamilyFit | None:
     """The family with the most estimators; the best one where several have as many."""
     ordered = [fit.families[fit.best], *fit.families.values()]
     most = max(ordered, key=lambda f: len(f.others))
@@ -183,55 +154,7 @@ def _compared_family(fit: JointFit) -> FamilyFit | None:
 # --- words and tables -----------------------------------------------------------------------------------------------
 
 
-def _content(study: Study, fit: JointFit, drawings: Mapping[str, list[Drawing]]) -> dict[str, object]:
-    best = fit.families[fit.best]
-    level = study.model.confidence
-    simulated = _simulated_family(fit)
-    compared = _compared_family(fit)
-    effort_word = EFFORTS.get(fit.effort_unit, "Effort").lower()
-    sections = [
-        ("parameters", "Parameters"),
-        ("friction", "Friction"),
-        ("recordings", "Recordings"),
-        ("effort", f"Fit in {effort_word}"),
-        *([("simulation", "Simulated motion")] if drawings["simulation"] else []),
-        ("families", "Families"),
-        ("residuals", "Residuals"),
-        *([("estimators", "Estimators")] if compared is not None else []),
-        ("provenance", "Where this comes from"),
-    ]
-    return {
-        "title": f"{fit.study}: identified joint",
-        "study": fit.study,
-        "headline": prose(_headline(study, fit)),
-        "tiles": _tiles(fit, level),
-        "verdicts": [{"kind": v.kind, "text": prose(v.text)} for v in fit.verdicts],
-        "sections": sections,
-        "best": fit.best,
-        "best_words": FAMILIES.get(fit.best, fit.best),
-        "parameters": _parameters(fit, best.estimate, level),
-        "estimate_notes": [prose(note) for note in best.estimate.notes],
-        "other_parameters": [
-            {"family": f.family, "table": _parameters(fit, f.estimate, level)}
-            for f in fit.families.values()
-            if f.family != fit.best
-        ],
-        "figures": drawings,
-        "effort_word": effort_word,
-        "simulated_family": simulated.family if simulated is not None else "",
-        "simulated": _simulated(fit, simulated),
-        "families_words": _families_words(fit),
-        "families": _families(fit),
-        "by_recording": _by_recording(fit),
-        "diagnostics": _diagnostics(fit),
-        "estimators_words": _estimators_words(compared),
-        "estimators": _estimators(compared, level) if compared is not None else None,
-        "provenance": _provenance(study, fit),
-        "checksums": _checksums(fit),
-    }
-
-
-def _headline(study: Study, fit: JointFit) -> str:
+def _headline(study: Study, fit: JointResult) -> str:
     best = fit.families[fit.best]
     names = {s: [p.recording for p in best.predictions if p.split == s] for s in ("fitted", "heldout")}
     used = {s: len(dict.fromkeys(n)) for s, n in names.items()}
@@ -259,27 +182,20 @@ def _headline(study: Study, fit: JointFit) -> str:
     return text
 
 
-def _tiles(fit: JointFit, level: float) -> list[dict[str, str]]:
+def _tiles(fit: JointResult, level: float) -> list[Tile]:
     best = fit.families[fit.best]
     tiles = []
     if np.isfinite(best.heldout_effort_error):
         tiles.append(
-            {
-                "what": "Error on held-out data",
-                "figure": percent(best.heldout_effort_error),
-                "unit": "%",
-                "more": f"{percent(best.fitted_effort_error)} % on what was fitted",
-            }
+            Tile(
+                "Error on held-out data",
+                percent(best.heldout_effort_error),
+                "%",
+                f"{percent(best.fitted_effort_error)} % on what was fitted",
+            )
         )
     else:
-        tiles.append(
-            {
-                "what": "Error on fitted data",
-                "figure": percent(best.fitted_effort_error),
-                "unit": "%",
-                "more": "nothing was held out",
-            }
-        )
+        tiles.append(Tile("Error on fitted data", percent(best.fitted_effort_error), "%", "nothing was held out"))
     # What moves, what falls, what rubs: the parameters of any joint that a reader looks for first.
     wanted = ("inertia", "gravity", "coulomb", "coulomb_positive", "viscous", "viscous_positive")
     for name in [n for n in wanted if n in best.model.names][:3]:
@@ -289,16 +205,12 @@ def _tiles(fit: JointFit, level: float) -> list[dict[str, str]]:
     return tiles
 
 
-def _tile(p: Parameter, level: float) -> dict[str, str]:
-    return {
-        "what": label(p.name).replace(" friction", ""),
-        "figure": number(p.value, p.standard_error),
-        "unit": unit_text(p.unit),
-        "more": f"{parameter_interval(p, level)} ({100.0 * level:.4g} %)",
-    }
+def _tile(p: Parameter, level: float) -> Tile:
+    more = f"{parameter_interval(p, level)} ({100.0 * level:.4g} %)"
+    return Tile(label(p.name).replace(" friction", ""), number(p.value, p.standard_error), unit_text(p.unit), more)
 
 
-def _parameters(fit: JointFit, estimate: JointEstimate, level: float) -> Table:
+def _parameters(fit: JointResult, estimate: JointEstimate, level: float) -> Table:
     booted = any(p.bootstrap is not None for p in estimate.parameters)
     share = f"{100.0 * level:.4g} %"
     heads = ["Parameter", "Value", "Unit", f"{share} interval"]
@@ -319,7 +231,7 @@ def _parameters(fit: JointFit, estimate: JointEstimate, level: float) -> Table:
     return Table(tuple(heads), tuple(rows), frozenset(range(len(heads) - 1)) - {0, 2}, wide=True)
 
 
-def _families_words(fit: JointFit) -> str:
+def _families_words(fit: JointResult) -> str:
     if len(fit.families) == 1:
         return f"Only one family was asked for, {fit.best}: {FAMILIES.get(fit.best, fit.best)}."
     judged = any(np.isfinite(f.heldout_effort_error) for f in fit.families.values())
@@ -330,7 +242,7 @@ def _families_words(fit: JointFit) -> str:
     )
 
 
-def _families(fit: JointFit) -> Table:
+def _families(fit: JointResult) -> Table:
     rows = []
     for f in fit.families.values():
         rows.append(
@@ -354,7 +266,7 @@ def _families(fit: JointFit) -> Table:
     )
 
 
-def _by_recording(fit: JointFit) -> Table:
+def _by_recording(fit: JointResult) -> Table:
     names = {p.recording: p.split for f in fit.families.values() for p in f.predictions}
     rows = []
     for recording, split in names.items():
@@ -369,7 +281,7 @@ def _by_recording(fit: JointFit) -> Table:
     return Table(heads, tuple(rows), frozenset(range(2, len(heads))), "Effort error by recording and family.", True)
 
 
-def _diagnostics(fit: JointFit) -> Table:
+def _diagnostics(fit: JointResult) -> Table:
     rows = []
     for f in fit.families.values():
         e, w = f.estimate, f.estimate.whiteness
@@ -413,7 +325,7 @@ def _p_value(p: float) -> str:
     return "below 0.001" if p < 1e-3 else number(p, digits=2)
 
 
-def _simulated(fit: JointFit, family: FamilyFit | None) -> Table:
+def _simulated(fit: JointResult, family: FamilyFit | None) -> Table:
     reading = READINGS[fit.motion]
     rows = []
     runs = [
@@ -499,18 +411,18 @@ def _estimators(family: FamilyFit, level: float) -> Table:
     )
 
 
-def _provenance(study: Study, fit: JointFit) -> list[tuple[str, str]]:
+def _provenance(study: Study, fit: JointResult) -> Section:
     rig = study.rig
     effort = EFFORTS.get(fit.effort_unit, "Effort")
-    return [
+    entries = [
         ("Joint", f"{rig.joint}, {fit.motion}" + (f"; positive is {fit.lifts}" if fit.lifts else "")),
         (effort, _drive(study, fit)),
         ("Processing", fit.filter_note),
-        *made_with(study),
     ]
+    return provenance(study, entries, _checksums(fit))
 
 
-def _drive(study: Study, fit: JointFit) -> str:
+def _drive(study: Study, fit: JointResult) -> str:
     """Where the effort comes from, in words."""
     drive = study.rig.drive
     if drive.kind == "torque":
@@ -528,7 +440,7 @@ def _drive(study: Study, fit: JointFit) -> str:
     return text
 
 
-def _checksums(fit: JointFit) -> Table:
+def _checksums(fit: JointResult) -> Table:
     splits = {p.recording: p.split for p in fit.families[fit.best].predictions}
     rows = tuple(
         Row((name, figures.SPLITS.get(splits.get(name, ""), "–"), digest)) for name, digest in fit.checksums.items()

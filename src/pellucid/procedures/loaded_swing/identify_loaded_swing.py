@@ -24,7 +24,7 @@ from ...recordings.recording import Recording
 from ...recordings.results import ResultRow, checksum_of_all
 from ...recordings.study import Study
 from ...recordings.study_file import Participant, StudyFile
-from ..result import FigureTable, Findings, ParameterTable
+from ..result import FigureTable, ParameterTable, Result
 
 EMPTY, LOADED = "empty_swing", "loaded_swing"
 """Protocols: the exoskeleton alone, and with a relaxed leg in it."""
@@ -59,7 +59,7 @@ class LegAlone:
 
 
 @dataclass(frozen=True, kw_only=True)
-class LoadedSwingFindings(Findings):
+class LoadedSwingResult(Result):
     """What swings said.
 
     Attributes
@@ -79,7 +79,7 @@ class LoadedSwingFindings(Findings):
     wearers: Mapping[str, str | None]
 
 
-def identify_loaded_swing(study: Study, on_progress: Progress | None = None) -> LoadedSwingFindings:
+def identify_loaded_swing(study: Study, on_progress: Progress | None = None) -> LoadedSwingResult:
     """Identify the exoskeleton and every participant's leg.
 
     Parameters
@@ -91,7 +91,7 @@ def identify_loaded_swing(study: Study, on_progress: Progress | None = None) -> 
 
     Returns
     -------
-    LoadedSwingFindings
+    LoadedSwingResult
 
     Raises
     ------
@@ -107,7 +107,7 @@ def identify_loaded_swing(study: Study, on_progress: Progress | None = None) -> 
 
 def identify_swings(
     config: StudyFile, recordings: Sequence[Recording], *, on_progress: Progress | None = None
-) -> LoadedSwingFindings:
+) -> LoadedSwingResult:
     """The same from recordings that are at hand already.
 
     Parameters
@@ -119,7 +119,7 @@ def identify_swings(
 
     Returns
     -------
-    LoadedSwingFindings
+    LoadedSwingResult
 
     Raises
     ------
@@ -203,7 +203,7 @@ def _usual(person: Participant | None) -> tuple[float, float] | None:
     return leg.inertia, leg.mass * leg.centre
 
 
-def _findings(config, confidence, empty, legs, swings, wearers, checksums) -> LoadedSwingFindings:
+def _findings(config, confidence, empty, legs, swings, wearers, checksums) -> LoadedSwingResult:
     study = config.name
 
     def files(*whose: str | None) -> dict[str, str]:
@@ -240,7 +240,7 @@ def _findings(config, confidence, empty, legs, swings, wearers, checksums) -> Lo
         for p in (empty.p, empty.q)
     ]
     mean = float(np.mean([leg.p.value for leg in legs.values()]))
-    return LoadedSwingFindings(
+    return LoadedSwingResult(
         study=study,
         headline=(
             f"{len(legs)} legs by difference: in the mean {mean:.3g} kg*m^2 about the knee, and "

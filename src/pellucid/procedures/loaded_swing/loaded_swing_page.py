@@ -8,19 +8,19 @@ from ...pages.page import Page, Section, Tile
 from ...pages.quantities import number, prose
 from ...recordings.study import Study
 from ..study_page import figure_tables, parameter_tables, study_page
-from .identify_loaded_swing import LoadedSwingFindings
+from .identify_loaded_swing import LoadedSwingResult
 
 DRAWN, SHOWN = 4, 20.0
 """Recordings that are drawn, and how long of each [s]."""
 
 
-def page(study: Study, findings: LoadedSwingFindings) -> Page:
+def page(study: Study, findings: LoadedSwingResult) -> Page:
     """Everything that was found, as a page.
 
     Parameters
     ----------
     study : Study
-    findings : LoadedSwingFindings
+    findings : LoadedSwingResult
 
     Returns
     -------
@@ -53,7 +53,7 @@ def page(study: Study, findings: LoadedSwingFindings) -> Page:
     )
 
 
-def _panels(findings: LoadedSwingFindings) -> list[Traces]:
+def _panels(findings: LoadedSwingResult) -> list[Traces]:
     """Each recording's torque beside its own body's."""
     panels = []
     for name in list(findings.swings)[:DRAWN]:
@@ -67,7 +67,7 @@ def _panels(findings: LoadedSwingFindings) -> list[Traces]:
     return panels
 
 
-def _torque(findings: LoadedSwingFindings) -> Drawing:
+def _torque(findings: LoadedSwingResult) -> Drawing:
     roles = {"measured": "measured", "fitted": "fitted"}
     return draw(
         over_time, _panels(findings), "swing_torque", roles=roles, caption="Torque of the motor, and what swings take."

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -21,36 +21,16 @@ from ...recordings.study_file import StudyFile
 from ...signals.effort import drive_model
 from ...signals.markers import Geometry, slider_geometry
 from ...signals.slider_motion import SliderMotion, slider_motions
+from ..procedure import Progress, quiet
 from .slider_faults import examine, require_torques
-
-Progress = Callable[[str, float], None]
+from .slider_result import SliderResult, slider_result
 
 AT_ONCE = "fourier"
 """The protocol of one excitation that shows everything; without it, all at once fits what the steps fit."""
 
 
-def identify_slider(study: Study, *, on_progress: Progress | None = None) -> SliderFit:
-    """Identify the joint with a carriage of a study.
-
-    Parameters
-    ----------
-    study : Study
-        With a ``[rig.slider]``.
-    on_progress : callable, optional
-        Called with a text and the share done, 0 to 1.
-
-    Returns
-    -------
-    SliderFit
-
-    Raises
-    ------
-    RecordingError
-        If a recording is not fit to identify from.
-    IdentificationError
-        If the recordings lack a direction or places of the carriage, or a step is singular.
-    """
-    tell = on_progress or (lambda text, share: None)
+def identify_slider(study: Study, tell: Progress = quiet) -> SliderResult:
+    """Every method on a study's joint with a carriage."""
     tell("reading recordings", 0.0)
     recordings = study.recordings()
     tell("looking for faults", 0.4)
@@ -61,7 +41,8 @@ def identify_slider(study: Study, *, on_progress: Progress | None = None) -> Sli
     if refused:
         raise RecordingError("\n".join(refused))
     checksums = {r.name: r.checksum for r in recordings}
-    return _fit(study.config, examined.geometry, examined.motions, checksums, lambda t, s: tell(t, 0.7 + 0.3 * s))
+    fit = _fit(study.config, examined.geometry, examined.motions, checksums, lambda t, s: tell(t, 0.7 + 0.3 * s))
+    return slider_result(study, fit)
 
 
 def fit_slider(config: StudyFile, recordings: Sequence[Recording], *, on_progress: Progress | None = None) -> SliderFit:

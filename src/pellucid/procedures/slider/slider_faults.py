@@ -7,8 +7,9 @@ from dataclasses import dataclass
 
 from ..._errors import IdentificationError, PellucidError
 from ...fit.slider.three_steps import STEPS, require_both_directions, require_places
-from ...recordings.quality import Fault
+from ...recordings.quality import Fault, inspect
 from ...recordings.recording import Recording
+from ...recordings.study import Study
 from ...recordings.study_file import StudyFile
 from ...signals.effort import drive_model
 from ...signals.markers import Geometry, geometry_faults, slider_geometry
@@ -31,6 +32,14 @@ class Examined:
     faults: list[Fault]
     geometry: Geometry | None = None
     motions: tuple[SliderMotion, ...] = ()
+
+
+def slider_faults(study: Study) -> list[Fault]:
+    """Faults of every file; where none refuses, of the carriage's places and of the motion."""
+    faults = [fault for recording in study.recordings() for fault in inspect(recording, study)]
+    if any(fault.severity == "refuse" for fault in faults):
+        return faults
+    return faults + examine(study.config, study.recordings()).faults
 
 
 def examine(config: StudyFile, recordings: Sequence[Recording]) -> Examined:

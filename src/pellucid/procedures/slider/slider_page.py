@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from pathlib import Path
+from collections.abc import Mapping
 
 import numpy as np
 
@@ -11,13 +10,14 @@ from ...fit.slider.slider_fit import METHODS, SliderEstimate, SliderFit
 from ...models.joint import GRAVITY, INDEX
 from ...models.slider_joint import BODY
 from ...pages.drawing import Drawing, draw
-from ...pages.page import Section, Tile, write_page
+from ...pages.page import Page, Section, Tile
 from ...pages.quantities import number, parameter_interval, parameter_note, prose, relative_sd, unit_text
 from ...pages.tables import Row, Table
 from ...recordings.study import Study
 from ..study_page import provenance, study_page
 from . import direction_figures as figures
-from .identify_slider import directional_friction, identify_slider, predicted
+from .identify_slider import directional_friction, predicted
+from .slider_result import SliderResult
 
 SHORT: Mapping[str, str] = {
     "pooled": "one set",
@@ -74,44 +74,16 @@ WORDS: Mapping[str, str] = {
 TRACES = ("dissociated", "load")
 
 
-def write_slider_report(
-    study: Study, fit: SliderFit | None = None, *, on_progress: Callable[[str, float], None] | None = None
-) -> Path:
-    """Write the report of a joint with a carriage: ``report/index.html``, and every figure as SVG and PDF.
-
-    Parameters
-    ----------
-    study : Study
-    fit : SliderFit, optional
-        Left out, the joint is identified again.
-    on_progress : callable, optional
-        Called with a text and the share done, 0 to 1.
-
-    Returns
-    -------
-    Path
-        The page.
-
-    Raises
-    ------
-    OSError
-        If the study's folder cannot be written.
-    PellucidError
-        If a recording can no longer be read, or the joint cannot be identified.
-    """
-    tell = on_progress or (lambda text, share: None)
-    if fit is None:
-        fit = identify_slider(study, on_progress=lambda text, done: tell(text, 0.6 * done))
-    tell("drawing", 0.6)
-    tiles, sections = slider_sections(fit, level=study.model.confidence)
-    tell("writing", 0.8)
-    page = study_page(
+def page(study: Study, result: SliderResult) -> Page:
+    """Everything that was found, as a page."""
+    fit = result.fit
+    tiles, sections = slider_sections(fit, level=result.confidence)
+    return study_page(
         title=f"{fit.study}: identified joint",
         headline=headline(fit),
         tiles=tiles,
         sections=(*sections, _provenance(study, fit)),
     )
-    return write_page(study.report_dir, page)
 
 
 def slider_sections(fit: SliderFit, *, level: float = 0.95) -> tuple[tuple[Tile, ...], tuple[Section, ...]]:

@@ -17,7 +17,7 @@ from ...recordings.recording import Recording
 from ...recordings.results import ResultRow
 from ...recordings.study import Study
 from ...signals.input_output import InputOutput, input_output
-from ..result import FigureTable, Findings, ParameterTable
+from ..result import FigureTable, ParameterTable, Result
 
 Progress = Callable[[str, float], None]
 
@@ -35,7 +35,7 @@ FEW = 3
 
 
 @dataclass(frozen=True, kw_only=True)
-class TransferFindings(Findings):
+class TransferResult(Result):
     """Transfer functions of a study's recordings.
 
     Attributes
@@ -59,7 +59,7 @@ class TransferFindings(Findings):
     channels: tuple[str, str]
 
 
-def identify_transfer(study: Study, on_progress: Progress | None = None) -> TransferFindings:
+def identify_transfer(study: Study, on_progress: Progress | None = None) -> TransferResult:
     """Identify a transfer function from every recording of a study with ``[transfer_function]``.
 
     A recording that is fitted is also judged held out: on its last third, with coefficients from the rest. One that is
@@ -74,7 +74,7 @@ def identify_transfer(study: Study, on_progress: Progress | None = None) -> Tran
 
     Returns
     -------
-    TransferFindings
+    TransferResult
 
     Raises
     ------
@@ -132,7 +132,7 @@ def identify_transfer(study: Study, on_progress: Progress | None = None) -> Tran
     if not fits:
         raise IdentificationError("no recording can be fitted:\n" + "\n".join(refused.values()))
     notes = {name: record.notes for name, record in ready.items()}
-    made = TransferFindings(
+    made = TransferResult(
         study=study.name,
         headline=_headline(recordings, fits, heldout),
         tables=_tables(recordings, fits, heldout, refused),
@@ -303,7 +303,7 @@ def _verdicts(
 
 
 def _rows(
-    made: TransferFindings,
+    made: TransferResult,
     recordings: tuple[Recording, ...],
     notes: Mapping[str, tuple[str, ...]],
     unjudged: Mapping[str, str],
@@ -357,7 +357,7 @@ def _method(found: TransferFit) -> str:
     return f"100 (1 - |y - ys|/|y - mean y|); output error, initial state estimated, {words[found.hold]}"
 
 
-def _cards(made: TransferFindings) -> dict[str, ParameterCard]:
+def _cards(made: TransferResult) -> dict[str, ParameterCard]:
     cards = {}
     for name, found in made.fits.items():
         file = f"transfer_function.{name}"

@@ -12,7 +12,7 @@ from ...pages.tables import Row, Table
 from ...recordings.study import Study
 from ..study_page import provenance, study_page
 from . import transfer_figures as figures
-from .identify_transfer import TransferFindings
+from .identify_transfer import TransferResult
 
 DRAWN = 6
 """Recordings whose responses are drawn: the best, the worst and those between, evenly by their fit."""
@@ -25,13 +25,13 @@ HOLDS = {
 }
 
 
-def page(study: Study, found: TransferFindings) -> Page:
+def page(study: Study, found: TransferResult) -> Page:
     """The report's page, figures drawn.
 
     Parameters
     ----------
     study : Study
-    found : TransferFindings
+    found : TransferResult
 
     Returns
     -------
@@ -45,12 +45,12 @@ def page(study: Study, found: TransferFindings) -> Page:
     )
 
 
-def _single(found: TransferFindings) -> dict[str, TransferFit]:
+def _single(found: TransferResult) -> dict[str, TransferFit]:
     """Fits of one recording alone, by its name."""
     return {name: fit for name, fit in found.fits.items() if len(fit.responses) == 1}
 
 
-def _tiles(found: TransferFindings) -> tuple[Tile, ...]:
+def _tiles(found: TransferResult) -> tuple[Tile, ...]:
     inside = {n: f.responses[0].fit for n, f in _single(found).items()}
     best = max(inside, key=inside.get)
     tiles = [
@@ -64,7 +64,7 @@ def _tiles(found: TransferFindings) -> tuple[Tile, ...]:
     return tuple(tiles)
 
 
-def _found(found: TransferFindings) -> Section:
+def _found(found: TransferResult) -> Section:
     single = _single(found)
     names = list(dict.fromkeys([*single, *found.heldout]))
     nan = float("nan")
@@ -97,7 +97,7 @@ def _percent(value: float) -> str:
     return number(float(value), digits=3) if np.isfinite(value) else "–"
 
 
-def _responses(found: TransferFindings) -> Section:
+def _responses(found: TransferResult) -> Section:
     labels = tuple(figures.shown(u, c) for u, c in zip(found.units, found.channels, strict=True))
     single = _single(found)
     ranked = sorted(single, key=lambda n: -single[n].responses[0].fit)
@@ -127,7 +127,7 @@ def _response(response: Response, labels: tuple[tuple[str, float], ...]) -> Draw
     )  # fmt: skip
 
 
-def _poles(found: TransferFindings) -> Section:
+def _poles(found: TransferResult) -> Section:
     poles = {n: f.transfer_function.poles for n, f in found.fits.items()}
     rows = []
     for name, values in poles.items():
@@ -153,7 +153,7 @@ def _poles(found: TransferFindings) -> Section:
     )
 
 
-def _coefficients(found: TransferFindings) -> Section:
+def _coefficients(found: TransferResult) -> Section:
     level = found.confidence
     heads = ("Parameter", "Value", "Unit", f"{100.0 * level:.4g} % interval", "Relative SD (%)")
     tables = []
@@ -182,7 +182,7 @@ def _coefficients(found: TransferFindings) -> Section:
     )
 
 
-def _provenance(study: Study, found: TransferFindings) -> Section:
+def _provenance(study: Study, found: TransferResult) -> Section:
     entries = [
         ("Input", f"{found.channels[0]}, {unit_text(found.units[0])}"),
         ("Output", f"{found.channels[1]}, {unit_text(found.units[1])}"),

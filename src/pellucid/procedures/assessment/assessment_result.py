@@ -10,7 +10,8 @@ import numpy as np
 from ...assessment.comparison import Comparison
 from ...assessment.indices import IndexTable, Isochrony
 from ...assessment.session import Measured
-from ..result import Findings
+from ...recordings.study import Study
+from ..result import Result
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,7 +103,7 @@ class Needed:
 
 
 @dataclass(frozen=True, kw_only=True)
-class AssessmentFindings(Findings):
+class AssessmentResult(Result):
     """Everything an assessment found.
 
     Attributes
@@ -144,3 +145,11 @@ class AssessmentFindings(Findings):
     profiles: tuple[Profile, ...] = field(default=(), repr=False)
     profile_of: str = ""
     measured: tuple[Measured, ...] = field(default=(), repr=False)
+
+    def written(self, study: Study) -> str:
+        return f"{self.paragraph}\n\nTables for a paper in {study.folder / 'tables'}"
+
+    def save_more(self, study: Study) -> None:
+        from .paper_tables import write_tables
+
+        write_tables(study.folder / "tables", self)

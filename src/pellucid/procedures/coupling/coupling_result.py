@@ -18,7 +18,7 @@ from ...fit.strap.published_coupling import PublishedCoupling
 from ...fit.strap.wearer_coupling import WearerCoupling
 from ...models.parameter_card import ParameterCard
 from ...recordings.results import ResultRow, checksum_of_all
-from ..result import FigureTable, Findings, ParameterTable
+from ..result import FigureTable, ParameterTable, Result
 
 WORDS: Mapping[str, str] = {
     "winter": "Winter, knee to ankle",
@@ -60,7 +60,7 @@ class WearerStages:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class CouplingFindings(Findings):
+class CouplingResult(Result):
     """An orthosis and its wearers.
 
     Attributes
@@ -77,7 +77,7 @@ class CouplingFindings(Findings):
     refused: Mapping[str, str]
 
 
-def coupling_findings(
+def coupling_result(
     study: str,
     orthosis: OrthosisFit,
     wearers: Mapping[str, WearerStages],
@@ -86,7 +86,7 @@ def coupling_findings(
     checksums: Mapping[str, str],
     participants: Mapping[str, str | None],
     confidence: float,
-) -> CouplingFindings:
+) -> CouplingResult:
     """Tables, verdicts, rows and cards of what the stages found.
 
     Parameters
@@ -104,13 +104,13 @@ def coupling_findings(
 
     Returns
     -------
-    CouplingFindings
+    CouplingResult
     """
 
     def files(who: str | None) -> dict[str, str]:
         return {name: digest for name, digest in checksums.items() if participants[name] == who}
 
-    return CouplingFindings(
+    return CouplingResult(
         study=study,
         headline=_headline(orthosis, wearers),
         tables=tuple(_tables(orthosis, wearers)),

@@ -1,9 +1,9 @@
-"""An identified joint written down: one model card per family, and every figure as a row of results.json."""
+"""What `identify` finds of a joint with friction: families, verdicts, and all of it as tables, rows and cards."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import replace
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from importlib.metadata import version
 
 import numpy as np
@@ -11,55 +11,129 @@ import numpy as np
 from ...fit.joint.friction_family import FamilyFit
 from ...fit.joint.joint_estimate import JointEstimate
 from ...fit.joint.replay import Simulation, relative_error
-from ...fit.slider.slider_fit import SliderFit
-from ...models.card import ModelCard, write_card
-from ...recordings.results import ResultRow, checksum_of_all, write_rows
+from ...fit.parameter import Parameter
+from ...models.card import ModelCard
+from ...recordings.results import ResultRow, checksum_of_all
 from ...recordings.study import Study
 from ...signals.effort import drive_model
-from ..slider.save_slider import save_slider
-from .joint_fit import JointFit
+from ...signals.motion import Motion
+from ..result import FigureTable, ParameterTable, Result
 
 COMMAND = "identify"
 
 
-def save(study: Study, fit: JointFit | SliderFit) -> list[ResultRow]:
-    """Write `models/joint.json` (the best family), `models/joint.<family>.json`, and this command's rows.
+@dataclass(frozen=True)
+class Trace:
+    """A recording as filtered, stretches joined by a break; signals have shape (n,), SI, the effort in its own unit."""
 
-    Parameters
+    recording: str
+    split: str
+    time: np.ndarray
+    position: np.ndarray
+    velocity: np.ndarray
+    effort: np.ndarray
+
+
+@dataclass(frozen=True, kw_only=True)
+class JointResult(Result):
+    """Everything `identify` found on one joint.
+
+    Attributes
     ----------
-    study : Study
-    fit : JointFit or SliderFit
-        The latter is written by `save_slider`.
-
-    Returns
-    -------
-    list of ResultRow
-        What results.json now holds of this command.
+    motion, effort_unit, lifts : str
+    families : mapping of str to FamilyFit
+        In the order they were asked for.
+    best : str
+        The simplest family whose held-out error is close to the smallest; fitted errors where nothing is held out.
+    filter_note : str
+        The processing, as one line: it stands beside every figure.
+    drive_constant : Parameter or None
+        From recordings with a known payload.
+    traces : tuple of Trace
+        Every recording, fitted ones first.
     """
-    if isinstance(fit, SliderFit):
-        return save_slider(study, fit)
-    study.models_dir.mkdir(exist_ok=True)
-    for name, family in fit.families.items():
-        write_card(study.models_dir / f"joint.{name}.json", card_of(study, fit, family))
-    write_card(study.models_dir / "joint.json", card_of(study, fit, fit.families[fit.best]))
-    rows = list(rows_of(fit))
-    write_rows(study.results_path, COMMAND, rows)
-    return rows
+
+    motion: str
+    effort_unit: str
+    lifts: str
+    families: Mapping[str, FamilyFit]
+    best: str
+    filter_note: str
+    drive_constant: Parameter | None = None
+    traces: tuple[Trace, ...] = field(default=(), repr=False)
+
+    @property
+    def estimates(self) -> Mapping[str, Parameter]:
+        """Parameters of the best family by name, of every family as ``"load.inertia"``."""
+        found = {p.name: p for p in self.families[self.best].estimate.parameters}
+        if self.drive_constant is not None:
+            found[self.drive_constant.name] = self.drive_constant
+        return found | {f"{n}.{p.name}": p for n, family in self.families.items() for p in family.estimate.parameters}
 
 
-def card_of(study: Study, fit: JointFit, family: FamilyFit) -> ModelCard:
-    """The model card of one family's least-squares estimate.
+def completed(study: Study, found: JointResult) -> JointResult:
+    """The same with headline, tables, rows and cards of its families."""
+    cards = {f"joint.{name}": card_of(study, found, family) for name, family in found.families.items()}
+    return replace(
+        found,
+        headline=_headline(found.families, found.best),
+        tables=_tables(found.families, found.best, found.drive_constant),
+        rows=tuple(rows_of(found)),
+        cards={**cards, "joint": cards[f"joint.{found.best}"]},
+    )
 
-    Parameters
-    ----------
-    study : Study
-    fit : JointFit
-    family : FamilyFit
 
-    Returns
-    -------
-    ModelCard
-    """
+def _headline(families: Mapping[str, FamilyFit], best: str) -> str:
+    one = families[best]
+    held = np.isfinite(one.heldout_effort_error)
+    split, error = ("held-out", one.heldout_effort_error) if held else ("fitted", one.fitted_effort_error)
+    return f"{best} friction, {split} effort error {error:.3g} %"
+
+
+def _tables(
+    families: Mapping[str, FamilyFit], best: str, constant: Parameter | None
+) -> tuple[ParameterTable | FigureTable, ...]:
+    shown = (*families[best].estimate.parameters, *(() if constant is None else (constant,)))
+    parameters = ParameterTable(f"Parameters with {best} friction", shown)
+    if len(families) == 1:
+        return (parameters,)
+    heads = ("family", "parameters", "fitted %", "held out %", "held-out R²", "")
+    rows = tuple(
+        (
+            f.family,
+            len(f.model.symbols),
+            f.fitted_effort_error,
+            _finite(f.heldout_effort_error),
+            _finite(f.heldout_r2),
+            "best" if f.family == best else "",
+        )
+        for f in families.values()
+    )
+    return parameters, FigureTable("Friction families, by their errors of the effort", heads, rows)
+
+
+def _finite(x: float) -> float | None:
+    return x if np.isfinite(x) else None
+
+
+def traces_of(motions: Sequence[Motion]) -> tuple[Trace, ...]:
+    """Recordings as filtered, fitted ones first."""
+    whole: dict[str, list[Motion]] = {}
+    for motion in motions:
+        whole.setdefault(motion.recording, []).append(motion)
+
+    def joined(parts: list[Motion], signal: str) -> np.ndarray:
+        return np.concatenate([np.append(getattr(m, signal)[m.inner], np.nan) for m in parts])[:-1]
+
+    traces = [
+        Trace(name, parts[0].split, *(joined(parts, s) for s in ("time", "position", "velocity", "effort")))
+        for name, parts in whole.items()
+    ]
+    return tuple(sorted(traces, key=lambda t: t.split != "fitted"))
+
+
+def card_of(study: Study, fit: JointResult, family: FamilyFit) -> ModelCard:
+    """The model card of one family's least-squares estimate."""
     level = study.model.confidence
     drive = drive_model(study.rig)
     fitted = [p for p in family.predictions if p.split == "fitted"]
@@ -85,7 +159,7 @@ def card_of(study: Study, fit: JointFit, family: FamilyFit) -> ModelCard:
     )
 
 
-def rows_of(fit: JointFit) -> Iterator[ResultRow]:
+def rows_of(fit: JointResult) -> Iterator[ResultRow]:
     """Every figure of a fit: `<study>.<family>.<figure>[.<recording>[.<signal>]]`, other estimators as
     `<study>.<family>.<method>.<figure>`."""
     together = checksum_of_all(fit.checksums.values())
@@ -129,7 +203,7 @@ def _estimate_rows(head: str, estimate: JointEstimate, plain: ResultRow) -> Iter
 
 
 def _simulation_rows(
-    head: str, fit: JointFit, simulations: tuple[Simulation, ...], plain: ResultRow
+    head: str, fit: JointResult, simulations: tuple[Simulation, ...], plain: ResultRow
 ) -> Iterator[ResultRow]:
     plain = replace(plain, note=f"measured and simulated signals through the same filter; {plain.note}")
     unit, scale = ("deg", 180.0 / np.pi) if fit.motion == "rotary" else ("mm", 1e3)

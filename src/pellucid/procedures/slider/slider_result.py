@@ -1,55 +1,53 @@
-"""An identified joint with a carriage written down: a model card per method, and every figure as a row."""
+"""What `identify` finds of a joint with a carriage: a fit, and all of it as tables, rows and cards."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from importlib.metadata import version
 
 from ...fit.slider.slider_fit import METHODS, SliderEstimate, SliderFit
-from ...models.card import write_card
 from ...models.slider_card import SliderCard
 from ...models.slider_joint import SliderJointModel
-from ...recordings.results import ResultRow, checksum_of_all, write_rows
+from ...recordings.results import ResultRow, checksum_of_all
 from ...recordings.study import Study
+from ..result import FigureTable, ParameterTable, Result
 
 COMMAND = "identify"
+SHOWN = ("load", "dissociated")
+"""Methods whose parameters are printed: the coherent body first, for its are the estimates."""
 
 
-def save_slider(study: Study, fit: SliderFit) -> list[ResultRow]:
-    """Write `models/slider.<method>.json` for every method, and this command's rows.
+@dataclass(frozen=True, kw_only=True)
+class SliderResult(Result):
+    """Everything `identify` found on a joint with a carriage; ``fit["load"]`` is one method's estimate."""
 
-    Parameters
-    ----------
-    study : Study
-    fit : SliderFit
+    fit: SliderFit = field(repr=False)
 
-    Returns
-    -------
-    list of ResultRow
-        What results.json now holds of this command.
-    """
-    study.models_dir.mkdir(exist_ok=True)
-    for method, estimate in fit.estimates.items():
-        write_card(study.models_dir / f"slider.{method}.json", slider_card(study, fit, estimate))
-    rows = list(slider_rows(fit))
-    write_rows(study.results_path, COMMAND, rows)
-    return rows
+
+def slider_result(study: Study, fit: SliderFit) -> SliderResult:
+    """A fit with its tables, rows and cards."""
+    split = "held-out" if fit.judged_split == "heldout" else "fitted"
+    errors = {name: fit.judged_error(name) for name in fit.estimates}
+    rows = tuple((METHODS[n], len(fit[n].values), e, e * fit.gain) for n, e in errors.items())
+    return SliderResult(
+        study=fit.study,
+        headline=f"{len(fit.motions)} recordings; mean absolute error over {split} trials",
+        tables=(
+            FigureTable("Methods", ("method", "parameters", "error A", "error N·m"), rows),
+            *(ParameterTable(METHODS[name], fit[name].parameters) for name in SHOWN),
+        ),
+        verdicts=fit.verdicts,
+        rows=tuple(slider_rows(fit)),
+        cards={f"slider.{name}": slider_card(study, fit, found) for name, found in fit.estimates.items()},
+        checksums=fit.checksums,
+        confidence=study.model.confidence,
+        fit=fit,
+    )
 
 
 def slider_card(study: Study, fit: SliderFit, estimate: SliderEstimate) -> SliderCard:
-    """The model card of one method's estimate.
-
-    Parameters
-    ----------
-    study : Study
-    fit : SliderFit
-    estimate : SliderEstimate
-
-    Returns
-    -------
-    SliderCard
-    """
+    """The model card of one method's estimate."""
     level = study.model.confidence
     model = estimate.model
     return SliderCard(

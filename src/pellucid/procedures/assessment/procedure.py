@@ -1,0 +1,96 @@
+"""Whether conditions change how people move."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+from pydantic import Field, model_validator
+
+from ...recordings.study_fields import ProcedureTable, quantity
+from ...recordings.study_file import StudyFile
+from ..procedure import Procedure, late
+
+
+class AssessmentTable(ProcedureTable):
+    """Whether conditions change how people move: ``[assessment]``. Recordings that name a condition take part.
+
+    Attributes
+    ----------
+    control : str
+        The condition the others are compared with.
+    angle : str
+        Channel of the angle; a study with `segment` does not need it.
+    segment : tuple of str
+        Markers on the moving segment, the proximal one first: its angle with the vertical is the angle.
+    target : str
+        Channel of the angle to be reached; each of its steps begins a movement and says how far.
+    agonists, antagonists : tuple of str
+        Muscles ``emg.<muscle>`` that make positive movements, and their opponents; none: no EMG.
+    emg : str
+        Stream of the muscles, where they are not in the recording's own file.
+    interaction : str
+        Channel of the robot's torque on the person.
+    lowpass : float
+        Cut-off of the zero-phase low-pass on the angle [Hz].
+    order : int
+        Of one pass.
+    threshold : float
+        Share of the largest speed that begins and ends a movement.
+    cutoffs, thresholds : tuple of float
+        With which the indices are computed again [Hz], [1].
+    advance : float
+        By which EMG is taken earlier than the motion [s].
+    confidence : float
+        Of the intervals, in (0, 1).
+    """
+
+    control: str
+    angle: str = "position"
+    segment: tuple[str, ...] = ()
+    target: str = "target"
+    agonists: tuple[str, ...] = ()
+    antagonists: tuple[str, ...] = ()
+    emg: str = "emg"
+    interaction: str = "interaction"
+    lowpass: quantity("Hz", gt=0) = 3.0
+    order: int = Field(4, ge=1, le=12)
+    threshold: float = Field(0.05, gt=0, lt=0.5)
+    cutoffs: tuple[quantity("Hz", gt=0), ...] = (1.5, 3.0, 6.0, 12.0)
+    thresholds: tuple[Annotated[float, Field(gt=0, lt=0.5)], ...] = (0.025, 0.05, 0.1)
+    advance: quantity("s", ge=0) = 0.1
+    confidence: float = Field(0.95, gt=0, lt=1)
+
+    @model_validator(mode="after")
+    def _two_markers(self) -> AssessmentTable:
+        if len(self.segment) not in (0, 2) or len(set(self.segment)) < len(self.segment):
+            raise ValueError(f"segment: found {list(self.segment)}, expected two markers, the proximal one first")
+        both = set(self.agonists) & set(self.antagonists)
+        if both:
+            raise ValueError(f"found {', '.join(sorted(both))} among agonists and antagonists, expected one of both")
+        return self
+
+    def require_in(self, config: StudyFile) -> None:
+        """The control must be a condition of the recordings, the segment's markers among the motion capture's."""
+        conditions = [entry.condition for entry in config.recordings if entry.condition is not None]
+        if config.recordings and self.control not in conditions:
+            raise ValueError(
+                f'[assessment] control: found "{self.control}", expected a condition of the recordings: '
+                f"{', '.join(dict.fromkeys(conditions)) or 'none'}"
+            )
+        markers = config.optical.markers if config.optical is not None else ()
+        absent = [marker for marker in self.segment if marker not in markers]
+        if absent:
+            raise ValueError(
+                f"[assessment] segment: found {', '.join(absent)}, expected [optical] markers: "
+                f"{', '.join(markers) or 'none'}"
+            )
+
+
+class AssessmentProcedure(Procedure):
+    """Whether conditions change how people move."""
+
+    name, command = "assessment", "assess"
+    table = AssessmentTable
+    faults = late("assessment.pointing_faults", "assessment_faults")
+    run = late("assessment.assess", "assess")
+    page = late("assessment.assessment_page", "page")

@@ -1,0 +1,44 @@
+"""A wearer strapped to an orthosis: both bodies, and what couples them."""
+
+from __future__ import annotations
+
+from typing import ClassVar, Literal
+
+from pydantic import Field
+
+from ...recordings.study_fields import ProcedureTable
+from ..procedure import Procedure, late
+
+
+class CouplingTable(ProcedureTable):
+    """A wearer strapped to an orthosis: ``[coupling]``.
+
+    Attributes
+    ----------
+    imu, emg : str
+        Streams of the limb's IMU and of the muscles.
+    orientation : str
+        Filter of the IMU: ``"vqf"`` or ``"madgwick"``.
+    magnetometer : bool
+        Whether it is used.
+    confidence : float
+        Of the intervals, in (0, 1).
+    """
+
+    alone: ClassVar[bool] = True
+
+    imu: str = "imu"
+    emg: str = "emg"
+    orientation: Literal["vqf", "madgwick"] = "vqf"
+    magnetometer: bool = True
+    confidence: float = Field(0.95, gt=0, lt=1)
+
+
+class CouplingProcedure(Procedure):
+    """A wearer strapped to an orthosis: both bodies, and what couples them."""
+
+    name, command = "coupling", "identify"
+    table = CouplingTable
+    faults = late("coupling.identify_coupling", "faults")
+    run = late("coupling.identify_coupling", "identify_coupling")
+    page = late("coupling.coupling_page", "page")

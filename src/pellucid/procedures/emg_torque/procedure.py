@@ -1,0 +1,61 @@
+"""Torque of joints from EMG, by several methods, on held-out data."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Literal
+
+from pydantic import Field
+
+from ...recordings.study import Study
+from ...recordings.study_fields import ProcedureTable, quantity
+from ..procedure import Procedure, late
+
+
+class EmgTorqueTable(ProcedureTable):
+    """Torque of joints from EMG: ``[emg_torque]``.
+
+    Attributes
+    ----------
+    joints : tuple of str
+        Each with channels ``angle.<joint>`` and ``moment.<joint>``, or the rig's own position and torque.
+    muscles : tuple of str
+        Channels ``emg.<muscle>`` to use; empty: all.
+    emg, moments : str
+        Streams, where these channels are not in the recording's own file.
+    chain : str
+        From raw EMG to envelopes: ``"knee"``, ``"able"``, ``"hill"``, or ``"none"`` where envelopes were recorded.
+    reference_lowpass : float or None
+        Cut-off of the zero-phase low-pass on the reference torque [Hz].
+    muscle_file : str or None
+        Path from the study's folder to an OpenSim model or a CEINMS subject, with the muscles' constants.
+    muscle_names : dict of str to str
+        What that file calls the study's muscles.
+    """
+
+    joints: tuple[str, ...] = Field(min_length=1)
+    muscles: tuple[str, ...] = ()
+    emg: str = "emg"
+    moments: str = "moments"
+    chain: Literal["knee", "able", "hill", "none"] = "knee"
+    reference_lowpass: quantity("Hz", gt=0) | None = None
+    muscle_file: str | None = None
+    muscle_names: dict[str, str] = Field(default_factory=dict)
+
+
+class EmgTorqueProcedure(Procedure):
+    """Torque of joints from EMG, by several methods, on held-out data."""
+
+    name, command = "emg_torque", "calibrate"
+    table = EmgTorqueTable
+    faults = late("emg_torque.emg_faults", "emg_faults")
+    run = late("emg_torque.calibrate", "calibrate")
+    page = late("emg_torque.calibration_page", "page")
+
+    def inputs(self, study: Study) -> Iterable[Path]:
+        """Cards of the bodies that a torque is told by, and the muscles' constants."""
+        yield from (p for p in sorted(study.models_dir.glob("*.json")) if p.stem.endswith(("orthosis", "limb")))
+        constants = study.config.emg_torque.muscle_file
+        if constants is not None:
+            yield study.folder / constants

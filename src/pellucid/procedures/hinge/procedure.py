@@ -1,0 +1,46 @@
+"""A hinge between two segments, each with an inertial sensor."""
+
+from __future__ import annotations
+
+from typing import ClassVar
+
+from ...recordings.study_fields import ProcedureTable, quantity
+from ..procedure import Procedure, late
+
+
+class HingeTable(ProcedureTable):
+    """A hinge between two segments, each with an IMU: ``[hinge]``.
+
+    Attributes
+    ----------
+    proximal, distal : str
+        What the names of each IMU's channels begin with.
+    calibration : float
+        The first seconds, from which axes, joint centre and the angle's zero are found [s].
+    score_from : float
+        From when on the angle is judged [s].
+    jump : float
+        A reference angle that changes by more than this from one sample to the next is no measurement [rad].
+    delay : float or None
+        How much later the IMUs show a motion than the reference does [s]; left out, it is found from the angular rates
+        of the calibration's seconds.
+    """
+
+    alone: ClassVar[bool] = True
+
+    proximal: str = "proximal"
+    distal: str = "distal"
+    calibration: quantity("s", gt=0) = 10.0
+    score_from: quantity("s", ge=0) = 10.0
+    jump: quantity("rad", gt=0)
+    delay: quantity("s") | None = None
+
+
+class HingeProcedure(Procedure):
+    """A hinge between two segments, each with an inertial sensor."""
+
+    name, command = "hinge", "identify"
+    table = HingeTable
+    faults = late("hinge.identify_hinge", "faults")
+    run = late("hinge.identify_hinge", "identify_hinge")
+    page = late("hinge.hinge_page", "page")

@@ -1,0 +1,43 @@
+"""Are recordings of a joint fit to identify from? Faults of the files, then faults of the motion."""
+
+from __future__ import annotations
+
+from ..._errors import PellucidError
+from ...fit.joint.regression import solve, stack
+from ...models.joint import joint_model
+from ...recordings.quality import Fault, drive_channel, inspect
+from ...recordings.study import Study
+from ...signals.effort import drive_model
+from ...signals.motion import motions
+from .joint_verdicts import sign_error
+
+
+def joint_faults(study: Study) -> list[Fault]:
+    """Faults of every file; where none refuses, whether the simplest family can be told at all, and with which sign."""
+    faults = [fault for recording in study.recordings() for fault in inspect(recording, study)]
+    if any(fault.severity == "refuse" for fault in faults):
+        return faults
+    try:
+        data = stack([m for m in motions(study) if m.split == "fitted"])
+        model = joint_model(
+            "symmetric",
+            motion=study.rig.motion,
+            effort_unit=drive_model(study.rig).effort_unit,
+            gravity=study.model.gravity,
+            known=study.model.known,
+        )
+        solve(model, data)
+        sign_error(model, data, drive_channel(study.recordings("fit")[0], study))
+    except PellucidError as error:
+        faults.append(
+            Fault(
+                severity="refuse",
+                kind="excitation",
+                file="study.toml",
+                channel="",
+                found=str(error),
+                expected="a motion that shows every parameter",
+                message=str(error),
+            )
+        )
+    return faults

@@ -1,0 +1,70 @@
+"""Every procedure, once; what a study asks for, and the study.toml that can ask."""
+
+from __future__ import annotations
+
+import os
+from functools import cache
+from typing import TYPE_CHECKING
+
+from .assessment.procedure import AssessmentProcedure
+from .coupling.procedure import CouplingProcedure
+from .emg_torque.procedure import EmgTorqueProcedure
+from .hinge.procedure import HingeProcedure
+from .isolated_muscle.procedure import IsolatedMuscleProcedure
+from .joint.procedure import JointProcedure
+from .loaded_swing.procedure import LoadedSwingProcedure
+from .procedure import Procedure
+from .slider.procedure import SliderProcedure
+from .transfer_function.procedure import TransferFunctionProcedure
+
+if TYPE_CHECKING:
+    from ..recordings.study import Study
+    from ..recordings.study_file import StudyFile
+
+PROCEDURES: tuple[Procedure, ...] = (
+    JointProcedure(),
+    SliderProcedure(),
+    TransferFunctionProcedure(),
+    HingeProcedure(),
+    CouplingProcedure(),
+    LoadedSwingProcedure(),
+    EmgTorqueProcedure(),
+    IsolatedMuscleProcedure(),
+    AssessmentProcedure(),
+)
+"""In the order in which a study is checked and its report shows them."""
+
+
+def asked(study: Study, command: str | None = None) -> tuple[Procedure, ...]:
+    """What a study asks for, of one command or of all."""
+    return tuple(p for p in PROCEDURES if command in (None, p.command) and p.asked(study))
+
+
+@cache
+def study_model() -> type[StudyFile]:
+    """study.toml with the tables of every procedure."""
+    from ..recordings.study_file import study_file_model
+
+    return study_file_model({p.name: p.table for p in PROCEDURES if p.table is not None})
+
+
+def open_study(folder: str | os.PathLike) -> Study:
+    """Open a study's folder; recordings are read when they are asked for.
+
+    Parameters
+    ----------
+    folder : path-like
+        Folder with a study.toml in it.
+
+    Returns
+    -------
+    Study
+
+    Raises
+    ------
+    StudyError
+        If study.toml is missing or cannot be understood.
+    """
+    from ..recordings.study import open_folder
+
+    return open_folder(folder, study_model())

@@ -1,0 +1,51 @@
+"""A linear model from one channel to another."""
+
+from __future__ import annotations
+
+from typing import ClassVar, Literal
+
+from pydantic import Field, model_validator
+
+from ...recordings.study_fields import ProcedureTable
+from ..procedure import Procedure, late
+
+
+class TransferFunctionTable(ProcedureTable):
+    """A linear model from one channel to another: ``[transfer_function]``.
+
+    Attributes
+    ----------
+    input, output : str
+        Channels.
+    poles, zeros : int
+        Orders of denominator and numerator.
+    hold : str
+        What the input did between its samples: ``"first"`` (straight lines) or ``"zero"`` (steps).
+    confidence : float
+        Of the intervals, in (0, 1).
+    """
+
+    alone: ClassVar[bool] = True
+
+    input: str = "torque"
+    output: str = "position"
+    poles: int = Field(ge=1, le=8)
+    zeros: int = Field(0, ge=0)
+    hold: Literal["first", "zero"] = "first"
+    confidence: float = Field(0.95, gt=0, lt=1)
+
+    @model_validator(mode="after")
+    def _proper(self) -> TransferFunctionTable:
+        if self.zeros >= self.poles:
+            raise ValueError(f"found zeros = {self.zeros} with poles = {self.poles}, expected fewer zeros than poles")
+        return self
+
+
+class TransferFunctionProcedure(Procedure):
+    """A linear model from one channel to another."""
+
+    name, command = "transfer_function", "identify"
+    table = TransferFunctionTable
+    faults = late("transfer_function.identify_transfer", "faults")
+    run = late("transfer_function.identify_transfer", "identify_transfer")
+    page = late("transfer_function.transfer_page", "page")

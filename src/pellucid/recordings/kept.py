@@ -1,0 +1,174 @@
+"""Results kept beside a study: one file of numbers, which no reader has to trust, since nothing in it can run.
+
+A result is a tree of the package's own frozen dataclasses, mappings, tuples and arrays. Arrays are stored once each,
+the tree as JSON; what is read back may only be such dataclasses, whatever the file says.
+"""
+
+from __future__ import annotations
+
+import json
+import zipfile
+from collections.abc import Mapping
+from dataclasses import fields, is_dataclass
+from functools import cache
+from hashlib import blake2b, sha256
+from importlib import import_module
+from importlib.metadata import version
+from io import BytesIO
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from .._atomic import write_bytes_atomically
+
+PACKAGE = __name__.partition(".")[0]
+TREE, FRESH = "tree", "made_from"
+
+
+class _Unknown(TypeError):
+    pass
+
+
+def keep(path: Path, made_from: str, result: Any) -> Path | None:
+    """Write a result, whole or not at all; None where it holds what cannot be kept.
+
+    Parameters
+    ----------
+    path : Path
+        Ends in ``.npz``.
+    made_from : str
+        Fingerprint of its inputs.
+    result : dataclass
+        Of this package.
+
+    Returns
+    -------
+    Path or None
+
+    Raises
+    ------
+    OSError
+        If the folder cannot be written.
+    """
+    arrays = _Arrays()
+    try:
+        tree = json.dumps({FRESH: made_from, TREE: arrays.plain(result)}, separators=(",", ":"))
+    except _Unknown:
+        path.unlink(missing_ok=True)
+        return None
+    stored = {f"a{i}": x for i, x in enumerate(arrays.found)}
+    stored[TREE] = np.frombuffer(tree.encode(), np.uint8)
+    content = BytesIO()
+    np.savez(content, **stored)
+    return write_bytes_atomically(path, content.getbuffer())
+
+
+def read_kept(path: Path, made_from: str) -> Any:
+    """A result, if it was kept and made from just this; None otherwise, also where the file is damaged.
+
+    Parameters
+    ----------
+    path : Path
+    made_from : str
+
+    Returns
+    -------
+    dataclass or None
+    """
+    if not path.is_file():
+        return None
+    try:
+        with np.load(path, allow_pickle=False) as stored:
+            tree = json.loads(stored[TREE].tobytes().decode())
+            if tree[FRESH] != made_from:
+                return None
+            return _object(tree[TREE], stored)
+    except (OSError, ValueError, KeyError, TypeError, AttributeError, ImportError, EOFError, zipfile.BadZipFile):
+        return None  # another version's, or somebody's own
+
+
+@cache
+def code_fingerprint() -> str:
+    """SHA-256 of the version and of the package's own sources: another code may find something else."""
+    root = Path(import_module(PACKAGE).__file__).parent
+    digest = sha256(version(PACKAGE).encode())
+    for source in sorted(root.rglob("*.py")):
+        digest.update(source.read_bytes())
+    return digest.hexdigest()
+
+
+class _Arrays:
+    """Turns a tree into JSON, and takes its arrays out, equal ones once."""
+
+    def __init__(self) -> None:
+        self.found: list[np.ndarray] = []
+        self._places: dict[tuple, int] = {}
+
+    def plain(self, x: Any) -> Any:
+        if x is None or isinstance(x, (bool, str)):
+            return x
+        if isinstance(x, (int, float)) and not isinstance(x, np.generic):
+            return x
+        if is_dataclass(x) and type(x).__module__.partition(".")[0] == PACKAGE:
+            kind = f"{type(x).__module__}:{type(x).__qualname__}"
+            return {"d": kind, "v": {f.name: self.plain(getattr(x, f.name)) for f in fields(x)}}
+        if isinstance(x, np.ndarray):
+            return {"a": self._place(x)}
+        if isinstance(x, np.generic):
+            return {"a": self._place(np.asarray(x)), "scalar": True}
+        if isinstance(x, list):
+            return [self.plain(y) for y in x]
+        if isinstance(x, tuple):
+            return {"t": [self.plain(y) for y in x]}
+        if isinstance(x, (set, frozenset)):
+            return {"f": [self.plain(y) for y in sorted(x)]}
+        if isinstance(x, Mapping):
+            return {"m": [[self.plain(key), self.plain(value)] for key, value in x.items()]}
+        if isinstance(x, Path):
+            return {"p": str(x)}
+        raise _Unknown(f"{type(x).__module__}.{type(x).__qualname__} cannot be kept")
+
+    def _place(self, x: np.ndarray) -> int:
+        if x.dtype == object:
+            raise _Unknown("an array of objects cannot be kept")
+        x = np.ascontiguousarray(x) if x.ndim else x
+        key = (x.shape, x.dtype.str, blake2b(x.tobytes(), digest_size=16).digest())
+        if key not in self._places:
+            self._places[key] = len(self.found)
+            self.found.append(x)
+        return self._places[key]
+
+
+def _object(x: Any, stored: Mapping[str, np.ndarray]) -> Any:
+    if isinstance(x, list):
+        return [_object(y, stored) for y in x]
+    if not isinstance(x, dict):
+        return x
+    if "a" in x:
+        array = stored[f"a{int(x['a'])}"]
+        return array[()] if x.get("scalar") else array
+    if "t" in x:
+        return tuple(_object(y, stored) for y in x["t"])
+    if "f" in x:
+        return frozenset(_object(y, stored) for y in x["f"])
+    if "m" in x:
+        return {_object(key, stored): _object(value, stored) for key, value in x["m"]}
+    if "p" in x:
+        return Path(x["p"])
+    return _dataclass(x["d"], {name: _object(value, stored) for name, value in x["v"].items()})
+
+
+def _dataclass(kind: str, values: dict[str, Any]) -> Any:
+    module, _, name = kind.partition(":")
+    if module.partition(".")[0] != PACKAGE:
+        raise ValueError(kind)
+    found = getattr(import_module(module), name)
+    if not (isinstance(found, type) and is_dataclass(found)):
+        raise ValueError(kind)
+    if {f.name for f in fields(found)} != set(values):
+        raise ValueError(kind)
+    made = object.__new__(found)
+    for key, value in values.items():
+        object.__setattr__(made, key, value)
+    return made
