@@ -210,7 +210,7 @@ def demo(
 
 @app.command()
 def reproduce(
-    paper: Annotated[str, typer.Argument(metavar="PAPER", help="Published study: able, knee, hill.")],
+    paper: Annotated[str, typer.Argument(metavar="PAPER", help="Published study: able, hill, knee.")],
     out: Annotated[Path | None, typer.Option("--out", metavar="DIR", help="Folder for the page and its files.")] = None,
 ) -> None:
     """Reproduce a published study, number by number."""

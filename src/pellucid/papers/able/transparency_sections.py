@@ -194,7 +194,7 @@ def _all_laws(rows: Mapping[str, Reproduced]) -> Section:
         "Every law, on robots it was not chosen on",
         (
             f"{rows['transparency.given.fc'].note.capitalize()}; each robot is identified for itself. The dithered law "
-            "keeps the robot from sticking by a tremble of its motor: what that does hangs on how far a real "
+            "keeps the robot from sticking by dither of its motor: what that does hangs on how far a real "
             "transmission yields before it slips.",
         ),
         (

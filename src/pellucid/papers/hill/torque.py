@@ -68,25 +68,25 @@ class TorqueFound:
 def find_torque(empty: BodyFound, leg: LegFound, taken: SubjectTaken) -> TorqueFound:
     """Calibrate on a subject's first swing and predict the second one; every setting is chosen within the first."""
     loaded = leg.body.corrected["rich"]
-    fitted, held = (active_swing(taken, what, loaded, flexors=True) for what in ("swing_1", "swing_2"))
-    alone, alone_held = _without_flexors(fitted), _without_flexors(held)
+    fitted, heldout = (active_swing(taken, what, loaded, flexors=True) for what in ("swing_1", "swing_2"))
+    alone, alone_heldout = _without_flexors(fitted), _without_flexors(heldout)
     hill, recorded = fit_hill([fitted.trial]), fit_hill([alone.trial])
-    predicted = {"hill": hill.predict(held.trial), "hill.recorded": recorded.predict(alone_held.trial)}
+    predicted = {"hill": hill.predict(heldout.trial), "hill.recorded": recorded.predict(alone_heldout.trial)}
     seen = features(fitted.trial, SEEN).x
     learnt = adaptive_correction([(seen, fitted.trial.torque - hill.predict(fitted.trial))])
-    predicted["hill.adaptive"] = CorrectedMap("hill", hill, learnt).predict(held.trial)
+    predicted["hill.adaptive"] = CorrectedMap("hill", hill, learnt).predict(heldout.trial)
     for name in BASELINES:
-        predicted[name] = _fit(name, fitted).predict(held.trial)
+        predicted[name] = _fit(name, fitted).predict(heldout.trial)
     for name in RECORDED:
-        predicted[f"{name}.recorded"] = _fit(name, alone).predict(alone_held.trial)
+        predicted[f"{name}.recorded"] = _fit(name, alone).predict(alone_heldout.trial)
     # As published: calibrated on the torque of eq. 12, scored on it.
-    of_eq12 = [torque_of_a_bare_leg(empty.published, leg.body.published, s.motion).torque for s in (fitted, held)]
+    of_eq12 = [torque_of_a_bare_leg(empty.published, leg.body.published, s.motion).torque for s in (fitted, heldout)]
     as_published = fit_hill([replace(alone.trial, torque=of_eq12[0])])
-    predicted["hill.eq12"] = as_published.predict(alone_held.trial)
-    trial = held.trial
+    predicted["hill.eq12"] = as_published.predict(alone_heldout.trial)
+    trial = heldout.trial
     return TorqueFound(
-        trial.time, trial.torque, held.active, held.muscles, of_eq12[1], predicted,
-        dict(alone_held.trial.envelopes), hill, recorded,
+        trial.time, trial.torque, heldout.active, heldout.muscles, of_eq12[1], predicted,
+        dict(alone_heldout.trial.envelopes), hill, recorded,
     )  # fmt: skip
 
 

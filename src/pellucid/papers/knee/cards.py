@@ -6,8 +6,8 @@ of the torque loop, which is a property of the actuator's hardware that its make
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 
 from ..._errors import IdentificationError
 from ...controllers.coupling import Coupling
@@ -16,8 +16,10 @@ from ...fit.joint.actuator_residual import actuator_residual
 from ...lab.knee.rig import KneeRig
 from ...procedures.coupling.identify_coupling import identify_worn
 from ...procedures.emg_torque.strapped_trials import strapped_emg_trial
-from ...recordings.recording import Recording
-from .trials import STRAP_ONLY, KneeSession, take
+from .trials import STRAP_ONLY, take
+
+ACTUATOR = ("command", "torque", "position", "motor_position")
+"""Channels of the orthosis alone from which its actuator is identified."""
 
 DEAD_SAMPLES = 1
 """Of the actuator's torque loop, from reading to current, as its maker states."""
@@ -49,11 +51,6 @@ class Identified:
 def identify_wearer_of(rig: KneeRig, name: str, seed: int) -> Identified:
     """Record everything that one wearer does, and identify it."""
     taken = take(rig, seed, [name], protocols=(*STRAP_ONLY, "mvc", "torque_steps"))
-    return identified(rig, name, seed, taken)
-
-
-def identified(rig: KneeRig, name: str, seed: int, taken: KneeSession) -> Identified:
-    """The same from recordings that are there already."""
     used = [r for r in taken.recordings if r.protocol != "torque_steps"]  # for the EMG map alone
     findings = identify_worn(taken.config, used)
     cards, stages = findings.cards, findings.wearers.get(name)
@@ -61,22 +58,14 @@ def identified(rig: KneeRig, name: str, seed: int, taken: KneeSession) -> Identi
         why = findings.refused.get(name) or "; ".join(stages.notes)
         raise IdentificationError(f"{name}: found no card of limb and strap, expected both: {why}")
     sines = taken.of("sine_tracking", "fit")
-    actuator = actuator_card(sines) | {"delay": DEAD_SAMPLES / sines[0].fs}
+    actuator = actuator_residual([tuple(r[c] for c in ACTUATOR) for r in sines], sines[0].fs)
+    actuator |= {"delay": DEAD_SAMPLES / sines[0].fs}
     coupling = Coupling.of_cards(cards["orthosis"], cards[f"{name}.limb"], cards[f"{name}.coupling"], actuator)
     strap = stages.coupling.orthosis_side
-
     known = {"orthosis": findings.orthosis.orthosis, "limb": stages.limb.limb}
     known |= {name: getattr(strap, name).value for name in ("stiffness", "damping")}
     steps = [strapped_emg_trial(r, "emg", r.name.rsplit("_", 1)[-1], **known) for r in taken.of("torque_steps")]
     return Identified(name, rig, seed, coupling, tuple(steps))
-
-
-def actuator_card(sines: Sequence[Recording]) -> dict[str, float]:
-    """The actuator's lag and what its torque loop lets through, from recordings of the orthosis alone."""
-    channels = ("command", "torque", "position", "motor_position")
-    found = actuator_residual([tuple(r[c] for c in channels) for r in sines], sines[0].fs)
-    known = {field.name for field in fields(Coupling)}
-    return {name: value for name, value in found.items() if name in known}
 
 
 def mistaken(card: WearerCard, **factors: float) -> WearerCard:
