@@ -112,7 +112,7 @@ def step_trials(
     own = [r for r in study.recordings() if r.participant == participant]
     found = [r for r in own if r.protocol == STEPS]
     top = maxima_of(study, [r for r in own if r.protocol == "mvc"] or found)
-    lowpass, repetition = spec.reference_lowpass or MOTION_LOWPASS, _repetitions(found)
+    lowpass, repetition = spec.reference_lowpass or MOTION_LOWPASS, repetitions(found)
     trials = []
     for recording in found:
         torque = human_torque(recording["position"], recording["torque"], body, lowpass=lowpass, fs=recording.fs)
@@ -135,7 +135,7 @@ def step_trials(
     return trials
 
 
-def _repetitions(recordings: Sequence[Recording]) -> dict[str, int]:
+def repetitions(recordings: Sequence[Recording]) -> dict[str, int]:
     """Which repetition each recording is: as study.toml says, else the n-th in its order at the same angle."""
     angles, made = [], {}
     for recording in recordings:

@@ -1,0 +1,66 @@
+"""The card of a wearer's causal EMG map: torque from raw EMG as it arrives, by the limb's balance behind the strap."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from ..._errors import IdentificationError
+from ...estimators.causal_map import EmgSettings, fit_causal_map
+from ...estimators.strapped_reference import strapped_emg_trial
+from ...fit.strap.strap_torque import Limb, Orthosis
+from ...fit.strap.wearer_coupling import WearerCoupling
+from ...models.parameter_card import ParameterCard
+from ...recordings.recording import Recording
+from ..emg_torque.trial_sources import repetitions
+
+
+def emg_card(
+    study: str,
+    who: str,
+    steps: Sequence[Recording],
+    stream: str,
+    *,
+    orthosis: Orthosis,
+    limb: Limb | None,
+    coupling: WearerCoupling,
+    settings: EmgSettings | None = None,
+) -> ParameterCard | None:
+    """One participant's map.
+
+    Parameters
+    ----------
+    study, who : str
+        Its name, and the participant's.
+    steps : sequence of Recording
+        In which the participant counteracts the orthosis's torque.
+    stream : str
+        Of the muscles.
+    orthosis : Orthosis
+    limb : Limb or None
+    coupling : WearerCoupling
+        Orthosis, limb and strap as identified.
+    settings : EmgSettings, optional
+        Of the chain.
+
+    Returns
+    -------
+    ParameterCard or None
+        None where the limb is not known, or fewer than two repetitions with EMG were held.
+    """
+    steps = [r for r in steps if stream in r.streams]
+    if limb is None or not np.isfinite(limb.inertia) or not steps:
+        return None
+    strap, repetition = coupling.orthosis_side, repetitions(steps)
+    known = {"stiffness": strap.stiffness.value, "damping": strap.damping.value}
+    trials = [
+        strapped_emg_trial(r, stream, str(repetition[r.name]), orthosis=orthosis, limb=limb, **known) for r in steps
+    ]
+    channels = (name for name in steps[0].streams[stream].channels if name.startswith("emg."))
+    try:
+        found = fit_causal_map(trials, settings, muscles=[name.removeprefix("emg.") for name in channels])
+    except IdentificationError:
+        return None
+    checksums: Mapping[str, str] = {r.name: r.checksum for r in steps}
+    return found.card(study, f"{who}.emg", checksums, participant=who)
