@@ -10,7 +10,7 @@ import pellucid
 
 ROOT = Path(pellucid.__file__).parent
 
-BASE = {"_atomic", "_errors", "units"}
+BASE = {"_atomic", "_errors", "_processes", "units"}
 PHYSICS = BASE | {"models", "_core"}
 UP_TO_SIGNALS = BASE | {"recordings", "signals", "protocols"}
 JUDGING = {"fit", "controllers", "estimators", "assessment", "pages", "procedures"}
@@ -19,6 +19,7 @@ EVERYTHING = UP_TO_SIGNALS | PHYSICS - {"_core"} | JUDGING | {"lab", "datasets"}
 ALLOWED = {
     "_atomic": set(),
     "_errors": set(),
+    "_processes": set(),
     "units": {"_errors"},
     "recordings": BASE,
     "datasets": BASE | {"recordings", "procedures"},

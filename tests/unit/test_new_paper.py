@@ -34,7 +34,7 @@ import numpy as np
 
 from pellucid.papers.figure import figure
 from pellucid.papers.paper import Paper
-from pellucid.papers.processes import in_order
+from pellucid._processes import in_order
 
 SEEDS = range(4)
 

@@ -11,18 +11,17 @@ an executor of the standard library's kind; without one, small runs stay in this
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable, Sequence
-from concurrent.futures import Future, ProcessPoolExecutor
+from concurrent.futures import Future
 from contextlib import nullcontext
 from dataclasses import dataclass
-from multiprocessing import get_context
 from typing import Any, Literal
 
 import numpy as np
 from scipy import stats
 
 from .._errors import PellucidError
+from .._processes import processes
 from .signed_rank import sign_distribution
 
 PART = 500
@@ -250,9 +249,7 @@ class _Here:
 def _run(function: Callable, arguments: list[tuple], executor: Any, size: int) -> list:
     if executor is None and size <= INLINE:
         return [function(*each) for each in arguments]
-    # Forked children would inherit locks of the numeric libraries' threads.
-    pool = nullcontext(executor) if executor is not None else ProcessPoolExecutor(os.cpu_count(), get_context("spawn"))
-    with pool as used:
+    with processes() if executor is None else nullcontext(executor) as used:
         return [future.result() for future in [used.submit(function, *each) for each in arguments]]
 
 

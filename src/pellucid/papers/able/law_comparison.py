@@ -13,13 +13,13 @@ from functools import partial
 
 import numpy as np
 
+from ..._processes import in_order
 from ...controllers.elbow_controllers import BEST, BEST_SENSED, ELBOW_CONTROLLERS
 from ...lab.elbow.rig import ElbowRig, able_elbow, drawn_rigs
 from ...lab.pointing.conditions import TUNING_SEED, chosen_exponents, identified_cards, interaction_rms, worn
 from ...lab.pointing.people import Person, PointingRig, draw_people, elbow_participants
 from ...lab.pointing.session import Law, Unpowered, hold_still, point
 from ..figure import Reproduced, figure
-from ..processes import in_order
 from .transparency import injected_energy
 
 TORQUE_SEED = 77

@@ -8,12 +8,12 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.stats import ttest_rel
 
+from ..._processes import in_order
 from ...fit.slider.slider_fit import METHODS, SliderFit
 from ...lab.elbow.protocol import Trial, trials
 from ...lab.elbow.rig import ElbowRig
 from ...lab.elbow.study import record_in_memory
 from ...procedures.slider.identify_slider import directional_friction, fit_slider
-from ..processes import in_order
 
 SETS = {
     "published": ("constant_", "sweep_", "slow_"),

@@ -6,6 +6,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import ClassVar
 
+from ..._processes import in_order
 from ...lab.seated.protocol import SeatedTrial, seated_trials
 from ...lab.seated.rig import SeatedRig, load_seated_rig
 from ...lab.seated.study import record_seated, seated_recording
@@ -14,7 +15,6 @@ from ...pages.page import Section, Tile
 from ...pages.quantities import number
 from ..figure import Figures, Reproduced
 from ..paper import Paper, Progress
-from ..processes import in_order
 from .recomputed import recomputed
 from .rows import step_rows, torque_rows, training_rows
 from .sections import step_sections

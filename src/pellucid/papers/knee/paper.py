@@ -6,12 +6,12 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import ClassVar
 
+from ..._processes import Job, finished
 from ...lab.knee.rig import KneeRig, knee_orthosis
 from ...pages.page import Section, Tile
 from ...pages.quantities import number
 from ..figure import Figures, Reproduced
 from ..paper import Paper, Progress
-from ..processes import Job, finished
 from .recomputed import recomputed
 from .residual import REPRODUCED, ControllerRow, evaluate_wearer
 from .residual_rows import residual_rows, residual_section

@@ -7,12 +7,12 @@ from functools import partial
 
 import numpy as np
 
+from ..._processes import in_order
 from ...lab.knee.rig import knee_orthosis
 from ...pages.drawing import draw
 from ...pages.page import Section
 from ...pages.tables import Row, number_table
 from ..figure import Reproduced, figure, spread
-from ..processes import in_order
 from .controllers import DELAY, GAIN_DB, NAMES
 from .knee_figures import ControllerRatios, torque_ratios
 from .residual import FRESH, SWINGS, ControllerRow, evaluate_changes, evaluate_wearer

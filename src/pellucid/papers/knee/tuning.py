@@ -11,22 +11,20 @@ Run as ``python -m pellucid.papers.knee.tuning``; it writes the file anew.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import replace
 from functools import cache, partial
-from multiprocessing import get_context
 from pathlib import Path
 
 import numpy as np
 
 from ..._atomic import write_text_atomically
 from ..._errors import PellucidError
+from ..._processes import processes
 from ...controllers.residual_compensator import Law, Noise, ResidualDesign
 from ...controllers.worn import WornCompensator
 from ...estimators.causal_map import EmgSettings
 from ...lab.knee.rig import knee_orthosis
 from ...lab.knee.trial import KneeTaken
-from ..processes import one_thread_each
 from .cards import Identified, WearerCard, mistaken
 from .controllers import Chosen, controllers, for_wearer
 from .residual import TUNING, session_of, wearer
@@ -244,13 +242,8 @@ def text(constants: Chosen, seeds: Sequence[int]) -> str:
 
 def main() -> None:
     """Choose, and write the file."""
-    spawn = get_context("spawn")
     # Each process keeps its own wearers: identifying one takes longer than a swing.
-    with (
-        one_thread_each(),
-        ProcessPoolExecutor(1, mp_context=spawn) as even,
-        ProcessPoolExecutor(1, mp_context=spawn) as odd,
-    ):
+    with processes(1) as even, processes(1) as odd:
 
         def mapped(make: Callable, seeds: Sequence[int]) -> list:
             return [one.result() for one in [(odd if seed % 2 else even).submit(make, seed) for seed in seeds]]

@@ -23,7 +23,7 @@ def finished(jobs: Sequence[Job], workers: int | None = None) -> Iterator[tuple[
         for i, (make, *arguments) in enumerate(jobs):
             yield i, make(*arguments)
         return
-    with one_thread_each(), ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
+    with processes(workers) as pool:
         waiting, begun = {}, 0
         while waiting or begun < len(jobs):
             waiting |= {pool.submit(*jobs[i]): i for i in range(begun, len(jobs))}
@@ -41,6 +41,13 @@ def in_order(
         found[i] = result
         tell(len(found), len(jobs))
     return [found[i] for i in range(len(jobs))]
+
+
+@contextmanager
+def processes(workers: int | None = None) -> Iterator[ProcessPoolExecutor]:
+    """A pool of `workers`, as many as there are processors if None; forked, they would inherit libraries' locks."""
+    with one_thread_each(), ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
+        yield pool
 
 
 @contextmanager
