@@ -8,11 +8,11 @@ import numpy as np
 
 from ..._errors import IdentificationError
 from ...estimators.causal_map import EmgSettings, fit_causal_map
-from ...estimators.strapped_reference import strapped_emg_trial
 from ...fit.strap.strap_torque import Limb, Orthosis
 from ...fit.strap.wearer_coupling import WearerCoupling
 from ...models.parameter_card import ParameterCard
 from ...recordings.recording import Recording
+from ..emg_torque.strapped_trials import strapped_emg_trial
 from ..emg_torque.trial_sources import repetitions
 
 
