@@ -35,7 +35,7 @@ def finished(jobs: Sequence[Job], workers: int | None = None) -> Iterator[tuple[
 def in_order(
     jobs: Sequence[Job], workers: int | None = None, tell: Callable[[int, int], None] = lambda done, of: None
 ) -> list:
-    """What every job gave, in the jobs' order; `tell` is called with how many of how many are done."""
+    """What each of `jobs` gave, in their order, by `workers` processes; `tell` hears how many of how many are done."""
     found: dict[int, Any] = {}
     for i, result in finished(jobs, workers):
         found[i] = result

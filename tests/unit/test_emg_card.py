@@ -11,7 +11,7 @@ from pellucid.fit.strap.strap_torque import Limb, Orthosis
 from pellucid.lab.knee.protocol import torque_trial
 from pellucid.lab.knee.rig import knee_orthosis
 from pellucid.lab.knee.study import record_in_memory
-from pellucid.procedures.coupling.emg_card import emg_card
+from pellucid.procedures.coupling.emg_card import emg_card, emg_cards
 
 RIG = knee_orthosis()
 S1 = RIG.subjects["S1"]
@@ -52,3 +52,11 @@ def test_without_a_limb_or_a_second_repetition_there_is_none(steps, known):
     assert emg_card("virtual", "S1", steps[:2], "emg", **known) is None
     assert emg_card("virtual", "S1", steps, "emg", **{**known, "limb": None}) is None
     assert emg_card("virtual", "S1", [replace(r, streams={}) for r in steps], "emg", **known) is None
+
+
+def test_everybody_who_has_one_gets_a_card_of_their_own(steps, known):
+    study = SimpleNamespace(name="virtual", config=SimpleNamespace(coupling=SimpleNamespace(emg="emg")))
+    found = SimpleNamespace(limb=SimpleNamespace(limb=known["limb"]), coupling=known["coupling"])
+    nobody = SimpleNamespace(limb=None, coupling=known["coupling"])
+    made = emg_cards(study, steps, known["orthosis"], {"S1": found, "S2": nobody})
+    assert list(made) == ["S1.emg"]

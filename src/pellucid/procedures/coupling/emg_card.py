@@ -12,8 +12,38 @@ from ...fit.strap.strap_torque import Limb, Orthosis
 from ...fit.strap.wearer_coupling import WearerCoupling
 from ...models.parameter_card import ParameterCard
 from ...recordings.recording import Recording
+from ...recordings.study import Study
 from ..emg_torque.strapped_trials import strapped_emg_trial
-from ..emg_torque.trial_sources import repetitions
+from ..emg_torque.trial_sources import STEPS, repetitions
+
+
+def emg_cards(
+    study: Study, recordings: Sequence[Recording], orthosis: Orthosis, wearers: Mapping
+) -> dict[str, ParameterCard]:
+    """The card of everybody who has one, by its file's name without ending.
+
+    Parameters
+    ----------
+    study : Study
+        With ``[coupling]``.
+    recordings : sequence of Recording
+        Of everybody.
+    orthosis : Orthosis
+    wearers : mapping of str to WearerStages
+        What was found of each participant.
+
+    Returns
+    -------
+    dict of str to ParameterCard
+    """
+    stream, made = study.config.coupling.emg, {}
+    for who, stages in wearers.items():
+        steps = [r for r in recordings if r.participant == who and r.protocol == STEPS]
+        limb = None if stages.limb is None else stages.limb.limb
+        card = emg_card(study.name, who, steps, stream, orthosis=orthosis, limb=limb, coupling=stages.coupling)
+        if card is not None:
+            made[card.name] = card
+    return made
 
 
 def emg_card(

@@ -66,7 +66,11 @@ def identify_coupling(study: Study, on_progress: Progress | None = None) -> Coup
     tell = on_progress or (lambda text, share: None)
     tell("reading recordings", 0.0)
     recordings = study.recordings()
-    return identify_worn(study.config, recordings, on_progress=lambda text, share: tell(text, 0.3 + 0.7 * share))
+    found = identify_worn(study.config, recordings, on_progress=lambda text, share: tell(text, 0.3 + 0.7 * share))
+    from .emg_card import emg_cards
+
+    made = emg_cards(study, recordings, found.orthosis.orthosis, found.wearers)
+    return replace(found, cards={**found.cards, **made})
 
 
 def identify_worn(
