@@ -1,0 +1,88 @@
+"""What a whole command costs on EMPS: processor seconds of a fresh process, start-up and reading included.
+
+Beside them stand what no program that loads NumPy can go below, and the plainest identification that one would write:
+load, filter, differentiate, decimate, solve, without a study, an interval or a picture. Everything runs in turn,
+so that a slow moment of the machine meets all; figures are medians of the operating system's own accounts.
+"""
+
+from __future__ import annotations
+
+import os
+import statistics
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+import numpy as np
+
+from pellucid.signals.effort import drive_model
+from pellucid.signals.motion import motions
+
+from .identification import study_at
+
+REPEATS = 5
+COMMANDS = ("check", "identify", "report")
+COMMAND_LINE = "from pellucid.cli import main; main()"
+PLAIN = """
+import sys
+import numpy as np
+from scipy import signal
+told = np.load(sys.argv[1])
+fs, gain, lowpass = (float(told[name]) for name in ("fs", "gain", "lowpass"))
+b, a = signal.butter(int(told["order"]), lowpass, fs=fs)
+q, effort = signal.filtfilt(b, a, told["position"]), signal.filtfilt(b, a, gain * told["command"])
+v = np.gradient(q, 1.0 / fs)
+block = np.column_stack([np.gradient(v, 1.0 / fs), v, np.sign(v), np.ones_like(v), np.sin(q), effort])
+block = signal.decimate(block, int(told["decimate"]), axis=0, zero_phase=True)
+print(np.linalg.lstsq(block[:, :-1], block[:, -1], rcond=None)[0])
+"""
+
+
+def processor_seconds(*arguments: str) -> float:
+    """User and system seconds of one run of this Python, with its byte code kept as an installed package's is."""
+    kept = {name: value for name, value in os.environ.items() if name != "PYTHONDONTWRITEBYTECODE"}
+    started = subprocess.Popen(
+        [sys.executable, *arguments],
+        cwd=Path(__file__).parents[1],
+        stdout=subprocess.DEVNULL,
+        env={"OPENBLAS_NUM_THREADS": "1", **kept},
+    )
+    _, status, used = os.wait4(started.pid, 0)
+    started.returncode = os.waitstatus_to_exitcode(status)
+    if started.returncode:
+        raise RuntimeError(f"{' '.join(arguments)}: exit status {started.returncode}")
+    return used.ru_utime + used.ru_stime
+
+
+def run() -> list[dict]:
+    """One row for each command, for all of them together, and for what they are measured by."""
+    with tempfile.TemporaryDirectory() as folder:
+        study = study_at(Path(folder))
+        arrays, motion, processing = Path(folder) / "recording.npz", motions(study, "fit")[0], study.processing
+        np.savez(
+            arrays, position=motion.raw_position, command=motion.command, fs=motion.fs,
+            gain=drive_model(study.rig).gain, order=processing.order, lowpass=processing.lowpass,
+            decimate=processing.decimate,
+        )  # fmt: skip
+        jobs = {
+            "start-up: import numpy": ("-c", "import numpy"),
+            "plain NumPy and SciPy: least squares": ("-c", PLAIN, str(arrays)),
+            **{f"pellucid {name}": ("-c", COMMAND_LINE, name, str(study.folder)) for name in COMMANDS},
+        }
+        taken: dict[str, list[float]] = {name: [] for name in jobs}
+        for repeat in range(REPEATS + 1):  # the first one writes byte code and the fonts' cache
+            for name, arguments in jobs.items():
+                seconds = processor_seconds(*arguments)
+                if repeat:
+                    taken[name].append(seconds)
+    medians = {name: statistics.median(values) for name, values in taken.items()}
+    rows = []
+    for name, values in taken.items():
+        note = f"processor, a fresh process on '{study.name}'; {min(values):.3g} to {max(values):.3g} in {REPEATS} runs"
+        rows.append({"name": name, "value": medians[name], "unit": "s", "note": note})
+    together = sum(medians[f"pellucid {name}"] for name in COMMANDS)
+    rows.append({"name": f"pellucid {', '.join(COMMANDS)}", "value": together, "unit": "s", "note": "sum of the three"})
+    ratio = together / medians["plain NumPy and SciPy: least squares"]
+    rows.append({"name": "the three over plain least squares", "value": ratio, "unit": "1", "note": "medians"})
+    return rows
