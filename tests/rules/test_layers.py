@@ -29,7 +29,7 @@ ALLOWED = {
     "fit": UP_TO_SIGNALS | PHYSICS,
     "controllers": PHYSICS,
     "estimators": BASE | PHYSICS | {"signals", "fit"},  # arrays; procedures read studies
-    "assessment": UP_TO_SIGNALS | PHYSICS - {"_core"} | {"fit", "estimators"},
+    "assessment": BASE | {"signals"},  # arrays; procedures read studies
     "pages": BASE | {"models", "fit"},  # words, tables, drawings: of nobody's procedure
     "procedures": UP_TO_SIGNALS | PHYSICS | {"fit", "controllers", "estimators", "assessment", "pages"},
     "lab": UP_TO_SIGNALS | PHYSICS | {"fit", "controllers", "procedures", "datasets"},

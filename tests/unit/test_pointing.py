@@ -8,14 +8,14 @@ import numpy as np
 import pytest
 
 from pellucid._errors import RecordingError
-from pellucid.assessment.session import measure
+from pellucid.procedures.assessment.measured_study import measure
+from pellucid.procedures.assessment.pointing import assessed, drop_mistaken, labels, pointing_record, with_rule
 from pellucid.procedures.assessment.pointing_faults import pointing_faults
 from pellucid.procedures.assessment.procedure import AssessmentTable as Assessment
 from pellucid.recordings.optical import OpticalRecording
 from pellucid.recordings.recording import Channel, Recording
 from pellucid.signals.emg_timing import emg_lead
 from pellucid.signals.movements import MovementRule, kinematics
-from pellucid.signals.pointing import assessed, drop_mistaken, labels, pointing_record, with_rule
 
 SPEC = Assessment(control="Ctrl", segment=("elbow", "wrist"))
 

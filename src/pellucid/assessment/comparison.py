@@ -73,7 +73,7 @@ class AgainstControl:
 
 
 @dataclass(frozen=True, eq=False)
-class Comparison:
+class ConditionComparison:
     """What participants' values say of conditions.
 
     Attributes
@@ -182,7 +182,7 @@ def compare_conditions(
     confidence: float = 0.95,
     missing: Literal["refuse", "leave out"] = "refuse",
     rng: np.random.Generator | None = None,
-) -> Comparison:
+) -> ConditionComparison:
     """Compare conditions over participants who did all of them: rank tests, effect sizes and intervals.
 
     Parameters
@@ -204,7 +204,7 @@ def compare_conditions(
 
     Returns
     -------
-    Comparison
+    ConditionComparison
         ``.friedman.p`` for all conditions; by condition, ``.pairwise[name]`` with its ``p`` (signed ranks, corrected
         after Holm), ``change``, ``interval``, ``standardised`` (Cohen's d of pairs), ``cliff`` and ``rank_biserial``.
 
@@ -268,7 +268,7 @@ def compare_conditions(
             AgainstControl(name, *rest[:3], p, c, *rest[3:])
             for (name, p, *rest), c in zip(found, corrected, strict=True)
         ]
-    return Comparison(
+    return ConditionComparison(
         conditions, values, test, kendall, pairs, tuple(found), confidence, tuple(int(i) for i in lacking)
     )
 

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .session import DOWN, UP, Measured
+from .measured import DOWN, UP, Measured
 
 
 @dataclass(frozen=True)

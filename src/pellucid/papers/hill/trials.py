@@ -15,7 +15,7 @@ from ...lab.seated.rig import SeatedRig
 from ...lab.seated.study import record_seated, seated_recording
 from ...lab.seated.subject import SeatedSubject
 from ...lab.seated.trial import SeatedTruth
-from ...procedures.emg_torque.seated_swings import Session
+from ...procedures.emg_torque.seated_swings import WearerSwings
 from ...procedures.loaded_swing.identify_loaded_swing import prepared
 from ...recordings.recording import Recording
 from ...signals.emg_chain import emg_chain
@@ -76,7 +76,7 @@ class ActiveSwing:
 def active_swing(taken: SubjectTaken, what: str, loaded: SwingFit, *, flexors: bool) -> ActiveSwing:
     """Envelopes, angle and reference torque of a swing."""
     emg = {name: taken.recordings[name].streams["emg"] for name in ("mvc", "rich")}
-    session = Session(loaded, emg["mvc"], emg["rich"], emg_chain("hill"), taken.hip)
+    session = WearerSwings(loaded, emg["mvc"], emg["rich"], emg_chain("hill"), taken.hip)
     recording, truth = taken.recordings[what], taken.truth[what]
     motion = session.motion(recording)
     active = truth.muscle_torque - tissue_torque(taken.subject, truth.position)

@@ -10,19 +10,20 @@ from typing import Any
 import numpy as np
 
 from ..._errors import RecordingError, StudyError
-from ...assessment.clocks import delay_notes, with_assumed_delays
 from ...assessment.comparison import compare_conditions
 from ...assessment.indices import INDICES, index_table, isochrony
+from ...assessment.measured import UP, Measured
 from ...assessment.power import EFFECTS, needed_for_effects
-from ...assessment.session import UP, Measured, Session, activities, joined, measure
 from ...recordings.quality import Fault
 from ...recordings.recording import Recording
 from ...recordings.study import Study
 from ...signals.movements import MovementRule
-from ...signals.pointing import PointingRecord, assessed, labels, pointing_record, with_rule
 from .assessment_result import Assessed, AssessmentResult, Needed, Profile, Sensitivity
 from .assessment_rows import result_rows
 from .assessment_tables import tables
+from .clocks import delay_notes, with_assumed_delays
+from .measured_study import MeasuredStudy, activities, joined, measure
+from .pointing import PointingRecord, assessed, labels, pointing_record, with_rule
 from .pointing_faults import pointing_faults
 from .procedure import AssessmentTable
 from .statements import headline, paragraph, verdicts
@@ -132,8 +133,8 @@ def assess_recordings(
     _require_none_refused(faults)
     records, delays = with_assumed_delays(records)
     rules = _rules(records, spec)
-    parts: dict[str, list[Session]] = {words: [] for words in rules}
-    shifted: list[Session] = []
+    parts: dict[str, list[MeasuredStudy]] = {words: [] for words in rules}
+    shifted: list[MeasuredStudy] = []
     for i, person in enumerate(participants):
         tell(f"indices, {person}", 0.2 + 0.6 * i / len(participants))
         own = [record for record in records if record.recording.participant == person]
@@ -147,19 +148,19 @@ def assess_recordings(
         if delays.recordings and emg:
             moved = {n: a.later(delays.span) if n in delays.recordings else a for n, a in emg.items()}
             shifted.append(measure(own, spec, with_rule(spec), moved, largest, named=named, detailed=False))
-    sessions = {words: joined(each) for words, each in parts.items() if any(part.movements for part in each)}
-    session = next(iter(sessions.values()))
-    found = _assessed(session.movements, participants, conditions, spec)
-    sensitivity = _sensitivity(sessions, spec, participants, conditions)
+    measured = {words: joined(each) for words, each in parts.items() if any(part.movements for part in each)}
+    whole = next(iter(measured.values()))
+    found = _assessed(whole.movements, participants, conditions, spec)
+    sensitivity = _sensitivity(measured, spec, participants, conditions)
     if any(part.movements for part in shifted):
         words = f"{1e3 * delays.span:.0f} ms"
         sensitivity += _sensitivity({words: joined(shifted)}, spec, participants, conditions, TIMED)
     tell("participants needed", 0.85)
     needed = _needed(found, spec, len(conditions) - 1, studies, executor)
-    lines = isochrony(session.movements, participants, conditions)
-    profiles, profile_of = _profiles(session, participants, conditions)
+    lines = isochrony(whole.movements, participants, conditions)
+    profiles, profile_of = _profiles(whole, participants, conditions)
     left_out = Counter()
-    for reasons in session.left_out.values():
+    for reasons in whole.left_out.values():
         left_out.update(reasons)
     made = AssessmentResult(
         study=name,
@@ -174,7 +175,7 @@ def assess_recordings(
         conditions=conditions,
         participants=participants,
         without=without,
-        movements=len(session.movements),
+        movements=len(whole.movements),
         left_out=dict(left_out),
         assessed=found,
         isochrony=lines,
@@ -182,7 +183,7 @@ def assess_recordings(
         needed=needed,
         profiles=profiles,
         profile_of=profile_of,
-        measured=session.movements,
+        measured=whole.movements,
     )
     notes = [fault.message for fault in faults] + delay_notes(delays) + _without_index(found, participants, conditions)
     return _told(made, notes)
@@ -289,7 +290,7 @@ def _rules(records: Sequence[PointingRecord], spec: AssessmentTable) -> dict[str
 
 
 def _sensitivity(
-    sessions: Mapping[str, Session],
+    measured: Mapping[str, MeasuredStudy],
     spec: AssessmentTable,
     participants: Sequence[str],
     conditions: Sequence[str],
@@ -297,8 +298,8 @@ def _sensitivity(
 ) -> tuple[Sensitivity, ...]:
     return tuple(
         _sensitive(words, each, condition, spec.control)
-        for words, session in sessions.items()
-        for each in _assessed(session.movements, participants, conditions, spec, names).values()
+        for words, whole in measured.items()
+        for each in _assessed(whole.movements, participants, conditions, spec, names).values()
         for condition in each.table.conditions
         if condition != spec.control
     )
@@ -333,12 +334,12 @@ def _needed(
 
 
 def _profiles(
-    session: Session, participants: Sequence[str], conditions: Sequence[str]
+    whole: MeasuredStudy, participants: Sequence[str], conditions: Sequence[str]
 ) -> tuple[tuple[Profile, ...], str]:
     """Mean movements upwards of the middle amplitude, from their start; each participant counts the same."""
-    cells = {m.cell for m in session.movements if m.cell[1] == UP} or {m.cell for m in session.movements}
+    cells = {m.cell for m in whole.movements if m.cell[1] == UP} or {m.cell for m in whole.movements}
     cell = sorted(cells, key=str)[0] if None in {c[0] for c in cells} else sorted(cells)[len(cells) // 2]
-    chosen = [m for m in session.movements if m.cell == cell]
+    chosen = [m for m in whole.movements if m.cell == cell]
     longest = 1.5 * max(
         (np.median([m.movement.duration for m in chosen if m.condition == c] or [0.0]) for c in conditions), default=0.0
     )
@@ -349,15 +350,15 @@ def _profiles(
         for person in participants:
             own = [m for m in chosen if (m.participant, m.condition) == (person, condition)]
             if own:
-                people.append(np.mean([_about_start(session, m, time) for m in own], axis=0))
+                people.append(np.mean([_about_start(whole, m, time) for m in own], axis=0))
         if people:
             made.append(Profile(condition, time, *np.mean(people, axis=0)))
     said = f"{cell[0]:g} deg {cell[1]}" if cell[0] is not None else f"movements {cell[1]}"
     return tuple(made), said
 
 
-def _about_start(session: Session, m: Measured, time: np.ndarray) -> np.ndarray:
-    motion = session.motions[m.recording]
+def _about_start(whole: MeasuredStudy, m: Measured, time: np.ndarray) -> np.ndarray:
+    motion = whole.motions[m.recording]
     at = m.movement.start + time
     angle = np.interp(at, motion.time, motion.angle) - motion.angle[m.movement.first]
     sign = m.movement.direction

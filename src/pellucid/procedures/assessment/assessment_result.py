@@ -7,9 +7,9 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from ...assessment.comparison import Comparison
+from ...assessment.comparison import ConditionComparison
 from ...assessment.indices import IndexTable, Isochrony
-from ...assessment.session import Measured
+from ...assessment.measured import Measured
 from ...recordings.study import Study
 from ..result import Result
 
@@ -19,7 +19,7 @@ class Assessed:
     """One index: every participant's values (`table`) and what they say of the conditions (`comparison`)."""
 
     table: IndexTable
-    comparison: Comparison
+    comparison: ConditionComparison
 
     @property
     def name(self) -> str:

@@ -14,7 +14,7 @@ from ...recordings.study import Study
 from ...signals.amplitude_check import MISTAKEN, strays
 from ...signals.emg_quality import inspect_emg
 from ...signals.movements import Movement, MovementRule
-from ...signals.pointing import PointingRecord, assessed, labels, pointing_record
+from .pointing import PointingRecord, assessed, labels, pointing_record
 from .procedure import AssessmentTable
 
 SCALE = (0.75, 1.35)

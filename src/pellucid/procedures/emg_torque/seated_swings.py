@@ -47,7 +47,7 @@ FITTED = ("hill", "nmco", "nmcoa", "nmnc", "mbp", "ridge", "boost", "motion")
 
 
 @dataclass(frozen=True, eq=False)
-class Session:
+class WearerSwings:
     """What a wearer's swings are made ready with.
 
     Parameters
@@ -153,7 +153,7 @@ def seated_swings(study: Study, tell: Callable[[str, float], None]) -> Calibrate
                 f"{who}: found no recording of protocol {', '.join(lacking)}, expected one of each: envelopes are "
                 "relative to a maximal contraction and to rest"
             )
-        session = Session(
+        session = WearerSwings(
             leg.loaded, own["mvc"][0].streams["emg"], own[LOADED][-1].streams["emg"],
             emg_chain(study.config.emg_torque.chain),
         )  # fmt: skip

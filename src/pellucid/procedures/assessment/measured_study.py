@@ -8,46 +8,23 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from .._errors import RecordingError
-from ..recordings.quality import Fault
-from ..signals.amplitude_check import RANDOM
-from ..signals.movements import Kinematics, Movement, MovementRule
-from ..signals.pointing import PointingRecord, PointingSettings, drop_mistaken, labels
-from ..signals.resampling import linear
+from ..._errors import RecordingError
+from ...assessment.emg_index import Activity, emg_per_acceleration, maxima
+from ...assessment.end_error import end_error, target_zero
+from ...assessment.interaction import interaction
+from ...assessment.measured import DOWN, UP, Measured
+from ...assessment.movement_indices import smoothness
+from ...recordings.quality import Fault
+from ...signals.amplitude_check import RANDOM
+from ...signals.movements import Kinematics, Movement, MovementRule
+from ...signals.resampling import linear
 from .clocks import emg_on_motions_clock
-from .emg_index import Activity, activity, emg_per_acceleration, maxima
-from .end_error import end_error, target_zero
-from .interaction import interaction
-from .smoothness import log_dimensionless_jerk, spectral_arc_length
-
-UP, DOWN = "up", "down"
-"""Along the angle, which is 0 where the segment hangs, and back."""
-
-
-@dataclass(frozen=True)
-class Measured:
-    """One movement and its indices.
-
-    Attributes
-    ----------
-    participant, condition, recording : str
-    movement : Movement
-    cell : tuple
-        Labelled amplitude in degrees (None where there is none, or too many) and direction: movements that are alike.
-    values : Mapping[str, float]
-        By index, in SI; NaN where it could not be had.
-    """
-
-    participant: str
-    condition: str
-    recording: str
-    movement: Movement
-    cell: tuple[float | None, str]
-    values: Mapping[str, float]
+from .pointing import PointingRecord, PointingSettings, drop_mistaken, labels
+from .recorded_activity import activity
 
 
 @dataclass(frozen=True, eq=False)
-class Session:
+class MeasuredStudy:
     """All movements of a study, by one rule.
 
     Attributes
@@ -115,7 +92,7 @@ def measure(
     *,
     named: Sequence[float] | None = None,
     detailed: bool = True,
-) -> Session:
+) -> MeasuredStudy:
     """Find every movement and compute its indices.
 
     Parameters
@@ -132,7 +109,7 @@ def measure(
 
     Returns
     -------
-    Session
+    MeasuredStudy
 
     Raises
     ------
@@ -165,11 +142,9 @@ def measure(
             values = _indices(record, motion, movement, spec, emg.get(recording.name), largest)
             values |= end_error(motion, movement, zeros[recording.participant])
             if detailed:
-                velocity = motion.velocity[movement.first : movement.last + 1]
-                values["sparc"] = spectral_arc_length(velocity, motion.fs)
-                values["ldlj"] = log_dimensionless_jerk(velocity, motion.fs)
+                values |= smoothness(motion, movement)
             made.append(Measured(recording.participant, recording.condition, recording.name, movement, cell, values))
-    return Session(rule, tuple(made), left_out, motions if detailed else {})
+    return MeasuredStudy(rule, tuple(made), left_out, motions if detailed else {})
 
 
 def _target_zeros(records, motions, movements, control: str) -> dict[str, float]:
@@ -183,17 +158,17 @@ def _target_zeros(records, motions, movements, control: str) -> dict[str, float]
     return {person: target_zero(own) for person, own in people.items()}
 
 
-def joined(parts: Sequence[Session]) -> Session:
+def joined(parts: Sequence[MeasuredStudy]) -> MeasuredStudy:
     """Sessions of several participants as one.
 
     Parameters
     ----------
-    parts : sequence of Session
+    parts : sequence of MeasuredStudy
         By the same rule.
 
     Returns
     -------
-    Session
+    MeasuredStudy
 
     Raises
     ------
@@ -205,7 +180,7 @@ def joined(parts: Sequence[Session]) -> Session:
         raise RecordingError("assess: found no movement in any recording, expected some")
     left_out = {name: reasons for part in parts for name, reasons in part.left_out.items()}
     motions = {name: motion for part in parts for name, motion in part.motions.items()}
-    return Session(parts[0].rule, movements, left_out, motions)
+    return MeasuredStudy(parts[0].rule, movements, left_out, motions)
 
 
 def _degrees(amplitude: float | None, named: Sequence[float]) -> float | None:

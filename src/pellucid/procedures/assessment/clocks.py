@@ -15,11 +15,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..recordings.quality import Fault
-from ..signals.emg_timing import LEAD, emg_drift, emg_lead
-from ..signals.movements import MovementRule
-from ..signals.pointing import PointingRecord, PointingSettings
-from .emg_index import Activity
+from ...assessment.emg_index import Activity
+from ...recordings.quality import Fault
+from ...signals.emg_timing import LEAD, emg_drift, emg_lead
+from ...signals.movements import MovementRule
+from .pointing import PointingRecord, PointingSettings
 
 FASTEST = 0.01
 """Drift that no two clocks have [s/s]: samples were lost, or the rate in the file is not the recorded one."""

@@ -13,11 +13,11 @@ from typing import Protocol
 
 import numpy as np
 
-from .._errors import RecordingError
-from ..recordings.recording import Recording
-from .alignment import align, clock_drift
-from .amplitude_check import OWN
-from .movements import (
+from ..._errors import RecordingError
+from ...recordings.recording import Recording
+from ...signals.alignment import align, clock_drift
+from ...signals.amplitude_check import OWN
+from ...signals.movements import (
     Kinematics,
     Movement,
     MovementRule,
@@ -28,7 +28,7 @@ from .movements import (
     rest_stretches,
     target_stretches,
 )
-from .segment_angle import segment_angle
+from ...signals.segment_angle import segment_angle
 
 LEAST = 0.05
 """Travel [rad] that makes a movement where no target says so: three degrees."""

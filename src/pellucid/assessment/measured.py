@@ -1,0 +1,33 @@
+"""One movement of a participant under a condition, with its indices: what tables of indices are made from."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from ..signals.movements import Movement
+
+UP, DOWN = "up", "down"
+"""Along the angle, which is 0 where the segment hangs, and back."""
+
+
+@dataclass(frozen=True)
+class Measured:
+    """One movement and its indices.
+
+    Attributes
+    ----------
+    participant, condition, recording : str
+    movement : Movement
+    cell : tuple
+        Labelled amplitude in degrees (None where there is none, or too many) and direction: movements that are alike.
+    values : Mapping[str, float]
+        By index, in SI; NaN where it could not be had.
+    """
+
+    participant: str
+    condition: str
+    recording: str
+    movement: Movement
+    cell: tuple[float | None, str]
+    values: Mapping[str, float]

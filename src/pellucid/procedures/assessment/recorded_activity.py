@@ -1,0 +1,67 @@
+"""Muscle activity of a recording, for the EMG/Acc index."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from ..._errors import RecordingError
+from ...assessment.emg_index import Activity
+from ...recordings.recording import Recording
+from ...signals.emg_chain import EmgChain, emg_chain
+from .pointing import PointingSettings
+
+
+def activity(recording: Recording, spec: PointingSettings) -> Activity | None:
+    """EMG of a recording, processed as published but for its normalisation, which needs all recordings.
+
+    Parameters
+    ----------
+    recording : Recording
+    spec : PointingSettings
+
+    Returns
+    -------
+    Activity or None
+        None where the recording has no EMG at all.
+
+    Raises
+    ------
+    RecordingError
+        If one of the muscles is not recorded, a sample is missing, or the rate does not allow the filter.
+    """
+    muscles = (*spec.agonists, *spec.antagonists)
+    names = [f"emg.{muscle}" for muscle in muscles]
+    source = recording.streams.get(spec.emg, recording)
+    present = [name for name in names if name in source]
+    if not present:
+        return None
+    if len(present) < len(names):
+        absent = ", ".join(name for name in names if name not in present)
+        raise RecordingError(
+            f"{source.path.name} (recording {recording.name}): found {', '.join(present)}, expected {absent} too"
+        )
+    chain = _chain(spec.advance)
+    rectified = {}
+    for muscle, name in zip(muscles, names, strict=True):
+        channel = source.channels[name]
+        try:
+            if channel.unit == "1":
+                rectified[muscle] = _later(channel.samples, round(spec.advance * source.fs))
+            else:
+                rectified[muscle] = chain.zero_phase(channel.samples, source.fs)
+        except RecordingError as error:
+            raise RecordingError(f"{source.path.name} (recording {recording.name}), {name}: {error}") from None
+    return Activity(source.time, rectified, {muscle: float(samples.max()) for muscle, samples in rectified.items()})
+
+
+def _chain(advance: float) -> EmgChain:
+    """The published chain without its normalisation, and with this advance."""
+    published = emg_chain("able")
+    stages = [stage for stage in published.stages if stage.kind != "normalise"]
+    return replace(published, stages=tuple(replace(s, seconds=advance) if s.kind == "advance" else s for s in stages))
+
+
+def _later(samples: np.ndarray, count: int) -> np.ndarray:
+    return np.concatenate((np.full(count, samples[0]), samples[: len(samples) - count]))
