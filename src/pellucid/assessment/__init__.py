@@ -1,1 +1,1 @@
-"""Judging: whether conditions differ, and by how much, from what participants did under each."""
+"""Indices of movements, and statistics of conditions: arrays in, tests, effect sizes and intervals out."""

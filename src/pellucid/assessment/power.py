@@ -2,7 +2,7 @@
 
 Participants are drawn from a normal distribution with the pilot's means and covariances over conditions: what is the
 same in all conditions of a participant cancels, as it does in the tests. The control's mean stays, and the other
-conditions may be moved to the change that is to be found. Every draw is one study, judged as `comparison` would; the
+conditions may be moved to the change that is to be found. Every draw is one study, tested as `comparison` would; the
 power is the share of them in which the test is significant.
 
 Draws come in parts with seeds of their own, so that the outcome is the same on however many cores. The parts go through
@@ -156,7 +156,7 @@ TRIED = 60
 """Participants that a search draws a study, about: it stops at the first size that is enough."""
 
 EFFECTS = (0.5, 0.8, 1.0, 1.25, 1.5, 2.0, 3.0)
-"""Changes over the standard deviation of changes for which participants needed are told whatever the index."""
+"""Changes over the standard deviation of changes for which participants needed are given whatever the index."""
 
 
 def participants_needed(pilot: np.ndarray, *, power: float = 0.8, **options) -> int | None:

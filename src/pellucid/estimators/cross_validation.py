@@ -1,6 +1,6 @@
 """Folds that do not leak: whole trials, or blocks of time with gaps; and the choice of settings within what is fitted.
 
-Neighbouring samples of one movement are almost copies of each other. A fold drawn at random from samples judges an
+Neighbouring samples of one movement are almost copies of each other. A fold drawn at random from samples scores an
 estimator on what it has seen.
 """
 
@@ -15,7 +15,7 @@ import numpy as np
 from .._errors import IdentificationError
 
 Fold = tuple[np.ndarray, np.ndarray]
-"""Indices fitted, indices judged."""
+"""Indices fitted, indices scored."""
 
 
 def grouped_folds(groups: Sequence[str] | np.ndarray) -> list[Fold]:
@@ -52,7 +52,7 @@ def block_folds(time: np.ndarray, blocks: int, gap: float) -> list[Fold]:
     blocks : int
         At least 2.
     gap : float
-        Samples this close to a judged block are not fitted [s]: as long as filters and lags remember.
+        Samples this close to a scored block are not fitted [s]: as long as filters and lags remember.
 
     Returns
     -------
@@ -67,10 +67,10 @@ def block_folds(time: np.ndarray, blocks: int, gap: float) -> list[Fold]:
     edges = np.linspace(0, len(time), blocks + 1).astype(int)
     folds = []
     for a, b in pairwise(edges):
-        judged = np.arange(a, b)
-        if len(judged):
+        scored = np.arange(a, b)
+        if len(scored):
             far = (time < time[a] - gap) | (time > time[b - 1] + gap)
-            folds.append((np.flatnonzero(far), judged))
+            folds.append((np.flatnonzero(far), scored))
     if blocks < 2 or len(folds) < blocks or any(len(fitted) == 0 for fitted, _ in folds):
         raise IdentificationError(
             f"found {len(time)} samples over {np.ptp(time) if len(time) else 0.0:.3g} s, expected more than {blocks} "

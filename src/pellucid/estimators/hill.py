@@ -27,7 +27,7 @@ EFFORTS = np.geomspace(0.02, 1.0, 18)
 """Shares of a maximal contraction that the largest effort may have been, where no maximal one was recorded."""
 
 GAP = 0.15
-"""Between what is fitted and what is judged while choosing [s]."""
+"""Between what is fitted and what is scored while choosing [s]."""
 
 
 @dataclass(frozen=True)
@@ -197,10 +197,10 @@ def fit_hill(
     tried = {}
     for weight in weights if len(weights) > 1 else ():
         predicted = np.full(len(samples.torque), np.nan)
-        for fitted, judged in folds:
+        for fitted, scored in folds:
             problem = MuscleProblem(muscles, samples.only(fitted), quantities=quantities, weight=weight)
             # Choosing asks only which weight is better: one start.
-            predicted[judged] = calibrate_muscles(problem, starts=1).predict(samples)[judged]
+            predicted[scored] = calibrate_muscles(problem, starts=1).predict(samples)[scored]
         reached = score(samples.torque[counted], predicted[counted])
         tried[weight] = reached.rmse
         if best[0] is None or reached.rmse < best[0].rmse:
@@ -237,4 +237,4 @@ def _folds(
         folds = grouped_folds(member[counted])
     else:
         folds = block_folds(trials[0].time[counted - own[0].start], BLOCKS, GAP)
-    return [(counted[fitted], counted[judged]) for fitted, judged in folds]
+    return [(counted[fitted], counted[scored]) for fitted, scored in folds]

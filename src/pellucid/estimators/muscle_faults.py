@@ -63,7 +63,7 @@ def _refuse_envelope(where: str, envelope: np.ndarray) -> None:
 
 
 def _refuse_own_maxima(trials: Sequence[TorqueTrial]) -> None:
-    """Silence is judged over all trials: a muscle may rest in one."""
+    """Silence is that of all trials: a muscle may rest in one."""
     for muscle in trials[0].envelopes:
         tops = [float(t.envelopes[muscle].max()) for t in trials if muscle in t.envelopes]
         if max(tops) < SILENT:

@@ -119,16 +119,16 @@ def _one(trial: TorqueTrial, muscles: Sequence[str], causal: bool) -> tuple[Mapp
     weight = np.ones(len(trial))
     weight[: max(0, round(WARM * trial.fs) - lead)] = 0.0
 
-    def held(x: np.ndarray) -> np.ndarray:
+    def lasting(x: np.ndarray) -> np.ndarray:
         return np.concatenate((np.full(lead, x[0]), x))
 
     return {
         "excitation": np.array(excitation),
-        "length": np.array([held(p[0]) for p in paths]),
-        "rate": np.array([held(p[1]) for p in paths]),
-        "moment_arm": np.array([held(p[2]) for p in paths]),
-        "torque": held(trial.torque),
-        "angle": held(angles[trial.joint]),
-        "speed": held(rates[trial.joint]),
+        "length": np.array([lasting(p[0]) for p in paths]),
+        "rate": np.array([lasting(p[1]) for p in paths]),
+        "moment_arm": np.array([lasting(p[2]) for p in paths]),
+        "torque": lasting(trial.torque),
+        "angle": lasting(angles[trial.joint]),
+        "speed": lasting(rates[trial.joint]),
         "weight": np.concatenate((np.zeros(lead), weight)),
     }, lead

@@ -6,7 +6,7 @@ NM-CO
     Muscles of Hill's type whose geometry depends on the neighbouring joints, all parameters calibrated together by a
     stochastic particle swarm with conjugate gradients; bounds, and hardly any pull of anatomy.
 NM-COA
-    The same with errors learnt online by a Gaussian process; it is told the torque that was measured so far.
+    The same with errors learnt online by a Gaussian process; it is given the torque that was measured so far.
 NM-NC
     No coupling with neighbouring joints, whose angles are taken as constant; one stage, conjugate gradients alone.
 

@@ -20,7 +20,7 @@ BLOCKS = 5
 """Blocks of a single recording."""
 
 GAP = max(LAGS) + 0.1
-"""Gap on either side of a judged block [s]: the longest lag and a filter's memory."""
+"""Gap on either side of a scored block [s]: the longest lag and a filter's memory."""
 
 MOST_SAMPLES = 4000
 """Samples fitted, evenly thinned: neighbours at a high rate say the same."""
@@ -29,8 +29,8 @@ MOST_TRIED = 1500
 """Samples fitted while features and settings are chosen, which is done dozens of times."""
 
 
-MOST_JUDGED = 6000
-"""Samples judged meanwhile, evenly thinned; thinner than this, an output is not smoothed."""
+MOST_SCORED = 6000
+"""Samples scored meanwhile, evenly thinned; thinner than this, an output is not smoothed."""
 
 
 @dataclass(frozen=True)
@@ -126,7 +126,7 @@ def fit_torque_map(trials: Sequence[TorqueTrial], name: str, *, causal: bool = F
 
 @dataclass(frozen=True, eq=False)
 class CrossValidated:
-    """An estimator judged on trials it did not see.
+    """An estimator scored on trials it did not see.
 
     Attributes
     ----------
@@ -152,7 +152,7 @@ def torque_map_cv(
     causal: bool = False,
     on_progress: Callable[[str, float], None] | None = None,
 ) -> dict[str, CrossValidated]:
-    """Judge estimators group by group, features and settings chosen anew within the other groups each time.
+    """Score estimators group by group, features and settings chosen anew within the other groups each time.
 
     Parameters
     ----------
@@ -234,7 +234,7 @@ def _choose(family: Family, stack: _Stack) -> Choice:
         for chosen, settings in candidates:
             key = f"{chosen} {settings}"
             if key not in tried:
-                tried[key] = Choice(chosen, settings, _judge(family, stack, chosen, settings), {})
+                tried[key] = Choice(chosen, settings, _score_of(family, stack, chosen, settings), {})
             found.append(tried[key])
         return min(found, key=lambda choice: choice.score.rmse)
 
@@ -249,17 +249,17 @@ def _choose(family: Family, stack: _Stack) -> Choice:
     return replace(best, tried={choice.words: choice.score.rmse for choice in tried.values()})
 
 
-def _judge(family: Family, stack: _Stack, chosen: FeatureSet, settings: Mapping[str, Any]) -> Score:
+def _score_of(family: Family, stack: _Stack, chosen: FeatureSet, settings: Mapping[str, Any]) -> Score:
     seen = stack.features(chosen)
     predicted = np.full(len(stack.torque), np.nan)
-    every = -(-len(stack.torque) // MOST_JUDGED)
-    for fitted, judged in stack.folds:
+    every = -(-len(stack.torque) // MOST_SCORED)
+    for fitted, scored in stack.folds:
         fitted = np.intersect1d(fitted, stack.tried, assume_unique=True)
         regressor = family.make(settings, seen).fit(seen.x[fitted], stack.torque[fitted])
         if every > 1:
-            predicted[judged[::every]] = regressor.predict(seen.x[judged[::every]])
+            predicted[scored[::every]] = regressor.predict(seen.x[scored[::every]])
             continue
-        for part in _by_trial(judged, stack.member):
+        for part in _by_trial(scored, stack.member):
             raw = regressor.predict(seen.x[part])
             fs = stack.trials[stack.member[part[0]]].fs
             predicted[part] = smooth(raw, family.smoothing, fs, causal=stack.causal) if family.smoothing else raw
@@ -267,6 +267,6 @@ def _judge(family: Family, stack: _Stack, chosen: FeatureSet, settings: Mapping[
     return score(stack.torque[known], predicted[known])
 
 
-def _by_trial(judged: np.ndarray, member: np.ndarray) -> list[np.ndarray]:
-    """Judged samples trial by trial: an average must not run from one into the next."""
-    return np.split(judged, np.flatnonzero(np.diff(member[judged])) + 1)
+def _by_trial(scored: np.ndarray, member: np.ndarray) -> list[np.ndarray]:
+    """Scored samples trial by trial: an average must not run from one into the next."""
+    return np.split(scored, np.flatnonzero(np.diff(member[scored])) + 1)

@@ -13,7 +13,7 @@ from .muscle_source import MuscleSource
 
 @dataclass(frozen=True, eq=False)
 class TorqueTrial:
-    """What a torque map is fitted to and judged on.
+    """What a torque map is fitted to and scored on.
 
     Parameters
     ----------

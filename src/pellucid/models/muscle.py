@@ -194,7 +194,7 @@ class Muscle:
         Parameters
         ----------
         excitation : array_like, shape (n,)
-            [1]; clipped to [0, 1], held over each period.
+            [1]; clipped to [0, 1], constant over each period.
         period : float
             [s], > 0.
         activation_time, deactivation_time : float

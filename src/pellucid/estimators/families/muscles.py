@@ -29,7 +29,7 @@ FAMILIES = {
         name: Family(f"{words} (reconstruction)", smoothing=0.0, whole=_reconstruction(f"fit_{name}"), rank=rank)
         for rank, name, words in (
             (60, "nmco", "NM-CO, muscles by swarm and conjugate gradients"),
-            (61, "nmcoa", "NM-COA, the same told the torque so far"),
+            (61, "nmcoa", "NM-COA, the same given the torque so far"),
             (62, "nmnc", "NM-NC, muscles without neighbouring joints"),
         )
     },
