@@ -75,6 +75,11 @@ def demo(out: Path | str, *, on_progress: Tell | None = None) -> Demonstration:
     ------
     PellucidError
         If `out` holds something that no demo made.
+
+    Examples
+    --------
+    >>> import pellucid as pl
+    >>> made = pl.demo("a-demonstration")                                    # doctest: +SKIP
     """
     tell = on_progress or (lambda text, share: None)
     out, robot, notes = Path(out), able_elbow(), []

@@ -63,6 +63,15 @@ def export(
     ------
     PellucidError
         If `to` is no language known, a card is missing, or the study has no controller that can be exported.
+
+    Examples
+    --------
+    Of a study that was identified:
+
+    >>> import pellucid as pl
+    >>> folder = pl.export(pl.open("my-elbow"))
+    >>> folder.name
+    'controller'
     """
     values = values_for(
         study, to, card=card, slider=slider, participant=participant, controller=controller, exponents=exponents,

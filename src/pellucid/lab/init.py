@@ -57,6 +57,12 @@ def init(
     PellucidError
         If not exactly one of both is named, there is none of that name, the folder is not empty, or files cannot be
         had.
+
+    Examples
+    --------
+    >>> import pellucid as pl
+    >>> pl.init("virtual-joint", rig="bench-joint").name
+    'rig.toml'
     """
     if (dataset is None) == (rig is None):
         raise StudyError(

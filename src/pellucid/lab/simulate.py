@@ -82,6 +82,14 @@ def simulate(
     StudyError
         If there is no rig file, it cannot be understood, the folder holds a study that was not simulated, or
         controllers are not known, or named where nobody wears any.
+
+    Examples
+    --------
+    >>> import pellucid as pl
+    >>> _ = pl.init("a-virtual-joint", rig="bench-joint")
+    >>> made = pl.simulate("a-virtual-joint", seed=1)
+    >>> len(made.study.recordings()) > 1
+    True
     """
     folder, tell = Path(folder), on_progress or (lambda text, share: None)
     path = folder / RIG_FILE

@@ -43,6 +43,11 @@ def reproduce(
     ------
     PellucidError
         If the paper is not known.
+
+    Examples
+    --------
+    >>> import pellucid as pl
+    >>> made = pl.reproduce("able", "able-again")                            # doctest: +SKIP
     """
     out = Path(out)
     made = paper_named(paper)() if isinstance(paper, str) else paper

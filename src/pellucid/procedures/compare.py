@@ -63,6 +63,15 @@ def compare(a: Path | str, b: Path | str, *, family: str | None = None, level: f
         If the two cards are not of the same kind of joint, drive unit and family.
     PellucidError
         If a card is missing or unreadable.
+
+    Examples
+    --------
+    Two studies that were identified; here one with itself:
+
+    >>> import pellucid as pl
+    >>> compared = pl.compare("my-elbow", "my-elbow")
+    >>> any(parameter.changed for parameter in compared.rows)
+    False
     """
     one = _card(Path(a), family)
     two = _card(Path(b), family or one.family)

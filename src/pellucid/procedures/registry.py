@@ -64,6 +64,15 @@ def open_study(folder: str | os.PathLike) -> Study:
     ------
     StudyError
         If study.toml is missing or cannot be understood.
+
+    Examples
+    --------
+    In a folder with a study ``my-elbow``:
+
+    >>> import pellucid as pl
+    >>> study = pl.open("my-elbow")
+    >>> [(recording.name, recording.use) for recording in study.recordings()]
+    [('slow', 'fit'), ('fast', 'validate')]
     """
     from ..recordings.study import open_folder
 

@@ -35,6 +35,12 @@ def check(study: Study) -> list[Fault]:
     ------
     RecordingError
         If a file cannot be read at all.
+
+    Examples
+    --------
+    >>> import pellucid as pl
+    >>> [fault.message for fault in pl.check(pl.open("my-elbow")) if fault.severity == "refuse"]
+    []
     """
     faults = [fault for procedure in reversed(asked(study)) for fault in procedure.faults(study)]
     return sorted(faults, key=lambda fault: fault.severity != "refuse")
@@ -71,6 +77,18 @@ def identify(
         If a recording is not fit to identify from.
     IdentificationError
         If the recordings cannot carry a model, or nothing is asked of them that `identify` does.
+
+    Examples
+    --------
+    >>> import pellucid as pl
+    >>> study = pl.open("my-elbow")
+    >>> result = pl.identify(study, families=["symmetric"], thorough=False)
+    >>> round(result["inertia"].value, 2), result["inertia"].unit
+    (0.2, 'kg*m^2')
+    >>> low, high = result["gravity"].interval(0.95)
+    >>> low < 1.5 < high
+    True
+    >>> _ = result.save(study)
     """
     procedure = _only(study, "identify")
     if procedure.name == "joint":
@@ -100,6 +118,12 @@ def calibrate(study: Study, on_progress: Callable[[str, float], None] | None = N
         If the study asks for no torque from EMG, nothing can be fitted or judged, or cards are missing.
     RecordingError
         If a recording is not fit to be used.
+
+    Examples
+    --------
+    >>> import pellucid as pl
+    >>> result = pl.calibrate(pl.open("my-leg"))                             # doctest: +SKIP
+    >>> print(result)                                                        # doctest: +SKIP
     """
     return _run(_only(study, "calibrate"), study, on_progress)
 
@@ -134,6 +158,12 @@ def assess(
         If the study asks for no assessment, or nobody took part in all conditions.
     RecordingError
         If a recording is not fit to be used.
+
+    Examples
+    --------
+    >>> import pellucid as pl
+    >>> result = pl.assess(pl.open("my-people"))                             # doctest: +SKIP
+    >>> print(result)                                                        # doctest: +SKIP
     """
     return _run(_only(study, "assess"), study, on_progress, studies=studies, executor=executor)
 
@@ -162,6 +192,13 @@ def report(
         If the study's folder cannot be written.
     PellucidError
         If a recording can no longer be read, or nothing can be identified from them.
+
+    Examples
+    --------
+    >>> import pellucid as pl
+    >>> study = pl.open("my-elbow")
+    >>> pl.report(study, pl.identify(study, families=["symmetric"], thorough=False)).name
+    'index.html'
     """
     from ..pages.page import write_page
 
