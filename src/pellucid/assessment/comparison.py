@@ -289,19 +289,8 @@ def _against(own: np.ndarray, control: np.ndarray, name: str, confidence: float,
 
 
 def mean_interval(samples: np.ndarray, confidence: float, rng: np.random.Generator) -> tuple[float, float]:
-    """Bootstrap interval of a mean, its levels widened for few samples.
-
-    Parameters
-    ----------
-    samples : ndarray, shape (n,)
-    confidence : float
-        In (0, 1).
-    rng : numpy.random.Generator
-
-    Returns
-    -------
-    low, high : float
-        In the samples' unit; NaN with fewer than 3.
+    """Bootstrap interval of the mean of `samples`, shape (n,), at a `confidence`, widened for few; NaN with fewer than
+    3.
     """
     n = len(samples)
     if n < 3:
@@ -313,17 +302,7 @@ def mean_interval(samples: np.ndarray, confidence: float, rng: np.random.Generat
 
 
 def holm(p_values: Sequence[float]) -> list[float]:
-    """p values corrected together.
-
-    Parameters
-    ----------
-    p_values : sequence of float
-
-    Returns
-    -------
-    list of float
-        In the same order; at most 1.
-    """
+    """p values corrected together, in the same order; at most 1."""
     p = np.asarray(p_values, float)
     order = np.argsort(p, kind="stable")
     corrected = np.minimum(np.maximum.accumulate(p[order] * (len(p) - np.arange(len(p)))), 1.0)

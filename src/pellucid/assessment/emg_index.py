@@ -86,17 +86,5 @@ def maxima(activities: Sequence[Activity]) -> dict[str, float]:
 
 
 def emg_per_acceleration(level: float, acceleration: float) -> float:
-    """Activity of the agonists over the largest acceleration [s^2/rad]: eq. 9's ratio before control divides it.
-
-    Parameters
-    ----------
-    level : float
-        Relative activity [1].
-    acceleration : float
-        [rad/s^2]
-
-    Returns
-    -------
-    float
-    """
+    """Relative activity `level` over the largest `acceleration` [s^2/rad]: eq. 9's ratio before control divides it."""
     return level / acceleration if acceleration > 0.0 else float("nan")

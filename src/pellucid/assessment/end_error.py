@@ -19,17 +19,8 @@ from ..signals.movements import Kinematics, Movement
 
 
 def target_zero(made: Sequence[tuple[Kinematics, Movement]]) -> float:
-    """Angle of a target at 0, by where movements end.
-
-    Parameters
-    ----------
-    made : sequence of (Kinematics, Movement)
-        Of one participant in the control condition.
-
-    Returns
-    -------
-    float
-        Mean of the medians of both directions [rad]; 0 where one of them has no movement to a target.
+    """Angle of a target at 0 [rad], by where one participant's movements under control end: the mean of both
+    directions' medians; 0 where one of them has no movement to a target.
     """
     ends: dict[int, list[float]] = {1: [], -1: []}
     for motion, movement in made:
@@ -41,20 +32,8 @@ def target_zero(made: Sequence[tuple[Kinematics, Movement]]) -> float:
 
 
 def end_error(motion: Kinematics, movement: Movement, zero: float) -> dict[str, float]:
-    """Signed and absolute error of one movement's end.
-
-    Parameters
-    ----------
-    motion : Kinematics
-    movement : Movement
-        To a target, or labelled with an amplitude; otherwise there is no error.
-    zero : float
-        Angle of a target at 0 [rad].
-
-    Returns
-    -------
-    dict of str to float
-        ``end_error``, ``end_absolute`` [rad]; empty where nobody knows where the movement was to end.
+    """Signed and absolute error of a `movement`'s end, ``end_error`` and ``end_absolute`` [rad], where a target at 0 is
+    at `zero`; empty where nobody knows where it was to end. `motion` holds its angle.
     """
     if movement.goal is not None:
         error = movement.direction * (float(motion.angle[movement.last]) - movement.goal - zero)

@@ -103,21 +103,8 @@ class IndexTable:
 def cell_means(
     movements: Sequence[Measured], of: str, direction: str = "", *, spread: bool = False
 ) -> dict[tuple, float]:
-    """Means of one value over movements that are alike, or their standard deviations.
-
-    Parameters
-    ----------
-    movements : sequence of Measured
-    of : str
-    direction : str
-        ``"up"``, ``"down"``, or ``""`` for both.
-    spread : bool
-        Standard deviations (n - 1); a single movement has none.
-
-    Returns
-    -------
-    dict
-        By (participant, condition, cell).
+    """Means by (participant, condition, cell) of the value `of` movements that are alike, in one `direction` or both
+    (""); with `spread` their standard deviations (n - 1), which a single movement has not.
     """
     sums: dict[tuple, list[float]] = {}
     for m in movements:
@@ -132,22 +119,10 @@ def cell_means(
 def index_table(
     movements: Sequence[Measured], index: Index, participants: Sequence[str], conditions: Sequence[str], control: str
 ) -> IndexTable | None:
-    """Each participant's value in each condition.
+    """Values of `index` of those `participants` who have it under all `conditions`; None where nobody has.
 
-    Parameters
-    ----------
-    movements : sequence of Measured
-    index : Index
-    participants : sequence of str
-        Those to take; who lacks this index in a condition is left out.
-    conditions : sequence of str
-    control : str
-        An index over control does not have it as a column, and neither does one that needs a robot.
-
-    Returns
-    -------
-    IndexTable or None
-        None where nobody has the index.
+    One over `control` does not have that as a column, nor does one that needs a robot. `movements` are all there
+    are.
     """
     means = cell_means(movements, index.of, index.direction, spread=index.spread)
     recorded = [c for c in conditions if any(key[1] == c for key in means)]
@@ -213,16 +188,8 @@ class Isochrony:
 def isochrony(
     movements: Sequence[Measured], participants: Sequence[str], conditions: Sequence[str]
 ) -> tuple[Isochrony, ...]:
-    """Isochrony of every condition and direction with at least three amplitudes.
-
-    Parameters
-    ----------
-    movements : sequence of Measured
-    participants, conditions : sequence of str
-
-    Returns
-    -------
-    tuple of Isochrony
+    """Isochrony of every condition and direction with at least three amplitudes; `movements` of `participants` under
+    `conditions`.
     """
     velocity, duration = cell_means(movements, "vmean"), cell_means(movements, "duration")
     found = []
@@ -269,16 +236,8 @@ def _person_line(person, condition, direction, velocity: Mapping, duration: Mapp
 
 
 def affine(x: np.ndarray, y: np.ndarray) -> tuple[float, float, float]:
-    """Straight line by least squares.
-
-    Parameters
-    ----------
-    x, y : ndarray, shape (n,)
-
-    Returns
-    -------
-    slope, intercept, r2 : float
-        r2 is NaN where y is constant.
+    """Slope, intercept and R² of a straight line by least squares through x and y, each of shape (n,); R² is NaN where
+    y is constant.
     """
     slope, intercept = np.polyfit(x, y, 1)
     spread = float(np.sum((y - y.mean()) ** 2))

@@ -64,16 +64,8 @@ def signed_rank(differences: np.ndarray) -> SignedRankTest:
 
 
 def sign_distribution(weights: np.ndarray) -> np.ndarray:
-    """Chance of every sum of `weights`, each taken or left as by a coin.
-
-    Parameters
-    ----------
-    weights : ndarray of int, shape (n,)
-        Above 0.
-
-    Returns
-    -------
-    ndarray, shape (sum of weights + 1,)
+    """Chance of every sum of `weights` (integers above 0), each taken or left as by a coin; shape (sum of weights +
+    1,).
     """
     chance = np.zeros(int(np.sum(weights)) + 1)
     chance[0] = 1.0

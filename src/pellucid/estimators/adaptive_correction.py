@@ -56,23 +56,11 @@ class AdaptiveCorrection:
     spacing: float = SPACING
 
     def correct(self, x: np.ndarray, predicted: np.ndarray, reference: np.ndarray, fs: float) -> np.ndarray:
-        """Run along a trial as a robot would.
+        """The torque `predicted` along a trial, corrected as a robot would: of `reference` each sample uses what came
+        before.
 
-        Parameters
-        ----------
-        x : ndarray, shape (n, k)
-            Features.
-        predicted : ndarray, shape (n,)
-            By the estimator underneath [N m].
-        reference : ndarray, shape (n,)
-            Measured torque [N m]; of each sample only what comes before it is used.
-        fs : float
-            Rate [Hz].
-
-        Returns
-        -------
-        ndarray, shape (n,)
-            [N m]
+        `x`, shape (n, k), are features; `predicted` and `reference`, shape (n,) [N m], as is what is returned; `fs`
+        [Hz].
         """
         z = (np.asarray(x, float) - self.centre) / self.scale
         error = np.asarray(reference, float) - np.asarray(predicted, float)

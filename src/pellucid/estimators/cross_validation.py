@@ -88,16 +88,7 @@ class Score:
 
 
 def score(reference: np.ndarray, predicted: np.ndarray) -> Score:
-    """RMSE and R² = 1 - sum of squared errors / sum of squares about the reference's own mean.
-
-    Parameters
-    ----------
-    reference, predicted : ndarray, shape (n,)
-
-    Returns
-    -------
-    Score
-    """
+    """RMSE and R² = 1 - sum of squared errors / sum of squares about the reference's own mean; both of shape (n,)."""
     reference, error = np.asarray(reference, float), np.asarray(reference, float) - np.asarray(predicted, float)
     spread = float(np.sum((reference - reference.mean()) ** 2))
     r2 = 1.0 - float(error @ error) / spread if spread > 0.0 else float("nan")

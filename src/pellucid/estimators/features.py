@@ -52,20 +52,8 @@ class FeatureSet:
 
 
 def feature_sets(*, neighbours: bool, lags: bool | None = None, muscles: bool = True) -> tuple[FeatureSet, ...]:
-    """The sets that cross-validation may choose from, the smallest first.
-
-    Parameters
-    ----------
-    neighbours : bool
-        Whether trials have other joints' angles.
-    lags : bool, optional
-        With earlier envelopes, or without; left out, both.
-    muscles : bool
-        Whether EMG is seen at all.
-
-    Returns
-    -------
-    tuple of FeatureSet
+    """The sets to choose from, the smallest first: with `neighbours`' angles or not, `lags` or not (None: both),
+    `muscles`.
     """
     motions = [{}, {"velocities": True}, {"velocities": True, "accelerations": True}]
     if neighbours:
@@ -93,18 +81,8 @@ class Features:
 
 
 def features(trial: TorqueTrial, chosen: FeatureSet, *, causal: bool = False) -> Features:
-    """Make a trial's features; nothing from before its first sample is seen, its value is taken to have lasted.
-
-    Parameters
-    ----------
-    trial : TorqueTrial
-    chosen : FeatureSet
-    causal : bool
-        Angles filtered and differentiated from the past alone; envelopes are taken as they are.
-
-    Returns
-    -------
-    Features
+    """A trial's `chosen` features, `causal` ones from the past alone; its first value is taken to have lasted before
+    it.
     """
     fs, columns, names = trial.fs, [], []
     for muscle, envelope in trial.envelopes.items() if chosen.muscles else ():
@@ -128,22 +106,7 @@ def features(trial: TorqueTrial, chosen: FeatureSet, *, causal: bool = False) ->
 
 
 def derivatives(q: np.ndarray, fs: float, *, causal: bool) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """An angle low-passed, and its first two derivatives.
-
-    Parameters
-    ----------
-    q : ndarray, shape (n,)
-        [rad]
-    fs : float
-        Rate [Hz].
-    causal : bool
-        From the past alone.
-
-    Returns
-    -------
-    angle, speed, acceleration : ndarray, each of shape (n,)
-        [rad], [rad/s] and [rad/s^2].
-    """
+    """Angle `q` [rad] low-passed at `fs` [Hz], speed, acceleration, each of shape (n,); `causal`: of the past alone."""
     if not causal:
         q = zero_phase_lowpass(q, MOTION_LOWPASS, 4, fs)
         v = central_difference(q, fs)

@@ -78,49 +78,18 @@ class HillMap:
     causal: bool = False
 
     def predict(self, trial: TorqueTrial) -> np.ndarray:
-        """Torque of a trial.
-
-        Parameters
-        ----------
-        trial : TorqueTrial
-            Its own torque is not looked at.
-
-        Returns
-        -------
-        ndarray, shape (n,)
-            [N m]
-        """
+        """Torque of a trial, shape (n,) [N m]; its own torque is not looked at."""
         samples, own = self.samples(trial)
         return self.fit.predict(samples)[own]
 
     def samples(self, trial: TorqueTrial) -> tuple[MuscleSamples, slice]:
-        """A trial as these muscles see it, and where its own samples lie.
-
-        Parameters
-        ----------
-        trial : TorqueTrial
-
-        Returns
-        -------
-        samples : MuscleSamples
-        own : slice
-        """
+        """A trial as these muscles see it, and where its own samples lie."""
         samples, own = muscle_samples([trial], muscles=self.muscles, effort=self.effort, causal=self.causal)
         return samples, own[0]
 
     def half_width(self, trial: TorqueTrial, level: float = 0.95) -> np.ndarray:
-        """Half the interval about the torque that is predicted: what the model misses, and what it does not know.
-
-        Parameters
-        ----------
-        trial : TorqueTrial
-        level : float
-            Share of samples that it should hold.
-
-        Returns
-        -------
-        ndarray, shape (n,)
-            [N m]
+        """Half the interval about the torque predicted, shape (n,) [N m]: what the model misses, and what it does not
+        know.
         """
         from ..fit.muscles.muscle_information import covariance
 
@@ -130,19 +99,8 @@ class HillMap:
         return float(ndtri(0.5 + level / 2.0)) * np.sqrt(self.residual_sd**2 + unsure)
 
     def stream(self, period: float) -> tuple[_core.HillTorque, tuple[float, float, float]]:
-        """The same muscles sample by sample, and the joint's own tissue: offset, stiffness, damping.
-
-        Parameters
-        ----------
-        period : float
-            From one sample to the next [s].
-
-        Returns
-        -------
-        estimator : HillTorque
-            In the core; its ``delays`` are the delay budget of envelope to activation.
-        passive : tuple of float
-            To be added: offset - stiffness * angle - damping * speed.
+        """The same muscles sample by sample, in the core, every `period` [s]; and offset, stiffness, damping of the
+        joint's own tissue, to be added: offset - stiffness * angle - damping * speed.
         """
         return _core.HillTorque(np.array([m.vector() for m in self.fit.muscles]), period=period), self.fit.passive
 

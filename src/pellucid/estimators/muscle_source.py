@@ -68,18 +68,7 @@ class MuscleSource:
     relative: bool = True
 
     def driven(self, joint: str, envelopes: Mapping[str, np.ndarray]) -> dict[str, tuple[str, ...]]:
-        """Muscles across a joint that some EMG drives, with the channels whose mean it is.
-
-        Parameters
-        ----------
-        joint : str
-        envelopes : Mapping of str
-            By channel.
-
-        Returns
-        -------
-        dict of str to tuple of str
-        """
+        """Muscles across a joint that some EMG drives, each with the channels whose mean it is."""
         channels = {ALIASES.get(name, name): name for name in envelopes}
         crossing = self.recorded or {
             name: None for name, path in muscle_table().geometry.items() if joint in path.angles
@@ -97,18 +86,8 @@ class MuscleSource:
     def path(
         self, muscle: str, joint: str, angles: Mapping[str, np.ndarray], rates: Mapping[str, np.ndarray]
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Length, rate and moment arm of a muscle.
-
-        Parameters
-        ----------
-        muscle, joint : str
-        angles, rates : Mapping of str to ndarray, each of shape (n,)
-            In the study's signs [rad] and [rad/s].
-
-        Returns
-        -------
-        length, rate, moment_arm : ndarray, each of shape (n,)
-            [m], [m/s] and [m], the last positive where the muscle pulls along the study's positive angle.
+        """Length [m], rate [m/s] and moment arm [m] of `muscle`, each of shape (n,), from `angles` and `rates` in the
+        study's signs; the arm about `joint` is positive where the muscle pulls along the study's positive angle.
         """
         if muscle in self.recorded:
             return self.recorded[muscle]

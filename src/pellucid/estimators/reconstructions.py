@@ -55,17 +55,7 @@ class CorrectedMap:
         return replace(self.base.choice, words=f"{self.base.choice.words}; errors learnt from the torque so far")
 
     def predict(self, trial: TorqueTrial) -> np.ndarray:
-        """Torque of a trial; of its own torque, each sample sees what was measured before it.
-
-        Parameters
-        ----------
-        trial : TorqueTrial
-
-        Returns
-        -------
-        ndarray, shape (n,)
-            [N m]
-        """
+        """Torque of a trial; of its own torque, each sample sees what was measured before it, shape (n,) [N m]."""
         x = features(trial, SEEN, causal=self.causal).x
         return self.correction.correct(x, self.base.predict(trial), trial.torque, trial.fs)
 
@@ -89,81 +79,29 @@ class UncoupledMap:
         return self.base.choice
 
     def predict(self, trial: TorqueTrial) -> np.ndarray:
-        """Torque of a trial.
-
-        Parameters
-        ----------
-        trial : TorqueTrial
-
-        Returns
-        -------
-        ndarray, shape (n,)
-            [N m]
-        """
+        """Torque of a trial, shape (n,) [N m]."""
         return self.base.predict(uncoupled(trial))
 
 
 def uncoupled(trial: TorqueTrial) -> TorqueTrial:
-    """The same trial with no angle but the joint's own; lengths and moment arms are the model's.
-
-    Parameters
-    ----------
-    trial : TorqueTrial
-
-    Returns
-    -------
-    TorqueTrial
-    """
+    """The same trial with no angle but the joint's own; lengths and moment arms are the model's."""
     muscles = None if trial.muscles is None else replace(trial.muscles, recorded={})
     return replace(trial, angles={trial.joint: trial.angles[trial.joint]}, muscles=muscles)
 
 
 def fit_nmco(trials: Sequence[TorqueTrial], name: str, causal: bool) -> HillMap:
-    """NM-CO.
-
-    Parameters
-    ----------
-    trials : sequence of TorqueTrial
-    name : str
-    causal : bool
-
-    Returns
-    -------
-    HillMap
-    """
+    """NM-CO of `trials`, under `name`, from the past alone if `causal`."""
     return fit_hill(trials, name=name, causal=causal, weights=(LOOSE,), method="swarm")
 
 
 def fit_nmcoa(trials: Sequence[TorqueTrial], name: str, causal: bool) -> CorrectedMap:
-    """NM-COA.
-
-    Parameters
-    ----------
-    trials : sequence of TorqueTrial
-    name : str
-    causal : bool
-
-    Returns
-    -------
-    CorrectedMap
-    """
+    """NM-COA of `trials`, under `name`, from the past alone if `causal`."""
     base = fit_nmco(trials, name, causal)
     parts = [(features(t, SEEN, causal=causal).x, t.torque - base.predict(t)) for t in trials]
     return CorrectedMap(name, base, adaptive_correction(parts), causal)
 
 
 def fit_nmnc(trials: Sequence[TorqueTrial], name: str, causal: bool) -> UncoupledMap:
-    """NM-NC.
-
-    Parameters
-    ----------
-    trials : sequence of TorqueTrial
-    name : str
-    causal : bool
-
-    Returns
-    -------
-    UncoupledMap
-    """
+    """NM-NC of `trials`, under `name`, from the past alone if `causal`."""
     alone = [uncoupled(t) for t in trials]
     return UncoupledMap(name, fit_hill(alone, name=name, causal=causal, weights=(LOOSE,), method="descent"))

@@ -12,22 +12,9 @@ def width(seconds: float, fs: float) -> int:
 
 
 def smooth(samples: np.ndarray, seconds: float, fs: float, *, causal: bool = False) -> np.ndarray:
-    """Average over a window, centred for analysis or of the past alone.
-
-    Parameters
-    ----------
-    samples : ndarray, shape (n,)
-    seconds : float
-        Length of the window [s]; 0.05 s are the thesis's 25 samples at 500 Hz.
-    fs : float
-        [Hz]
-    causal : bool
-        Of the past alone: late by half a window, `smoothing_delay`.
-
-    Returns
-    -------
-    ndarray, shape (n,)
-        Beyond its ends, the first and last sample are taken to go on.
+    """`samples`, shape (n,), averaged over `seconds` at `fs` [Hz]: centred, or of the past alone and late by
+    `smoothing_delay` if `causal`. Beyond the ends the first and last sample are taken to go on; 0.05 s are the
+    thesis's 25 at 500 Hz.
     """
     n = width(seconds, fs)
     return uniform_filter1d(np.asarray(samples, float), n, mode="nearest", origin=(n - 1) // 2 if causal else 0)

@@ -72,18 +72,7 @@ class TorqueMap:
     causal: bool = False
 
     def predict(self, trial: TorqueTrial) -> np.ndarray:
-        """Torque of a trial.
-
-        Parameters
-        ----------
-        trial : TorqueTrial
-            Its own torque is not looked at.
-
-        Returns
-        -------
-        ndarray, shape (n,)
-            [N m]
-        """
+        """Torque of a trial, shape (n,) [N m]; its own torque is not looked at."""
         raw = self.regressor.predict(features(trial, self.choice.features, causal=self.causal).x)
         seconds = ESTIMATORS[self.name].smoothing
         return smooth(raw, seconds, trial.fs, causal=self.causal) if seconds else raw

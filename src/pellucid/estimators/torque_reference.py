@@ -56,23 +56,10 @@ class MovedBody:
 def human_torque(
     position: np.ndarray, orthosis_torque: np.ndarray, body: MovedBody, *, lowpass: float, fs: float
 ) -> np.ndarray:
-    """Torque of the wearer about the joint.
+    """Torque of the wearer about the joint, shape (n,) [N m], positive along `position` [rad], which is 0 hanging.
 
-    Parameters
-    ----------
-    position : ndarray, shape (n,)
-        Joint angle [rad]; 0 hangs along gravity.
-    orthosis_torque : ndarray, shape (n,)
-        Of its spring, on the orthosis, positive along the angle [N m].
-    body : MovedBody
-        Limb and orthosis together.
-    lowpass, fs : float
-        Cut-off of the zero-phase low-pass that both pass (order 4), and their rate [Hz].
-
-    Returns
-    -------
-    ndarray, shape (n,)
-        [N m], positive along the angle.
+    `orthosis_torque` is that of its spring on the orthosis [N m], `body` limb and orthosis together; both signals,
+    shape (n,) at `fs` [Hz], pass a zero-phase low-pass of order 4 at `lowpass` [Hz].
     """
     q = zero_phase_lowpass(np.asarray(position, float), lowpass, 4, fs)
     v = central_difference(q, fs)
