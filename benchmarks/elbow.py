@@ -15,10 +15,9 @@ from scipy import optimize
 
 from pellucid.fit.slider.coherent_body import LOAD_START, fit_coherent
 from pellucid.fit.slider.three_steps import STRIDE, three_steps
-from pellucid.lab.elbow.instruments import play, record
-from pellucid.lab.elbow.protocol import trials
+from pellucid.lab.elbow.instruments import play, read_all
 from pellucid.lab.elbow.rig import able_elbow
-from pellucid.lab.elbow.study import excitation, record_in_memory
+from pellucid.lab.study import record_in_memory
 from pellucid.models.directional_slider import VELOCITY_WIDTH
 from pellucid.models.joint import GRAVITY
 from pellucid.models.slider_joint import SliderJointModel
@@ -69,9 +68,9 @@ def seconds(call: Callable[[], object]) -> list[float]:
 def run() -> list[dict]:
     """Rows of name, value, unit, note."""
     rig = able_elbow()
-    protocol = trials(rig, excitation)
+    protocol = rig.trials()
     config, recordings, taken = record_in_memory(rig, protocol, seed=1, threads=2)
-    played = sum(len(one.time) for one in taken) / rig["sampling"]["rate"]
+    played = sum(len(one.inside.time) for one in taken) / rig["sampling"]["rate"]
     note = f"{len(protocol)} recordings, {played:.0f} s of motion"
     geometry = slider_geometry(recordings)
     motions = slider_motions(recordings, config.rig, config.processing, geometry)
@@ -127,7 +126,7 @@ def run() -> list[dict]:
         rate = [span / s for s in taken_here]
         rows.append(_row(f"elbow: plant, {threads} thread{'s' * (threads > 1)}", rate, "s/s", f"{len(same)} at once"))
     for threads in (1, 2):
-        taken_here = seconds(lambda n=threads: record(rig, protocol, np.random.default_rng(1), threads=n))
+        taken_here = seconds(lambda n=threads: read_all(rig, protocol, np.random.default_rng(1), threads=n))
         rate = [played / s for s in taken_here]
         rows.append(
             _row(f"elbow: recorded, {threads} thread{'s' * (threads > 1)}", rate, "s/s", "with current and cameras")

@@ -22,7 +22,8 @@ from pellucid.datasets import init, names
 from pellucid.fit.joint.closed_loop import solve_output_error
 from pellucid.fit.joint.regression import solve, stack
 from pellucid.fit.joint.replay import SMOOTHING
-from pellucid.lab.virtual_joint import bench_joint, write_study
+from pellucid.lab.bench.rig import bench_joint
+from pellucid.lab.study import write_study
 from pellucid.models.joint import joint_model
 from pellucid.models.simulate import substeps_for
 from pellucid.procedures.joint.identify_joint import machine_of

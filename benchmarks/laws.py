@@ -17,7 +17,8 @@ from pellucid import _core
 from pellucid.controllers.elbow_controllers import ELBOW_CONTROLLERS
 from pellucid.controllers.elbow_laws import ElbowLaw
 from pellucid.controllers.law_fuzz import step_times
-from pellucid.lab.pointing.people import draw_people, elbow_participants
+from pellucid.lab.pointing.people import draw_people
+from pellucid.lab.pointing.rig import elbow_participants
 from pellucid.models.simulate import substeps_for
 
 from .export import elbow_card

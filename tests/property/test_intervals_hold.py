@@ -3,7 +3,7 @@
 import pytest
 
 from pellucid.demonstration.coverage import coverage
-from pellucid.lab.virtual_joint import bench_joint
+from pellucid.lab.bench.rig import bench_joint
 
 
 @pytest.mark.parametrize("colour", ["white", "coloured"])

@@ -7,13 +7,12 @@ import pytest
 
 from pellucid.fit.slider.coherent_body import fit_coherent
 from pellucid.fit.slider.three_steps import all_at_once, three_steps
-from pellucid.lab.elbow import study as elbow_study
-from pellucid.lab.elbow.instruments import record
+from pellucid.lab.elbow.instruments import read_all
 from pellucid.lab.elbow.protocol import fitted_sliders, trials
 from pellucid.lab.elbow.rig import able_elbow
+from pellucid.lab.study import record_in_memory, write_study
 from pellucid.models.energy import cycle_energy
 from pellucid.models.joint import GRAVITY
-from pellucid.procedures.registry import open_study
 from pellucid.procedures.slider.identify_slider import STEPS, fit_slider
 
 SEED = 1
@@ -27,12 +26,12 @@ def rig():
 
 @pytest.fixture(scope="module")
 def protocol(rig):
-    return trials(rig, elbow_study.excitation)
+    return rig.trials()
 
 
 @pytest.fixture(scope="module")
 def recorded(rig, protocol):
-    return elbow_study.record_in_memory(rig, protocol, seed=SEED, threads=THREADS)
+    return record_in_memory(rig, protocol, seed=SEED, threads=THREADS)
 
 
 @pytest.fixture(scope="module")
@@ -43,7 +42,7 @@ def fit(recorded):
 
 @pytest.fixture(scope="module")
 def known(rig, recorded):
-    return elbow_study.truth(rig, recorded[2], SEED)
+    return rig.truth() | {"sliders": {one.trial.name: one.trial.slider for one in recorded[2]}}
 
 
 def workspace(rig):
@@ -179,8 +178,8 @@ def test_compensating_by_two_sets_drives_the_rig_past_the_range_it_was_fitted_on
 
 def test_the_same_seed_gives_the_same_bits(rig, protocol, recorded):
     some = [protocol[i] for i in (0, 6, 12)]
-    one, other = (record(rig, some, np.random.default_rng(4), threads=n) for n in (1, THREADS))
-    third = record(rig, some, np.random.default_rng(5))
+    one, other = (read_all(rig, some, np.random.default_rng(4), threads=n) for n in (1, THREADS))
+    third = read_all(rig, some, np.random.default_rng(5))
     for a, b, c in zip(one, other, third, strict=True):
         assert np.array_equal(a.counts, b.counts)
         assert np.array_equal(a.milliamperes, b.milliamperes)
@@ -196,21 +195,16 @@ def test_files_hold_what_memory_holds(rig, protocol, tmp_path):
     wanted = {"static_1", "constant_2", "unseen_sweep_3"}
     some = tuple(t for t in protocol if t.name in wanted)
     assert len(some) == 3
-    config, recordings, taken = elbow_study.record_in_memory(rig, some, seed=3)
-    folder = tmp_path / "elbow"
-    (folder / "recordings").mkdir(parents=True)
-    for one in taken:
-        elbow_study._write(folder / "recordings", one)
-    (folder / "study.toml").write_text(elbow_study.study_text(rig, some, rig.name), encoding="utf-8")
-    study = open_study(folder)
+    config, recordings, _ = record_in_memory(rig, some, seed=3)
+    study = write_study(tmp_path / "elbow", rig, name=rig.name, seed=3, trials=some)
     assert study.config == config
     read = {r.name: r for r in study.recordings()}
     for memory in recordings:
         file = read[memory.name]
         assert (file.use, file.protocol) == (memory.use, memory.protocol)
         for channel in ("position", "current", "time"):
-            assert file[channel] == pytest.approx(memory[channel], rel=1e-12, abs=1e-12)
-        assert file.optical.time == pytest.approx(memory.optical.time, abs=1e-5)
+            assert np.array_equal(file[channel], memory[channel])
+        assert file.optical.time == pytest.approx(memory.optical.time, abs=5.01e-6)
         assert list(file.optical.markers) == list(memory.optical.markers)
         for name, points in memory.optical.markers.items():
             assert file.optical.markers[name] == pytest.approx(points, abs=1e-12, nan_ok=True)
@@ -226,7 +220,7 @@ def test_without_friction_all_models_are_one(rig):
     changes |= {"bearing.coulomb": 0.0, "bearing.viscous": 0.0, "motor.ripple_amplitude": 0.0}
     ideal = rig.changed(changes, "frictionless")
     some = tuple(t for t in trials(ideal) if t.use == "fit")
-    config, recordings, _ = elbow_study.record_in_memory(ideal, some, seed=2, threads=THREADS)
+    config, recordings, _ = record_in_memory(ideal, some, seed=2, threads=THREADS)
     fit = fit_slider(config, recordings)
     x, q = workspace(ideal)
     right = true_gravity(ideal, x, q)

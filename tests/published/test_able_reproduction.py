@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pellucid.lab.pointing.people import elbow_participants
+from pellucid.lab.pointing.rig import elbow_participants
 from pellucid.papers.able.identification_rows import LOAD_FACTORS
 from pellucid.papers.able.paper import AblePaper
 from pellucid.papers.figure import VERDICTS

@@ -9,7 +9,8 @@ from pellucid.controllers.elbow_controllers import BEST, BEST_SENSED
 from pellucid.controllers.transparent_laws import with_force_sensor
 from pellucid.lab.elbow.rig import able_elbow
 from pellucid.lab.pointing.conditions import identified_cards, interaction_rms, published_laws, worn
-from pellucid.lab.pointing.people import draw_people, elbow_participants
+from pellucid.lab.pointing.people import draw_people
+from pellucid.lab.pointing.rig import elbow_participants
 from pellucid.lab.pointing.session import hold_still, point_all
 from pellucid.papers.able.transparency import (
     FIRST_REST,

@@ -6,9 +6,10 @@ import pytest
 from pellucid._errors import IdentificationError, PellucidError
 from pellucid.controllers.worn import WornCompensator
 from pellucid.estimators.causal_map import EmgSettings, EmgTrial, fit_causal_map
-from pellucid.lab.knee.drawn import BODY, FACTORS, WORN, drawn_rig
+from pellucid.lab.knee.drawn import BODY, FACTORS, FITTED, drawn_rig
 from pellucid.lab.knee.protocol import Faults
-from pellucid.lab.knee.rig import FLEXOR, knee_orthosis
+from pellucid.lab.knee.rig import knee_orthosis
+from pellucid.lab.knee.subject import FLEXOR
 from pellucid.papers.knee import tuning as knee_tuning
 from pellucid.papers.knee.controllers import DELAY, GAIN_DB, Chosen, by_phase, chosen, for_wearer, parse_chosen
 from pellucid.papers.knee.residual import FRESH, TUNING, ControllerRow, compare, session_of, wearer
@@ -47,9 +48,9 @@ def test_wearers_are_drawn_within_what_is_stated_and_each_is_the_same_again(rig)
         index, ratio = person.weight / person.height**2, person.strap["damping"] / person.strap["stiffness"]
         for value, (low, high) in (
             (index, BODY["mass_index"]),
-            (person.strap["stiffness"], WORN["stiffness"]),
-            (ratio, WORN["damping"]),
-            (person.strength[FLEXOR] / person.weight, WORN["flexor"]),
+            (person.strap["stiffness"], FITTED["stiffness"]),
+            (ratio, FITTED["damping"]),
+            (person.strength[FLEXOR] / person.weight, FITTED["flexor"]),
             (own["actuator"]["coulomb_positive"] / rig["actuator"]["coulomb_positive"],
              FACTORS["actuator.coulomb_positive"]),
         ):  # fmt: skip

@@ -13,7 +13,8 @@ from pellucid.controllers.elbow_controllers import BEST_SENSED, ELBOW_CONTROLLER
 from pellucid.demonstration import demo as module
 from pellucid.demonstration.story import told
 from pellucid.lab.elbow.rig import able_elbow
-from pellucid.lab.pointing.people import draw_people, elbow_participants
+from pellucid.lab.pointing.people import draw_people
+from pellucid.lab.pointing.rig import elbow_participants
 from pellucid.models.slider_card import read_slider_card
 from pellucid.procedures.registry import open_study
 

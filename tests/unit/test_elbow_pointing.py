@@ -10,11 +10,11 @@ from pellucid import _core
 from pellucid._errors import StudyError
 from pellucid.lab.pointing.load_learning import felt, learnt
 from pellucid.lab.pointing.movement_choice import preferred_duration, utility
-from pellucid.lab.pointing.people import draw_people, elbow_participants, parse_pointing_rig
+from pellucid.lab.pointing.people import draw_people
+from pellucid.lab.pointing.rig import PointingRig, elbow_participants
 from pellucid.lab.pointing.session import Unpowered, hold_still, point
-from pellucid.lab.pointing.study import record_pointing, study_text
 from pellucid.lab.simulate import simulate
-from pellucid.lab.study_folder import study_config
+from pellucid.lab.study import record_in_memory, write_study
 from pellucid.models.anthropometry import forearm
 
 RIG = elbow_participants()
@@ -116,18 +116,22 @@ def test_the_same_seed_gives_the_same_session():
         assert np.array_equal(samples, second.signals[name])
 
 
+LAWS = {"Ctrl": None, "off": lambda person, place: Unpowered()}
+
+
 @pytest.fixture(scope="module")
 def short():
     """An experiment of two people and ten movements a condition."""
     text = (files("pellucid.lab") / "rigs" / "elbow-participants.toml").read_text(encoding="utf-8")
     text = text.replace("repetitions = 10 ", "repetitions = 1 ").replace("count = 6\n", "count = 2\n")
-    return parse_pointing_rig(text, "short")
+    return PointingRig.parse(text, "short")
 
 
 def test_recordings_of_an_experiment_are_what_its_study_says(short):
-    recordings, sessions = record_pointing(short, {"Ctrl": None, "off": lambda p, x: Unpowered()}, seed=7)
+    rig = short.under(LAWS)
+    config, recordings, taken = record_in_memory(rig, rig.trials(7), seed=7)
+    sessions = [one.inside for one in taken]
     assert {(r.participant, r.condition) for r in recordings} == {(p, c) for p in ("P1", "P2") for c in ("Ctrl", "off")}
-    config = study_config(study_text(short, [s.person for s in sessions[::2]], (), "short"))
     assert config.assessment.agonists == ("biceps", "brachioradialis")
     for r in recordings:
         assert ("position" in r) == (r.condition == "off") == ("interaction" in r)
@@ -140,15 +144,33 @@ def test_recordings_of_an_experiment_are_what_its_study_says(short):
 
 
 def test_threads_change_nothing_and_of_a_session_stays_what_is_asked_for(short):
-    laws = {"Ctrl": None, "off": lambda p, x: Unpowered()}
-    one, sessions = record_pointing(short, laws, seed=7)
-    two, faults = record_pointing(short, laws, seed=7, threads=2, truth=lambda session: session.fault)
-    assert faults == [session.fault for session in sessions]
+    rig = short.under(LAWS)
+    _, one, sessions = record_in_memory(rig, rig.trials(7), seed=7)
+    _, two, faults = record_in_memory(rig, rig.trials(7), seed=7, threads=2, keep=lambda taken: taken.inside.fault)
+    assert [fault.inside for fault in faults] == [session.inside.fault for session in sessions]
     assert [r.name for r in one] == [r.name for r in two]
     for a, b in zip(one, two, strict=True):
         for x, y in ((a, b), (a.streams["emg"], b.streams["emg"])):
             assert all(np.array_equal(x[name], y[name]) for name in x.channels)
             assert not any(x[name].flags.writeable for name in x.channels)
+
+
+def test_files_and_memory_hold_the_same(short, tmp_path):
+    rig = short.under(LAWS)
+    study = write_study(tmp_path, rig, name="short", seed=7)
+    config, recordings, _ = record_in_memory(rig, rig.trials(7), seed=7)
+    assert config.model_copy(update={"name": "short"}) == study.config
+    for memory, file in zip(recordings, study.recordings(), strict=True):
+        assert (memory.name, memory.participant, memory.condition) == (file.name, file.participant, file.condition)
+        for a, b in ((memory, file), (memory.streams["emg"], file.streams["emg"])):
+            assert list(a.channels) == list(b.channels)
+            # Half of the last digit that the file has.
+            digits = {"position": 5e-7, "target": 5e-7, "interaction": 5e-5}
+            for name in b.channels:
+                np.testing.assert_allclose(a[name], b[name], rtol=0.0, atol=1.01 * digits.get(name, 1e-15))
+        np.testing.assert_allclose(memory.optical.time, file.optical.time, rtol=0.0, atol=5.01e-6)
+        for marker, points in file.optical.markers.items():
+            np.testing.assert_allclose(memory.optical.markers[marker], points, rtol=0.0, atol=1e-12)
 
 
 def test_people_wear_the_controllers_that_are_named(tmp_path):
@@ -172,9 +194,9 @@ def test_people_wear_the_controllers_that_are_named(tmp_path):
 def test_a_file_that_lacks_something_is_told():
     text = (files("pellucid.lab") / "rigs" / "elbow-participants.toml").read_text(encoding="utf-8")
     with pytest.raises(StudyError, match=r"\[planning\] lacks reach$"):
-        parse_pointing_rig(text.replace("\nreach = ", "\nreeach = "), "x")
+        PointingRig.parse(text.replace("\nreach = ", "\nreeach = "), "x")
     with pytest.raises(StudyError, match="found kind = 'x'"):
-        parse_pointing_rig('kind = "x"', "x")
+        PointingRig.parse('kind = "x"', "x")
 
 
 @pytest.mark.parametrize(

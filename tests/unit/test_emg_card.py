@@ -10,7 +10,7 @@ from pellucid.estimators.causal_map import CausalMap
 from pellucid.fit.strap.strap_torque import Limb, Orthosis
 from pellucid.lab.knee.protocol import torque_trial
 from pellucid.lab.knee.rig import knee_orthosis
-from pellucid.lab.knee.study import record_in_memory
+from pellucid.lab.study import record_in_memory
 from pellucid.procedures.coupling.emg_card import emg_card, emg_cards
 
 RIG = knee_orthosis()

@@ -15,7 +15,8 @@ from pellucid.deployment.deployed_law import LAWS
 from pellucid.deployment.elbow_values import elbow_values
 from pellucid.deployment.microcontroller import measure, missing_tools
 from pellucid.lab.pointing.conditions import worn
-from pellucid.lab.pointing.people import draw_people, elbow_participants
+from pellucid.lab.pointing.people import draw_people
+from pellucid.lab.pointing.rig import elbow_participants
 from pellucid.models.anthropometry import forearm
 from pellucid.models.card import CardParameter, write_card
 from pellucid.models.slider_card import SliderCard, read_slider_card

@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from pellucid._errors import IdentificationError, PellucidError
-from pellucid.lab.virtual_joint import bench_joint, matched, write_study
+from pellucid.lab.bench.rig import bench_joint, matched
+from pellucid.lab.study import write_study
 from pellucid.models.card import read_card
 from pellucid.procedures.compare import compare
 from pellucid.procedures.joint.identify_joint import best_family
@@ -15,6 +16,8 @@ from pellucid.procedures.joint.joint_result import rows_of
 from pellucid.procedures.registry import open_study
 from pellucid.procedures.run import check, identify
 from pellucid.recordings.results import read_rows
+
+SLOW = {"motion_range.velocity": 0.25, "motion_range.acceleration": 2.0, "drive.current_noise": 0.4}
 
 
 @pytest.fixture(scope="module")
@@ -157,7 +160,7 @@ def test_without_held_out_recordings_it_says_so(virtual, tmp_path):
 
 def test_a_slow_recording_is_told_that_viscous_friction_does_not_show(tmp_path):
     joint = matched(bench_joint())
-    slow = replace(joint, motion_range=joint.motion_range | {"velocity": 0.25, "acceleration": 2.0}, current_noise=0.4)
+    slow = joint.changed(SLOW)
     study = write_study(tmp_path / "slow", slow, name="slow", seed=3)
     fitted = 'file = "recordings/multisine.csv"\nuse = '
     slow_only = edited(study, tmp_path / "s", (f'{fitted}"fit"', f'{fitted}"validate"'), ('"0.2 rad/s"', '"0.1 rad/s"'))
@@ -168,10 +171,9 @@ def test_a_slow_recording_is_told_that_viscous_friction_does_not_show(tmp_path):
 
 def test_two_recordings_of_one_joint_do_not_differ_and_a_worn_one_does(tmp_path):
     joint = bench_joint()
-    worn = joint.vector.copy()
-    worn[4:6] *= 1.3
+    worn = {f"joint.coulomb_{side}": 1.3 * joint["joint"][f"coulomb_{side}"] for side in ("positive", "negative")}
     folders = []
-    for name, plant, seed in (("a", joint, 1), ("b", joint, 2), ("c", replace(joint, vector=worn), 3)):
+    for name, plant, seed in (("a", joint, 1), ("b", joint, 2), ("c", joint.changed(worn), 3)):
         study = write_study(tmp_path / name, plant, name=name, seed=seed)
         identify(study, families=["load"], thorough=False).save(study)
         folders.append(study.folder)
@@ -195,12 +197,11 @@ def test_two_payloads_give_the_drive_constant_of_a_study(tmp_path):
     """Recorded bare and with 1.5 kg at 0.2 m: the study then knows its torque per ampere, with an interval."""
     mass, distance = 1.5, 0.2
     joint = matched(bench_joint())
-    loaded = joint.vector.copy()
-    loaded[0] += mass * distance**2
-    loaded[1] += mass * 9.80665 * distance
+    more = {"inertia": mass * distance**2, "gravity_sine": mass * 9.80665 * distance}
+    loaded = joint.changed({f"joint.{name}": joint["joint"][name] + value for name, value in more.items()})
     folder = tmp_path / "bare"
     study = write_study(folder, joint, name="bare", seed=1)
-    other = write_study(tmp_path / "loaded", replace(joint, vector=loaded), name="loaded", seed=2)
+    other = write_study(tmp_path / "loaded", loaded, name="loaded", seed=2)
     (folder / "recordings" / "loaded.csv").write_bytes((other.folder / "recordings" / "multisine.csv").read_bytes())
     entry = (
         '\n[[recordings]]\nname = "loaded"\nfile = "recordings/loaded.csv"\nuse = "fit"\n'
@@ -237,11 +238,7 @@ def test_one_payload_throughout_is_part_of_the_joint_and_the_verdict_says_why(vi
 
 def test_a_joint_without_inertia_is_not_simulated_and_the_verdicts_say_so(virtual, tmp_path):
     """Too slow and too noisy: the inertia comes out at its bound, zero, and a simulation would divide by it."""
-    still = replace(
-        matched(bench_joint()),
-        motion_range=bench_joint().motion_range | {"velocity": 0.25, "acceleration": 2.0},
-        current_noise=0.4,
-    )
+    still = matched(bench_joint()).changed(SLOW)
     study = write_study(tmp_path / "still", still, name="still", seed=3)
     fitted = 'file = "recordings/multisine.csv"\nuse = '
     slow = edited(study, tmp_path / "s", (f'{fitted}"fit"', f'{fitted}"validate"'), ('"0.2 rad/s"', '"0.1 rad/s"'))

@@ -10,7 +10,7 @@ from pellucid.fit.transfer.transfer_function_fit import fit_percent
 from pellucid.lab.knee.protocol import NO_FAULTS, Faults, bench_trials, imu_trial, mvc_trial, relaxed_trial, swing_trial
 from pellucid.lab.knee.protocol import torque_trial as torque
 from pellucid.lab.knee.rig import knee_orthosis
-from pellucid.lab.knee.study import record_in_memory, write_knee_study
+from pellucid.lab.study import record_in_memory, write_study
 from pellucid.pages.page import write_page
 from pellucid.procedures.coupling.coupling_page import page
 from pellucid.procedures.coupling.identify_coupling import faults, identify_coupling, identify_worn
@@ -19,7 +19,7 @@ from pellucid.recordings.study import Study
 
 RIG = knee_orthosis()
 S1 = RIG.subjects["S1"]
-BENCH = [t for t in bench_trials(RIG) if t[0].name in ("gravity", "response_03", "response_10", "response_check_07")]
+BENCH = [t for t in bench_trials(RIG) if t.name in ("gravity", "response_03", "response_10", "response_check_07")]
 
 
 def swings(first=NO_FAULTS, second=NO_FAULTS, third=NO_FAULTS):
@@ -28,7 +28,7 @@ def swings(first=NO_FAULTS, second=NO_FAULTS, third=NO_FAULTS):
 
 
 WORN = [
-    imu_trial(RIG, "S1_imu"),
+    imu_trial(RIG, "S1_imu", "S1"),
     relaxed_trial(RIG, "S1_relaxed_1", S1),
     relaxed_trial(RIG, "S1_relaxed_2", S1),
     mvc_trial(RIG, "S1_mvc", S1),
@@ -102,7 +102,7 @@ def test_the_strap_is_found_and_judged_against_the_true_mismatch(whole, found):
         low, high = parameter.interval()
         assert low <= true <= high
     held = next(j for j in coupling.judged if j.split == "heldout")
-    truth = next(t for t in whole[2] if t.trial.name == held.recording).truth
+    truth = next(t for t in whole[2] if t.trial.name == held.recording).inside.truth
     assert fit_percent(truth.mismatch, held.predicted) > 95.0
     assert coupling.mean_fit() > 85.0
     assert coupling.mean_fit() > coupling.mean_fit("published") + 30.0
@@ -190,9 +190,8 @@ def test_nothing_to_identify_is_refused(whole):
 
 
 def test_from_files_the_same_comes_out_and_check_tells_what_is_wrong(tmp_path, found_wrong):
-    other = {trial.name: (trial, wearer) for trial, wearer in WRONG}
-    made = {task[0].name: task for task in (*BENCH, *WORN, *swings())} | other
-    study = write_knee_study(tmp_path / "knee", RIG, name="knee-orthosis", seed=5, made=list(made.values()))
+    made = {trial.name: trial for trial in (*BENCH, *WORN, *swings(), *WRONG)}
+    study = write_study(tmp_path / "knee", RIG, name="knee-orthosis", seed=5, trials=list(made.values()))
     told_of = {(f.severity, f.kind, f.file) for f in faults(study)}
     assert ("refuse", "not_relaxed", "S1_relaxed_2.csv") in told_of
     assert ("refuse", "gap", "S1_swing_1.csv") in told_of

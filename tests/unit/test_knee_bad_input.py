@@ -13,7 +13,7 @@ from pellucid._errors import RecordingError
 from pellucid.estimators.torque_reference import MovedBody
 from pellucid.lab.knee.protocol import Faults, mvc_trial, relaxed_trial, swing_trial, torque_trial
 from pellucid.lab.knee.rig import knee_orthosis
-from pellucid.lab.knee.study import write_knee_study
+from pellucid.lab.study import write_study
 from pellucid.procedures.emg_torque.trial_sources import step_trials
 from pellucid.procedures.registry import open_study
 
@@ -32,9 +32,7 @@ def swing(name, **faults):
 @pytest.fixture(scope="module")
 def sound(tmp_path_factory):
     made = [mvc_trial(RIG, "S1_mvc", S1), relaxed_trial(RIG, "S1_relaxed_1", S1), steps("S1_torque_30_1")]
-    return write_knee_study(
-        tmp_path_factory.mktemp("sound"), RIG, name="sound", seed=3, made=[*made, swing("S1_swing")]
-    )
+    return write_study(tmp_path_factory.mktemp("sound"), RIG, name="sound", seed=3, trials=[*made, swing("S1_swing")])
 
 
 @pytest.fixture(scope="module")
@@ -52,7 +50,7 @@ def spoilt(tmp_path_factory):
         swing("S1_swing_silent", imu_dropout=(4.0, 2.0)),
         swing("S1_swing_turned", encoder_turn=2.9),
     ]
-    study = write_knee_study(tmp_path_factory.mktemp("spoilt"), RIG, name="spoilt", seed=3, made=made)
+    study = write_study(tmp_path_factory.mktemp("spoilt"), RIG, name="spoilt", seed=3, trials=made)
     for name, change in (
         ("S1_torque_late_1", lambda rows: [[i // 2, *row[1:]] for i, row in enumerate(rows) if i % 2 == 0]),
         ("S1_torque_long_1", lambda rows: [[2 * int(row[0]), *row[1:]] for row in rows]),

@@ -14,10 +14,11 @@ from pellucid import cli
 from pellucid._errors import PellucidError, StudyError
 from pellucid.lab.elbow import protocol as elbow_protocol
 from pellucid.lab.elbow.protocol import trials
-from pellucid.lab.elbow.rig import able_elbow, drawn_rigs, parse_elbow_rig
-from pellucid.lab.elbow.study import write_elbow_study
-from pellucid.lab.init import init_rig, rig_names, rig_text
+from pellucid.lab.elbow.rig import ElbowRig, able_elbow, drawn_rigs
+from pellucid.lab.init import init_rig
+from pellucid.lab.known_rigs import rig_names, rig_text
 from pellucid.lab.simulate import study_name
+from pellucid.lab.study import write_study
 from pellucid.models.slider_card import read_slider_card
 from pellucid.procedures.run import check
 from pellucid.recordings.results import read_rows
@@ -39,7 +40,7 @@ def few():
 def small(tmp_path_factory):
     folder = tmp_path_factory.mktemp("small") / "elbow"
     init_rig(folder, "able-elbow")
-    write_elbow_study(folder, able_elbow(), name="elbow", seed=1, made=few())
+    write_study(folder, able_elbow(), name="elbow", seed=1, trials=few())
     return folder
 
 
@@ -162,7 +163,7 @@ def test_clocks_that_differ_by_80_ms(elbow):
     change(elbow / "recordings" / "sweep_3_markers.csv", late)
     (fault,) = [f for f in told(elbow, "note") if f.kind == "clock" and f.file == "sweep_3_markers.csv"]
     delay = float(re.search(r"events ([\d.]+) ms later", fault.message)[1])
-    assert delay == pytest.approx(80.0 - 1e3 * truth["clock_offsets"]["sweep_3"], abs=2.0)
+    assert delay == pytest.approx(80.0 - 1e3 * truth["trials"]["sweep_3"]["clock_offset"], abs=2.0)
 
 
 def test_a_saturated_current(elbow):
@@ -263,7 +264,7 @@ def test_drawn_rigs_are_written_as_they_were_drawn():
     assert "able-elbow-drawn-5" in rig_names()
     for i, drawn in enumerate(drawn_rigs(able_elbow())):
         text = rig_text(f"able-elbow-drawn-{i + 1}")
-        assert parse_elbow_rig(text, drawn.name) == drawn
+        assert ElbowRig.parse(text, drawn.name) == drawn
         assert tomllib.loads(text)["drawn"] == able_elbow()["drawn"]
 
 

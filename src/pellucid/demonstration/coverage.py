@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from ..fit.joint.regression import Stack, solve, stack
 from ..fit.uncertainty import sandwich
-from ..lab.virtual_joint import VirtualJoint, matched, record
-from ..models.joint import INDEX, joint_model
+from ..lab.bench.rig import BenchRig, matched
+from ..models.joint import joint_model
 from ..protocols.excitation import multisine
 from ..signals.motion import Filtering, motion_of
 
@@ -36,12 +36,12 @@ class Coverage:
         return min(self.by_parameter.values())
 
 
-def coverage(joint: VirtualJoint, colour: str, *, repetitions: int = 200, seed: int = 2) -> Coverage:
+def coverage(joint: BenchRig, colour: str, *, repetitions: int = 200, seed: int = 2) -> Coverage:
     """Identify a matched virtual joint again and again, with new noise each time and a new motion now and then.
 
     Parameters
     ----------
-    joint : VirtualJoint
+    joint : BenchRig
         Made to match the symmetric model first.
     colour : {"white", "coloured"}
         Of the current sensor's noise.
@@ -53,17 +53,17 @@ def coverage(joint: VirtualJoint, colour: str, *, repetitions: int = 200, seed: 
     """
     rng = np.random.default_rng(seed)
     memory = 0.0 if colour == "white" else COLOURED_MEMORY
-    plant = replace(matched(joint), current_noise_memory=memory)
-    span = plant.motion_range
+    plant = matched(joint).changed({"drive.current_noise_memory": memory})
+    span = plant["motion_range"]
     half, centre = 0.5 * (span["high"] - span["low"]), 0.5 * (span["high"] + span["low"])
     model = joint_model("symmetric", motion="rotary", effort_unit="N*m", gravity="sine")
-    truth = np.array([plant.vector[INDEX[s.targets[0]]] for s in model.symbols])
+    truth = np.array([plant["joint"][s.targets[0]] for s in model.symbols])
     inside, textbook = [], []
     for start in range(0, repetitions, PER_MOTION):
         reference = multisine(
             plant.duration, plant.rate, fundamental=0.1, harmonics=12, amplitude=half, centre=centre, rng=rng
         )
-        taken = record(plant, reference, min(PER_MOTION, repetitions - start), rng)
+        taken = plant.play(reference, min(PER_MOTION, repetitions - start), rng)
         for position, current in zip(taken["position"], taken["current"], strict=True):
             data = _stacked(plant, taken["time"], position, current)
             found = solve(model, data)
@@ -76,5 +76,5 @@ def coverage(joint: VirtualJoint, colour: str, *, repetitions: int = 200, seed: 
     return Coverage(colour, repetitions, share, float(100.0 * np.mean(textbook, axis=0).min()))
 
 
-def _stacked(plant: VirtualJoint, time: np.ndarray, raw: np.ndarray, current: np.ndarray) -> Stack:
+def _stacked(plant: BenchRig, time: np.ndarray, raw: np.ndarray, current: np.ndarray) -> Stack:
     return stack([motion_of(time, raw, current, FILTERING, gain=plant.gain, fs=plant.rate)])

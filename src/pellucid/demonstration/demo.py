@@ -19,13 +19,13 @@ from ..deployment.c_folder import check_here
 from ..deployment.export import export
 from ..deployment.microcontroller import measure, missing_tools, save_measured
 from ..fit.slider.slider_fit import SliderFit
-from ..lab.elbow.protocol import Trial, trials
+from ..lab.bench.rig import bench_joint
+from ..lab.elbow.protocol import ElbowTrial, trials
 from ..lab.elbow.rig import ElbowRig, able_elbow
-from ..lab.elbow.study import write_elbow_study
 from ..lab.pointing.conditions import worn
-from ..lab.pointing.people import PointingRig, elbow_participants
-from ..lab.pointing.study import CONTROL, write_pointing_study
-from ..lab.virtual_joint import bench_joint
+from ..lab.pointing.rig import PointingRig, elbow_participants
+from ..lab.pointing.session import CONTROL
+from ..lab.study import write_study
 from ..models.slider_card import read_slider_card
 from ..procedures.assessment.assessment_result import AssessmentResult
 from ..procedures.run import assess, identify
@@ -121,7 +121,7 @@ def demo(out: Path | str, *, on_progress: Tell | None = None) -> Demonstration:
     return made
 
 
-def elbow_trials(robot: ElbowRig) -> tuple[Trial, ...]:
+def elbow_trials(robot: ElbowRig) -> tuple[ElbowTrial, ...]:
     """What the robot is asked to do: constant velocities and sweeps to fit; both and slow movements to judge.
 
     Parameters
@@ -130,7 +130,7 @@ def elbow_trials(robot: ElbowRig) -> tuple[Trial, ...]:
 
     Returns
     -------
-    tuple of Trial
+    tuple of ElbowTrial
     """
     made = [trial for trial in trials(robot) if trial.protocol in ("constant_velocity", "swept_sine", "slow")]
     unseen = [t for t in made if t.name.startswith("unseen")]
@@ -155,7 +155,7 @@ def few_people(robot: ElbowRig) -> PointingRig:
 
 def _identified_elbow(folder: Path, robot: ElbowRig, tell: Tell) -> tuple[Study, SliderFit]:
     tell("a virtual elbow exoskeleton moves", 0.0)
-    study = write_elbow_study(folder, robot, name=ELBOW, seed=SEED, made=elbow_trials(robot))
+    study = write_study(folder, robot, name=ELBOW, seed=SEED, trials=elbow_trials(robot))
     fit = identify(study, on_progress=lambda text, share: tell(f"{ELBOW}: {text}", 0.25 + 0.4 * share))
     fit.save(study)
     tell(f"{ELBOW}: report", 0.65)
@@ -169,10 +169,9 @@ def _assessed_people(folder: Path, robot: ElbowRig, elbow: Study, tell: Tell) ->
     cards = {method: read_slider_card(elbow.models_dir / card) for method, card in needed.items()}
     conditions = {CONTROL: None, **{name: worn(cards, name) for name in WORN}}
     tell(f"{COUNT} virtual people point, without the robot and with it", 0.0)
-    study = write_pointing_study(
+    study = write_study(
         folder,
-        few_people(robot),
-        conditions,
+        few_people(robot).under(conditions),
         name=PEOPLE,
         seed=SEED,
         threads=2,

@@ -1,91 +1,111 @@
-"""What an instrument stored: a table of whole numbers, as a file, or as the recording that reads it."""
+"""What an instrument stored: the numbers of one file as it wrote them, and what its columns mean."""
 
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Mapping
-from pathlib import Path
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
-from .._atomic import write_text_atomically
-from ..recordings.recording import Channel, Recording
-
-Column = tuple[str, str, str, float]
-"""Channel, its SI unit, its column's name, and SI value per stored count."""
-
-Tables = Mapping[str, tuple[np.ndarray, list[Column]]]
-"""What was stored of a trial, by file: ``"main"``, and other instruments' by the stream's name."""
+MAIN, MARKERS = "main", "markers"
+"""Streams that study.toml names by themselves: the machine's own file, and the motion capture's."""
 
 
-def emg_table(time: np.ndarray, counts: np.ndarray, emg: Mapping) -> tuple[np.ndarray, list[Column]]:
-    """Raw EMG as it is stored.
+@dataclass(frozen=True)
+class Column:
+    """One column of a file, and the channel that study.toml makes of it.
 
     Parameters
     ----------
-    time : ndarray, shape (n,)
-        [s]
-    counts : ndarray, shape (n, muscles)
-        In quanta.
-    emg : mapping
-        A rig's table of that name.
-
-    Returns
-    -------
-    table : ndarray, shape (n, 1 + muscles)
-    columns : list of Column
+    channel, name : str
+        The channel, and what the file calls the column.
+    unit : str
+        Of the stored numbers times `scale`.
+    scale : float
+        `unit` per stored number.
+    text : str
+        How a number is written, as the % operator takes it.
     """
-    columns = [("time", "s", "sample", 1.0 / emg["rate"])]
-    columns += [(f"emg.{muscle}", "V", muscle, emg["quantum"]) for muscle in emg["muscles"]]
-    return np.column_stack([np.round(time * emg["rate"]), counts]), columns
+
+    channel: str
+    name: str
+    unit: str
+    scale: float = 1.0
+    text: str = "%d"
+
+    @property
+    def spec(self) -> dict[str, str | float]:
+        """Its entry of ``[channels]`` in study.toml."""
+        scale = {} if self.scale == 1.0 else {"scale": self.scale}
+        return {"column": self.name, "unit": self.unit, **scale}
 
 
-def write_tables(folder: Path, name: str, tables: Tables) -> None:
-    """Write a trial's files.
+@dataclass(frozen=True, eq=False)
+class Stored:
+    """One file's numbers as an instrument wrote them.
 
     Parameters
     ----------
-    folder : Path
-        The study's.
-    name : str
-        Of the trial.
-    tables : Tables
-    """
-    for stream, (table, columns) in tables.items():
-        # Whole numbers but for a first column of times to 0.1 ms; formatted in one go, a row of text then costs 1 us.
-        whole = bool(np.all(table[:, 0] == np.round(table[:, 0])))
-        row = ",".join(["%d" if whole else "%.4f", *["%d"] * (table.shape[1] - 1)])
-        heads = ",".join(column for _, _, column, _ in columns)
-        text = heads + "\n" + (f"{row}\n" * len(table)) % tuple(table.ravel().tolist())
-        write_text_atomically(folder / "recordings" / _file(name, stream), text)
-
-
-def tables_recording(name: str, use: str, protocol: str, participant: str | None, tables: Tables) -> Recording:
-    """A recording as reading a trial's files would give it, without files.
-
-    Parameters
-    ----------
-    name, use, protocol : str
-    participant : str or None
-    tables : Tables
-
-    Returns
-    -------
-    Recording
+    columns : tuple of Column
+    values : ndarray, shape (n, columns)
+        Counts, or numbers in the columns' units; NaN where a sample is missing.
+    comment : str
+        First line of the file, if it has one before its header.
     """
 
-    def read(stream: str, title: str, streams: Mapping[str, Recording]) -> Recording:
-        table, columns = tables[stream]
-        channels = {
-            channel: Channel(channel, scale * table[:, i], unit, column)
-            for i, (channel, unit, column, scale) in enumerate(columns)
-        }
-        digest = hashlib.sha256(np.ascontiguousarray(table).tobytes()).hexdigest()
-        path = Path(_file(name, stream))
-        return Recording(title, path, digest, use, channels, protocol, participant, streams=streams)
+    columns: tuple[Column, ...]
+    values: np.ndarray
+    comment: str = ""
 
-    return read("main", name, {s: read(s, f"{name}.{s}", {}) for s in tables if s != "main"})
+    @classmethod
+    def of(cls, columns: Sequence[Column], *values: np.ndarray, comment: str = "") -> Stored:
+        """From one array, shape (n,) or (n, k), after another; as many `values` as fill the `columns`, a `comment`."""
+        return cls(tuple(columns), np.column_stack(values), comment)
+
+    @property
+    def text(self) -> str:
+        """The file."""
+        # Formatted in one go, a row of text costs 1 us.
+        row = ",".join(column.text for column in self.columns) + "\n"
+        body = (row * len(self.values)) % tuple(self.values.ravel().tolist())
+        if np.isnan(self.values).any():
+            body = body.replace("nan", "")
+        heads = ",".join(column.name for column in self.columns)
+        return f"{self.comment}{heads}\n{body}"
+
+    @property
+    def digest(self) -> str:
+        """SHA-256 of the numbers, hexadecimal."""
+        return hashlib.sha256(np.ascontiguousarray(self.values).tobytes()).hexdigest()
+
+    def column(self, name: str) -> np.ndarray:
+        """The numbers of a column by its `name`, shape (n,); a file holds them to the digits of its text."""
+        return self.values[:, [column.name for column in self.columns].index(name)]
+
+    @property
+    def emptied(self) -> Stored:
+        """The same columns without a sample."""
+        return Stored(self.columns, self.values[:0])
 
 
-def _file(name: str, stream: str) -> str:
-    return f"{name}.csv" if stream == "main" else f"{name}_{stream}.csv"
+def file_name(recording: str, stream: str) -> str:
+    """Where a stream of a recording is stored, from the study's folder."""
+    return f"recordings/{recording}.csv" if stream == MAIN else f"recordings/{recording}_{stream}.csv"
+
+
+def emg_columns(emg: Mapping) -> tuple[Column, ...]:
+    """Columns of raw EMG as the converter counts it, from a rig's table ``[emg]``."""
+    clock = Column("time", "sample", "s", 1.0 / emg["rate"])
+    return (clock, *(Column(f"emg.{muscle}", muscle, "V", emg["quantum"]) for muscle in emg["muscles"]))
+
+
+def emg_stored(time: np.ndarray, counts: np.ndarray, emg: Mapping) -> Stored:
+    """Raw EMG as stored: `time` (n,) [s] and `counts` (n, muscles) of a converter that `emg`, a rig's table, tells."""
+    return Stored.of(emg_columns(emg), np.round(time * emg["rate"]), counts)
+
+
+def marker_columns(markers: Sequence[str]) -> tuple[Column, ...]:
+    """Columns of a motion capture's file: its own clock, and three coordinates [mm] of each marker."""
+    clock = Column("time", "time", "s", text="%.5f")
+    return (clock, *(Column(f"{m}.{axis}", f"{m}_{axis}", "mm", text="%.1f") for m in markers for axis in "xyz"))

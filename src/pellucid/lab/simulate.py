@@ -11,24 +11,9 @@ from pathlib import Path
 
 from .._errors import StudyError
 from ..recordings.study import STUDY_FILE, Study
-from .elbow.protocol import trials
-from .elbow.rig import KIND, parse_elbow_rig
-from .elbow.study import excitation, write_elbow_study
 from .init import RIG_FILE
-from .knee.protocol import tasks
-from .knee.rig import KIND as KNEE
-from .knee.rig import parse_knee_rig
-from .knee.study import write_knee_study
-from .pointing.people import KIND as PEOPLE
-from .pointing.people import parse_pointing_rig
-from .pointing.study import write_pointing_study
-from .rig_file import parse_tables
-from .seated.protocol import seated_trials
-from .seated.rig import KIND as SEATED
-from .seated.rig import parse_seated_rig
-from .seated.study import write_seated_study
-from .study_folder import TRUTH_FILE
-from .virtual_joint import parse_rig, write_study
+from .known_rigs import parse_rig
+from .study import TRUTH_FILE, simulated
 
 
 @dataclass(frozen=True)
@@ -97,49 +82,11 @@ def simulate(
         raise StudyError(f"{path}: no such file; make one with: pellucid init {folder} --rig NAME")
     if (folder / STUDY_FILE).exists() and not (folder / TRUTH_FILE).exists():
         raise StudyError(f"{folder}: found a study that was not simulated, which simulate would overwrite")
-    text = path.read_text(encoding="utf-8")
-    kind = parse_tables(text, str(path)).get("kind")
-    name = study_name(folder)
-    if controllers and kind != PEOPLE:
-        raise StudyError(f"{path}: found controllers {', '.join(controllers)}, expected them with people who wear them")
-    begun = time.perf_counter()
-    if kind == KIND:
-        rig = parse_elbow_rig(text, name)
-        tell("optimising the excitation", 0.0)
-        made = trials(rig, excitation)
-        study = write_elbow_study(folder, rig, name=name, seed=seed, made=made, on_progress=on_progress)
-        joint_time = sum(len(trial.reference) for trial in made) / rig["sampling"]["rate"]
-    elif kind == KNEE:
-        knee = parse_knee_rig(text, name)
-        made = tasks(knee)
-        study = write_knee_study(folder, knee, name=name, seed=seed, made=made, on_progress=on_progress)
-        joint_time = knee.period * sum(len(trial.reference) for trial, _ in made)
-    elif kind == SEATED:
-        seated = parse_seated_rig(text, name)
-        tell("optimising the excitation", 0.0)
-        made = seated_trials(seated)
-        study = write_seated_study(folder, seated, name=name, seed=seed, made=made, on_progress=on_progress)
-        joint_time = seated.period * sum(len(trial.reference) for trial in made)
-    elif kind == PEOPLE:
-        from .pointing.conditions import study_conditions
-
-        people = parse_pointing_rig(text, name)
-        tell("identifying the robot that is worn", 0.0)
-        conditions = study_conditions(people, controllers, seed=seed)
-        study = write_pointing_study(
-            folder, people, conditions, name=name, seed=seed, threads=2, on_progress=on_progress
-        )
-        joint_time = sum(float(recording.time[-1]) for recording in study.recordings())
-    elif kind is None:
-        joint = parse_rig(text, name)
-        tell("moving the virtual joint", 0.1)
-        study = write_study(folder, joint, name=name, seed=seed)
-        joint_time = joint.duration * len(study.config.recordings)
-    else:
-        raise StudyError(
-            f'{path}: found kind = {kind!r}, expected "{KIND}", "{KNEE}", "{SEATED}", "{PEOPLE}", or no kind for a '
-            "joint on a bench"
-        )
+    name, begun = study_name(folder), time.perf_counter()
+    rig = parse_rig(path.read_text(encoding="utf-8"), name)
+    tell("preparing the rig", 0.0)
+    rig = rig.prepared(controllers, seed)
+    study, joint_time = simulated(folder, rig, name=name, seed=seed, on_progress=on_progress)
     return Simulated(study, len(study.config.recordings), joint_time, time.perf_counter() - begun)
 
 

@@ -4,23 +4,26 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ... import _core
 from ...models.simulate import substeps_for
 from ..noise import noise
-from .protocol import Trial
-from .rig import ElbowRig
+from .protocol import ElbowTrial
+
+if TYPE_CHECKING:
+    from .rig import ElbowRig
 
 
 @dataclass(frozen=True)
-class Taken:
-    """One recording as its files will hold it.
+class ElbowReadings:
+    """What the instruments read of one trial.
 
     Parameters
     ----------
-    trial : Trial
+    trial : ElbowTrial
     time : ndarray, shape (n,)
         [s]
     counts : ndarray, shape (n,)
@@ -34,7 +37,7 @@ class Taken:
         Robot time less camera time at its start [s]: the truth.
     """
 
-    trial: Trial
+    trial: ElbowTrial
     time: np.ndarray
     counts: np.ndarray
     milliamperes: np.ndarray
@@ -43,26 +46,14 @@ class Taken:
     clock_offset: float
 
 
-def record(rig: ElbowRig, trials: Sequence[Trial], rng: np.random.Generator, *, threads: int = 1) -> list[Taken]:
-    """Play every trial on the rig, and read its instruments.
-
-    Parameters
-    ----------
-    rig : ElbowRig
-    trials : sequence of Trial
-    rng : numpy.random.Generator
-        Draws all noise.
-    threads : int
-
-    Returns
-    -------
-    list of Taken
-        In the order of `trials`.
-    """
+def read_all(
+    rig: ElbowRig, trials: Sequence[ElbowTrial], rng: np.random.Generator, *, threads: int = 1
+) -> list[ElbowReadings]:
+    """Play every trial, those of one reference at once, and read the instruments."""
     groups: dict[tuple, list[int]] = {}
     for i, trial in enumerate(trials):
         groups.setdefault((trial.loop, id(trial.reference)), []).append(i)
-    made: dict[int, Taken] = {}
+    made: dict[int, ElbowReadings] = {}
     for (loop, _), members in groups.items():
         batch = [trials[i] for i in members]
         command, measured, link = play(rig, loop, batch, rng, threads=threads)
@@ -72,24 +63,10 @@ def record(rig: ElbowRig, trials: Sequence[Trial], rng: np.random.Generator, *, 
 
 
 def play(
-    rig: ElbowRig, loop: str, batch: Sequence[Trial], rng: np.random.Generator, *, threads: int = 1
+    rig: ElbowRig, loop: str, batch: Sequence[ElbowTrial], rng: np.random.Generator, *, threads: int = 1
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Simulate trials of one reference.
-
-    Parameters
-    ----------
-    rig : ElbowRig
-    loop : {"position", "velocity"}
-    batch : sequence of Trial
-        m of them, all of one reference.
-    rng : numpy.random.Generator
-    threads : int
-
-    Returns
-    -------
-    command, measured, link : ndarray, shape (m, n)
-        [A]; position as the encoder says [rad]; the link's true position [rad].
-    """
+    """Trials of one reference moved by the core: command [A], what the encoder says and the link's true position
+    [rad], each shape (m, n)."""
     period = 1.0 / rig["sampling"]["rate"]
     reference = np.ascontiguousarray(batch[0].reference, float)
     motor, gains = rig["motor"], rig["loop"][loop]
@@ -114,12 +91,12 @@ def play(
 
 def _read(
     rig: ElbowRig,
-    trial: Trial,
+    trial: ElbowTrial,
     command: np.ndarray,
     measured: np.ndarray,
     link: np.ndarray,
     rng: np.random.Generator,
-) -> Taken:
+) -> ElbowReadings:
     sensor, fs = rig["current_sensor"], rig["sampling"]["rate"]
     # Sampled in the middle of a centre-aligned PWM period: half of what flowed before, half of what flows after.
     current = 0.5 * (command + np.concatenate([command[:1], command[:-1]]))
@@ -127,7 +104,7 @@ def _read(
     current = np.clip(current, -rig["motor"]["current_limit"], rig["motor"]["current_limit"])
     time = np.arange(len(link)) / fs
     optical_time, markers, offset = film(rig, trial.slider, time, link, rng)
-    return Taken(
+    return ElbowReadings(
         trial,
         time,
         np.round(measured / rig.quantum),
@@ -151,26 +128,8 @@ def frame(rig: ElbowRig) -> np.ndarray:
 def film(
     rig: ElbowRig, slider: float, time: np.ndarray, link: np.ndarray, rng: np.random.Generator
 ) -> tuple[np.ndarray, dict[str, np.ndarray], float]:
-    """Frames of the markers while the link moves.
-
-    Parameters
-    ----------
-    rig : ElbowRig
-    slider : float
-        [m]
-    time, link : ndarray, shape (n,)
-        Robot time [s] and the link's true position [rad].
-    rng : numpy.random.Generator
-
-    Returns
-    -------
-    time : ndarray, shape (k,)
-        On the cameras' clock [s].
-    markers : dict of str to ndarray, shape (k, 3)
-        [mm]
-    offset : float
-        Robot time less camera time [s].
-    """
+    """Frames of the markers while the link moves: the cameras' own clock, shape (k,) [s], markers, each shape (k, 3)
+    [mm], and robot time less camera time [s]."""
     camera = rig["optical"]
     offset = camera["clock_offset"] + camera["clock_offset_spread"] * rng.standard_normal()
     k = int((time[-1] - max(offset, 0.0)) * camera["rate"]) - 1

@@ -10,11 +10,16 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ...protocols.fourier import optimised_fourier, play
 from ...protocols.swept_sine import swept_sine
-from .rig import ElbowRig
+from ..rig import Trial
+
+if TYPE_CHECKING:
+    from .rig import ElbowRig
 
 SPEEDS = (1.0, 3.5, 6.0, 8.5, 11.0)
 """Of the constant velocities [motor turns/s]."""
@@ -34,31 +39,25 @@ RAMP = 20.0  # rad/s^2: how fast a constant velocity is reached
 
 
 @dataclass(frozen=True)
-class Trial:
-    """One recording to be made.
+class ElbowTrial(Trial):
+    """One recording of the elbow.
 
     Parameters
     ----------
-    name, protocol : str
-        "static", "constant_velocity", "swept_sine", "swept_sine_integrated", "slow" or "fourier".
-    use : str
-        "fit" or "validate".
+    name, protocol, use, participant, condition, reference
+        As of `Trial`: "static", "constant_velocity", "swept_sine", "swept_sine_integrated", "slow" or "fourier";
+        the reference of its loop [rad or rad/s].
     loop : str
-        "position" or "velocity": which controller, and what the reference is [rad or rad/s].
-    reference : ndarray, shape (n,)
+        "position" or "velocity": which controller, and what the reference is.
     start : float
         Where the joint is at first [rad].
     slider : float
         Where the carriage is clamped [m].
     """
 
-    name: str
-    protocol: str
-    use: str
-    loop: str
-    reference: np.ndarray
-    start: float
-    slider: float
+    loop: str = "position"
+    start: float = 0.0
+    slider: float = 0.0
 
 
 def fitted_sliders(rig: ElbowRig) -> np.ndarray:
@@ -123,26 +122,17 @@ def sweep(rig: ElbowRig, *, literal: bool) -> tuple[np.ndarray, float]:
     return np.concatenate([rest, velocity, rest]), 0.5 * (span["low"] + span["high"])
 
 
-def trials(rig: ElbowRig, fourier: Callable[[ElbowRig], np.ndarray] | None = None) -> tuple[Trial, ...]:
-    """The full protocol: three steps and slow movements at six positions of the carriage, and 18 unseen trials.
-
-    Parameters
-    ----------
-    rig : ElbowRig
-    fourier : callable, optional
-        Gives the position reference of an excitation optimised for this rig [rad]; left out, there is none.
-
-    Returns
-    -------
-    tuple of Trial
-    """
+def trials(rig: ElbowRig, fourier: Callable[[ElbowRig], np.ndarray] | None = None) -> tuple[ElbowTrial, ...]:
+    """Three steps and slow movements at six positions of the carriage, and 18 unseen trials; with the position
+    reference [rad] that `fourier` gives for a `rig`, if it is given."""
     static, cv, slow = holds(rig), constant_velocities(rig), slow_movements(rig)
     printed, integrated = sweep(rig, literal=True), sweep(rig, literal=False)
     made = []
 
     def add(protocol: str, use: str, loop: str, motion: tuple[np.ndarray, float], sliders: np.ndarray, tag: str):
         for i, x in enumerate(sliders):
-            made.append(Trial(f"{tag}_{i + 1}", protocol, use, loop, motion[0], motion[1], float(x)))
+            place = {"reference": motion[0], "loop": loop, "start": motion[1], "slider": float(x)}
+            made.append(ElbowTrial(f"{tag}_{i + 1}", protocol, use, **place))
 
     fitted, unseen = fitted_sliders(rig), unseen_sliders(rig)
     add("static", "fit", "position", static, fitted, "static")
@@ -157,3 +147,27 @@ def trials(rig: ElbowRig, fourier: Callable[[ElbowRig], np.ndarray] | None = Non
     add("swept_sine", "validate", "velocity", printed, unseen, "unseen_sweep")
     add("slow", "validate", "velocity", slow, unseen, "unseen_slow")
     return tuple(made)
+
+
+def excitation(rig: ElbowRig) -> np.ndarray:
+    """A Fourier motion optimised for what the coherent body's parameters show in, shape (n,) [rad]."""
+    span, fs = rig["range"], rig["sampling"]["rate"]
+
+    def regressor(q: np.ndarray, v: np.ndarray, a: np.ndarray) -> np.ndarray:
+        sign = np.tanh(v / 0.05)
+        up, down = sign * (v > 0.0), sign * (v <= 0.0)
+        return np.column_stack([a, np.sin(q), np.cos(q), up, down, v * (v > 0.0), v * (v <= 0.0)])
+
+    # Half of what the drive allows: a wearer's forearm will be in it.
+    series = optimised_fourier(
+        regressor,
+        fundamental=0.1,
+        harmonics=8,
+        low=span["low"] + 0.05,
+        high=span["high"] - 0.05,
+        velocity=0.5 * span["velocity"],
+        acceleration=0.5 * span["acceleration"],
+        scales=np.array([0.05, 2.0, 0.3, 0.3, 0.3, 0.1, 0.1]),
+        rng=np.random.default_rng(7),
+    )
+    return play(series, 40.0, fs, velocity=span["velocity"], acceleration=span["acceleration"])

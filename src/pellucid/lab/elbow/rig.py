@@ -2,18 +2,28 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from ... import _core
 from ...models.joint import GRAVITY
-from ..rig_file import Rig, checked_tables, shipped_rig
+from ..known_rigs import shipped_rig
+from ..recorded_table import MAIN, MARKERS, Column, Stored, marker_columns
+from ..rig import Outcome, Rig, Taken, Tell
+from .instruments import ElbowReadings, frame, read_all
+from .protocol import ElbowTrial, excitation, trials
 
 NAMES: tuple[str, ...] = tuple(_core.GEARED_PARAMETER_NAMES)
 """The plant's parameters, in the core's order."""
 
-KIND = "slider-elbow"
+CARRIAGE, RAIL = "C", ("R1", "R2", "R3")
+"""Markers on the carriage and on the rail."""
+
+WEIGHING_STEP = 0.005  # kg: of the scale the carriage is put on
+
 
 NEEDED = {
     "link": ("mass", "centre", "inertia"),
@@ -35,10 +45,26 @@ NEEDED = {
 }  # fmt: skip
 """What a rig file must say, table by table."""
 
+COMMENTS = {
+    "": "A virtual elbow exoskeleton, recorded like a real one. Nothing below tells its physics apart"
+    "\nfrom a machine's.",
+    "rig.moving_mass": "an upper limit: what the forearm with its carriage may weigh",
+    "rig.slider": "a carriage on the forearm; clamped at one place during each recording",
+    "rig.slider.mass": "taken off and weighed",
+    "optical": "motion capture, on its own clock",
+    "processing.lowpass": "both passes together: -3 dB at 4.5 Hz, as the moving mean of 100 samples had",
+    "processing.dead_band": "slower, friction may be anything up to its level",
+}
+"""What its study.toml says beside a table or a key."""
+
 
 @dataclass(frozen=True)
 class ElbowRig(Rig):
     """The virtual elbow: the tables of a file like ``lab/rigs/able-elbow.toml``, or of a drawn one."""
+
+    kind = "slider-elbow"
+    needed = NEEDED
+    comments = COMMENTS
 
     @property
     def gain(self) -> float:
@@ -88,17 +114,8 @@ class ElbowRig(Rig):
         return np.array([values[name] for name in NAMES])
 
     def friction(self, velocity: np.ndarray, load: np.ndarray) -> np.ndarray:
-        """Friction of the rig itself at steady velocities under a load, without its swing along the travel [N*m].
-
-        Parameters
-        ----------
-        velocity, load : ndarray, any shapes that go together
-            [rad/s], [N*m].
-
-        Returns
-        -------
-        ndarray, the common shape
-        """
+        """Friction of the rig itself at steady velocities [rad/s] under a load [N*m], without its swing along the
+        travel [N*m]; any shapes that go together."""
         t, b = self["transmission"], self["bearing"]
         v, y = np.broadcast_arrays(np.asarray(velocity, float), np.asarray(load, float))
         direction = np.sign(v)
@@ -111,47 +128,95 @@ class ElbowRig(Rig):
         level = coulomb + t["stribeck"] * rise + share * np.abs(y) + b["coulomb"]
         return direction * level + (viscous + b["viscous"]) * v
 
+    def streams(self) -> Mapping[str, Sequence[Column]]:
+        """The robot's file, and the cameras'."""
+        own = (
+            Column("time", "time", "s", text="%.3f"),
+            Column("position", "counts", "rad", self.quantum),
+            Column("current", "current", "mA"),
+        )
+        return {MAIN: own, MARKERS: marker_columns((CARRIAGE, *RAIL))}
+
+    def trials(self, seed: int = 1) -> tuple[ElbowTrial, ...]:
+        """The full protocol, with an excitation optimised for this rig; no `seed` draws it."""
+        return trials(self, excitation)
+
+    def record(self, trial: ElbowTrial, rng: np.random.Generator, controller: None = None) -> Taken:
+        """Do a `trial` under the robot's own loop; no `controller`; noise from `rng`."""
+        return self._taken(*read_all(self, (trial,), rng))
+
+    def record_all(
+        self,
+        trials: Sequence[ElbowTrial],
+        seed: int,
+        *,
+        then: Callable[[Taken], Outcome] = lambda taken: taken,
+        threads: int = 1,
+        on_progress: Tell | None = None,
+    ) -> Iterator[Outcome]:
+        """As `Rig.record_all` of `trials`, `seed`, `then`, `threads` and `on_progress`, all noise from one generator:
+        trials of one reference are moved at once."""
+        tell = on_progress or (lambda text, share: None)
+        tell("moving the virtual elbow", 0.05)
+        for i, read in enumerate(read_all(self, trials, np.random.default_rng(seed), threads=threads)):
+            tell("writing recordings", 0.2 + 0.8 * i / len(trials))
+            yield then(self._taken(read))
+
+    def _taken(self, read: ElbowReadings) -> Taken:
+        columns = self.streams()
+        own = Stored.of(columns[MAIN], read.time, read.counts, read.milliamperes)
+        seen = Stored.of(columns[MARKERS], read.optical_time, *read.markers.values())
+        truth = {"slider": read.trial.slider, "clock_offset": read.clock_offset}
+        return Taken(read.trial, {read.trial.name: {MAIN: own, MARKERS: seen}}, truth=truth, inside=read)
+
+    def study(self, made: Sequence[Taken]) -> dict[str, Any]:
+        """The study.toml of what was `made`."""
+        motor, slider, span = self["motor"], self["slider"], self["range"]
+        mass = 1.5 * (self["link"]["mass"] + self["carriage"]["mass"])
+        weighed = round(self["carriage"]["mass"] / WEIGHING_STEP) * WEIGHING_STEP
+        rig = {
+            "joint": "elbow",
+            "motion": "rotary",
+            "lifts": self["lifts"],
+            "moving_mass": f"{mass:.1f} kg",
+            "drive": {
+                "kind": "current",
+                "torque_constant": f"{motor['torque_constant']} N*m/A",
+                "gear_ratio": motor["gear_ratio"],
+                "limit": f"{motor['current_limit']} A",
+            },
+            "slider": {
+                "low": f"{slider['low']} m",
+                "high": f"{slider['high']} m",
+                "marker": CARRIAGE,
+                "mass": f"{weighed:.3f} kg",
+            },
+            "limits": {"position_min": f"{span['low'] - 0.1} rad", "position_max": f"{span['high'] + 0.1} rad"},
+        }
+        processing = {"lowpass": "5 Hz", "dead_band": "0.1 rad/s", "trim": 500}
+        return {**super().study(made), "rig": rig, "processing": processing, "model": {"gravity": "sine+cosine"}}
+
+    def truth(self, seed: int = 1) -> dict[str, Any]:
+        """The plant, SI, with the carriage at 0; no `seed` draws it."""
+        link, carriage = self["link"], self["carriage"]
+        return {
+            "carriage_mass": carriage["mass"],
+            "gravity": GRAVITY * (link["mass"] * link["centre"][0] + carriage["mass"] * carriage["centre"][0]),
+            "gravity_cosine": self.gravity(0.0)[1],
+            "inertia": self.inertia(0.0),
+            "carriage_moment": carriage["mass"] * carriage["centre"][0],
+            "axis": frame(self)[2].tolist(),
+            "transmission": dict(self["transmission"]),
+        }
+
 
 def able_elbow() -> ElbowRig:
     """The rig of ``lab/rigs/able-elbow.toml``."""
-    return parse_elbow_rig(shipped_rig("able-elbow"), "able-elbow")
-
-
-def parse_elbow_rig(text: str, name: str) -> ElbowRig:
-    """A virtual elbow from the text of a rig file.
-
-    Parameters
-    ----------
-    text : str
-        TOML, SI.
-    name : str
-        Of the rig.
-
-    Returns
-    -------
-    ElbowRig
-
-    Raises
-    ------
-    StudyError
-        If the file is not TOML, is of another kind, or lacks a table or a constant.
-    """
-    return ElbowRig(name, checked_tables(text, name, KIND, NEEDED))
+    return ElbowRig.parse(shipped_rig("able-elbow"), "able-elbow")
 
 
 def drawn_rigs(rig: ElbowRig, count: int = 5, seed: int = 20261121) -> tuple[ElbowRig, ...]:
-    """Further rigs, drawn uniformly from the ranges of the rig file's ``[drawn]``.
-
-    Parameters
-    ----------
-    rig : ElbowRig
-    count : int
-    seed : int
-
-    Returns
-    -------
-    tuple of ElbowRig
-    """
+    """As many further rigs as `count`, drawn with a `seed` from the ranges of a `rig` file's ``[drawn]``."""
     rng = np.random.default_rng(seed)
     ranges = rig["drawn"]
     return tuple(

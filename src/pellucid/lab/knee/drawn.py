@@ -1,4 +1,4 @@
-"""Further wearers of the virtual orthosis, drawn at random: somebody to choose a controller on, others to judge it on.
+"""Further wearers of the virtual orthosis, drawn at random: somebody to choose a controller on, others to score it on.
 
 Each is a body, a strap, muscles, electrodes and habits of their own, in an orthosis whose friction is its own as well.
 The rig's three subjects lie within these ranges.
@@ -11,7 +11,8 @@ from collections.abc import Mapping
 import numpy as np
 
 from ...models.anthropometry import shank_length, winter
-from .rig import EXTENSOR, FLEXOR, KneeRig
+from .rig import KneeRig
+from .subject import EXTENSOR, FLEXOR
 
 BODY: Mapping[str, tuple[float, float]] = {
     "age": (20.0, 60.0),
@@ -25,7 +26,7 @@ BODY: Mapping[str, tuple[float, float]] = {
 DIFFERS: Mapping[str, float] = {"mass": 0.05, "centre": 0.04, "gyration": 0.05}
 """Standard deviations by which a limb differs from Winter's shares: those by which the rig's own subjects do [1]."""
 
-WORN: Mapping[str, tuple[float, float]] = {
+FITTED: Mapping[str, tuple[float, float]] = {
     "stiffness": (12.0, 28.0),  # N*m/rad
     "damping": (0.024, 0.036),  # s: of the stiffness
     "extensor": (1.9, 2.9),  # N*m per kg of weight
@@ -57,24 +58,11 @@ FACTORS: Mapping[str, tuple[float, float]] = {
 
 
 def drawn_rig(rig: KneeRig, seed: int) -> KneeRig:
-    """The orthosis with another friction, and one wearer who is drawn.
-
-    Parameters
-    ----------
-    rig : KneeRig
-        Whose constants hold wherever nothing is drawn.
-    seed : int
-        Of the draw, and part of the wearer's name.
-
-    Returns
-    -------
-    KneeRig
-        With the single subject ``D<seed>``.
-    """
+    """The orthosis with another friction, and ``D<seed>`` its single wearer, drawn; the rest as in `rig`."""
     rng = np.random.default_rng([seed, 0xD])
     body = {name: float(rng.uniform(*ends)) for name, ends in BODY.items()}
-    worn = {name: float(np.exp(rng.uniform(*np.log(ends)))) for name, ends in WORN.items() if name != "emg_gain"}
-    gains = np.exp(rng.uniform(*np.log(WORN["emg_gain"]), 2)).tolist()
+    fitted = {name: float(np.exp(rng.uniform(*np.log(ends)))) for name, ends in FITTED.items() if name != "emg_gain"}
+    gains = np.exp(rng.uniform(*np.log(FITTED["emg_gain"]), 2)).tolist()
     factors = {path: float(np.exp(rng.uniform(*np.log(ends)))) for path, ends in FACTORS.items()}
     off = {name: 1.0 + sd * float(rng.standard_normal()) for name, sd in DIFFERS.items()}
     sex = "female" if rng.random() < 0.5 else "male"
@@ -96,8 +84,8 @@ def drawn_rig(rig: KneeRig, seed: int) -> KneeRig:
             "ahead": body["ahead"],
             "viscous": body["viscous"],
         },
-        "strap": {"stiffness": worn["stiffness"], "damping": worn["damping"] * worn["stiffness"]},
-        "strength": {EXTENSOR: worn["extensor"] * weight, FLEXOR: worn["flexor"] * weight},
+        "strap": {"stiffness": fitted["stiffness"], "damping": fitted["damping"] * fitted["stiffness"]},
+        "strength": {EXTENSOR: fitted["extensor"] * weight, FLEXOR: fitted["flexor"] * weight},
         "emg_gain": dict(zip((EXTENSOR, FLEXOR), gains, strict=True)),
     }
     values: dict[str, object] = {path: factor * _constant(rig, path) for path, factor in factors.items()}

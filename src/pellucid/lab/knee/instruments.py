@@ -8,16 +8,20 @@ along the axis; a thigh that is believed to stand still sways, which only the IM
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ...models.joint import GRAVITY
 from ..noise import noise
-from .rig import KneeRig, Subject
+from .subject import KneeSubject
+
+if TYPE_CHECKING:
+    from .rig import KneeRig
 
 
 @dataclass(frozen=True)
-class ImuTaken:
+class ImuReadings:
     """What the IMU wrote.
 
     Parameters
@@ -43,7 +47,7 @@ class ImuTaken:
 
 
 @dataclass(frozen=True)
-class Session:
+class Mounting:
     """How the instruments sit, and are off, while one subject has them on.
 
     Parameters
@@ -63,10 +67,10 @@ class Session:
     emg_gain: tuple[float, float]
 
 
-def draw_session(rig: KneeRig, rng: np.random.Generator) -> Session:
+def draw_mounting(rig: KneeRig, rng: np.random.Generator) -> Mounting:
     """How the instruments sit this time."""
     imu = rig["imu"]
-    return Session(
+    return Mounting(
         imu["remounting"] * rng.standard_normal(3),
         imu["accelerometer_bias"] * rng.standard_normal(3),
         imu["gyroscope_bias"] * rng.standard_normal(3),
@@ -122,32 +126,16 @@ def segment_senses(
 
 def take_imu(
     rig: KneeRig,
-    subject: Subject | None,
+    subject: KneeSubject | None,
     angle: np.ndarray,
     velocity: np.ndarray,
-    session: Session,
+    mounting: Mounting,
     rng: np.random.Generator,
     *,
     dropout: tuple[float, float] | None = None,
-) -> ImuTaken:
-    """What the IMU writes while its segment moves.
-
-    Parameters
-    ----------
-    rig : KneeRig
-    subject : Subject or None
-        Whose ankle it is on; None: it is fixed to the orthosis.
-    angle, velocity : ndarray, shape (n,)
-        Of the segment, one per period [rad], [rad/s].
-    session : Session
-    rng : numpy.random.Generator
-    dropout : tuple of float, optional
-        When it falls silent and for how long, in the actuator's time [s].
-
-    Returns
-    -------
-    ImuTaken
-    """
+) -> ImuReadings:
+    """What the IMU writes while its segment moves, shape (n,) [rad], [rad/s], on a subject's ankle or, with nobody, on
+    the orthosis; a dropout is when it falls silent and for how long [s]."""
     from scipy.interpolate import CubicSpline
     from scipy.ndimage import gaussian_filter1d
 
@@ -171,13 +159,13 @@ def take_imu(
     ideal = segment_senses(rig, tuple(lever), leaning, rate(at), rate(at, 1))
     turn = rotation(imu["mounting"])
     if subject is not None:
-        turn = rotation(session.remounting) @ turn
+        turn = rotation(mounting.remounting) @ turn
     wandering = noise((3, k), imu["gyroscope_drift"], imu["gyroscope_memory"], imu["rate"], rng).T
     steel = noise((3, k), imu["disturbance"], imu["disturbance_memory"], imu["rate"], rng).T
     biases = (
-        session.accelerometer_bias,
-        session.gyroscope_bias + wandering,
-        session.magnetometer_bias + steel,
+        mounting.accelerometer_bias,
+        mounting.gyroscope_bias + wandering,
+        mounting.magnetometer_bias + steel,
     )
     noises = (imu["accelerometer_noise"], imu["gyroscope_noise"], imu["magnetometer_noise"])
     sensed = []
@@ -187,7 +175,7 @@ def take_imu(
     keep = np.ones(k, bool)
     if dropout is not None:
         keep = (at < dropout[0]) | (at >= dropout[0] + dropout[1])
-    return ImuTaken(
+    return ImuReadings(
         np.round(own[keep], 4),
         sensed[0][keep],
         sensed[1][keep],

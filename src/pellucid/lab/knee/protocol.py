@@ -10,12 +10,16 @@ thesis's own values), so that its response is recorded again over 40 s per frequ
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from .rig import KneeRig, Subject
+from ..rig import Trial
+from .subject import KneeSubject
 from .wearer import Wearer, contracting, counteracting, relaxed, swinging
+
+if TYPE_CHECKING:
+    from .rig import KneeRig
 
 ANGLES = (0, 15, 30, 45, 60, 90)
 """Of the holds [deg]."""
@@ -77,17 +81,17 @@ NO_FAULTS = Faults()
 
 
 @dataclass(frozen=True)
-class KneeTrial:
+class KneeTrial(Trial):
     """One recording to be made.
 
     Parameters
     ----------
-    name, protocol, use : str
-        use is "fit" or "validate".
+    name, protocol, use, participant, condition, reference
+        As of `Trial`; the reference of the mode [rad] or [N*m].
     mode : {"position", "torque"}
         What the orthosis does on its own: follow angles, or give torques at the spring.
-    reference : ndarray, shape (n,)
-        [rad] or [N*m], one per period.
+    wearer : Wearer or None
+        Nobody: the orthosis alone.
     start : float
         Where the orthosis is at first [rad].
     link : {"strap", "plate"}
@@ -99,38 +103,21 @@ class KneeTrial:
     faults : Faults
     """
 
-    name: str
-    protocol: str
-    use: str
-    mode: Literal["position", "torque"]
-    reference: np.ndarray
+    mode: Literal["position", "torque"] = "position"
+    wearer: Wearer | None = None
     start: float = 0.0
     link: Literal["strap", "plate"] = "strap"
     locked: bool = False
     imu: Literal["ankle", "orthosis"] | None = None
     faults: Faults = NO_FAULTS
 
-
-Task = tuple[KneeTrial, Wearer | None]
-"""A trial and who does it."""
+    def __post_init__(self):
+        if self.wearer is not None:
+            object.__setattr__(self, "participant", self.wearer.subject.name)
 
 
 def holds(rig: KneeRig, angles: tuple[float, ...], hold_time: float = HOLD_TIME) -> np.ndarray:
-    """Angles held one after another, for `hold_time` [s] each, with smooth ways between.
-
-    Parameters
-    ----------
-    rig : KneeRig
-    angles : tuple of float
-        [rad]
-    hold_time : float
-        [s]
-
-    Returns
-    -------
-    ndarray, shape (n,)
-        Reference [rad].
-    """
+    """Angles [rad] held one after another, for `hold_time` [s] each, with smooth ways between, shape (n,)."""
     fs = rig["encoders"]["rate"]
     s = np.arange(round(MOVE_TIME * fs)) / (MOVE_TIME * fs)
     ease = s**3 * (10.0 - 15.0 * s + 6.0 * s**2)
@@ -142,19 +129,7 @@ def holds(rig: KneeRig, angles: tuple[float, ...], hold_time: float = HOLD_TIME)
 
 
 def sine(rig: KneeRig, frequency: float, amplitude: float, duration: float) -> np.ndarray:
-    """A sine from its own zero, one sample per period of the `rig`.
-
-    Parameters
-    ----------
-    rig : KneeRig
-    frequency, amplitude, duration : float
-        [Hz], [rad], [s]
-
-    Returns
-    -------
-    ndarray, shape (n,)
-        Reference [rad].
-    """
+    """A sine from its own zero, of [Hz], [rad] and [s], one sample a period, shape (n,) [rad]."""
     t = np.arange(round(duration * rig["encoders"]["rate"])) * rig.period
     return amplitude * np.sin(2.0 * np.pi * frequency * t)
 
@@ -171,33 +146,25 @@ def torque_steps(rig: KneeRig, torques: tuple[float, ...] = TORQUES) -> np.ndarr
     return np.concatenate(parts)
 
 
-def bench_trials(rig: KneeRig) -> list[Task]:
+def bench_trials(rig: KneeRig) -> list[KneeTrial]:
     """The orthosis alone: gravity, and its response to sines, long and brief."""
     angles = tuple(np.radians([*ANGLES, *ANGLES[-2::-1]]).tolist())
-    made = [KneeTrial("gravity", "gravity_holds", "fit", "position", holds(rig, angles))]
+    made = [KneeTrial("gravity", "gravity_holds", reference=holds(rig, angles))]
     for f in FREQUENCIES:
         tag = f"{round(10 * f):02d}"
         long, check = sine(rig, f, AMPLITUDE, RESPONSE_TIME), sine(rig, f, CHECK_AMPLITUDE, RESPONSE_TIME)
         made += [
-            KneeTrial(f"response_{tag}", "sine_tracking", "fit", "position", long),
-            KneeTrial(f"response_check_{tag}", "sine_tracking", "validate", "position", check),
-            KneeTrial(f"brief_{tag}", "sine_brief", "fit", "position", sine(rig, f, AMPLITUDE, BRIEF_TIME)),
+            KneeTrial(f"response_{tag}", "sine_tracking", reference=long),
+            KneeTrial(f"response_check_{tag}", "sine_tracking", "validate", reference=check),
+            KneeTrial(f"brief_{tag}", "sine_brief", reference=sine(rig, f, AMPLITUDE, BRIEF_TIME)),
         ]
-    return [(trial, None) for trial in made]
+    return made
 
 
-def imu_trial(rig: KneeRig, name: str, faults: Faults = NO_FAULTS) -> Task:
+def imu_trial(rig: KneeRig, name: str, participant: str | None = None, faults: Faults = NO_FAULTS) -> KneeTrial:
     """The IMU fixed to the orthosis, which goes through its range: holds, and sines that show the clocks.
 
-    Parameters
-    ----------
-    rig : KneeRig
-    name : str
-    faults : Faults
-
-    Returns
-    -------
-    Task
+    Nobody is in it, but its calibration is a participant's: the IMU stays as it is when it moves to their ankle.
     """
     angles = tuple(np.radians(ANGLES).tolist())
     middle = np.radians(45.0)
@@ -205,114 +172,56 @@ def imu_trial(rig: KneeRig, name: str, faults: Faults = NO_FAULTS) -> Task:
     fade = np.clip(np.minimum(t, t[-1] - t) / 2.0, 0.0, 1.0)
     waves = [middle + 0.7 * fade * np.sin(2.0 * np.pi * f * t) for f in (0.3, 0.7)]
     reference = np.concatenate([holds(rig, angles, 4.0), holds(rig, (angles[-1], middle), 1.0), *waves])
-    return KneeTrial(name, "imu_on_orthosis", "fit", "position", reference, imu="orthosis", faults=faults), None
+    whose = {"participant": participant, "reference": reference}
+    return KneeTrial(name, "imu_on_orthosis", **whose, imu="orthosis", faults=faults)
 
 
 def relaxed_trial(
-    rig: KneeRig, name: str, subject: Subject, *, helps: bool = False, faults: Faults = NO_FAULTS
-) -> Task:
-    """A relaxed leg on a rigid plate, held at the angles.
-
-    Parameters
-    ----------
-    rig : KneeRig
-    name : str
-    subject : Subject
-    helps : bool
-        As in `relaxed`.
-    faults : Faults
-
-    Returns
-    -------
-    Task
-    """
-    reference = holds(rig, tuple(np.radians(ANGLES).tolist()))
-    trial = KneeTrial(name, "relaxed_holds", "fit", "position", reference, link="plate", imu="ankle", faults=faults)
-    return trial, relaxed(subject, helps=helps)
+    rig: KneeRig, name: str, subject: KneeSubject, *, helps: bool = False, faults: Faults = NO_FAULTS
+) -> KneeTrial:
+    """A relaxed leg on a rigid plate, held at the angles."""
+    reference, wearer = holds(rig, tuple(np.radians(ANGLES).tolist())), relaxed(subject, helps=helps)
+    how = {"link": "plate", "imu": "ankle", "faults": faults}
+    return KneeTrial(name, "relaxed_holds", reference=reference, wearer=wearer, **how)
 
 
-def mvc_trial(rig: KneeRig, name: str, subject: Subject, faults: Faults = NO_FAULTS) -> Task:
-    """Both muscles as hard as they can, against a frame.
-
-    Parameters
-    ----------
-    rig : KneeRig
-    name : str
-    subject : Subject
-    faults : Faults
-
-    Returns
-    -------
-    Task
-    """
-    reference = np.full(round(MVC_TIME / rig.period), np.radians(60.0))
-    trial = KneeTrial(name, "mvc", "fit", "position", reference, start=float(reference[0]), locked=True, faults=faults)
-    return trial, contracting(subject)
+def mvc_trial(rig: KneeRig, name: str, subject: KneeSubject, faults: Faults = NO_FAULTS) -> KneeTrial:
+    """Both muscles as hard as they can, against a frame."""
+    reference, wearer = np.full(round(MVC_TIME / rig.period), np.radians(60.0)), contracting(subject)
+    how = {"start": float(reference[0]), "locked": True, "faults": faults}
+    return KneeTrial(name, "mvc", reference=reference, wearer=wearer, **how)
 
 
 def torque_trial(
-    rig: KneeRig, name: str, subject: Subject, angle: float, *, use: str = "fit", faults: Faults = NO_FAULTS
-) -> Task:
-    """An angle held against torques.
-
-    Parameters
-    ----------
-    rig : KneeRig
-    name : str
-    subject : Subject
-    angle : float
-        [rad]
-    use : str
-    faults : Faults
-
-    Returns
-    -------
-    Task
-    """
-    trial = KneeTrial(name, "torque_steps", use, "torque", torque_steps(rig), start=angle, imu="ankle", faults=faults)
-    return trial, counteracting(subject, angle)
+    rig: KneeRig, name: str, subject: KneeSubject, angle: float, *, use: str = "fit", faults: Faults = NO_FAULTS
+) -> KneeTrial:
+    """An angle [rad] held against torques."""
+    wearer, how = counteracting(subject, angle), {"start": angle, "imu": "ankle", "faults": faults}
+    return KneeTrial(name, "torque_steps", use, reference=torque_steps(rig), mode="torque", wearer=wearer, **how)
 
 
 def swing_trial(
     rig: KneeRig,
     name: str,
-    subject: Subject,
+    subject: KneeSubject,
     *,
     use: str = "fit",
     duration: float = SWING_TIME,
     frequency: tuple[float, float] | None = None,
     amplitude: tuple[float, float] | None = None,
     faults: Faults = NO_FAULTS,
-) -> Task:
-    """A shank that swings freely in zero-impedance mode.
-
-    Parameters
-    ----------
-    rig : KneeRig
-    name : str
-    subject : Subject
-    use : str
-    duration : float
-        [s]
-    frequency, amplitude : tuple of float, optional
-        As in `swinging` [Hz], [rad].
-    faults : Faults
-
-    Returns
-    -------
-    Task
-    """
+) -> KneeTrial:
+    """A shank that swings freely in zero-impedance mode for a duration [s], as `swinging` says."""
     reference = np.zeros(round(duration / rig.period))
-    trial = KneeTrial(
-        name, "free_swing", use, "torque", reference, start=rig["swing"]["centre"], imu="ankle", faults=faults
-    )
-    return trial, swinging(subject, frequency=frequency, amplitude=amplitude)
+    wearer = swinging(subject, frequency=frequency, amplitude=amplitude)
+    how = {"start": rig["swing"]["centre"], "imu": "ankle", "faults": faults}
+    return KneeTrial(name, "free_swing", use, reference=reference, mode="torque", wearer=wearer, **how)
 
 
-def worn_trials(rig: KneeRig, subject: Subject) -> list[Task]:
+def subject_trials(rig: KneeRig, subject: KneeSubject) -> list[KneeTrial]:
     """Everything that one subject does."""
     who = subject.name
-    made = [imu_trial(rig, f"{who}_imu")]
+    made = [imu_trial(rig, f"{who}_imu", who)]
     made += [relaxed_trial(rig, f"{who}_relaxed_{i + 1}", subject) for i in range(TRIALS)]
     made.append(mvc_trial(rig, f"{who}_mvc", subject))
     for angle in ANGLES:
@@ -325,18 +234,7 @@ def worn_trials(rig: KneeRig, subject: Subject) -> list[Task]:
     return made
 
 
-def tasks(rig: KneeRig) -> tuple[Task, ...]:
-    """The full protocol: the orthosis alone, then every subject.
-
-    Parameters
-    ----------
-    rig : KneeRig
-
-    Returns
-    -------
-    tuple of Task
-    """
-    made = bench_trials(rig)
-    for subject in rig.subjects.values():
-        made += worn_trials(rig, subject)
-    return tuple(made)
+def knee_trials(rig: KneeRig) -> tuple[KneeTrial, ...]:
+    """The full protocol: the orthosis alone, then every subject."""
+    subjects = rig.subjects.values()
+    return (*bench_trials(rig), *(trial for subject in subjects for trial in subject_trials(rig, subject)))

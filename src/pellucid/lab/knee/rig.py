@@ -2,25 +2,34 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from ... import _core
 from ...models.joint import GRAVITY
-from ..rig_file import Rig, checked_tables, shipped_rig
+from ..known_rigs import shipped_rig
+from ..recorded_table import MAIN, Column, Stored, emg_columns, emg_stored
+from ..rig import Rig, Taken
+from .instruments import Mounting, draw_mounting
+from .protocol import KneeTrial, knee_trials
+from .subject import KneeSubject
+from .trial import Controller, KneeReadings, run_trial
 
 NAMES: tuple[str, ...] = tuple(_core.COUPLED_PARAMETER_NAMES)
 """The plant's parameters, in the core's order."""
 
-KIND = "knee-orthosis"
-
-FLEXOR, EXTENSOR = "lateral_hamstring", "rectus_femoris"
-"""The muscle that pulls towards positive angles, and the one that pulls back."""
-
 LOCKED = 1e9
 """Inertia of a limb that is clamped to a frame [kg*m^2]."""
+
+TORQUE_QUANTUM = 1e-4
+"""To which torques are written [N*m]."""
+
+IMU_CHANNELS = ("acceleration", "angular_velocity", "magnetic_field")
+"""In the order of the rig's quanta."""
+
 
 NEEDED = {
     "orthosis": ("mass", "centre", "inertia", "bearing_coulomb", "bearing_viscous"),
@@ -48,49 +57,25 @@ NEEDED = {
             "field", "dip", "sway", "sway_memory", "quanta", "clock_offset", "clock_offset_spread", "clock_drift"),
     "subjects.*": ("sex", "age", "weight", "height", "shank_length", "limb", "strap", "strength", "emg_gain"),
 }  # fmt: skip
-"""What a rig file must say, table by table, and of each of its subjects."""
+"""What a rig file must say, table by table."""
 
-
-@dataclass(frozen=True)
-class Subject:
-    """Somebody who wears the orthosis: an entry of the rig file's ``[subjects]``, SI.
-
-    Parameters
-    ----------
-    name, sex : str
-    age, weight, height, shank_length : float
-        [years], [kg], [m], [m]
-    limb, strap : mapping of str to float
-        As in the rig file.
-    strength, emg_gain : mapping of str to float
-        Of each muscle [N*m], [V].
-    """
-
-    name: str
-    sex: str
-    age: float
-    weight: float
-    height: float
-    shank_length: float
-    limb: Mapping[str, float]
-    strap: Mapping[str, float]
-    strength: Mapping[str, float]
-    emg_gain: Mapping[str, float]
-
-    @property
-    def gravity(self) -> float:
-        """Of shank and foot about the knee, m g l [N*m]."""
-        return GRAVITY * self.limb["mass"] * self.limb["centre"]
-
-    @property
-    def inertia(self) -> float:
-        """Of shank and foot about the knee [kg*m^2]."""
-        return self.limb["mass"] * (self.limb["centre"] ** 2 + self.limb["gyration"] ** 2)
+COMMENTS = {
+    "": "A virtual knee orthosis and its wearers, recorded like real ones. Nothing below tells their physics apart from"
+    "\na machine's.",
+    "rig.drive.kind": "of the spring, from its deflection",
+    "streams.emg.channels": "raw, started by the orthosis's trigger",
+    "streams.imu.channels": "on its own clock",
+}
+"""What its study.toml says beside a table or a key."""
 
 
 @dataclass(frozen=True)
 class KneeRig(Rig):
     """The virtual orthosis and its wearers: the tables of a file like ``lab/rigs/knee-orthosis.toml``."""
+
+    kind = "knee-orthosis"
+    needed = NEEDED
+    comments = COMMENTS
 
     @property
     def period(self) -> float:
@@ -98,9 +83,9 @@ class KneeRig(Rig):
         return 1.0 / self["encoders"]["rate"]
 
     @property
-    def subjects(self) -> dict[str, Subject]:
+    def subjects(self) -> dict[str, KneeSubject]:
         """By name, in the file's order."""
-        return {name: Subject(name=name, **values) for name, values in self["subjects"].items()}
+        return {name: KneeSubject(name=name, **values) for name, values in self["subjects"].items()}
 
     @property
     def orthosis_gravity(self) -> tuple[float, float]:
@@ -114,22 +99,9 @@ class KneeRig(Rig):
         sine, cosine = self.orthosis_gravity
         return sine * float(np.sin(position)) + cosine * float(np.cos(position))
 
-    def plant(self, subject: Subject | None, link: str = "strap", *, locked: bool = False) -> np.ndarray:
-        """The core's parameters of the coupled plant, shape (40,), SI.
-
-        Parameters
-        ----------
-        subject : Subject or None
-            None: nobody is in it.
-        link : {"strap", "plate"}
-            What couples the subject's limb.
-        locked : bool
-            Whether the limb is clamped to a frame.
-
-        Returns
-        -------
-        ndarray, shape (40,)
-        """
+    def plant(self, subject: KneeSubject | None, link: str = "strap", *, locked: bool = False) -> np.ndarray:
+        """The core's parameters of the coupled plant, shape (40,), SI: of a subject, or of nobody, whose limb a link
+        couples, "strap" or "plate", or who is locked to a frame."""
         sine, cosine = self.orthosis_gravity
         orthosis, actuator, spring, loop = self["orthosis"], self["actuator"], self["spring"], self["torque_loop"]
         values = dict.fromkeys(NAMES, 0.0) | {
@@ -163,29 +135,144 @@ class KneeRig(Rig):
             }
         return np.array([values[name] for name in NAMES], float)
 
+    def streams(self) -> Mapping[str, Sequence[Column]]:
+        """The orthosis's file, the EMG amplifier's, and the IMU's."""
+        encoders, imu = self["encoders"], self["imu"]
+        own = (
+            Column("time", "time", "ms"),
+            Column("position", "output", "rad", encoders["output"]),
+            Column("motor_position", "motor", "rad", encoders["motor"]),
+            Column("torque", "torque", "N*m", TORQUE_QUANTUM),
+            Column("command", "command", "N*m", TORQUE_QUANTUM),
+        )
+        senses = zip(IMU_CHANNELS, ("m/s^2", "rad/s", "T"), imu["quanta"], strict=True)
+        sensed = tuple(
+            Column(f"imu.{channel}.{axis}", f"{channel}_{axis}", unit, quantum)
+            for channel, unit, quantum in tuple(senses)[: 3 if imu["magnetometer"] else 2]
+            for axis in "xyz"
+        )
+        clock = Column("time", "time", "s", text="%.4f")
+        return {MAIN: own, "emg": emg_columns(self["emg"]), "imu": (clock, *sensed)}
+
+    def trials(self, seed: int = 1) -> tuple[KneeTrial, ...]:
+        """The full protocol: the orthosis alone, then every subject; no `seed` draws it."""
+        return knee_trials(self)
+
+    def mountings(self, seed: int) -> dict[str, Mounting]:
+        """How the instruments sit on each subject, by name, as drawn with a `seed`."""
+        return {n: draw_mounting(self, np.random.default_rng([seed, 1, i])) for i, n in enumerate(self.subjects)}
+
+    def draws(self, trials: Sequence[KneeTrial], seed: int) -> Iterator[dict[str, Any]]:
+        """As `Rig.draws` of `trials` and `seed`, and how the instruments sit on the participant."""
+        mountings = self.mountings(seed)
+        for trial, drawn in zip(trials, super().draws(trials, seed), strict=True):
+            yield {**drawn, "mounting": mountings.get(trial.participant)}
+
+    def record(
+        self,
+        trial: KneeTrial,
+        rng: np.random.Generator,
+        controller: Controller | None = None,
+        *,
+        mounting: Mounting | None = None,
+    ) -> Taken:
+        """Do one trial, under a controller in place of its own mode if given; `Taken.inside` is `KneeReadings`."""
+        read = run_trial(self, trial, rng=rng, controller=controller, mounting=mounting)
+        columns = self.streams()
+        values = (read.time, read.position, read.motor_position, read.torque, read.command)
+        scales = (1e-3, *(column.scale for column in columns[MAIN][1:]))
+        counts = [np.round(value / scale) for value, scale in zip(values, scales, strict=True)]
+        streams = {MAIN: Stored.of(columns[MAIN], *counts)}
+        if read.emg is not None:
+            streams["emg"] = emg_stored(read.emg_time, read.emg, self["emg"])
+        if read.imu is not None:
+            senses = [getattr(read.imu, channel) for channel in IMU_CHANNELS[: len(columns["imu"]) // 3]]
+            quanta = self["imu"]["quanta"]
+            counts = [np.round(value / quantum) for value, quantum in zip(senses, quanta, strict=False)]
+            streams["imu"] = Stored.of(columns["imu"], read.imu.time, *counts)
+        return Taken(trial, {trial.name: streams}, truth=trial_truth(read), inside=read)
+
+    def study(self, made: Sequence[Taken]) -> dict[str, Any]:
+        """The study.toml of what was `made`."""
+        return {
+            **super().study(made),
+            "rig": {
+                "joint": "knee",
+                "motion": "rotary",
+                "lifts": self["lifts"],
+                "drive": {"kind": "torque", "limit": f"{self['actuator']['torque_limit']} N*m"},
+            },
+            "participants": {
+                s.name: {
+                    "sex": s.sex,
+                    "age": s.age,
+                    "mass": f"{s.weight} kg",
+                    "height": f"{s.height} m",
+                    "shank_length": f"{s.shank_length} m",
+                }
+                for s in self.subjects.values()
+            },
+            "coupling": {
+                "imu": "imu",
+                "emg": "emg",
+                "orientation": "vqf",
+                "magnetometer": self["imu"]["magnetometer"],
+            },
+            "emg_torque": {
+                "joints": ["knee"],
+                "muscles": list(self["emg"]["muscles"]),
+                "emg": "emg",
+                "chain": "knee",
+            },
+        }
+
+    def truth(self, seed: int = 1) -> dict[str, Any]:
+        """The orthosis, its wearers, and how instruments sit on them, which a `seed` draws."""
+        sine, cosine = self.orthosis_gravity
+        orthosis, mountings = self["orthosis"], self.mountings(seed)
+        return {
+            "orthosis": {
+                "gravity": float(np.hypot(sine, cosine)),
+                "gravity_sine": sine,
+                "gravity_cosine": cosine,
+                "inertia": orthosis["inertia"],
+                "damping": orthosis["bearing_viscous"],
+                "coulomb": orthosis["bearing_coulomb"],
+            },
+            "actuator": dict(self["actuator"]),
+            "subjects": {
+                s.name: {
+                    "gravity": s.gravity,
+                    "gravity_centre": s.limb["ahead"],
+                    "inertia": s.inertia,
+                    "damping": s.limb["viscous"],
+                    "strap_stiffness": s.strap["stiffness"],
+                    "strap_damping": s.strap["damping"],
+                    "imu_remounting": mountings[s.name].remounting.tolist(),
+                    "emg_gain": list(mountings[s.name].emg_gain),
+                }
+                for s in self.subjects.values()
+            },
+        }
+
+
+def trial_truth(read: KneeReadings) -> dict[str, float]:
+    """What is true of one trial in few numbers; `KneeReadings.truth` has every sample."""
+    truth = read.truth
+    clock = {} if read.imu is None else {"imu_clock_offset": read.imu.clock_offset}
+    if read.trial.wearer is None:
+        return clock
+    settled = slice(min(round(2.0 / (read.time[1] - read.time[0])), len(read.time) // 2), None)
+    return {
+        "mismatch_mean": float(np.mean(truth.mismatch[settled])),
+        "mismatch_sd": float(np.std(truth.mismatch[settled])),
+        "strap_torque_rms": float(np.sqrt(np.mean(truth.strap_torque[settled] ** 2))),
+        "muscle_torque_mean": float(np.mean(truth.muscle_torque[settled])),
+        "muscle_torque_sd": float(np.std(truth.muscle_torque[settled])),
+        **clock,
+    }
+
 
 def knee_orthosis() -> KneeRig:
     """The rig of ``lab/rigs/knee-orthosis.toml``."""
-    return parse_knee_rig(shipped_rig("knee-orthosis"), "knee-orthosis")
-
-
-def parse_knee_rig(text: str, name: str) -> KneeRig:
-    """A virtual knee orthosis from the text of a rig file.
-
-    Parameters
-    ----------
-    text : str
-        TOML, SI.
-    name : str
-        Of the rig.
-
-    Returns
-    -------
-    KneeRig
-
-    Raises
-    ------
-    StudyError
-        If the file is not TOML, is of another kind, or lacks a table, a subject or a constant.
-    """
-    return KneeRig(name, checked_tables(text, name, KIND, NEEDED))
+    return KneeRig.parse(shipped_rig("knee-orthosis"), "knee-orthosis")

@@ -4,16 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
 from ... import _core
 from ..emg_synthesis import Electrodes, EmgSynthesis
-from .instruments import ImuTaken, Session, draw_session, take_imu
+from .instruments import ImuReadings, Mounting, draw_mounting, take_imu
 from .protocol import KneeTrial
-from .rig import EXTENSOR, FLEXOR, KneeRig
-from .wearer import Acting, Wearer
+from .subject import EXTENSOR, FLEXOR
+from .wearer import Acting
+
+if TYPE_CHECKING:
+    from .rig import KneeRig
 
 
 class Controller(Protocol):
@@ -73,13 +76,12 @@ class KneeTruth:
 
 
 @dataclass(frozen=True)
-class KneeTaken:
-    """One recording as its files will hold it, and the truth beside it.
+class KneeReadings:
+    """What the instruments read of one trial, and the truth beside it.
 
     Parameters
     ----------
     trial : KneeTrial
-    wearer : Wearer or None
     time : ndarray, shape (n,)
         [s]
     position, motor_position : ndarray, shape (n,)
@@ -94,12 +96,11 @@ class KneeTaken:
         Of rectus femoris and lateral hamstring, in counts of the converter.
     emg_quantum : float
         [V]
-    imu : ImuTaken or None
+    imu : ImuReadings or None
     truth : KneeTruth
     """
 
     trial: KneeTrial
-    wearer: Wearer | None
     time: np.ndarray
     position: np.ndarray
     motor_position: np.ndarray
@@ -108,7 +109,7 @@ class KneeTaken:
     emg_time: np.ndarray | None
     emg: np.ndarray | None
     emg_quantum: float
-    imu: ImuTaken | None
+    imu: ImuReadings | None
     truth: KneeTruth
 
 
@@ -132,35 +133,16 @@ class _PositionLoop:
 
 def run_trial(
     rig: KneeRig,
-    wearer: Wearer | None,
     trial: KneeTrial,
     *,
     rng: np.random.Generator,
     controller: Controller | None = None,
-    session: Session | None = None,
-) -> KneeTaken:
-    """One trial, from rest in balance to its last period.
-
-    Parameters
-    ----------
-    rig : KneeRig
-    wearer : Wearer or None
-        Nobody: the orthosis alone.
-    trial : KneeTrial
-    rng : numpy.random.Generator
-        Draws all noise; the same state makes the same recording.
-    controller : Controller, optional
-        In place of the trial's own mode; it gets raw EMG while somebody wears the orthosis.
-    session : Session, optional
-        How the instruments sit; drawn if left out.
-
-    Returns
-    -------
-    KneeTaken
-    """
-    n, period, loop = len(trial.reference), rig.period, rig["torque_loop"]
-    of_body, of_emg, of_imu, of_session = rng.spawn(4)
-    session = session or draw_session(rig, of_session)
+    mounting: Mounting | None = None,
+) -> KneeReadings:
+    """One trial, from rest in balance to its last period; a controller gets raw EMG while somebody wears it."""
+    n, period, loop, wearer = len(trial.reference), rig.period, rig["torque_loop"], trial.wearer
+    of_body, of_emg, of_imu, of_mounting = rng.spawn(4)
+    mounting = mounting or draw_mounting(rig, of_mounting)
     plant = _core.CoupledPlant(
         rig.plant(wearer.subject if wearer else None, trial.link, locked=trial.locked),
         period=period,
@@ -175,7 +157,7 @@ def run_trial(
     if wearer is not None:
         acting = Acting(rig, wearer, n, reading[5], reading[7], of_body)
         usual = (wearer.subject.emg_gain[muscle] for muscle in (EXTENSOR, FLEXOR))
-        gains = tuple(gain * factor for gain, factor in zip(usual, session.emg_gain, strict=True))
+        gains = tuple(gain * factor for gain, factor in zip(usual, mounting.emg_gain, strict=True))
         faults = trial.faults
         electrodes = Electrodes(gains, rig["emg"], faults.emg_rate, faults.emg_detached, faults.emg_clipped)
         synthesis = EmgSynthesis(electrodes, n, period, of_emg)
@@ -218,9 +200,8 @@ def run_trial(
     emg = None
     if synthesis is not None:
         emg = synthesis.whole(np.array(acting.amplitude)[:, ::-1], np.diff(table[:, 6]) / period)
-    return KneeTaken(
+    return KneeReadings(
         trial,
-        wearer,
         np.arange(n) * period,
         _rolled(table[:-1, 0], trial.faults.encoder_turn),
         table[:-1, 1],
@@ -229,7 +210,7 @@ def run_trial(
         synthesis.time if synthesis else None,
         emg,
         synthesis.quantum if synthesis else 0.0,
-        _imu(rig, wearer, trial, table, session, of_imu),
+        _imu(rig, trial, table, mounting, of_imu),
         truth,
     )
 
@@ -248,16 +229,16 @@ def _rolled(position: np.ndarray, turn: float | None) -> np.ndarray:
 
 def _imu(
     rig: KneeRig,
-    wearer: Wearer | None,
     trial: KneeTrial,
     table: np.ndarray,
-    session: Session,
+    mounting: Mounting,
     rng: np.random.Generator,
-) -> ImuTaken | None:
+) -> ImuReadings | None:
+    wearer = trial.wearer
     if trial.imu is None or (trial.imu == "ankle" and wearer is None):
         return None
     angle, velocity = (5, 6) if trial.imu == "ankle" else (3, 4)
     subject = wearer.subject if trial.imu == "ankle" else None
     return take_imu(
-        rig, subject, table[:-1, angle], table[:-1, velocity], session, rng, dropout=trial.faults.imu_dropout
+        rig, subject, table[:-1, angle], table[:-1, velocity], mounting, rng, dropout=trial.faults.imu_dropout
     )

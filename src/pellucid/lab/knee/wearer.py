@@ -9,12 +9,15 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
 from ..noise import noise, wander
-from .rig import EXTENSOR, FLEXOR, KneeRig, Subject
+from .subject import EXTENSOR, FLEXOR, KneeSubject
+
+if TYPE_CHECKING:
+    from .rig import KneeRig
 
 
 @dataclass(frozen=True)
@@ -23,7 +26,7 @@ class Wearer:
 
     Parameters
     ----------
-    subject : Subject
+    subject : KneeSubject
     task : {"relaxed", "counteracting", "swinging", "contracting"}
     helps : bool
         Whether they help although they were asked to relax: a trial that must be found out.
@@ -35,7 +38,7 @@ class Wearer:
         Smallest and largest swing [rad], in place of the rig's.
     """
 
-    subject: Subject
+    subject: KneeSubject
     task: Literal["relaxed", "counteracting", "swinging", "contracting"]
     helps: bool = False
     angle: float = 0.0
@@ -43,58 +46,34 @@ class Wearer:
     amplitude: tuple[float, float] | None = None
 
 
-def relaxed(subject: Subject, *, helps: bool = False) -> Wearer:
+def relaxed(subject: KneeSubject, *, helps: bool = False) -> Wearer:
     """One who lets the leg hang; or, with `helps`, was asked to and does not."""
     return Wearer(subject, "relaxed", helps=helps)
 
 
-def counteracting(subject: Subject, angle: float) -> Wearer:
+def counteracting(subject: KneeSubject, angle: float) -> Wearer:
     """One who holds an angle [rad] against whatever the orthosis does."""
     return Wearer(subject, "counteracting", angle=angle)
 
 
 def swinging(
-    subject: Subject,
+    subject: KneeSubject,
     *,
     frequency: tuple[float, float] | None = None,
     amplitude: tuple[float, float] | None = None,
 ) -> Wearer:
-    """One who swings the shank freely, at a pace and an amplitude that wander.
-
-    Parameters
-    ----------
-    subject : Subject
-    frequency, amplitude : tuple of float, optional
-        Ends of what they wander between [Hz], [rad]; the rig's if left out. Equal ends are a steady swing.
-
-    Returns
-    -------
-    Wearer
-    """
+    """One who swings the shank freely, at a pace [Hz] and an amplitude [rad] that wander between ends, the rig's if
+    left out; equal ends are a steady swing."""
     return Wearer(subject, "swinging", frequency=frequency, amplitude=amplitude)
 
 
-def contracting(subject: Subject) -> Wearer:
+def contracting(subject: KneeSubject) -> Wearer:
     """One who pulls as hard as they can against a frame, with one muscle and then the other."""
     return Wearer(subject, "contracting")
 
 
 def swing_path(rig: KneeRig, wearer: Wearer, n: int, rng: np.random.Generator) -> np.ndarray:
-    """The angle that a swinging wearer means to go through; it begins at rest in the centre.
-
-    Parameters
-    ----------
-    rig : KneeRig
-    wearer : Wearer
-    n : int
-        Periods.
-    rng : numpy.random.Generator
-
-    Returns
-    -------
-    ndarray, shape (n,)
-        [rad]
-    """
+    """The angle that a swinging wearer means to go through, shape (n,) [rad]; it begins at rest in the centre."""
     swing, fs = rig["swing"], rig["encoders"]["rate"]
     slow, fast = wearer.frequency or swing["frequency"]
     small, large = wearer.amplitude or swing["amplitude"]

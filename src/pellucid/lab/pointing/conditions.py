@@ -7,6 +7,7 @@ interaction torque, which contains both the resistance and the shaking that the 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -19,10 +20,12 @@ from ...procedures.slider.slider_result import slider_card
 from ...signals.movements import MovementRule, movements
 from ..elbow.protocol import trials
 from ..elbow.rig import ElbowRig
-from ..elbow.study import record_in_memory
-from .people import Person, PointingRig, draw_people
-from .session import Session, point_all, true_motion
-from .study import CONTROL
+from ..study import record_in_memory
+from .people import Person, draw_people
+from .session import CONTROL, Conditions, PointingSession, point_all, true_motion
+
+if TYPE_CHECKING:
+    from .rig import PointingRig
 
 EXPONENTS = (-2.0, -1.5, -1.0, -0.5, 0.0, 0.5, 1.0)
 """Of equation 8, from which each direction's is chosen."""
@@ -36,18 +39,7 @@ Cards = Mapping[str, SliderCard]
 
 
 def identified_cards(robot: ElbowRig, *, seed: int = 1) -> Cards:
-    """What an identification of a robot finds, as cards by method.
-
-    Parameters
-    ----------
-    robot : ElbowRig
-    seed : int
-        Of its recordings' noise.
-
-    Returns
-    -------
-    mapping of str to SliderCard
-    """
+    """What an identification of a robot finds, as cards by method; `seed` is of its recordings' noise."""
     protocols = ("constant_velocity", "swept_sine", "slow")
     made = tuple(trial for trial in trials(robot) if trial.protocol in protocols)
     config, recordings, _ = record_in_memory(robot, made, seed=seed)
@@ -58,24 +50,8 @@ def identified_cards(robot: ElbowRig, *, seed: int = 1) -> Cards:
 def worn(
     cards: Cards, controller: str, *, exponents: tuple[float, float] | None = None, **settings
 ) -> Callable[[Person, float], ElbowLaw]:
-    """A controller of a robot, for whoever wears it.
-
-    Parameters
-    ----------
-    cards : mapping
-        Of the robot, by method.
-    controller : str
-        A name of `ELBOW_CONTROLLERS`.
-    exponents : tuple of float, optional
-        Of equation 8, upwards and downwards; of no meaning to a law without it.
-    **settings
-        As its law takes them.
-
-    Returns
-    -------
-    callable
-        Takes a person and the place of the carriage [m].
-    """
+    """A controller of a robot for whoever wears it: takes a person and the place of the carriage [m]; exponents are of
+    equation 8, settings as its law takes them."""
     named = ELBOW_CONTROLLERS[controller]
     if exponents is not None and named.exponents:
         settings["exponents"] = exponents
@@ -87,23 +63,8 @@ def worn(
     return build
 
 
-def published_laws(
-    cards: Cards, exponents: tuple[float, float]
-) -> dict[str, Callable[[Person, float], ElbowLaw] | None]:
-    """The paper's four conditions.
-
-    Parameters
-    ----------
-    cards : mapping
-        By method.
-    exponents : tuple of float
-        Of equation 8, upwards and downwards.
-
-    Returns
-    -------
-    dict
-        By condition, as `record_pointing` takes them.
-    """
+def published_laws(cards: Cards, exponents: tuple[float, float]) -> Conditions:
+    """The paper's four conditions, of `cards` by method and the `exponents` of equation 8, upwards and downwards."""
     return {
         CONTROL: None,
         "FC": worn(cards, "fc", exponents=exponents),
@@ -112,20 +73,9 @@ def published_laws(
     }
 
 
-def interaction_rms(session: Session, direction: int = 0) -> float:
-    """Interaction torque during the movements of a session: RMS of each, mean over them [N*m].
-
-    Parameters
-    ----------
-    session : Session
-    direction : int
-        1 upwards, -1 downwards, 0 both.
-
-    Returns
-    -------
-    float
-        NaN where no movement came to an end.
-    """
+def interaction_rms(session: PointingSession, direction: int = 0) -> float:
+    """Interaction torque during the movements of a session, in a `direction` (1 upwards, -1 downwards, 0 both): RMS of
+    each, mean over them [N*m]; NaN where none came to an end."""
     found = []
     rule = MovementRule()
     for one in movements(*true_motion(session, rule), rule)[0]:
@@ -138,22 +88,8 @@ def interaction_rms(session: Session, direction: int = 0) -> float:
 def chosen_exponents(
     rig: PointingRig, cards: Cards, *, seed: int = TUNING_SEED, threads: int = 1
 ) -> tuple[tuple[float, float], dict[float, tuple[float, float]]]:
-    """k of equation 8 in either direction: the one with the smallest interaction torque, over five people.
-
-    Parameters
-    ----------
-    rig : PointingRig
-    cards : mapping
-    seed : int
-    threads : int
-
-    Returns
-    -------
-    exponents : tuple of float
-        Upwards and downwards.
-    torques : dict of float to tuple of float
-        By k, RMS upwards and downwards [N*m]; infinite where somebody came to no end in a movement.
-    """
+    """k of equation 8 upwards and downwards: the ones with the smallest interaction torque over five people; and by k
+    that torque, RMS [N*m], infinite where somebody came to no end in a movement."""
     people = draw_people(rig, np.random.default_rng(seed), count=TUNERS)
     lifts = np.deg2rad(rig["pointing"]["amplitudes"])
     torques = {}
@@ -168,9 +104,7 @@ def chosen_exponents(
     return tuple(min(EXPONENTS, key=lambda k: torques[k][i]) for i in (0, 1)), torques
 
 
-def study_conditions(
-    rig: PointingRig, names: Sequence[str] | None = None, *, seed: int = 1
-) -> dict[str, Callable[[Person, float], ElbowLaw] | None]:
+def study_conditions(rig: PointingRig, names: Sequence[str] | None = None, *, seed: int = 1) -> Conditions:
     """Conditions on a robot that is identified for them.
 
     Parameters

@@ -23,42 +23,16 @@ LOADS = ("inertia", "viscous", "coulomb", "gravity_sine", "gravity_cosine")
 
 
 def felt(position: np.ndarray, velocity: np.ndarray, acceleration: np.ndarray, width: float) -> np.ndarray:
-    """Torque of a load per unit of each of `LOADS`.
-
-    Parameters
-    ----------
-    position, velocity, acceleration : ndarray, shape (n,)
-        Of the arm [rad], [rad/s], [rad/s^2].
-    width : float
-        Over which friction changes its sign [rad/s].
-
-    Returns
-    -------
-    ndarray, shape (n, 5)
-    """
+    """Torque of a load per unit of each of `LOADS`, shape (n, 5), of an arm that moves, each shape (n,) [rad],
+    [rad/s], [rad/s^2]; friction changes its sign over a width [rad/s]."""
     return np.column_stack(
         [acceleration, velocity, np.tanh(velocity / width), np.sin(position), np.cos(position)],
     )
 
 
 def learnt(expected: np.ndarray, columns: np.ndarray, torque: np.ndarray, learning: Mapping) -> np.ndarray:
-    """What is expected after a movement.
-
-    Parameters
-    ----------
-    expected : ndarray, shape (5,)
-        Before it, in the order of `LOADS`.
-    columns : ndarray, shape (n, 5)
-        From `felt`.
-    torque : ndarray, shape (n,)
-        That the load took [N*m].
-    learning : mapping
-        rate [1], trust, shape (5,), in the units of `LOADS`, and felt_noise [N*m].
-
-    Returns
-    -------
-    ndarray, shape (5,)
-    """
+    """What is expected after a movement, shape (5,) in the order of `LOADS`, from what was before it, columns of
+    `felt`, and the torque that the load took, shape (n,) [N*m]."""
     noise, trust = learning["felt_noise"], np.asarray(learning["trust"], float)
     surprise = torque - columns @ expected
     information = columns.T @ columns / noise**2 + np.diag(1.0 / trust**2)

@@ -39,28 +39,9 @@ def utility(
     choice: Mapping,
     width: float,
 ) -> np.ndarray:
-    """Utility of movements of several durations.
-
-    Parameters
-    ----------
-    durations : ndarray, shape (n,)
-        [s], > 0.
-    amplitude : float
-        [rad], of either sign.
-    dynamics : tuple of float
-        Inertia [kg*m^2], viscous [N*m*s/rad] and Coulomb friction [N*m], of arm and load together.
-    reward : float
-        alpha [J].
-    choice : mapping
-        resting_power [W], efficiency [1], torque_rate_cost [W per (N*m/s)^2], discount [1/s].
-    width : float
-        Over which Coulomb friction changes its sign [rad/s].
-
-    Returns
-    -------
-    ndarray, shape (n,)
-        [J]
-    """
+    """Utility of movements [J] of several durations [s], each shape (n,), over an amplitude [rad]; dynamics are
+    inertia [kg*m^2], viscous [N*m*s/rad] and Coulomb friction [N*m] of arm and load together, which changes its
+    sign over a width."""
     inertia, viscous, coulomb = dynamics
     t = np.asarray(durations, float)[:, None]
     size = abs(amplitude)
@@ -83,25 +64,7 @@ def _mean(values: np.ndarray) -> np.ndarray:
 def preferred_duration(
     amplitude: float, dynamics: tuple[float, float, float], reward: float, choice: Mapping, width: float
 ) -> float:
-    """The duration of largest utility [s].
-
-    Parameters
-    ----------
-    amplitude : float
-        [rad]
-    dynamics : tuple of float
-        As in `utility`.
-    reward : float
-        [J]
-    choice : mapping
-        As in `utility`, and shortest and longest [s].
-    width : float
-        [rad/s]
-
-    Returns
-    -------
-    float
-    """
+    """The duration of largest utility [s]."""
     grid = _durations(choice["shortest"], choice["longest"])
     value = utility(grid, amplitude, dynamics, reward, choice, width)
     best = int(np.argmax(value))

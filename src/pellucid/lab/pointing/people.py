@@ -3,53 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.special import ndtri
 
 from ... import _core
 from ...models.anthropometry import ELBOW_TO_WRIST, Segment, forearm
-from ..elbow.rig import ElbowRig, parse_elbow_rig
-from ..rig_file import Rig, checked_tables, shipped_rig
 
-KIND = "elbow-participants"
-
-NEEDED = {
-    "robot": ("rig", "strap_stiffness", "strap_damping", "splint"),
-    "people": ("count", "age", "height", "mass"),
-    "arm": ("viscous", "passive_torque", "passive_angle", "passive_scale", "flexion", "extension"),
-    "muscles": ("stiffness", "damping", "reflex_stiffness", "reflex_damping", "reflex_delay", "muscle_delay",
-                "activation_time", "cocontraction", "noise_share", "noise_time"),
-    "vision": ("delay", "tolerance", "check_share", "correction_share", "correction_least"),
-    "planning": ("reach", "reach_spread", "pace_spread", "reaction", "sign_width"),
-    "choice": ("reward", "reward_spread", "resting_power", "efficiency", "torque_rate_cost", "discount", "shortest",
-               "longest"),
-    "learning": ("rate", "trust", "felt_noise"),
-    "emg": ("muscles", "groups", "share", "gains", "gain_spread", "rate"),
-    "force_sensor": ("noise", "offset", "drift", "delay"),
-    "pointing": ("reference", "amplitudes", "repetitions", "block", "hold", "tolerance", "longest"),
-    "cameras": ("rate", "noise", "quantum", "clock_drift", "elbow"),
-}  # fmt: skip
-"""What a file of people must say, table by table."""
-
-
-@dataclass(frozen=True)
-class PointingRig(Rig):
-    """The tables of a file like ``lab/rigs/elbow-participants.toml``, and the robot that its people wear.
-
-    Parameters
-    ----------
-    name : str
-    tables : mapping of str to mapping
-    robot : ElbowRig
-    """
-
-    robot: ElbowRig
-
-    @property
-    def period(self) -> float:
-        """Of control [s]."""
-        return 1.0 / self.robot["sampling"]["rate"]
+if TYPE_CHECKING:
+    from .rig import PointingRig
 
 
 @dataclass(frozen=True)
@@ -90,16 +53,7 @@ class Person:
         return ELBOW_TO_WRIST * self.height
 
     def vector(self, rig: PointingRig) -> np.ndarray:
-        """The core's parameters of the person, shape (26,), SI.
-
-        Parameters
-        ----------
-        rig : PointingRig
-
-        Returns
-        -------
-        ndarray, shape (26,)
-        """
+        """The core's parameters of the person, shape (26,), SI."""
         arm, vision, segment = rig["arm"], rig["vision"], self.forearm
         values = {
             "inertia": segment.inertia,
@@ -122,64 +76,11 @@ class Person:
         return float(np.clip(self.forearm_length - rig["robot"]["splint"], rail["low"], rail["high"]))
 
 
-def elbow_participants(robot: ElbowRig | None = None) -> PointingRig:
-    """The people of ``lab/rigs/elbow-participants.toml``.
-
-    Parameters
-    ----------
-    robot : ElbowRig, optional
-        What they wear; the one that the file names if left out.
-
-    Returns
-    -------
-    PointingRig
-    """
-    return parse_pointing_rig(shipped_rig(KIND), KIND, robot)
-
-
-def parse_pointing_rig(text: str, name: str, robot: ElbowRig | None = None) -> PointingRig:
-    """People and the robot that they wear, from the text of their file.
-
-    Parameters
-    ----------
-    text : str
-        TOML, SI.
-    name : str
-    robot : ElbowRig, optional
-        What they wear; the one that the file names if left out.
-
-    Returns
-    -------
-    PointingRig
-
-    Raises
-    ------
-    StudyError
-        If the file is not TOML, is of another kind, or lacks a table or a constant.
-    """
-    tables = checked_tables(text, name, KIND, NEEDED)
-    if robot is None:
-        worn = tables["robot"]["rig"]
-        robot = parse_elbow_rig(shipped_rig(worn), worn)
-    return PointingRig(name, tables, robot)
-
-
 def draw_people(rig: PointingRig, rng: np.random.Generator, *, count: int | None = None) -> tuple[Person, ...]:
     """People whose ages, heights, masses and briskness have the means and spreads of the file.
 
     Each quantity takes its normal quantiles at evenly spaced levels, shuffled: a sample of six that is like the
     population, not one that chance made tall and quick.
-
-    Parameters
-    ----------
-    rig : PointingRig
-    rng : numpy.random.Generator
-    count : int, optional
-        The file's if left out.
-
-    Returns
-    -------
-    tuple of Person
     """
     people, choice, emg = rig["people"], rig["choice"], rig["emg"]
     n = int(count or people["count"])

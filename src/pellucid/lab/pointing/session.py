@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
@@ -13,7 +13,10 @@ from ...models.simulate import substeps_for
 from ...signals.movements import Kinematics, MovementRule, Stretch, kinematics
 from .load_learning import felt, learnt
 from .movement_choice import preferred_duration
-from .people import Person, PointingRig
+from .people import Person
+
+if TYPE_CHECKING:
+    from .rig import PointingRig
 
 SIGNALS = ("position", "velocity", "acceleration", "encoder", "interaction", "command", "flexor", "extensor", "link")
 """What a movement returns, in the core's order: the forearm's motion (rad, s), the robot's encoder [rad], torque of the
@@ -23,7 +26,7 @@ NOISE = 5.0  # s: of noise that is drawn for a movement; one that takes longer h
 FELT_EVERY = 10  # periods: what is felt is remembered a hundred times a second
 
 
-class Law(Protocol):
+class RobotLaw(Protocol):
     """How the robot is driven, as the core takes it.
 
     Attributes
@@ -42,6 +45,13 @@ class Law(Protocol):
     emg: bool
 
 
+CONTROL = "Ctrl"
+"""The condition without a robot."""
+
+Conditions = Mapping[str, Callable[[Person, float], RobotLaw] | None]
+"""By condition: a law for a person and the place of the carriage [m]; None where no robot is worn."""
+
+
 @dataclass(frozen=True)
 class Unpowered:
     """A robot that is worn while its motor is off."""
@@ -53,7 +63,7 @@ class Unpowered:
 
 
 @dataclass(frozen=True)
-class Movement:
+class Reach:
     """One movement that was made.
 
     Parameters
@@ -79,7 +89,7 @@ class Movement:
 
 
 @dataclass(frozen=True)
-class Session:
+class PointingSession:
     """One person in one condition, without its pauses.
 
     Parameters
@@ -92,7 +102,7 @@ class Session:
         [rad]
     signals : dict of str to ndarray, shape (n,)
         By `SIGNALS`.
-    movements : tuple of Movement
+    movements : tuple of Reach
     fault : str
         Of the law's gate, at the end.
     """
@@ -102,25 +112,12 @@ class Session:
     fs: float
     target: np.ndarray
     signals: dict[str, np.ndarray]
-    movements: tuple[Movement, ...]
+    movements: tuple[Reach, ...]
     fault: str
 
 
-def true_motion(session: Session, rule: MovementRule) -> tuple[Kinematics, list[Stretch]]:
-    """The forearm's own motion, filtered as an angle record would be, and the time of each movement.
-
-    Parameters
-    ----------
-    session : Session
-    rule : MovementRule
-        Says the filter.
-
-    Returns
-    -------
-    motion : Kinematics
-    stretches : list of Stretch
-        As `movements` takes them.
-    """
+def true_motion(session: PointingSession, rule: MovementRule) -> tuple[Kinematics, list[Stretch]]:
+    """The forearm's own motion, filtered as an angle record would be, and the time of each movement."""
     seconds = np.arange(len(session.target)) / session.fs
     stretches = [Stretch(m.begin / session.fs, m.end / session.fs, m.amplitude) for m in session.movements]
     return kinematics(seconds, session.signals["position"], rule), stretches
@@ -136,35 +133,18 @@ def point(
     rig: PointingRig,
     person: Person,
     condition: str,
-    law: Law | None,
+    law: RobotLaw | None,
     rng: np.random.Generator,
     lifts: np.ndarray | None = None,
-) -> Session:
-    """One person makes the movements of one condition.
-
-    Parameters
-    ----------
-    rig : PointingRig
-    person : Person
-    condition : str
-        A name; nothing depends on it.
-    law : Law or None
-        Of the robot; None: it is not worn.
-    rng : numpy.random.Generator
-        Draws the order of targets, what differs from movement to movement, and all noise.
-    lifts : ndarray, shape (n,), optional
-        Amplitudes of the upward movements [rad]; `targets` if left out.
-
-    Returns
-    -------
-    Session
-    """
+) -> PointingSession:
+    """One person makes the movements of one condition; lifts are amplitudes of the upward ones, shape (n,) [rad], or
+    `targets`."""
     pointing, planning, choice = rig["pointing"], rig["planning"], rig["choice"]
     vector, fs = person.vector(rig), 1.0 / rig.period
     reference, width = pointing["reference"], planning["sign_width"]
     lifts = targets(rig, rng) if lifts is None else np.asarray(lifts, float)
     expected, own = np.zeros(5), person.forearm.inertia
-    arm = _worn(rig, person, vector, law, reference, rng)
+    arm = _strapped(rig, person, vector, law, reference, rng)
     most, drawn = round(pointing["longest"] * fs), round(NOISE * fs)
     sensor = rig["force_sensor"]
     offset = sensor["offset"] * rng.standard_normal()
@@ -201,7 +181,7 @@ def point(
                 emg=law is not None and law.emg,
             )
             n = len(moved[0])
-            movements.append(Movement(amplitude, goal, duration, now, now + n, expected))
+            movements.append(Reach(amplitude, goal, duration, now, now + n, expected))
             taken.append(moved)
             goals.append(np.full(n, goal))
             now, here = now + n, goal
@@ -209,29 +189,16 @@ def point(
                 q, v, a, load = (moved[i][::FELT_EVERY] for i in (0, 1, 2, 4))
                 expected = learnt(expected, felt(q, v, a, width), load, rig["learning"])
     signals = {name: np.concatenate([one[i] for one in taken]) for i, name in enumerate(SIGNALS)}
-    return Session(person, condition, fs, np.concatenate(goals), signals, tuple(movements), arm.fault)
+    return PointingSession(person, condition, fs, np.concatenate(goals), signals, tuple(movements), arm.fault)
 
 
-def hold_still(rig: PointingRig, person: Person, law: Law, *, lift: float = 0.4) -> float:
-    """Fastest that a worn robot still moves two seconds after a movement, without noise and without corrections.
-
-    Parameters
-    ----------
-    rig : PointingRig
-    person : Person
-    law : Law
-    lift : float
-        Of the movement [rad].
-
-    Returns
-    -------
-    float
-        [rad/s]; 0 to the bit where friction holds the robot, a limit cycle where it is not small.
-    """
+def hold_still(rig: PointingRig, person: Person, law: RobotLaw, *, lift: float = 0.4) -> float:
+    """Fastest that a robot still moves two seconds after a movement over a lift [rad], without noise and corrections
+    [rad/s]: 0 to the bit where friction holds it, a limit cycle where it is not small."""
     vector = person.vector(rig)
     vector[_core.REACHING_PARAMETER_NAMES.index("tolerance")] = 1e3
     reference, fs = rig["pointing"]["reference"], 1.0 / rig.period
-    arm = _worn(rig, person, vector, law, reference, np.random.default_rng(0))
+    arm = _strapped(rig, person, vector, law, reference, np.random.default_rng(0))
     n = round(4.0 * fs)
     moved = arm.move(
         target=reference + lift, amplitude=lift, duration=0.8, reaction=0.2, load=np.zeros(5), tolerance=0.0,
@@ -240,8 +207,13 @@ def hold_still(rig: PointingRig, person: Person, law: Law, *, lift: float = 0.4)
     return float(np.abs(moved[SIGNALS.index("link")][-round(fs) :]).max())
 
 
-def _worn(
-    rig: PointingRig, person: Person, vector: np.ndarray, law: Law | None, position: float, rng: np.random.Generator
+def _strapped(
+    rig: PointingRig,
+    person: Person,
+    vector: np.ndarray,
+    law: RobotLaw | None,
+    position: float,
+    rng: np.random.Generator,
 ) -> _core.WornElbow:
     robot, motor = rig.robot, rig.robot["motor"]
     drive = [robot.gain, motor["current_limit"], motor["ripple_amplitude"], motor["ripple_wave_number"], robot.quantum]
@@ -260,20 +232,9 @@ def _worn(
     )
 
 
-def point_all(jobs: Sequence[tuple], *, threads: int = 1) -> list[Session]:
-    """Several sessions, side by side: the core leaves Python alone while it moves arms.
-
-    Parameters
-    ----------
-    jobs : sequence of tuple
-        Arguments of `point`; each with a generator of its own.
-    threads : int
-
-    Returns
-    -------
-    list of Session
-        In the order of `jobs`.
-    """
+def point_all(jobs: Sequence[tuple], *, threads: int = 1) -> list[PointingSession]:
+    """Several sessions, each with arguments of `point`, side by side: the core leaves Python alone while it moves
+    arms."""
     if threads <= 1:
         return [point(*job) for job in jobs]
     from concurrent.futures import ThreadPoolExecutor

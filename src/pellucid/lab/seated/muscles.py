@@ -48,21 +48,8 @@ class VirtualMuscle:
         return self.constants.name
 
     def path(self, knee: np.ndarray, hip: float, rest: float) -> tuple[np.ndarray, np.ndarray]:
-        """Musculotendon length and moment arm, each of shape (n,) [m].
-
-        Parameters
-        ----------
-        knee : ndarray, shape (n,)
-            [rad]
-        hip : float
-            [rad]
-        rest : float
-            Knee angle where the length is the anatomical model's of that size [rad].
-
-        Returns
-        -------
-        length, moment_arm : ndarray, shape (n,)
-        """
+        """Musculotendon length and moment arm at knee angles, each shape (n,) [m]; at `rest` the length is the
+        anatomical model's of that size."""
         geometry = muscle_table().geometry[self.name]
         angles = {"knee": np.append(knee, rest), "hip": np.full(len(knee) + 1, hip)}
         length = geometry.length(angles)
@@ -71,20 +58,7 @@ class VirtualMuscle:
 
 
 def torque_at_rest(group: Sequence[VirtualMuscle], activation: float, hip: float, knee: float) -> float:
-    """Torque of muscles that hold still [N m].
-
-    Parameters
-    ----------
-    group : sequence of VirtualMuscle
-    activation : float
-        Of the group's drive; each muscle has its share.
-    hip, knee : float
-        [rad]; the knee is also where paths have the anatomical model's length.
-
-    Returns
-    -------
-    float
-    """
+    """Torque of muscles that hold still at a knee angle [rad], each with its share of an activation [N m]."""
     torque = 0.0
     for muscle in group:
         length, arm = muscle.path(np.array([knee]), hip, knee)

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
-from typing import Literal
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
@@ -11,36 +11,37 @@ from ...fit.swing.swing_information import better_swing
 from ...models.anthropometry import shank_length, winter
 from ...protocols.fourier import FourierSeries, play
 from ...protocols.two_sines import two_sines
-from .rig import SeatedRig
+from ..rig import Trial
 from .subject import SeatedSubject, subjects
 from .wearer import swing_path
+
+if TYPE_CHECKING:
+    from .rig import SeatedRig
 
 EASE = 2.0
 """In which a swing that the motor makes begins and ends [s]."""
 
 
 @dataclass(frozen=True)
-class SeatedTrial:
+class SeatedTrial(Trial):
     """One trial.
 
     Parameters
     ----------
-    name, protocol : str
-    use : {"fit", "validate"}
-    subject : SeatedSubject or None
-        Nobody: the exoskeleton alone.
+    name, protocol, use, participant, condition, reference
+        As of `Trial`; positions of the motor's swing, that the subject means to go through, or of the clamp [rad].
     task : {"driven", "swinging", "maximal"}
         The motor swings; the subject swings and the motor gives nothing; or the shank is clamped.
-    reference : ndarray, shape (n,)
-        Positions: of the motor's swing, that the subject means to go through, or of the clamp [rad].
+    subject : SeatedSubject or None
+        Nobody: the exoskeleton alone.
     """
 
-    name: str
-    protocol: str
-    use: Literal["fit", "validate"]
-    subject: SeatedSubject | None
-    task: Literal["driven", "swinging", "maximal"]
-    reference: np.ndarray = field(repr=False)
+    task: Literal["driven", "swinging", "maximal"] = "driven"
+    subject: SeatedSubject | None = None
+
+    def __post_init__(self):
+        if self.subject is not None:
+            object.__setattr__(self, "participant", self.subject.name)
 
 
 def rich_swing(rig: SeatedRig) -> FourierSeries:
@@ -60,34 +61,27 @@ def rich_swing(rig: SeatedRig) -> FourierSeries:
 
 
 def seated_trials(rig: SeatedRig, names: tuple[str, ...] | None = None) -> list[SeatedTrial]:
-    """Everything that is recorded, in the order of a session.
-
-    Parameters
-    ----------
-    rig : SeatedRig
-    names : tuple of str, optional
-        Of the subjects; all if left out.
-
-    Returns
-    -------
-    list of SeatedTrial
-    """
+    """Everything that is recorded, in the order of a session; of the subjects of these `names`, or of all."""
     loaded, fs = rig["loaded"], rig["instruments"]["rate"]
     swings = {
         "two_sines": _driven(two_sines(loaded["amplitude"]), loaded["duration"], fs),
         "rich": _driven(rich_swing(rig), loaded["duration"], fs),
     }
     people = {name: s for name, s in subjects(rig).items() if names is None or name in names}
-    made = [SeatedTrial(f"empty_{key}", "empty_swing", "fit", None, "driven", q) for key, q in swings.items()]
+    made = [SeatedTrial(f"empty_{key}", "empty_swing", reference=q) for key, q in swings.items()]
     for name, subject in people.items():
-        made += [SeatedTrial(f"{name}_{key}", "loaded_swing", "fit", subject, "driven", q) for key, q in swings.items()]
-        clamped = np.full(round(rig["mvc"]["duration"] * fs), rig["mvc"]["angle"])
-        made.append(SeatedTrial(f"{name}_mvc", "mvc", "fit", subject, "maximal", clamped))
+
+        def add(what: str, protocol: str, reference: np.ndarray, task: str, use: str = "fit", subject=subject) -> None:
+            made.append(SeatedTrial(f"{subject.name}_{what}", protocol, use, None, None, reference, task, subject))
+
+        for key, q in swings.items():
+            add(key, "loaded_swing", q, "driven")
+        add("mvc", "mvc", np.full(round(rig["mvc"]["duration"] * fs), rig["mvc"]["angle"]), "maximal")
         for i, (use, duration) in enumerate(zip(("fit", "validate"), rig["swing"]["duration"], strict=True), 1):
             # What a subject means to do is theirs, not a seed's: it is the same in every session.
             rng = np.random.default_rng([rig["difference"]["seed"], i, *name.encode()])
             path = swing_path(rig, subject, round(duration * fs), rng)
-            made.append(SeatedTrial(f"{name}_swing_{i}", "seated_swing", use, subject, "swinging", path))
+            add(f"swing_{i}", "seated_swing", path, "swinging", use)
     return made
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.optimize import brentq
@@ -11,7 +12,9 @@ from ...models.anthropometry import shank_length, winter
 from ...models.hill import HillMuscle
 from ...models.muscle_geometry import muscle_table
 from .muscles import VirtualMuscle, torque_at_rest
-from .rig import SeatedRig
+
+if TYPE_CHECKING:
+    from .rig import SeatedRig
 
 
 @dataclass(frozen=True)
@@ -79,17 +82,7 @@ def subjects(rig: SeatedRig) -> dict[str, SeatedSubject]:
 
 
 def draw_subject(rig: SeatedRig, name: str) -> SeatedSubject:
-    """What a subject is: the rig file's own numbers, and those drawn from its ranges; the same at every call.
-
-    Parameters
-    ----------
-    rig : SeatedRig
-    name : str
-
-    Returns
-    -------
-    SeatedSubject
-    """
+    """What a subject is: the rig file's own numbers, and those drawn from its ranges; the same at every call."""
     said, limb, muscles, wearer = (rig["subjects"][name], rig["limb"], rig["muscles"], rig["wearer"])
     body, nerves, strange = np.random.default_rng([rig["difference"]["seed"], *name.encode()]).spawn(3)
 
@@ -135,6 +128,35 @@ def draw_subject(rig: SeatedRig, name: str) -> SeatedSubject:
         maximal=within(nerves, wearer["maximal"]),
         emg_gain=tuple(float(g * np.exp(emg["gain_spread"] * nerves.standard_normal())) for g in gains),
     )
+
+
+def subject_truth(s: SeatedSubject) -> dict[str, object]:
+    """What is true of a subject, SI."""
+    return {
+        "moment": s.moment,
+        "inertia": s.inertia,
+        "rest": s.rest,
+        "hip": s.hip,
+        "delay": s.delay,
+        "activation_time": s.activation_time,
+        "deactivation_time": s.deactivation_time,
+        "shape": s.shape,
+        "muscles": {
+            m.name: {
+                "optimal_fibre_length": m.constants.optimal_fibre_length,
+                "tendon_slack_length": m.constants.tendon_slack_length,
+                "max_isometric_force": m.constants.max_isometric_force,
+                "pennation": m.constants.pennation,
+                "max_velocity": m.constants.max_velocity,
+                "force_length_width": m.constants.force_length_width,
+                "passive_scale": m.constants.passive_scale,
+                "tendon_strain": m.tendon_strain,
+                "moment_arm_factor": m.arm,
+                "share": m.share,
+            }
+            for m in s.muscles
+        },
+    }
 
 
 def _muscle(rig, name, rng, size, force, strain, shift) -> VirtualMuscle:

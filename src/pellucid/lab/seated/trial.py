@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -18,8 +19,10 @@ from ..emg_synthesis import Electrodes, EmgSynthesis
 from ..noise import noise
 from .muscles import Muscles
 from .protocol import SeatedTrial
-from .rig import SeatedRig
 from .wearer import Nerves, activations, maximal_excitation
+
+if TYPE_CHECKING:
+    from .rig import SeatedRig
 
 
 @dataclass(frozen=True)
@@ -48,8 +51,8 @@ class SeatedTruth:
 
 
 @dataclass(frozen=True)
-class SeatedTaken:
-    """A trial as recorded, and its truth.
+class SeatedReadings:
+    """What the instruments read of one trial, and its truth.
 
     Parameters
     ----------
@@ -77,20 +80,8 @@ class SeatedTaken:
     truth: SeatedTruth
 
 
-def run_seated_trial(rig: SeatedRig, trial: SeatedTrial, *, rng: np.random.Generator) -> SeatedTaken:
-    """One trial, from rest to its last period.
-
-    Parameters
-    ----------
-    rig : SeatedRig
-    trial : SeatedTrial
-    rng : numpy.random.Generator
-        Draws all noise; the same state makes the same recording.
-
-    Returns
-    -------
-    SeatedTaken
-    """
+def run_seated_trial(rig: SeatedRig, trial: SeatedTrial, *, rng: np.random.Generator) -> SeatedReadings:
+    """One trial, from rest to its last period."""
     of_body, of_drive, of_emg = rng.spawn(3)
     n, instruments, subject = len(trial.reference), rig["instruments"], trial.subject
     moved = _clamped(rig, trial, of_body) if trial.task == "maximal" else _moved(rig, trial, of_body)
@@ -109,7 +100,7 @@ def run_seated_trial(rig: SeatedRig, trial: SeatedTrial, *, rng: np.random.Gener
         off = rig["posture"]["goniometer"] * once.standard_normal(2)
         knee, hip = float(subject.rest + off[0]), float(subject.hip + off[1])
     current = truth.motor_torque * (1.0 + rig["actuator"]["constant_error"])
-    return SeatedTaken(
+    return SeatedReadings(
         trial,
         np.arange(n) * rig.period,
         count * np.round(seen / count),

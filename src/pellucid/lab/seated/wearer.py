@@ -8,32 +8,29 @@ activation makes of excitation.
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from ... import _core
 from ...models.joint import GRAVITY
+from ...models.muscle import Muscle
 from ..noise import noise, wander
 from .muscles import DriveMap
-from .rig import SeatedRig
 from .subject import SeatedSubject
+
+if TYPE_CHECKING:
+    from .rig import SeatedRig
+
+UNIT = Muscle(max_isometric_force=1.0, optimal_fibre_length=1.0, tendon_slack_length=0.0, max_velocity=1.0)
+"""A muscle whose speeds and forces are relative: what people have learned of shortening."""
+
+WEAKEST = 0.2
+"""What is left of a force, at least [1]."""
 
 
 def swing_path(rig: SeatedRig, subject: SeatedSubject, n: int, rng: np.random.Generator) -> np.ndarray:
-    """Positions that a swinging subject means to go through; it begins hanging.
-
-    Parameters
-    ----------
-    rig : SeatedRig
-    subject : SeatedSubject
-    n : int
-        Periods.
-    rng : numpy.random.Generator
-
-    Returns
-    -------
-    ndarray, shape (n,)
-        [rad]
-    """
+    """Positions that a swinging subject means to go through, shape (n,) [rad]; it begins hanging."""
     swing, fs = rig["swing"], rig["instruments"]["rate"]
     pace, forward, backward = (wander(n, swing["memory"], fs, rng) for _ in range(3))
     frequency = subject.frequency * (1.0 + swing["pace"] * (2.0 * pace - 1.0))
@@ -91,12 +88,14 @@ class Nerves:
         if path is not None:
             self._extensors = DriveMap(subject.extensors, subject.hip, subject.rest)
             self._flexors = DriveMap(subject.flexors, subject.hip, subject.rest)
-            self._weakening = wearer["weakening"]
             ahead = self.late + round(wearer["activation_foresight"] * fs)
             self._path, self._rate = path.tolist(), (np.gradient(path) * fs).tolist()
             self._plan = np.append(self._planned(rig, path)[ahead:], np.full(ahead, 0.0)).tolist()
             self._toward = np.append(path[ahead:], np.full(ahead, path[-1])).tolist()
-            self._moving = np.append(self._rate[ahead:], np.zeros(ahead)).tolist()
+            moving = wearer["weakening"] * np.append(self._rate[ahead:], np.zeros(ahead))
+            # Never believed to be weaker than that: nobody drives a muscle to pull nothing.
+            weaker = (np.maximum(UNIT.force_velocity(way * moving), WEAKEST) for way in (-1.0, 1.0))
+            self._weaker = np.column_stack(list(weaker)).tolist()
 
     def _planned(self, rig: SeatedRig, path: np.ndarray) -> np.ndarray:
         """Torque that the subject believes a path to take, shape (n,) [N m]."""
@@ -112,19 +111,8 @@ class Nerves:
         return (1.0 + subject.belief) * body + rig["wearer"]["friction_belief"] * friction - tissue
 
     def step(self, k: int, position: float, velocity: float) -> list[float]:
-        """One period: what is felt goes in, the activations of this period come out.
-
-        Parameters
-        ----------
-        k : int
-        position, velocity : float
-            Of the shank [rad], [rad/s].
-
-        Returns
-        -------
-        list of float
-            A number per muscle [1].
-        """
+        """One period: what is felt of the shank goes in, [rad], [rad/s]; the activations of this period come out, one
+        a muscle."""
         self._positions.append(position)
         self._velocities.append(velocity)
         if self._path is None:
@@ -144,10 +132,10 @@ class Nerves:
         subject, both = self._subject, self._subject.cocontraction
         # Groups hand over smoothly: each pulls a little when the other ends.
         extend = 0.5 * (torque + (torque * torque + 0.25) ** 0.5) + both
-        knee, shortening = subject.rest + self._toward[k], self._weakening * self._moving[k]
+        knee, (extensors, flexors) = subject.rest + self._toward[k], self._weaker[k]
         drives = (
-            self._extensors.drive(extend / _force_velocity(-shortening), knee),
-            self._flexors.drive((extend - torque) / _force_velocity(shortening), knee),
+            self._extensors.drive(extend / extensors, knee),
+            self._flexors.drive((extend - torque) / flexors, knee),
         )
         drive = np.repeat(drives, (self._extending, len(subject.muscles) - self._extending)) * self._share[k]
         bend = np.expm1(subject.shape)
@@ -161,30 +149,8 @@ class Nerves:
         self.activation[begin + late : end + late] = made
 
 
-def _force_velocity(velocity: float) -> float:
-    """What is left of a muscle's force at a velocity, lengthening positive, both relative; Hill's as in the core."""
-    if velocity > 0.0:
-        return (1.5 * velocity + 0.1) / (velocity + 0.1)
-    return max((1.0 + velocity) / (1.0 - 4.0 * velocity), 0.2)
-
-
 def activations(subject: SeatedSubject, excitation: np.ndarray, start: np.ndarray, period: float) -> np.ndarray:
-    """From excitations that have arrived at the muscles to activations.
-
-    Parameters
-    ----------
-    subject : SeatedSubject
-    excitation : ndarray, shape (n, muscles)
-        [1]
-    start : ndarray, shape (muscles,)
-        Activation before.
-    period : float
-        [s]
-
-    Returns
-    -------
-    ndarray, shape (n, muscles)
-    """
+    """Activations from excitations that have arrived at the muscles, both of shape (n, muscles) [1]."""
     drive = np.expm1(subject.shape * np.clip(excitation, 0.0, 1.0)) / np.expm1(subject.shape)
     made = [
         _core.activation_dynamics(
@@ -197,21 +163,7 @@ def activations(subject: SeatedSubject, excitation: np.ndarray, start: np.ndarra
 
 
 def maximal_excitation(rig: SeatedRig, subject: SeatedSubject, n: int, rng: np.random.Generator) -> np.ndarray:
-    """Excitations of somebody who extends twice with all their might against a clamp.
-
-    Parameters
-    ----------
-    rig : SeatedRig
-    subject : SeatedSubject
-    n : int
-        Periods.
-    rng : numpy.random.Generator
-
-    Returns
-    -------
-    ndarray, shape (n, muscles)
-        [1]
-    """
+    """Excitations, shape (n, muscles) [1], of somebody who extends twice with all their might against a clamp."""
     muscles, fs = rig["muscles"], rig["instruments"]["rate"]
     t = np.arange(n) / n
     shown = sum(np.clip(np.minimum(t - a, b - t) / 0.03, 0.0, 1.0) for a, b in ((0.12, 0.42), (0.60, 0.90)))

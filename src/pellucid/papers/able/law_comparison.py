@@ -17,8 +17,9 @@ from ..._processes import in_order
 from ...controllers.elbow_controllers import BEST, BEST_SENSED, ELBOW_CONTROLLERS
 from ...lab.elbow.rig import ElbowRig, able_elbow, drawn_rigs
 from ...lab.pointing.conditions import TUNING_SEED, chosen_exponents, identified_cards, interaction_rms, worn
-from ...lab.pointing.people import Person, PointingRig, draw_people, elbow_participants
-from ...lab.pointing.session import Law, Unpowered, hold_still, point
+from ...lab.pointing.people import Person, draw_people
+from ...lab.pointing.rig import PointingRig, elbow_participants
+from ...lab.pointing.session import RobotLaw, Unpowered, hold_still, point
 from ..figure import Reproduced, figure
 from .transparency import injected_energy
 
@@ -78,7 +79,7 @@ def try_laws(robot: ElbowRig, seed: int, count: int = 3, repetitions: int = 2) -
 
 
 def _try_law(
-    rig: PointingRig, people: Sequence[Person], laws: Sequence[Law], seed: int, repetitions: int
+    rig: PointingRig, people: Sequence[Person], laws: Sequence[RobotLaw], seed: int, repetitions: int
 ) -> LawOnRobot:
     sessions, resting = [], []
     amplitudes = np.repeat(rig["pointing"]["amplitudes"], repetitions)

@@ -13,11 +13,11 @@ import numpy as np
 from ...controllers.elbow_controllers import ELBOW_CONTROLLERS
 from ...controllers.elbow_laws import ElbowLaw
 from ...fit.slider.slider_fit import METHODS, SliderFit
-from ...lab.elbow.protocol import trials
+from ...lab.elbow.protocol import excitation, trials
 from ...lab.elbow.rig import ElbowRig, able_elbow, drawn_rigs
-from ...lab.elbow.study import excitation
 from ...lab.pointing.conditions import Cards, identified_cards, worn
-from ...lab.pointing.people import PointingRig, draw_people, elbow_participants
+from ...lab.pointing.people import draw_people
+from ...lab.pointing.rig import PointingRig, elbow_participants
 from ...pages.page import Section, Tile
 from ...pages.tables import Row, Table
 from ..figure import Figures, Reproduced

@@ -18,16 +18,10 @@ from ...assessment.indices import affine
 from ...controllers.elbow_controllers import BEST, BEST_SENSED
 from ...lab.pointing.conditions import Cards, chosen_exponents, published_laws, worn
 from ...lab.pointing.movement_choice import preferred_duration
-from ...lab.pointing.people import Person, PointingRig, draw_people
-from ...lab.pointing.session import Session, point, true_motion
-from ...lab.pointing.study import (
-    CONTROL,
-    Conditions,
-    appointments,
-    record_pointing,
-    study_text,
-)
-from ...lab.study_folder import study_config
+from ...lab.pointing.people import Person, draw_people
+from ...lab.pointing.rig import PointingRig, PointingTrial
+from ...lab.pointing.session import CONTROL, Conditions, PointingSession, true_motion
+from ...lab.study import record_in_memory
 from ...procedures.assessment.assess import assess_recordings
 from ...procedures.assessment.assessment_result import AssessmentResult
 from ...signals.movements import Movement, MovementRule, movements
@@ -109,14 +103,14 @@ def _order(condition: str) -> tuple[int, str]:
     return (known.index(condition) if condition in known else len(known), condition)
 
 
-def injected_energy(session: Session) -> np.ndarray:
+def injected_energy(session: PointingSession) -> np.ndarray:
     """Energy that the robot gave the wearer over each movement there and back, shape (n,) [J]; below 0 it took some."""
     flow = -session.signals["interaction"] * session.signals["link"] / session.fs
     pairs = zip(session.movements[::2], session.movements[1::2], strict=True)
     return np.array([flow[there.begin : back.end].sum() for there, back in pairs])
 
 
-def session_indices(session: Session) -> SessionIndices:
+def session_indices(session: PointingSession) -> SessionIndices:
     """What a session came to, by every rule."""
     motion, stretches = true_motion(session, MovementRule())
     means = {}
@@ -134,7 +128,7 @@ def session_indices(session: Session) -> SessionIndices:
     )
 
 
-def _emg_per_acceleration(session: Session, movement: Movement) -> float:
+def _emg_per_acceleration(session: PointingSession, movement: Movement) -> float:
     advance = round(0.1 * session.fs)
     part = slice(max(movement.first - advance, 0), max(movement.last - advance, 0) + 1)
     return float(np.sqrt(np.mean(session.signals["flexor"][part] ** 2)) / movement.peak_acceleration)
@@ -154,9 +148,14 @@ def _line(found: Sequence[Movement], direction: int) -> float:
 
 def simulate_study(rig: PointingRig, conditions: Conditions, *, seed: int, threads: int = 2) -> VirtualStudy:
     """Everybody in every condition; of each session only what it came to is kept."""
+    rig = rig.under(conditions)
+    trials = rig.trials(seed)
+
+    def one(trial: PointingTrial, drawn: Mapping[str, np.random.Generator]) -> SessionIndices:
+        return session_indices(rig.session(trial, drawn["rng"]))
+
     with ThreadPoolExecutor(threads) as pool:
-        found = pool.map(lambda job: session_indices(point(*job)), appointments(rig, conditions, seed=seed))
-        return VirtualStudy(seed, tuple(found))
+        return VirtualStudy(seed, tuple(pool.map(one, trials, rig.draws(trials, seed))))
 
 
 def content_on_target(rig: PointingRig) -> PointingRig:
@@ -217,18 +216,14 @@ class Recorded:
 def record_study(rig: PointingRig, conditions: Conditions, *, seed: int, threads: int = 2) -> Recorded:
     """Everybody in every condition through markers, encoder and EMG, assessed as any lab's recordings are."""
     begun = time.perf_counter()
-    known: list[tuple[Person, SessionIndices]]
-    recordings, known = record_pointing(
-        rig, conditions, seed=seed, threads=threads, truth=lambda session: (session.person, session_indices(session))
+    rig = rig.under(conditions)
+    config, recordings, made = record_in_memory(
+        rig, rig.trials(seed), seed=seed, threads=threads, keep=lambda taken: session_indices(taken.inside)
     )
     seconds = time.perf_counter() - begun
-    people = list({person.name: person for person, _ in known}.values())
-    study = VirtualStudy(seed, tuple(came for _, came in known))
-    # As conditions were named, not as the first person met them: tables and figures follow the recordings.
-    recordings = sorted(recordings, key=lambda recording: list(conditions).index(recording.condition))
-    spec = study_config(study_text(rig, people, (), "virtual-able")).assessment
+    study = VirtualStudy(seed, tuple(one.inside for one in made))
     try:
-        return Recorded(study, assess_recordings("virtual-able", recordings, spec), "", seconds)
+        return Recorded(study, assess_recordings("virtual-able", recordings, config.assessment), "", seconds)
     except RecordingError as error:
         # Of people who cannot hold a robot at all there is nothing to assess; their true motion still counts.
         return Recorded(study, None, str(error), seconds)

@@ -10,9 +10,9 @@ from scipy.stats import ttest_rel
 
 from ..._processes import in_order
 from ...fit.slider.slider_fit import METHODS, SliderFit
-from ...lab.elbow.protocol import Trial, trials
+from ...lab.elbow.protocol import ElbowTrial, trials
 from ...lab.elbow.rig import ElbowRig
-from ...lab.elbow.study import record_in_memory
+from ...lab.study import record_in_memory
 from ...procedures.slider.identify_slider import directional_friction, fit_slider
 
 SETS = {
@@ -62,7 +62,7 @@ def own(names: Sequence[str], prefixes: Sequence[str]) -> tuple[str, ...]:
     return tuple(n for prefix in prefixes for n in names if n.startswith(prefix) and n[len(prefix) :].isdigit())
 
 
-def compare_models(rig: ElbowRig, seed: int, made: tuple[Trial, ...]) -> tuple[ModelsCompared, SliderFit]:
+def compare_models(rig: ElbowRig, seed: int, made: tuple[ElbowTrial, ...]) -> tuple[ModelsCompared, SliderFit]:
     """Record the protocol on a rig, identify, and evaluate."""
     config, recordings, taken = record_in_memory(rig, made, seed=seed)
     fit = fit_slider(config, recordings)

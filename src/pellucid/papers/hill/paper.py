@@ -9,8 +9,8 @@ from typing import ClassVar
 from ..._processes import in_order
 from ...lab.seated.protocol import SeatedTrial, seated_trials
 from ...lab.seated.rig import SeatedRig, load_seated_rig
-from ...lab.seated.study import record_seated, seated_recording
 from ...lab.seated.subject import subjects
+from ...lab.study import record_in_memory
 from ...pages.page import Section, Tile
 from ...pages.quantities import number
 from ..figure import Figures, Reproduced
@@ -65,8 +65,8 @@ class HillPaper(Paper):
         tell("a swing that shows inertia", 0.0)
         made = seated_trials(rig, chosen)
         tell("the exoskeleton alone", 0.03)
-        alone = record_seated(rig, [t for t in made if t.subject is None], self.seed)
-        swings = {one.trial.name.removeprefix("empty_"): driven_swing(seated_recording(rig, one)) for one in alone}
+        alone = record_in_memory(rig, [t for t in made if t.subject is None], seed=self.seed)[1]
+        swings = {recording.name.removeprefix("empty_"): driven_swing(recording) for recording in alone}
         self.empty = empty = find_body(swings)
         found = in_order(
             [(_subject, rig, made, empty, name, self.seed) for name in chosen],

@@ -12,9 +12,9 @@ from ...fit.swing.loaded_swing import Swing, SwingFit
 from ...lab.seated.muscles import DriveMap
 from ...lab.seated.protocol import SeatedTrial
 from ...lab.seated.rig import SeatedRig
-from ...lab.seated.study import record_seated, seated_recording
 from ...lab.seated.subject import SeatedSubject
 from ...lab.seated.trial import SeatedTruth
+from ...lab.study import record_in_memory
 from ...procedures.emg_torque.seated_swings import WearerSwings
 from ...procedures.loaded_swing.identify_loaded_swing import prepared
 from ...recordings.recording import Recording
@@ -43,10 +43,11 @@ def take_subject(rig: SeatedRig, made: list[SeatedTrial], subject: SeatedSubject
     """Do a subject's trials."""
     own = [t for t in made if t.subject is not None and t.subject.name == subject.name]
     recordings, truth, knee, hip = {}, {}, 0.0, 0.0
-    for taken in record_seated(rig, own, seed):
-        what = taken.trial.name.removeprefix(f"{subject.name}_")
-        recordings[what], truth[what] = seated_recording(rig, taken), taken.truth
-        knee, hip = taken.knee, taken.hip
+    _, recorded, taken = record_in_memory(rig, own, seed=seed)
+    for recording, one in zip(recorded, taken, strict=True):
+        what = recording.name.removeprefix(f"{subject.name}_")
+        recordings[what], truth[what] = recording, one.inside.truth
+        knee, hip = one.inside.knee, one.inside.hip
     return SubjectTaken(subject, recordings, truth, knee, hip)
 
 

@@ -13,10 +13,9 @@ import numpy as np
 
 from ..._errors import PellucidError
 from ...lab.knee.drawn import drawn_rig
-from ...lab.knee.instruments import Session
+from ...lab.knee.instruments import Mounting
 from ...lab.knee.protocol import Faults
 from ...lab.knee.rig import KneeRig
-from ...lab.knee.study import sessions_of
 from ...lab.knee.trial import Controller
 from .cards import Identified, WearerCard, identify_wearer_of, mistaken, weakened
 from .controllers import NAMES, Built, Chosen, chosen, controllers
@@ -55,9 +54,9 @@ class ControllerRow:
     fault: str = "none"  # Of its gate at the end
 
 
-def session_of(identified: Identified) -> Session:
+def session_of(identified: Identified) -> Mounting:
     """How the instruments sat while a wearer was identified: electrodes stay on for the swings."""
-    return sessions_of(identified.rig, identified.seed)[identified.name]
+    return identified.rig.mountings(identified.seed)[identified.name]
 
 
 def compare(
@@ -68,7 +67,7 @@ def compare(
     constants: Chosen | None = None,
     card: WearerCard | None = None,
     rig: KneeRig | None = None,
-    session: Session | None = None,
+    session: Mounting | None = None,
     faults: Faults | None = None,
     duration: float = DURATION,
     stability: bool = True,
@@ -133,7 +132,7 @@ def changes(identified: Identified, card: WearerCard, duration: float) -> dict[s
     """What is not as it was identified, each as arguments of `compare`; duration [s]."""
     rig, half = identified.rig, duration / 2
     muscles, foresight = rig["muscles"]["delay"], rig["wearer"]["foresight"]
-    anew = sessions_of(rig, identified.seed + 5000)[identified.name]
+    anew = rig.mountings(identified.seed + 5000)[identified.name]
     made: dict[str, dict] = {"nothing": {}}
     for k, b in ((0.7, 0.7), (0.7, 1.3), (1.3, 0.7), (1.3, 1.3)):
         made[f"strap taken for k x {k:g}, b x {b:g}"] = {"card": mistaken(card, strap_stiffness=k, strap_damping=b)}

@@ -8,10 +8,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...lab.knee.instruments import Session
+from ...lab.knee.instruments import Mounting
 from ...lab.knee.protocol import Faults, KneeTrial, swing_trial
 from ...lab.knee.rig import KneeRig
-from ...lab.knee.trial import Controller, KneeTaken, run_trial
+from ...lab.knee.trial import Controller, KneeReadings, run_trial
 from ...lab.knee.wearer import relaxed
 from .controllers import DELAY, GAIN_DB
 
@@ -50,12 +50,12 @@ def swing(
     controller: Controller | None,
     *,
     duration: float,
-    session: Session | None = None,
+    session: Mounting | None = None,
     faults: Faults | None = None,
-) -> KneeTaken:
+) -> KneeReadings:
     """A free swing at the rig's own pace; duration [s]."""
-    trial, wearer = swing_trial(rig, "swing", rig.subjects[name], duration=duration, faults=faults or Faults())
-    return run_trial(rig, wearer, trial, rng=np.random.default_rng([seed, 7]), controller=controller, session=session)
+    trial = swing_trial(rig, "swing", rig.subjects[name], duration=duration, faults=faults or Faults())
+    return run_trial(rig, trial, rng=np.random.default_rng([seed, 7]), controller=controller, mounting=session)
 
 
 def driven_back(rig: KneeRig) -> KneeRig:
@@ -63,21 +63,22 @@ def driven_back(rig: KneeRig) -> KneeRig:
     return rig.changed({f"torque_loop.{gain}": 0.0 for gain in ("kp", "ki", "kd")})
 
 
-def root_mean_square(taken: KneeTaken) -> tuple[float, float]:
+def root_mean_square(taken: KneeReadings) -> tuple[float, float]:
     """Of mismatch and strap torque, after they settled; gives [rad], [N m]."""
     late = taken.time >= SETTLING
     truth = taken.truth
     return float(np.sqrt(np.mean(truth.mismatch[late] ** 2))), float(np.sqrt(np.mean(truth.strap_torque[late] ** 2)))
 
 
-def let_go(rig: KneeRig, name: str, controller: Controller | None, *, duration: float = 12.0) -> KneeTaken:
+def let_go(rig: KneeRig, name: str, controller: Controller | None, *, duration: float = 12.0) -> KneeReadings:
     """A relaxed leg, let go where it does not hang; duration [s]."""
     reference = np.zeros(round(duration / rig.period))
-    trial = KneeTrial("let_go", "free_swing", "fit", "torque", reference, start=LET_GO)
-    return run_trial(rig, relaxed(rig.subjects[name]), trial, rng=np.random.default_rng([5, 7]), controller=controller)
+    leg = relaxed(rig.subjects[name])
+    trial = KneeTrial("let_go", "free_swing", reference=reference, mode="torque", wearer=leg, start=LET_GO)
+    return run_trial(rig, trial, rng=np.random.default_rng([5, 7]), controller=controller)
 
 
-def last_speed(taken: KneeTaken) -> float:
+def last_speed(taken: KneeReadings) -> float:
     """How fast a leg that was let go still moves in its last 3 s, RMS [rad/s]: muscles at rest are not quite still."""
     last = taken.time >= taken.time[-1] - 3.0
     return float(np.sqrt(np.mean(taken.truth.limb_velocity[last] ** 2)))

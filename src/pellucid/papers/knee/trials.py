@@ -8,10 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...fit.joint.gravity_holds import find_holds
-from ...lab.knee.protocol import Task, bench_trials, worn_trials
+from ...lab.knee.protocol import bench_trials, subject_trials
 from ...lab.knee.rig import KneeRig
-from ...lab.knee.study import record_in_memory
 from ...lab.knee.trial import KneeTruth
+from ...lab.study import record_in_memory
 from ...recordings.recording import Recording
 from ...recordings.study_file import StudyFile
 from ...signals.input_output import InputOutput, input_output
@@ -39,12 +39,12 @@ class KneeSession:
 
 def take(rig: KneeRig, seed: int, subjects: Sequence[str] = (), *, protocols: Sequence[str] = ()) -> KneeSession:
     """Do the experiments on the orthosis alone, and those of some subjects."""
-    made: list[Task] = bench_trials(rig)
+    made = bench_trials(rig)
     for name in subjects:
-        worn = worn_trials(rig, rig.subjects[name])
-        made += [task for task in worn if not protocols or task[0].protocol in protocols]
+        own = subject_trials(rig, rig.subjects[name])
+        made += [trial for trial in own if not protocols or trial.protocol in protocols]
     config, recordings, taken = record_in_memory(rig, made, seed=seed)
-    return KneeSession(config, recordings, {one.trial.name: one.truth for one in taken})
+    return KneeSession(config, recordings, {one.trial.name: one.inside.truth for one in taken})
 
 
 def hold_angles(responses: Sequence[InputOutput]) -> tuple[np.ndarray, np.ndarray]:

@@ -24,7 +24,7 @@ from ...controllers.residual_compensator import Law, Noise, ResidualDesign
 from ...controllers.worn import WornCompensator
 from ...estimators.causal_map import EmgSettings
 from ...lab.knee.rig import knee_orthosis
-from ...lab.knee.trial import KneeTaken
+from ...lab.knee.trial import KneeReadings
 from .cards import Identified, WearerCard, mistaken
 from .controllers import Chosen, controllers, for_wearer
 from .residual import TUNING, session_of, wearer
@@ -183,7 +183,7 @@ def search(
     return best, least
 
 
-def phase_gains(taken: KneeTaken, made: ResidualDesign) -> tuple[float, ...]:
+def phase_gains(taken: KneeReadings, made: ResidualDesign) -> tuple[float, ...]:
     """Gains over a swing from what a recorded compensator still left to the strap, by its own estimate of phase.
 
     In each eighth of the circle of angle and velocity the gain is least squares of command plus missing torque on the

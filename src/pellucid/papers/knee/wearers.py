@@ -14,7 +14,8 @@ from ...fit.strap.orthosis_alone import HOLD, OrthosisFit, fit_orthosis
 from ...fit.strap.strap_torque import Swing
 from ...fit.strap.wearer_coupling import EDGE, WearerCoupling, identify_wearer
 from ...fit.transfer.transfer_function_fit import TransferFit, fit_percent, fit_records
-from ...lab.knee.rig import KneeRig, Subject
+from ...lab.knee.rig import KneeRig
+from ...lab.knee.subject import KneeSubject
 from ...models.anthropometry import de_leva, shank_length, winter
 from ...procedures.coupling.coupling_result import WearerStages
 from ...procedures.coupling.identify_coupling import identify_worn
@@ -84,7 +85,7 @@ class WearerFound:
     seed: int
     stages: WearerStages  # With all that the IMU senses
     swings: tuple[Mismatch, ...]
-    subject: Subject  # With the truth
+    subject: KneeSubject  # With the truth
     six_axes: WearerStages | None = None  # Without its magnetometer
     six_axes_swings: tuple[Mismatch, ...] = ()
     best_published: tuple[Mismatch, ...] = ()  # The thesis's form given the muscles' true torque
@@ -172,7 +173,7 @@ def identify_subject(rig: KneeRig, name: str, seed: int) -> tuple[WearerFound, K
     return made, taken
 
 
-def tape_measure(subject: Subject) -> dict[str, float]:
+def tape_measure(subject: KneeSubject) -> dict[str, float]:
     """Gravity torque of shank and foot by tables of shares [N m]."""
     return {
         "winter": winter(subject.weight, shank_length(subject.height)).gravity(),

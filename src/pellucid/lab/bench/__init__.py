@@ -1,0 +1,1 @@
+"""A virtual joint on a bench."""

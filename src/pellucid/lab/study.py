@@ -1,0 +1,181 @@
+"""A virtual rig's recordings: as files of a study, or straight to recordings where thousands are wanted.
+
+Both hold the same numbers: what the instruments stored, made SI by what study.toml says of it. A clock or an angle that
+a file holds to some digits has all of them in memory.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from .._atomic import write_text_atomically
+from ..procedures.registry import open_study, study_model
+from ..recordings.optical import AXES, OpticalRecording
+from ..recordings.recording import Channel, Recording
+from ..recordings.study import STUDY_FILE, Study
+from ..recordings.study_file import ChannelSpec, RecordingEntry, StudyFile, rig_units
+from .recorded_table import MAIN, MARKERS, Stored, file_name
+from .rig import Rig, Taken, Tell, Trial
+from .study_text import study_text
+
+TRUTH_FILE = "lab/truth.json"
+"""What only tests, benchmarks and reproductions may read."""
+
+
+def study_config(said: Mapping[str, Any]) -> StudyFile:
+    """A study.toml as read, from what it says."""
+    return study_model().model_validate(said, context=rig_units(said))
+
+
+def write_study(
+    folder: Path,
+    rig: Rig,
+    *,
+    name: str,
+    seed: int,
+    trials: Sequence[Trial] | None = None,
+    threads: int = 2,
+    on_progress: Tell | None = None,
+) -> Study:
+    """Record trials on a rig and write them as a lab would: study.toml and CSV files; the truth stands apart, in
+    ``lab/truth.json``.
+
+    Parameters
+    ----------
+    folder : Path
+        Made if it is not there.
+    rig : Rig
+    name : str
+        The study's.
+    seed : int
+        Of every random draw.
+    trials : sequence of Trial, optional
+        The full protocol if left out.
+    threads : int
+    on_progress : callable, optional
+        Called with a text and the share done, 0 to 1.
+
+    Returns
+    -------
+    Study
+    """
+    return _written(folder, rig, name, seed, trials, threads, on_progress)[0]
+
+
+def simulated(folder: Path, rig: Rig, *, name: str, seed: int, on_progress: Tell | None = None) -> tuple[Study, float]:
+    """The full protocol of a `rig` written to a `folder`, as `write_study` does with `name`, `seed` and `on_progress`,
+    and for how long the joint moved [s]."""
+    return _written(folder, rig, name, seed, None, 2, on_progress)
+
+
+def _written(folder, rig, name, seed, trials, threads, on_progress) -> tuple[Study, float]:
+    def write(taken: Taken) -> tuple[Taken, float]:
+        for recording, streams in taken.files.items():
+            for stream, stored in streams.items():
+                write_text_atomically(folder / file_name(recording, stream), stored.text)
+        return taken.noted, taken.duration
+
+    trials = rig.trials(seed) if trials is None else trials
+    made = list(rig.record_all(trials, seed, then=write, threads=threads, on_progress=on_progress))
+    taken = [one for one, _ in made]
+    truth = {"seed": seed, "rig": rig.name, **rig.truth(seed)}
+    truth["trials"] = {one.trial.name: one.truth for one in taken}
+    write_text_atomically(folder / TRUTH_FILE, json.dumps(truth, indent=1) + "\n")
+    write_text_atomically(folder / STUDY_FILE, study_text({**rig.study(taken), "name": name}, rig.comments))
+    return open_study(folder), sum(duration for _, duration in made)
+
+
+def record_in_memory(
+    rig: Rig,
+    trials: Sequence[Trial],
+    *,
+    seed: int,
+    threads: int = 1,
+    keep: Callable[[Taken], Any] = lambda taken: taken.inside,
+) -> tuple[StudyFile, tuple[Recording, ...], list[Taken]]:
+    """What the study of a rig and a seed would hold, without writing it.
+
+    Parameters
+    ----------
+    rig : Rig
+    trials : sequence of Trial
+        Of its protocol, or a part of it.
+    seed : int
+        Of every random draw.
+    threads : int
+    keep : callable
+        What to keep, as `inside`, of what no instrument shows; all of it if left out.
+
+    Returns
+    -------
+    config : StudyFile
+        What study.toml would say.
+    recordings : tuple of Recording
+    taken : list of Taken
+        What also knows the truth; without the files that the recordings hold.
+    """
+
+    def kept(taken: Taken) -> Taken:
+        return replace(taken, inside=keep(taken))
+
+    made = list(rig.record_all(trials, seed, then=kept, threads=threads))
+    config = study_config(rig.study(made))
+    entries, recordings = {entry.name: entry for entry in config.recordings}, {}
+    for i, taken in enumerate(made):
+        for name, streams in taken.files.items():
+            recordings[name] = _recording(config, entries[name], streams)
+        made[i] = replace(taken.noted, inside=taken.inside)
+    # As study.toml lists them: a rig may order conditions, not people.
+    return config, tuple(recordings[name] for name in entries), made
+
+
+def _recording(config: StudyFile, entry: RecordingEntry, streams: Mapping[str, Stored]) -> Recording:
+    """A recording as reading its files would give it."""
+
+    def beside(stream: str) -> Recording:
+        channels = _channels(streams[stream], config.streams[stream].channels)
+        path, digest = Path(entry.streams[stream]), streams[stream].digest
+        return Recording(f"{entry.name}.{stream}", path, digest, entry.use, channels, entry.protocol, entry.participant)
+
+    return Recording(
+        name=entry.name,
+        path=Path(entry.file),
+        checksum=streams[MAIN].digest,
+        use=entry.use,
+        channels=_channels(streams[MAIN], config.channels_of(entry)),
+        protocol=entry.protocol,
+        participant=entry.participant,
+        condition=entry.condition,
+        optical=_optical(config, Path(entry.optical), streams[MARKERS]) if entry.optical else None,
+        streams={stream: beside(stream) for stream in entry.streams},
+    )
+
+
+def _channels(stored: Stored, specs: Mapping[str, ChannelSpec]) -> dict[str, Channel]:
+    made = {}
+    for name, spec in specs.items():
+        samples = _si(stored, spec)
+        # Nobody writes into them any more: the channel keeps these samples themselves.
+        samples.flags.writeable = False
+        made[name] = Channel(name, samples, spec.si_unit, spec.column)
+    return made
+
+
+def _si(stored: Stored, spec: ChannelSpec) -> np.ndarray:
+    return (spec.scale * stored.column(spec.column) + spec.offset) * spec.si_factor
+
+
+def _optical(config: StudyFile, path: Path, stored: Stored) -> OpticalRecording:
+    spec, rail = config.optical, config.rig.slider
+    markers = {
+        marker: spec.si_factor * np.column_stack([stored.column(spec.column(marker, axis)) for axis in AXES])
+        for marker in spec.markers
+    }
+    time, down = _si(stored, spec.time), np.array(spec.down)
+    return OpticalRecording(path, stored.digest, time, markers, down, rail.marker if rail is not None else None)

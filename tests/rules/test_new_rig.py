@@ -1,0 +1,161 @@
+"""A new rig is two files, its class and its constants, or a class in one's own session; commands take it from there."""
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import pellucid
+from pellucid.models.card import read_card
+
+PENDULUM = '''\
+"""A pendulum on a torque motor."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ... import _core
+from ...models.joint import NAMES
+from ...protocols.excitation import multisine
+from ..recorded_table import MAIN, Column, Stored
+from ..rig import Rig, Taken, Trial
+
+NEEDED = {"joint": ("inertia", "gravity_sine"), "encoder": ("quantum",), "loop": ("kp", "kv"), "sampling": ("rate",)}
+
+
+@dataclass(frozen=True)
+class PendulumRig(Rig):
+    """The tables of its file."""
+
+    kind = "pendulum"
+    needed = NEEDED
+
+    def streams(self):
+        position = Column("position", "counts", "rad", self["encoder"]["quantum"])
+        return {MAIN: (Column("time", "time", "ms"), position, Column("torque", "torque", "N*m", 1e-4))}
+
+    def trials(self, seed=1):
+        rate, made = self["sampling"]["rate"], []
+        for i, use in enumerate(("fit", "validate")):
+            shape = {"fundamental": 0.2, "harmonics": 8, "amplitude": 0.8, "centre": 0.3}
+            path = multisine(10.0, rate, rng=np.random.default_rng([seed, i]), **shape)
+            made.append(Trial(f"wave_{i + 1}", use=use, reference=path))
+        return made
+
+    def record(self, trial, rng, controller=None):
+        period, n = 1.0 / self["sampling"]["rate"], len(trial.reference)
+        rows = np.array([[self["joint"].get(name, 0.0) for name in NAMES]])
+        quantum = self["encoder"]["quantum"]
+        _, _, _, torque, _, measured = _core.simulate_batch(
+            rows, reference=trial.reference, period=period, substeps=10, limit=9.0, gain=1.0,
+            encoder_quantum=quantum, encoder_noise=1e-5 * rng.standard_normal((1, n)),
+            position0=float(trial.reference[0]), stiction=True, loop="cascade", velocity_span=4, **self["loop"],
+        )
+        sensed = 0.5 * (torque[0] + np.concatenate([torque[0, :1], torque[0, :-1]])) + 0.01 * rng.standard_normal(n)
+        counts = (1e3 * period * np.arange(n), np.round(measured[0] / quantum), np.round(sensed / 1e-4))
+        return Taken(trial, {trial.name: {MAIN: Stored.of(self.streams()[MAIN], *counts)}})
+
+    def study(self, made):
+        drive = {"kind": "torque", "limit": "9 N*m"}
+        loop = {"kind": "cascade", "velocity_span": 4, "limit": "9 N*m", **self["loop"]}
+        processing = {"lowpass": "40 Hz", "decimate": 10, "dead_band": "0.1 rad/s", "trim": 100}
+        rig = {"joint": "pendulum", "motion": "rotary", "lifts": "extension", "drive": drive, "loop": loop}
+        return {**super().study(made), "rig": rig, "processing": processing, "model": {"gravity": "sine"}}
+
+    def truth(self, seed=1):
+        return dict(self["joint"])
+'''
+
+CONSTANTS = """\
+kind = "pendulum"
+
+[joint]
+inertia = 0.12
+gravity_sine = 2.0
+coulomb_positive = 0.3
+coulomb_negative = 0.3
+viscous_positive = 0.15
+viscous_negative = 0.15
+
+[encoder]
+quantum = 2e-5
+
+[loop]
+kp = 12.0
+kv = 3.0
+
+[sampling]
+rate = 1000.0
+"""
+
+COMMANDS = """
+import sys
+from typer.testing import CliRunner
+from pellucid.cli import app
+folder = sys.argv[1]
+for command in (
+    ["init", folder, "--rig", "pendulum"], ["simulate", folder, "--seed", "3"], ["check", folder],
+    ["identify", folder], ["export", folder],
+):
+    result = CliRunner().invoke(app, command)
+    print(" ".join(command), result.exit_code, result.output[-2000:])
+    if result.exit_code:
+        raise result.exception
+"""
+
+
+def test_a_new_rig_is_two_files_and_goes_from_init_to_export(tmp_path):
+    here, package = Path(pellucid.__file__).parent, tmp_path / "src" / "pellucid"
+    shutil.copytree(here, package, ignore=shutil.ignore_patterns("__pycache__"))
+    if not (package / "include").is_dir():
+        shutil.copytree(here.parents[1] / "include", tmp_path / "include")
+    own = {"lab/pendulum/rig.py": PENDULUM, "lab/rigs/pendulum.toml": CONSTANTS}
+    for file, text in own.items():
+        (package / file).parent.mkdir(exist_ok=True)
+        (package / file).write_text(text, encoding="utf-8")
+    assert len(own) == 2
+    study = tmp_path / "study"
+    environment = {**os.environ, "PYTHONPATH": str(package.parent)}
+    command = [sys.executable, "-c", COMMANDS, str(study)]
+    done = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=300, check=False)
+    assert done.returncode == 0, done.stdout + done.stderr
+    found = {p.name: p.value for p in read_card(study / "models" / "joint.json").parameters}
+    truth = json.loads((study / "lab" / "truth.json").read_text(encoding="utf-8"))
+    assert found["inertia"] == pytest.approx(truth["inertia"], rel=0.05)
+    assert found["gravity"] == pytest.approx(truth["gravity_sine"], rel=0.05)
+    assert list((study / "controller").glob("*.h"))
+
+
+def test_a_rig_that_a_session_defines_is_found_by_its_kind(tmp_path):
+    """Without touching the package: a class in a notebook, and a file of one's own."""
+    from pellucid.lab.known_rigs import load_rig
+    from pellucid.lab.rig import KINDS, Rig
+
+    class Nothing(Rig):
+        kind = "nothing"
+
+        def streams(self):
+            return {"main": ()}
+
+        def trials(self, seed=1):
+            return ()
+
+        def record(self, trial, rng, controller=None):
+            raise NotImplementedError
+
+        def truth(self, seed=1):
+            return {}
+
+    try:
+        (tmp_path / "mine.toml").write_text('kind = "nothing"\n', encoding="utf-8")
+        rig = load_rig(tmp_path / "mine.toml")
+        assert type(rig) is Nothing
+        assert rig.name == "mine"
+        assert pellucid.init(tmp_path / "study", rig=str(tmp_path / "mine.toml")).read_text() == 'kind = "nothing"\n'
+    finally:
+        del KINDS["nothing"]

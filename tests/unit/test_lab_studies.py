@@ -1,0 +1,97 @@
+"""Every rig's study: what it says is what the first five hand-written ones said, and those still open."""
+
+import json
+import tomllib
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from pellucid._errors import StudyError
+from pellucid.lab.known_rigs import load_rig, parse_rig, rig_names
+from pellucid.lab.pointing.rig import PointingRig
+from pellucid.lab.recorded_table import MAIN, Stored
+from pellucid.lab.rig import Taken
+from pellucid.lab.study import study_config
+from pellucid.lab.study_text import study_text
+from pellucid.procedures.registry import open_study
+
+KEPT = Path(__file__).parents[1] / "data" / "5239fe4"
+"""Each rig's file and the study.toml that `simulate` wrote of it with seed 1, as of that commit."""
+
+RIGS = sorted(folder.name for folder in KEPT.iterdir())
+
+
+def pretended(rig):
+    """Every trial as if it had been recorded, without a sample: what the study needs of it."""
+    streams = rig.streams()
+    empty = {stream: Stored(tuple(columns), np.empty((0, len(columns)))) for stream, columns in streams.items()}
+    for trial in rig.trials(1):
+        files, entry = {trial.name: {MAIN: empty[MAIN]}}, {}
+        if "markers" in empty:
+            files[trial.name]["markers"] = empty["markers"]
+        if getattr(trial, "wearer", None) is not None or getattr(trial, "subject", None) is not None:
+            files[trial.name]["emg"] = empty["emg"]
+        if getattr(trial, "imu", None) is not None:
+            files[trial.name]["imu"] = empty["imu"]
+        if getattr(trial, "subject", None) is not None:
+            once = np.random.default_rng([rig["difference"]["seed"], 7, *trial.subject.name.encode()])
+            knee = trial.subject.rest + rig["posture"]["goniometer"] * once.standard_normal(2)[0]
+            entry = {"channels": {"angle.knee": {**streams[MAIN][1].spec, "offset": round(float(knee), 4)}}}
+        if isinstance(rig, PointingRig):
+            from pellucid.lab.pointing.instruments import COMMON, ROBOT
+
+            own = COMMON if trial.condition == "Ctrl" else (*COMMON, *ROBOT)
+            streams_of_block = {**empty, MAIN: Stored(own, np.empty((0, len(own))))}
+            files = {f"{trial.name}_{i}": streams_of_block for i in (1, 2)}
+        yield Taken(trial, files, entry)
+
+
+@pytest.mark.parametrize("name", RIGS)
+def test_a_study_says_what_it_said_when_it_was_written_by_hand(name):
+    rig = load_rig(name)
+    said = rig.study(list(pretended(rig)))
+    text = study_text(said, rig.comments)
+    before = open_study(KEPT / name).config
+    assert study_config(tomllib.loads(text)) == before
+    assert study_config(said) == before
+    assert text.startswith("# ")
+    assert [line for line in text.splitlines() if len(line) > 160] == []
+
+
+@pytest.mark.parametrize("name", RIGS)
+def test_a_rig_that_was_kept_is_the_one_that_is_shipped(name):
+    kept = parse_rig((KEPT / name / "lab" / "rig.toml").read_text(encoding="utf-8"), name)
+    shipped = load_rig(name)
+    assert type(kept) is type(shipped)
+    without = {key: value for key, value in shipped.tables.items() if key != "kind"}
+    assert {key: value for key, value in kept.tables.items() if key != "kind"} == without
+
+
+@pytest.mark.parametrize("name", RIGS)
+def test_a_truth_can_be_written(name):
+    rig = load_rig(name)
+    assert json.loads(json.dumps(rig.truth(1)))
+
+
+def test_a_kind_that_nobody_knows_is_refused():
+    with pytest.raises(StudyError, match="found kind = 'ankle', expected one of bench-joint, elbow-participants, knee"):
+        parse_rig('kind = "ankle"\n', "mine")
+    with pytest.raises(StudyError, match="unknown rig 'shoulder'"):
+        load_rig("shoulder")
+    assert set(RIGS) < set(rig_names())
+
+
+def test_text_of_a_study_reads_back():
+    said = {
+        "recordings": [{"name": "a", "streams": {"emg": "a_emg.csv"}, "channels": {"angle.knee": {"column": 'a "b"'}}}],
+        "rig": {"drive": {"kind": "torque"}, "lifts": "flexion", "fine": 1e-7, "yes": True, "list": [1, "µ"]},
+        "loaded_swing": {},
+        "name": "x",
+    }
+    text = study_text(said, {"": "one\ntwo", "rig.lifts": "why"})
+    assert text.startswith('# one\n# two\nname = "x"\n\n[rig]\nlifts = "flexion"')
+    assert "# why" in text
+    read = tomllib.loads(text)
+    read["recordings"][0]["channels"] = {"angle.knee": read["recordings"][0]["channels"]["angle"]["knee"]}
+    assert read == said
