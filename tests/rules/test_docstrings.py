@@ -152,7 +152,7 @@ def _is_command(node) -> bool:
     return any("command" in ast.unparse(d) for d in node.decorator_list)
 
 
-GRAMMAR = {"asked", "faults", "run", "page", "inputs", "written", "save_more"}
+GRAMMAR = {"asked", "faults", "run", "page", "inputs", "written", "save_more", "for_page"}
 """Methods of a grammar (`Procedure`, `Result`) that say what they are where they are first defined."""
 
 

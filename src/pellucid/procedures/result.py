@@ -123,6 +123,10 @@ class Result:
         """Where its cards, and whatever else it writes, are."""
         return f"Model cards in {study.models_dir}"
 
+    def for_page(self) -> Self:
+        """The same without what no page draws, so that little is kept."""
+        return self
+
     def save_more(self, study: Study) -> None:
         """Whatever a procedure writes beside cards and rows; nothing, mostly."""
 
@@ -151,7 +155,7 @@ class Result:
         write_rows(study.results_path, self.command, self.rows)
         self.save_more(study)
         if self.made_from:
-            keep(study.kept_path(self.procedure), self.made_from, self)
+            keep(study.kept_path(self.procedure), self.made_from, self.for_page())
         return self.rows
 
     @classmethod

@@ -79,7 +79,7 @@ def read_kept(path: Path, made_from: str) -> Any:
     if not path.is_file():
         return None
     try:
-        with np.load(path, allow_pickle=False) as stored:
+        with path.open("rb") as file, np.load(file, allow_pickle=False) as stored:
             tree = json.loads(stored[TREE].tobytes().decode())
             if tree[FRESH] != made_from:
                 return None

@@ -49,7 +49,7 @@ WHAT_ESTIMATORS_DO = (
 def page(study: Study, result: JointResult) -> Page:
     """Everything that was found, as a page."""
     best = result.families[result.best]
-    simulated, compared = _simulated_family(result), _compared_family(result)
+    simulated, compared = result.simulated, _compared_family(result)
     effort = EFFORTS.get(result.effort_unit, "Effort").lower()
     several = len(result.families) > 1
     sections = [
@@ -136,12 +136,6 @@ def _in_columns(traces: Sequence[Trace]) -> list[Sequence[Trace]]:
     """Groups of nearly equal size, none larger than a figure holds."""
     count = -(-len(traces) // figures.COLUMNS)
     return [part for part in (traces[i * len(traces) // count : (i + 1) * len(traces) // count] for i in range(count))]
-
-
-def _simulated_family(fit: JointResult) -> FamilyFit | None:
-    """The family whose simulations are drawn: the best one, or else the first that was simulated."""
-    ordered = [fit.families[fit.best], *fit.families.values()]
-    return next((f for f in ordered if any(f.simulations.values())), None)
 
 
 def _compared_family(fit: JointResult) -> FamilyFit | None:

@@ -70,6 +70,17 @@ class JointResult(Result):
             found[self.drive_constant.name] = self.drive_constant
         return found | {f"{n}.{p.name}": p for n, family in self.families.items() for p in family.estimate.parameters}
 
+    @property
+    def simulated(self) -> FamilyFit | None:
+        """The family whose simulations are drawn: the best one, or else the first that was simulated."""
+        ordered = [self.families[self.best], *self.families.values()]
+        return next((f for f in ordered if any(f.simulations.values())), None)
+
+    def for_page(self) -> JointResult:
+        drawn = self.simulated
+        families = {n: f if f is drawn else replace(f, simulations={}) for n, f in self.families.items()}
+        return replace(self, families=families)
+
 
 def completed(study: Study, found: JointResult) -> JointResult:
     """The same with headline, tables, rows and cards of its families."""

@@ -1,0 +1,107 @@
+"""What is kept comes back as it was, or not at all; nothing in the file can run."""
+
+import json
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+
+from pellucid.fit.parameter import Parameter, Verdict
+from pellucid.procedures.result import FigureTable, ParameterTable, Result
+from pellucid.recordings.kept import TREE, keep, read_kept
+from pellucid.recordings.results import ResultRow
+
+
+def result():
+    parameter = Parameter("inertia", "kg*m^2", 0.05, 0.001, influence=0.5, bootstrap=(0.048, 0.052))
+    return Result(
+        study="a",
+        headline="found",
+        tables=(
+            ParameterTable("Body", (parameter,)),
+            FigureTable("Errors", ("what", "N*m"), (("torque", 0.2), ("-", None))),
+        ),
+        verdicts=(Verdict("note", "so it is"),),
+        rows=(ResultRow("a.inertia", 0.05, "kg*m^2", "identify", "fitted"),),
+        cards={},
+        checksums={"one": "ab"},
+    )
+
+
+def test_a_result_comes_back_as_it_was(tmp_path):
+    path = keep(tmp_path / "kept" / "joint.npz", "fresh", result())
+    assert read_kept(path, "fresh") == result()
+    assert read_kept(path, "stale") is None
+
+
+@dataclass(frozen=True)
+class Foreign:
+    x: float
+
+
+@pytest.mark.parametrize("x", [Foreign(1.0), np.array([object()], object), print, 1j])
+def test_what_cannot_be_kept_is_not(tmp_path, x):
+    path = keep(tmp_path / "a.npz", "fresh", result())
+    assert keep(path, "fresh", {"x": x}) is None
+    assert not path.exists()
+
+
+@pytest.mark.parametrize(
+    "x",
+    [
+        None, True, 3, 2.5, float("inf"), "text", (1, (2.0, "a")), [1, 2], {"a": 1, 2: "b", ("a", 1): None},
+        frozenset({"a", "b"}), np.float64(2.5),
+    ],
+)  # fmt: skip
+def test_values_keep_their_kinds(tmp_path, x):
+    back = read_kept(keep(tmp_path / "a.npz", "fresh", {"x": x}), "fresh")["x"]
+    assert back == x
+    assert type(back) is type(x)
+
+
+def test_arrays_keep_bits_and_are_stored_once(tmp_path):
+    x = np.random.default_rng(1).standard_normal((1000, 3))
+    path = keep(tmp_path / "a.npz", "fresh", {"x": x, "again": x.copy(), "nan": np.array([np.nan, 1.0], np.float32)})
+    back = read_kept(path, "fresh")
+    assert back["x"].tobytes() == x.tobytes() == back["again"].tobytes()
+    assert back["nan"].dtype == np.float32
+    assert path.stat().st_size < 1.5 * x.nbytes
+
+
+@pytest.mark.parametrize(
+    "kind",
+    ["os:system", "builtins:eval", "pellucid.cli:main", "pellucid.fit.parameter:nothing", "subprocess:Popen", ""],
+)
+def test_only_the_packages_own_dataclasses_are_made(tmp_path, kind):
+    tree = json.dumps({"made_from": "fresh", TREE: {"d": kind, "v": {"args": "echo"}}})
+    path = tmp_path / "a.npz"
+    np.savez(path, **{TREE: np.frombuffer(tree.encode(), np.uint8)})
+    assert read_kept(path, "fresh") is None
+
+
+def test_a_dataclass_whose_fields_are_others_is_none(tmp_path):
+    tree = json.dumps({"made_from": "fresh", TREE: {"d": "pellucid.fit.parameter:Verdict", "v": {"kind": "good"}}})
+    np.savez(tmp_path / "a.npz", **{TREE: np.frombuffer(tree.encode(), np.uint8)})
+    assert read_kept(tmp_path / "a.npz", "fresh") is None
+
+
+def test_a_damaged_file_is_none(tmp_path):
+    path = keep(tmp_path / "a.npz", "fresh", result())
+    whole = path.read_bytes()
+    for cut in (0, 10, len(whole) // 2, len(whole) - 1):
+        path.write_bytes(whole[:cut])
+        assert read_kept(path, "fresh") is None
+    path.write_bytes(b"x" + whole[1:])
+    assert read_kept(path, "fresh") is None
+
+
+def test_a_result_is_a_table_of_parameters():
+    found = result()
+    assert found["inertia"].value == 0.05
+    assert "inertia" in found
+    assert list(found) == ["inertia", "Body.inertia"]
+    with pytest.raises(KeyError, match="'mass'; found here: inertia"):
+        found["mass"]
+    assert "so it is" in str(found)
+    assert "inertia" in str(found)
+    assert found._repr_html_().count("<table") == 2
