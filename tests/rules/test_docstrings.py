@@ -1,7 +1,9 @@
 """What a user calls says what it takes, gives and refuses, in sections for a program; all else in a sentence."""
 
 import ast
+import inspect
 import re
+import sys
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -57,12 +59,16 @@ def described(section: str) -> set[str]:
 
 
 def _api() -> set[tuple[str, str]]:
-    """File and name of everything that a user calls: what the package offers, and what runs a study."""
+    """File and name of everything that a user calls, and of the classes of what a user is given."""
     found = set()
-    for name in pellucid.__all__:
-        thing = getattr(pellucid, name)
+    for thing in (getattr(pellucid, name) for name in pellucid.__all__):
         if callable(thing):
-            found.add((thing.__module__.replace(".", "/").removeprefix("pellucid/") + ".py", thing.__name__))
+            module = sys.modules[thing.__module__]
+            returned = re.findall(r"\w+", str(inspect.signature(thing).return_annotation))
+            given = [getattr(module, name, None) for name in returned]
+            for each in (thing, *(g for g in given if isinstance(g, type))):
+                if each.__module__.startswith("pellucid."):
+                    found.add((each.__module__.replace(".", "/").removeprefix("pellucid/") + ".py", each.__name__))
     return found
 
 
