@@ -1,5 +1,7 @@
-"""What the README and CONTRIBUTING say is so: commands, files, the example study, and names."""
+"""What the pages say is so: links, commands, files, modules, the example study, the notebook, and names."""
 
+import ast
+import importlib
 import re
 import shlex
 from pathlib import Path
@@ -11,66 +13,115 @@ import pellucid
 from pellucid.procedures.run import check, identify
 
 ROOT = Path(__file__).parents[2]
-README = (ROOT / "README.md").read_text(encoding="utf-8")
-PAGES = {name: (ROOT / name).read_text(encoding="utf-8") for name in ("README.md", "CONTRIBUTING.md")}
+PAGES = {
+    path.relative_to(ROOT).as_posix(): path.read_text(encoding="utf-8")
+    for path in (ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").glob("*.md")))
+}
+README, COMMANDS = PAGES["README.md"], PAGES["docs/commands.md"]
+FIRST_PAGES = ("README.md", "CONTRIBUTING.md", "docs/architecture.md", "docs/theory.md", "docs/errata.md")
 
 
-def blocks(language: str, text: str = README) -> list[str]:
+def blocks(language: str, text: str) -> list[str]:
     return re.findall(rf"^```{language}\n(.*?)^```", text, flags=re.MULTILINE | re.DOTALL)
+
+
+def anchors(page: Path) -> set[str]:
+    """Of its headings, as a browser of repositories makes them."""
+    heads = re.findall(r"^#+ (.*)$", page.read_text(encoding="utf-8"), flags=re.MULTILINE)
+    return {re.sub(r"[^\w\- ]", "", head.lower()).replace(" ", "-") for head in heads}
 
 
 @pytest.mark.parametrize("page", PAGES)
 def test_links_lead_somewhere(page):
-    targets = re.findall(r"\]\(([^)#]+)\)", PAGES[page])
-    assert targets
-    missing = [t for t in targets if not t.startswith("http") and not (ROOT / t).exists()]
+    missing = []
+    for target in re.findall(r"\]\(([^)\s]+)\)", PAGES[page]):
+        file, _, anchor = target.partition("#")
+        if file.startswith("http"):
+            continue
+        path = (ROOT / page).parent / file if file else ROOT / page
+        if not path.exists() or (anchor and anchor not in anchors(path)):
+            missing.append(target)
+    assert not missing, missing
+
+
+def test_every_page_is_linked():
+    linked = {t.partition("#")[0].rpartition("/")[2] for p in PAGES.values() for t in re.findall(r"\]\(([^)]+)\)", p)}
+    assert not [page for page in PAGES if page != "README.md" and page.rpartition("/")[2] not in linked]
+
+
+@pytest.mark.parametrize("page", FIRST_PAGES)
+def test_files_and_folders_it_names_exist(page):
+    rooms = [path.name for path in (ROOT / "src" / "pellucid").iterdir() if path.is_dir()]
+    top = "|".join(("tests", "docs", "include", "src", "bindings", "benchmarks", "pellucid", *rooms))
+    named = re.findall(rf"`((?:{top})/[\w./-]*)`", PAGES[page])
+    bases = (ROOT, ROOT / "src", ROOT / "src" / "pellucid")
+    missing = [n for n in named if not any((base / n).exists() for base in bases)]
     assert not missing, missing
 
 
 @pytest.mark.parametrize("page", PAGES)
-def test_files_and_folders_it_names_exist(page):
-    named = re.findall(
-        r"`((?:tests|docs|include|src|datasets|recordings|report|models|pellucid)/[\w./]*)`", PAGES[page]
-    )
-    found = [n for n in named if not n.endswith("my-joint/")]
-    missing = [
-        n for n in found if not any((base / n).exists() for base in (ROOT, ROOT / "src", ROOT / "src" / "pellucid"))
-    ]
-    assert not missing, missing
+def test_names_in_the_package_that_it_names_exist(page):
+    named = {name for name in re.findall(r"`pellucid((?:\.\w+)+)`", PAGES[page])}
+    for block in blocks("python", PAGES[page]):
+        for node in ast.walk(ast.parse(block)):
+            if isinstance(node, ast.ImportFrom) and node.module.split(".")[0] == "pellucid":
+                named |= {f"{node.module.removeprefix('pellucid')}.{alias.name}" for alias in node.names}
+    assert not [name for name in sorted(named) if not is_there(name.strip("."))]
+
+
+def is_there(name: str) -> bool:
+    """Whether something of the package has this dotted name."""
+    found = pellucid
+    for part in name.split("."):
+        try:
+            found = getattr(found, part)
+        except AttributeError:
+            try:
+                found = importlib.import_module(f"{found.__name__}.{part}")
+            except ImportError:
+                return False
+    return True
 
 
 def test_commands_exist():
     from pellucid.cli import app
 
     known = {c.name or c.callback.__name__ for c in app.registered_commands} | {"datasets"}
-    used = set(
-        re.findall(r"pellucid (\w+)", "\n".join(re.findall(r"`[^`\n]+`|^\.venv.*$", README, flags=re.MULTILINE)))
-    )
-    assert used >= {"init", "check", "identify", "report", "compare"}
-    assert used <= known
+    used = {
+        page: set(re.findall(r"pellucid (\w+)", "\n".join(re.findall(r"`[^`\n]+`|^\.venv.*$", text, flags=re.MULTILINE))))
+        for page, text in PAGES.items()
+    }
+    assert used["docs/commands.md"] >= {"init", "check", "identify", "report", "compare"}
+    assert set().union(*used.values()) <= known
+    listed = {row.split()[0] for row in re.findall(r"^\| `([a-z][^`]*)`", COMMANDS, flags=re.MULTILINE)}
+    assert listed == known
     targets = set(re.findall(r"^(\w[\w-]*):", (ROOT / "Makefile").read_text(encoding="utf-8"), flags=re.MULTILINE))
-    assert set(re.findall(r"\bmake (demo|test|bench)\b", "".join(PAGES.values()))) <= targets
+    assert set(re.findall(r"\bmake (demo|test|bench|fuzz)\b", "".join(PAGES.values()))) <= targets
 
 
 def test_the_apt_line_installs_what_is_needed():
-    line = next(b for b in blocks("") if "apt install" in b)
+    line = next(b for b in blocks("", README) if "apt install" in b)
     assert set(shlex.split(line)[3:]) == {"git", "make", "g++", "python3", "python3-venv", "python3-dev"}
 
 
+def moving(t: np.ndarray, rng: np.random.Generator) -> tuple[np.ndarray, ...]:
+    """Angle, velocity and acceleration of three sines, each shape (n,)."""
+    w = 2.0 * np.pi * np.array([0.23, 0.61, 1.3])[:, None]
+    phase = rng.uniform(0.0, 2.0 * np.pi, 3)[:, None]
+    a = np.array([0.5, 0.25, 0.08])[:, None]
+    motions = (np.sin(w * t + phase), w * np.cos(w * t + phase), -(w**2) * np.sin(w * t + phase))
+    return tuple((a * each).sum(0) for each in motions)
+
+
 def test_the_example_study_works(tmp_path):
-    """The README's study.toml, with recordings of a made-up elbow in the columns and units it names."""
+    """The page's study.toml, with recordings of a made-up elbow in the columns and units it names."""
     folder = tmp_path / "my-joint"
     (folder / "recordings").mkdir(parents=True)
-    (folder / "study.toml").write_text(blocks("toml")[0], encoding="utf-8")
+    (folder / "study.toml").write_text(blocks("toml", COMMANDS)[0], encoding="utf-8")
     rng = np.random.default_rng(5)
     for name in ("sweep", "another_day"):
         t = np.arange(6000) / 200.0
-        w = 2.0 * np.pi * np.array([0.23, 0.61, 1.3])[:, None]
-        phase = rng.uniform(0.0, 2.0 * np.pi, 3)[:, None]
-        a = np.array([0.5, 0.25, 0.08])[:, None]
-        q, v, acc = (
-            (a * s).sum(0) for s in (np.sin(w * t + phase), w * np.cos(w * t + phase), -(w**2) * np.sin(w * t + phase))
-        )
+        q, v, acc = moving(t, rng)
         torque = 0.08 * acc + 3.0 * np.sin(q) + 0.2 * v + 0.4 * np.tanh(v / 0.02) + 0.02 * rng.standard_normal(len(t))
         table = np.c_[t, np.degrees(q), 1000.0 * torque / (0.060 * 28.0)]
         np.savetxt(
@@ -84,8 +135,23 @@ def test_the_example_study_works(tmp_path):
     assert fit.families["symmetric"].heldout_effort_error < 5.0
 
 
-def test_the_python_example_uses_public_names():
-    code = blocks("python")[0]
-    used = set(re.findall(r"pellucid\.(\w+)", code))
-    assert used <= set(pellucid.__all__)
-    compile(code, "README.md", "exec")
+def test_the_python_examples_use_public_names():
+    for page in ("README.md", "docs/commands.md"):
+        code = "".join(blocks("python", PAGES[page]))
+        used = set(re.findall(r"\b(?:pellucid|pl)\.(\w+)", code))
+        assert used
+        assert used <= set(pellucid.__all__)
+        compile(code, page, "exec")
+
+
+def test_the_notebook_runs_as_written(tmp_path, monkeypatch):
+    """The README's, on a made-up swing."""
+    monkeypatch.chdir(tmp_path)
+    rng = np.random.default_rng(5)
+    t = np.arange(30000) / 1000.0
+    q, v, acc = moving(t, rng)
+    torque = 0.08 * acc + 1.5 * np.sin(q) + 0.08 * v + 0.3 * np.sign(v) + 0.02 * rng.standard_normal(len(t))
+    np.savetxt("swing.csv", np.c_[t, q, torque], delimiter=",", header="t,q,torque", comments="", fmt="%.9g")
+    names: dict = {}
+    exec(compile(blocks("python", README)[0], "README.md", "exec"), names)
+    assert names["low"] - 0.01 < 1.5 < names["high"] + 0.01
