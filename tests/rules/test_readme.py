@@ -88,7 +88,9 @@ def test_commands_exist():
 
     known = {c.name or c.callback.__name__ for c in app.registered_commands} | {"datasets"}
     used = {
-        page: set(re.findall(r"pellucid (\w+)", "\n".join(re.findall(r"`[^`\n]+`|^\.venv.*$", text, flags=re.MULTILINE))))
+        page: set(
+            re.findall(r"pellucid ([a-z]\w*)", "\n".join(re.findall(r"`[^`\n]+`|^\.venv.*$", text, flags=re.MULTILINE)))
+        )
         for page, text in PAGES.items()
     }
     assert used["docs/commands.md"] >= {"init", "check", "identify", "report", "compare"}
