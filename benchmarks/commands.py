@@ -16,8 +16,8 @@ from pathlib import Path
 
 import numpy as np
 
+from pellucid.procedures.joint.recorded_motions import motions
 from pellucid.signals.effort import drive_model
-from pellucid.signals.motion import motions
 
 from .identification import study_at
 

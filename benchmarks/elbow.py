@@ -14,7 +14,7 @@ import numpy as np
 from scipy import optimize
 
 from pellucid.fit.slider.coherent_body import LOAD_START, fit_coherent
-from pellucid.fit.slider.three_steps import STRIDE, three_steps
+from pellucid.fit.slider.three_steps import three_steps
 from pellucid.lab.elbow.instruments import play, read_all
 from pellucid.lab.elbow.rig import able_elbow
 from pellucid.lab.study import record_in_memory
@@ -23,7 +23,7 @@ from pellucid.models.joint import GRAVITY
 from pellucid.models.slider_joint import SliderJointModel
 from pellucid.procedures.slider.identify_slider import STEPS, fit_slider
 from pellucid.signals.markers import slider_geometry
-from pellucid.signals.slider_motion import SliderMotion, slider_motions
+from pellucid.signals.slider_motion import STRIDE, SliderMotion, slider_motions
 
 from .identification import _row, interleaved
 

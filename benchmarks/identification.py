@@ -20,16 +20,17 @@ from scipy import optimize, signal
 from pellucid._errors import DatasetError
 from pellucid.datasets import init, names
 from pellucid.fit.joint.closed_loop import solve_output_error
-from pellucid.fit.joint.regression import solve, stack
+from pellucid.fit.joint.friction_solver import solve_family
 from pellucid.fit.joint.replay import SMOOTHING
+from pellucid.fit.regression import stack
 from pellucid.lab.bench.rig import bench_joint
 from pellucid.lab.study import write_study
 from pellucid.models.joint import joint_model
 from pellucid.models.simulate import substeps_for
 from pellucid.procedures.joint.identify_joint import machine_of
+from pellucid.procedures.joint.recorded_motions import motions
 from pellucid.recordings.study import Study
 from pellucid.signals.effort import drive_model
-from pellucid.signals.motion import motions
 
 REPEATS = 7
 
@@ -133,10 +134,10 @@ def run() -> list[dict]:
         )
 
         def least_squares() -> np.ndarray:
-            return solve(model, stack(motions(study, "fit"))).values
+            return solve_family(model, stack(motions(study, "fit"))).values
 
         data, machine = stack(motions(study, "fit")), machine_of(study.rig)
-        first = solve(model, data)
+        first = solve_family(model, data)
         order = [model.names.index(n) for n in ("inertia", "viscous", "coulomb", "offset")]
         order += [model.names.index("gravity")] if "gravity" in model.names else []
         compiled = plain_simulation()

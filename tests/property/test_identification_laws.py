@@ -11,7 +11,8 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "unit"))
 
 from motions import motion_of, vector_of
 
-from pellucid.fit.joint.regression import solve, stack
+from pellucid.fit.joint.friction_solver import solve_family
+from pellucid.fit.regression import stack
 from pellucid.models.joint import FAMILIES, joint_model
 
 
@@ -27,8 +28,8 @@ def truth(**more):
 @pytest.mark.parametrize("factor", [1e-6, 3.0, 1e4])
 def test_efforts_in_another_unit_scale_every_effort_parameter(family, factor):
     motions = [motion_of(truth(), seed=s, effort_sd=0.02) for s in (1, 2)]
-    plain = solve(model(family), stack(motions))
-    scaled = solve(model(family), stack([replace(m, effort=factor * m.effort) for m in motions]))
+    plain = solve_family(model(family), stack(motions))
+    scaled = solve_family(model(family), stack([replace(m, effort=factor * m.effort) for m in motions]))
     unscaled = {"ratio", "velocity"}
     factors = [1.0 if s.dimension in unscaled else factor for s in model(family).symbols]
     assert scaled.values / factors == pytest.approx(plain.values, rel=2e-3, abs=1e-5)
@@ -42,7 +43,7 @@ def test_mirroring_the_joint_swaps_its_directions(family):
         for m in motions
     ]
     which = model(family)
-    plain, turned = solve(which, stack(motions)), solve(which, stack(mirrored))
+    plain, turned = solve_family(which, stack(motions)), solve_family(which, stack(mirrored))
     swap = {"positive": "negative", "negative": "positive"}
     values = dict(zip(which.names, turned.values, strict=True))
     for name, value in zip(which.names, plain.values, strict=True):
@@ -55,7 +56,7 @@ def test_mirroring_the_joint_swaps_its_directions(family):
 @pytest.mark.parametrize("family", ["symmetric", "directional", "load"])
 def test_the_order_of_recordings_does_not_matter(family):
     motions = [motion_of(truth(), seed=s, effort_sd=0.05) for s in (5, 6, 7)]
-    forth, back = solve(model(family), stack(motions)), solve(model(family), stack(motions[::-1]))
+    forth, back = solve_family(model(family), stack(motions)), solve_family(model(family), stack(motions[::-1]))
     assert forth.values == pytest.approx(back.values, rel=1e-5)
 
 
@@ -65,7 +66,7 @@ def test_no_parameter_is_ever_unphysical(family):
     for _ in range(5):
         motion = motion_of(truth(), seed=int(rng.integers(1000)))
         noise = replace(motion, effort=motion.effort * 0.1 + rng.standard_normal(len(motion.effort)))
-        found = solve(model(family), stack([noise]))
+        found = solve_family(model(family), stack([noise]))
         lower, upper = model(family).bounds()
         assert np.all(found.values >= lower)
         assert np.all(found.values <= upper)

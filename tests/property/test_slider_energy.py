@@ -11,7 +11,7 @@ sys.path.insert(0, str(Path(__file__).parent))
 from slider_motions import made_up
 
 from pellucid import _core
-from pellucid.fit.slider.coherent_body import fit_coherent, torque
+from pellucid.fit.slider.coherent_body import fit_coherent
 from pellucid.fit.slider.three_steps import three_steps
 from pellucid.models.directional_slider import DirectionalSliderModel
 from pellucid.models.energy import cycle_energy, net_energy
@@ -180,7 +180,7 @@ def test_two_sets_fitted_to_friction_by_load_make_energy_where_the_load_changes_
     """
     truth = SliderJointModel("load", {"carriage_mass": 0.48})
     values = np.array([0.031, -0.004, 1.15, 0.26, 0.1, 0.08, 0.05, 0.04, 0.14, 0.11])
-    motions = made_up(lambda m: torque(truth, values, m))
+    motions = made_up(lambda m: truth.effort(values, m))
     model = three_steps(motions, dissociated=True, method="dissociated").model
     x, q = 0.25, -1.2
     assert directional_friction(model, np.array([x]), np.array([q]))[0, 0] < 0.0

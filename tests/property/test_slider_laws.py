@@ -12,7 +12,7 @@ sys.path.insert(0, str(Path(__file__).parent))
 from slider_motions import made_up
 
 from pellucid import _core
-from pellucid.fit.slider.coherent_body import fit_coherent, torque
+from pellucid.fit.slider.coherent_body import fit_coherent
 from pellucid.fit.slider.three_steps import all_at_once, three_steps
 from pellucid.models.directional_slider import UNITS, DirectionalSliderModel, columns
 from pellucid.models.joint import GRAVITY, INDEX
@@ -60,7 +60,7 @@ def test_spread_is_what_one_unit_of_a_parameter_adds(rng, name):
     for x in (0.0, 1e-12, 0.12, 0.3):
         values = rng.uniform(0.0, 1.0, len(model.names))
         zero = model.vector(np.zeros(len(values)), x)
-        assert model.vector(values, x) == pytest.approx(model.spread(x) @ values + zero, rel=1e-14, abs=1e-300)
+        assert model.vector(values, x) == pytest.approx(model.selection(x) @ values + zero, rel=1e-14, abs=1e-300)
         assert zero[INDEX["gravity_sine"]] == pytest.approx(GRAVITY * x * model.known.get("carriage_mass", 0.0))
         vector = model.vector(values, x, 0.02)
         assert vector[INDEX["velocity_width"]] == 0.02
@@ -183,7 +183,7 @@ def test_both_solvers_find_the_same_under_noise(method, dissociated):
 def test_a_coherent_body_is_recovered(name):
     model = MODELS[name]
     truth = values_of(model)
-    motions = made_up(lambda m: torque(model, truth, m))
+    motions = made_up(lambda m: model.effort(truth, m))
     found = fit_coherent(model, motions, rail=RAIL, mass=2.5)
     assert found.values == pytest.approx(truth, rel=1e-5, abs=1e-6)
     assert found.residual_sd < 1e-6
@@ -194,7 +194,7 @@ def test_without_a_weighed_carriage_one_coefficient_stands_for_both():
     r"""Torques are (1 + a_m) y and (1 - a_g) y; another y' = k y with one coefficient b gives the same where
     k (1 + b) = 1 + a_m and k (1 - b) = 1 - a_g."""
     truth = SliderJointModel("load", MASS)
-    motions = made_up(lambda m: torque(truth, values_of(truth), m))
+    motions = made_up(lambda m: truth.effort(values_of(truth), m))
     found = fit_coherent(MODELS["load"], motions, rail=RAIL)
     motoring, generating = TRUE["load_motoring"], TRUE["load_generating"]
     k = 1.0 + 0.5 * (motoring - generating)
@@ -217,7 +217,7 @@ def test_mirrored_recordings_swap_directions(name):
     model = MODELS[name]
     noise = np.random.default_rng(8)
     motions = made_up(
-        lambda m: torque(model, values_of(model), m) + 0.03 * m.smooth(noise.standard_normal(len(m.position)))
+        lambda m: model.effort(values_of(model), m) + 0.03 * m.smooth(noise.standard_normal(len(m.position)))
     )
     plain = fit_coherent(model, motions, rail=RAIL)
     turned = fit_coherent(model, mirrored(motions), rail=RAIL)
@@ -265,7 +265,7 @@ def test_friction_backwards_in_time_would_drive_and_is_refused():
     drives = values_of(
         model, coulomb_positive=-0.24, coulomb_negative=-0.17, viscous_positive=-0.06, viscous_negative=-0.04
     )
-    found = fit_coherent(model, made_up(lambda m: torque(model, drives, m)), rail=RAIL)
+    found = fit_coherent(model, made_up(lambda m: model.effort(drives, m)), rail=RAIL)
     for name in ("coulomb_positive", "coulomb_negative", "viscous_positive", "viscous_negative"):
         assert found[name].at_bound
         assert found[name].value == pytest.approx(0.0, abs=1e-6)
@@ -278,7 +278,7 @@ def test_the_order_of_recordings_changes_nothing(name, rng):
     model = MODELS[name]
     noise = np.random.default_rng(3)
     motions = made_up(
-        lambda m: torque(model, values_of(model), m) + 0.03 * m.smooth(noise.standard_normal(len(m.position)))
+        lambda m: model.effort(values_of(model), m) + 0.03 * m.smooth(noise.standard_normal(len(m.position)))
     )
     shuffled = [motions[i] for i in rng.permutation(len(motions))]
     plain, other = (fit_coherent(model, some, rail=RAIL, mass=2.5) for some in (motions, shuffled))
@@ -294,15 +294,15 @@ def test_an_inertia_that_no_body_has_is_moved_to_one_that_could_exist(name):
     model = MODELS[name]
     planted = values_of(model, inertia=0.002, carriage_moment=-0.05)
     assert np.min(model.gaps(planted, RAIL, 2.5)) < 0.0
-    motions = made_up(lambda m: torque(model, planted, m))
+    motions = made_up(lambda m: model.effort(planted, m))
     found = fit_coherent(model, motions, rail=RAIL, mass=2.5)
     assert np.min(model.gaps(found.values, RAIL, 2.5)) >= -1e-6
     assert "inertia and gravity are held where a body of these masses can have them" in found.notes
     assert np.all(model.inertia(found.values, np.linspace(*RAIL, 50)) > 0.0)
     # Nearest in its own residuals: the truth of a coherent body that is merely possible fits worse.
     merely = values_of(model)
-    square = [float(np.sum((torque(model, merely, m) - m.effort)[m.scored] ** 2)) for m in motions]
-    own = [float(np.sum((torque(model, found.values, m) - m.effort)[m.scored] ** 2)) for m in motions]
+    square = [float(np.sum((model.effort(merely, m) - m.effort)[m.scored] ** 2)) for m in motions]
+    own = [float(np.sum((model.effort(found.values, m) - m.effort)[m.scored] ** 2)) for m in motions]
     assert sum(own) < 0.5 * sum(square)
     assert np.min(model.gaps(found.values, RAIL, 2.5)) < 1e-3
 

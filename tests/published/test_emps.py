@@ -55,11 +55,11 @@ def test_textbook_standard_deviations_are_the_published_ones(emps_data):
     """The paper's intervals take residuals for white; ours, which do not, are wider."""
     import numpy as np
 
-    from pellucid.fit.joint.regression import solve
+    from pellucid.fit.joint.friction_solver import solve_family
     from pellucid.fit.uncertainty import sandwich
 
     model, data = emps_data
-    found = solve(model, data)
+    found = solve_family(model, data)
     variance = np.sum(found.residual**2) / (len(found.residual) - 4)
     textbook = np.sqrt(np.diag(np.linalg.inv(found.jacobian.T @ found.jacobian) * variance))
     assert textbook == pytest.approx([0.1085, 1.1460, 0.1012, 0.0444], rel=0.02)

@@ -55,10 +55,10 @@ def test_c1_the_pendulum_stands_on_its_head():
     # Three zeros of theta are named. Fitted to a leg that hangs, only counting from above gives a weight.
     data = [swung(BOTH, two_sines(0.3))]
     down, up, straight = (fit_swings(data, as_published(z)) for z in (0.0, np.pi, np.radians(85.0)))
-    assert down.q.value == pytest.approx(-BOTH["q"], rel=2e-3)
-    assert up.q.value == pytest.approx(BOTH["q"], rel=2e-3)
-    assert up.p.value == pytest.approx(BOTH["p"], rel=2e-2)
-    assert abs(straight.q.value) < 0.2 * BOTH["q"]
+    assert down.weight_moment.value == pytest.approx(-BOTH["q"], rel=2e-3)
+    assert up.weight_moment.value == pytest.approx(BOTH["q"], rel=2e-3)
+    assert up.inertia.value == pytest.approx(BOTH["p"], rel=2e-2)
+    assert abs(straight.weight_moment.value) < 0.2 * BOTH["q"]
     assert straight.residual_rms > 100.0 * up.residual_rms
 
 
@@ -103,7 +103,7 @@ def test_c3_the_swing_cannot_show_p():
     assert shown.correlation == pytest.approx(-0.857, abs=0.002)
     assert shown.condition == pytest.approx(16.0, abs=0.2)
     # The interval of the leg's p is as wide as any value printed for it: 0.06 to 0.2, and one below 0.
-    leg = np.hypot(shown.p_sd, swing_information(series, **EMPTY, **about).p_sd)
+    leg = np.hypot(shown.inertia_sd, swing_information(series, EMPTY["p"], EMPTY["q"], **about).inertia_sd)
     assert 1.96 * leg > 0.19
     # Other frequencies within the same angles and with less torque.
     better = better_swing(
@@ -111,7 +111,7 @@ def test_c3_the_swing_cannot_show_p():
     )
     richer = swing_information(better, BOTH["p"], BOTH["q"], **about)
     assert richer.peak_torque <= shown.peak_torque
-    assert richer.p_sd < shown.p_sd / 14.0
+    assert richer.inertia_sd < shown.inertia_sd / 14.0
 
 
 def test_c4_the_reference_of_step_three_is_off_by_more_than_the_errors():

@@ -26,7 +26,7 @@ ALLOWED = {
     "signals": BASE | {"recordings", "_core"},
     "protocols": BASE | {"recordings", "signals"},
     "models": BASE | {"_core"},  # physics knows no data
-    "fit": UP_TO_SIGNALS | PHYSICS,
+    "fit": BASE | PHYSICS | {"recordings.recording", "signals", "protocols"},  # arrays in, estimates out: no study
     "controllers": PHYSICS,
     "estimators": BASE | PHYSICS | {"signals", "fit"},  # arrays; procedures read studies
     "assessment": BASE | {"signals"},  # arrays; procedures read studies

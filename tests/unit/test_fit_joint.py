@@ -97,7 +97,7 @@ def test_known_values_and_bodies_that_can_exist(recorded):
         ({"known": {"mass": 1.0}}, "known: found 'mass', expected any of inertia"),
         ({"decimate": 0}, "decimate: found 0, expected an integer of 1 or more"),
         ({"confidence": 95.0}, "confidence: found 95, expected between 0 and 1"),
-        ({"dead_band": 100.0}, "no sample is faster than the dead band of 100"),
+        ({"dead_band": 100.0}, "none is faster than the dead band, and the fastest moves at"),
         ({"position": np.zeros(6000)}, "cannot be identified"),
     ],
 )

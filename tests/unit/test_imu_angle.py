@@ -8,7 +8,7 @@ from inertial_motion import FIELD, GRAVITY
 
 from pellucid._errors import PellucidError
 from pellucid.recordings.recording import Channel, Recording
-from pellucid.signals.alignment import align, clock_drift
+from pellucid.signals.clocks import align, clock_drift
 from pellucid.signals.imu_angle import compare_filters, fit_angle, principal_axis, segment_angle
 from pellucid.signals.inertial import Inertial, inertial
 from pellucid.signals.orientation import orientation

@@ -20,8 +20,8 @@ from pellucid.models.joint import GRAVITY
 from pellucid.protocols.two_sines import two_sines
 
 FS = 200.0
-EMPTY = {"p": 0.05, "q": 0.30, "viscous": 0.05, "coulomb": 0.15, "offset": 0.1}
-LOADED = {"p": 0.45, "q": 1.34, "viscous": 0.25, "coulomb": 0.20, "offset": 0.1}
+EMPTY = {"inertia": 0.05, "weight_moment": 0.30, "viscous": 0.05, "coulomb": 0.15, "offset": 0.1}
+LOADED = {"inertia": 0.45, "weight_moment": 1.34, "viscous": 0.25, "coulomb": 0.20, "offset": 0.1}
 REACH = np.radians(35.0)
 
 
@@ -32,8 +32,8 @@ def rich():
 
 def balance(body, position, velocity, acceleration, hanging=0.0):
     return (
-        body["p"] * acceleration
-        + body["q"] * GRAVITY * np.sin(position - hanging)
+        body["inertia"] * acceleration
+        + body["weight_moment"] * GRAVITY * np.sin(position - hanging)
         + body["viscous"] * velocity
         + body["coulomb"] * np.tanh(velocity / 0.01)
         + body["offset"]
@@ -58,23 +58,25 @@ def test_the_corrected_form_finds_the_body(rich, rng):
     fit = fit_swings([recorded(rich, LOADED, rng=rng)], corrected(), mass_bound=8.0)
     for found in fit.parameters:
         assert abs(found.value - LOADED[found.name]) < 3.0 * found.standard_error, found
-    assert fit.p.standard_error < 0.1 * 0.45
-    assert fit.q.standard_error < 0.02 * 1.34
-    assert fit.p.identifiable
-    assert fit.mass == pytest.approx(fit.q.value**2 / fit.p.value)
-    assert fit.distance * fit.mass == pytest.approx(fit.q.value)
+    assert fit.inertia.standard_error < 0.1 * 0.45
+    assert fit.weight_moment.standard_error < 0.02 * 1.34
+    assert fit.inertia.identifiable
+    assert fit.mass == pytest.approx(fit.weight_moment.value**2 / fit.inertia.value)
+    assert fit.distance * fit.mass == pytest.approx(fit.weight_moment.value)
 
 
 def test_difference_with_the_better_swing_is_the_leg(rich, rng):
     empty = fit_swings([recorded(rich, EMPTY, rng=rng)], corrected())
     loaded = fit_swings([recorded(rich, LOADED, rng=rng)], corrected())
-    p, q = leg_alone(empty, loaded)
-    assert p.value == pytest.approx(0.40, rel=0.10)
-    assert q.value == pytest.approx(1.04, rel=0.02)
-    assert abs(p.value - 0.40) < 3.0 * p.standard_error
-    assert p.standard_error == pytest.approx(np.hypot(empty.p.standard_error, loaded.p.standard_error))
-    assert p.identifiable
-    assert not p.at_bound
+    inertia, moment = leg_alone(empty, loaded)
+    assert inertia.value == pytest.approx(0.40, rel=0.10)
+    assert moment.value == pytest.approx(1.04, rel=0.02)
+    assert abs(inertia.value - 0.40) < 3.0 * inertia.standard_error
+    assert inertia.standard_error == pytest.approx(
+        np.hypot(empty.inertia.standard_error, loaded.inertia.standard_error)
+    )
+    assert inertia.identifiable
+    assert not inertia.at_bound
 
 
 def test_the_angle_of_rest_is_found_where_it_is_not_known(rng):
@@ -82,10 +84,12 @@ def test_the_angle_of_rest_is_found_where_it_is_not_known(rng):
     wide = better_swing(0.45, 1.34, reach=1.2, peak_torque=14.0, rng=np.random.default_rng(8))
     fit = fit_swings([recorded(wide, LOADED, rng=rng, hanging=0.1)], corrected(None))
     found = {p.name: p for p in fit.parameters}
-    assert list(found) == ["p", "q", "hanging", "viscous", "coulomb", "offset"]
+    assert list(found) == ["inertia", "weight_moment", "hanging", "viscous", "coulomb", "offset"]
     assert abs(found["hanging"].value - 0.1) < 3.0 * found["hanging"].standard_error
-    assert abs(found["q"].value - 1.34) < 3.0 * found["q"].standard_error
-    assert fit_swings([recorded(wide, LOADED, hanging=0.1)], corrected(0.1)).q.value == pytest.approx(1.34, rel=1e-3)
+    assert abs(found["weight_moment"].value - 1.34) < 3.0 * found["weight_moment"].standard_error
+    assert fit_swings([recorded(wide, LOADED, hanging=0.1)], corrected(0.1)).weight_moment.value == pytest.approx(
+        1.34, rel=1e-3
+    )
 
 
 def test_intervals_cover(rich):
@@ -93,8 +97,8 @@ def test_intervals_cover(rich):
     for seed in range(40):
         draw = np.random.default_rng(seed)
         fit = fit_swings([recorded(rich, LOADED, rng=draw, duration=30.0)], corrected())
-        low, high = fit.p.interval()
-        inside += low <= LOADED["p"] <= high
+        low, high = fit.inertia.interval()
+        inside += low <= LOADED["inertia"] <= high
     # 95 % of 40 is 38; fewer than 33 has a chance below 1 in 100.
     assert inside >= 33
 
@@ -107,10 +111,12 @@ def test_a_body_that_cannot_be_is_held_to_its_bound(rng):
     bound = 0.8 * free.mass
     held = fit_swings([poor], form, mass_bound=bound)
     assert free.mass > bound
-    assert held.p.value == pytest.approx(held.q.value**2 / bound, rel=1e-6)
-    assert held.p.at_bound
+    assert held.inertia.value == pytest.approx(held.weight_moment.value**2 / bound, rel=1e-6)
+    assert held.inertia.at_bound
     assert held.mass_bound == bound
-    assert held.p.standard_error == pytest.approx(2.0 * held.q.value / bound * held.q.standard_error, rel=1e-6)
+    assert held.inertia.standard_error == pytest.approx(
+        2.0 * held.weight_moment.value / bound * held.weight_moment.standard_error, rel=1e-6
+    )
     # Nothing else on the bound fits better.
     matrix = form.regressor(poor)
 
@@ -160,7 +166,7 @@ def test_the_better_swing_shows_more_with_less_torque(rich):
     about = {"noise": 0.3, "bandwidth": 2.0, "duration": 60.0}
     printed = swing_information(two_sines(np.radians(20.0)), 0.45, 1.34, **about)
     better = swing_information(rich, 0.45, 1.34, **about)
-    assert better.p_sd < printed.p_sd / 10.0
+    assert better.inertia_sd < printed.inertia_sd / 10.0
     assert better.peak_torque <= 8.0
     low, high, _, _ = rich.peaks()
     assert max(-low, high) <= REACH * 1.0001
@@ -173,10 +179,10 @@ def test_expected_spread_is_the_observed_one():
     series, form = two_sines(np.radians(20.0)), corrected(friction=False, viscous=False, offset=False)
     plain = {**LOADED, "viscous": 0.0, "coulomb": 0.0, "offset": 0.0}
     found = [
-        fit_swings([recorded(series, plain, rng=np.random.default_rng(seed), duration=64.0)], form).p.value
+        fit_swings([recorded(series, plain, rng=np.random.default_rng(seed), duration=64.0)], form).inertia.value
         for seed in range(60)
     ]
-    expected = swing_information(series, 0.45, 1.34, noise=0.3, bandwidth=2.0, duration=62.0).p_sd
+    expected = swing_information(series, 0.45, 1.34, noise=0.3, bandwidth=2.0, duration=62.0).inertia_sd
     assert np.std(found) == pytest.approx(expected, rel=0.3)
 
 
@@ -205,7 +211,9 @@ def test_the_wearer_s_torque_depends_on_what_the_exoskeleton_does(rich):
 def test_what_cannot_be_fitted_is_told():
     time = np.arange(2000) / FS
     still = swing(time, np.zeros(2000), np.ones(2000), lowpass=6.0, recording="rest")
-    with pytest.raises(IdentificationError, match="rest: found no motion that tells p, q, viscous, coulomb, offset"):
+    with pytest.raises(
+        IdentificationError, match="rest: inertia and weight_moment and viscous and coulomb cannot be identified"
+    ):
         fit_swings([still], corrected())
     with pytest.raises(IdentificationError, match="short: found 60 samples, expected more than"):
         swing(time[:60], time[:60], time[:60], lowpass=6.0, recording="short")

@@ -95,7 +95,7 @@ def test_steps_1_and_2_find_the_leg(taken):
     config, recordings, _ = taken
     found = identify_swings(config, recordings)
     subject = subjects(RIG)["S4"]
-    assert found.empty.p.value == pytest.approx(RIG.exoskeleton_inertia, rel=0.05)
+    assert found.empty.inertia.value == pytest.approx(RIG.exoskeleton_inertia, rel=0.05)
     assert found.legs["S4"].p.value == pytest.approx(subject.inertia, rel=0.1)
     assert found.legs["S4"].q.value > subject.moment
     assert {card.kind for card in found.cards.values()} == {"orthosis", "limb"}

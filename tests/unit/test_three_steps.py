@@ -10,7 +10,7 @@ from pellucid.fit.slider.three_steps import STEPS, all_at_once, static_set, thre
 from pellucid.signals.slider_motion import SliderMotion
 
 PLACES = (0.12, 0.18, 0.24)
-INERTIA = "a0, a1, a2"
+INERTIA = "a0 and a1 and a2"
 
 
 def motion(protocol, slider, *, acceleration=1.0, position=1.0):
@@ -34,11 +34,11 @@ def motion(protocol, slider, *, acceleration=1.0, position=1.0):
 
 
 @pytest.mark.parametrize(
-    ("dissociated", "idle"), [(False, INERTIA), (True, "a0_up, a1_up, a2_up, a0_down, a1_down, a2_down")]
+    ("dissociated", "idle"), [(False, INERTIA), (True, "a0_up and a1_up and a2_up and a0_down and a1_down and a2_down")]
 )
 def test_sweeps_that_do_not_accelerate(dissociated, idle):
     made = [motion(p, x, acceleration=0.1 if p == STEPS[0] else 0.0) for p in STEPS for x in PLACES]
-    with pytest.raises(IdentificationError, match=rf"swept sines: found \d+ samples that do not show {idle}, expected"):
+    with pytest.raises(IdentificationError, match=rf"swept sines: {idle} cannot be identified"):
         three_steps(made, dissociated=dissociated)
 
 
@@ -46,13 +46,13 @@ def test_constant_velocities_along_gravity():
     made = [motion(p, x, acceleration=0.1, position=0.0) for p in STEPS for x in PLACES]
     with pytest.raises(IdentificationError) as said:
         three_steps(made, dissociated=True)
-    idle = "moment_slope_up, moment_up, moment_slope_down, moment_down"
-    assert re.match(rf"constant velocities: found \d+ samples that do not show {idle}, expected", str(said.value))
+    idle = "moment_slope_up and moment_up and moment_slope_down and moment_down"
+    assert re.match(rf"constant velocities: {idle} cannot be identified", str(said.value))
 
 
 def test_all_at_once_without_acceleration():
     made = [motion("fourier", x, acceleration=0.0) for x in PLACES]
-    with pytest.raises(IdentificationError, match=f"all at once: .* do not show {INERTIA}, expected more than 8"):
+    with pytest.raises(IdentificationError, match=f"all at once: {INERTIA} cannot be identified"):
         all_at_once(made, dissociated=False)
 
 

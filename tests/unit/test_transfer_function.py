@@ -336,7 +336,7 @@ def test_the_grey_box_finds_every_parameter():
 def test_a_known_gravity_is_held():
     found = fit_pendulum(swings(), hold="first", known={"gravity": 1.51}, width=0.1)
     assert "gravity" not in [p.name for p in found.parameters]
-    assert found.values[3] == 1.51
+    assert found.complete[3] == 1.51
     assert found["stiffness"].value == pytest.approx(0.3, abs=4.0 * found["stiffness"].standard_error)
 
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from pellucid.fit.uncertainty import block_bootstrap, long_run_covariance, memory, sandwich, whiteness
+from pellucid.fit.uncertainty import block_bootstrap, decorrelation_lag, long_run_covariance, sandwich, whiteness
 
 N = 3000
 
@@ -78,5 +78,5 @@ def test_whiteness_tells_white_from_coloured():
 
 def test_memory_is_longer_for_slower_noise():
     rng = np.random.default_rng(9)
-    assert memory(rng.standard_normal(N)) <= 3
-    assert memory(coloured(rng, 0.95)) > 20
+    assert decorrelation_lag(rng.standard_normal(N)) <= 3
+    assert decorrelation_lag(coloured(rng, 0.95)) > 20

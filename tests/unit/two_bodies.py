@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from pellucid.fit.strap.strap_torque import Limb, Orthosis, Swing
+from pellucid.fit.strap.strap_torque import Limb, Orthosis, StrappedSwing
 
 FS = 500.0
 
@@ -87,7 +87,7 @@ def swing(pair: Pair, *, seconds=20.0, seed=0, count=1, speeds=(0.6, 0.75, 0.9),
 def record(
     truth: Truth, rng, *, name="swing", split="fitted", noise=0.01, memory=0.7, shift=0.08, offset=0.1, gain=1.0,
     torque_noise=0.05, encoder=2e-4, knee_noise=0.0,
-) -> Swing:  # fmt: skip
+) -> StrappedSwing:  # fmt: skip
     """What instruments saw: the IMU at 20 Hz on its own clock, `shift` behind, with an error that remembers."""
     imu = np.arange(0.013, truth.time[-1], 0.05)
     error = np.empty(len(imu))
@@ -96,7 +96,7 @@ def record(
         state = memory * state + np.sqrt(1.0 - memory**2) * rng.standard_normal()
         error[i] = noise * state
     position = np.round(truth.position / encoder) * encoder if encoder else truth.position
-    return Swing(
+    return StrappedSwing(
         name,
         split,
         truth.time,

@@ -6,7 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..fit.joint.regression import Stack, solve, stack
+from ..fit.joint.friction_solver import solve_family
+from ..fit.regression import Stack, stack
 from ..fit.uncertainty import sandwich
 from ..lab.bench.rig import BenchRig, matched
 from ..models.joint import joint_model
@@ -66,7 +67,7 @@ def coverage(joint: BenchRig, colour: str, *, repetitions: int = 200, seed: int 
         taken = plant.play(reference, min(PER_MOTION, repetitions - start), rng)
         for position, current in zip(taken["position"], taken["current"], strict=True):
             data = _stacked(plant, taken["time"], position, current)
-            found = solve(model, data)
+            found = solve_family(model, data)
             w, rho = found.jacobian, found.residual
             error = np.abs(found.values - truth)
             plain = np.linalg.inv(w.T @ w) * np.sum(rho**2) / (len(rho) - len(truth))

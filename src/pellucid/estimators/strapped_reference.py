@@ -13,7 +13,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..fit.strap.coupled_impedance import mismatch
-from ..fit.strap.strap_torque import Limb, Orthosis, Swing, from_orthosis
+from ..fit.strap.strap_torque import Limb, Orthosis, StrappedSwing, from_orthosis
 from ..signals.filters import central_difference, zero_phase_lowpass
 
 
@@ -47,7 +47,7 @@ def strapped_torque(
         [N m], positive along the angle.
     """
     nowhere = np.zeros(0)
-    trial = Swing("", "fitted", time, position, torque, nowhere, nowhere)
+    trial = StrappedSwing("", "fitted", time, position, torque, nowhere, nowhere)
     strap = from_orthosis(trial, orthosis).torque
     ahead = mismatch(strap, trial.fs, stiffness=stiffness, damping=damping)
     angle, through = zero_phase_lowpass(np.column_stack([position + ahead, strap]), lowpass, 4, trial.fs).T

@@ -134,7 +134,7 @@ def block_bootstrap(
     values : ndarray, shape (p,)
         The solution.
     block : int
-        Rows of one block: longer than the residual's memory.
+        Rows of one block: longer than its residuals are correlated.
     rng : numpy.random.Generator
     repetitions : int
     level : float
@@ -155,8 +155,8 @@ def block_bootstrap(
     return values[:, None] + (np.percentile(steps, [tail, 100.0 - tail], axis=0) / scale).T
 
 
-def memory(residual: np.ndarray) -> int:
-    """Samples until the residual's autocorrelation first falls below 2 standard errors: the memory of its noise."""
+def decorrelation_lag(residual: np.ndarray) -> int:
+    """Samples until the residual's autocorrelation first falls below 2 standard errors."""
     centred = residual - residual.mean()
     n = len(centred)
     spectrum = np.abs(np.fft.rfft(centred, 2 * n)) ** 2
@@ -192,6 +192,6 @@ def whiteness(residual: np.ndarray, lengths: Sequence[int], lags: int = 20) -> W
     rho = np.array([sum(float(p[k:] @ p[:-k]) for p in parts) / power for k in range(1, lags + 1)])
     statistic = float(n * (n + 2) * np.sum(rho**2 / (n - np.arange(1, lags + 1))))
     # Up to the first lag that is not positive: beyond it sample correlations are mostly noise.
-    memory = rho[: int(np.argmax(rho <= 0.0))] if np.any(rho <= 0.0) else rho
-    share = float(1.0 / (1.0 + 2.0 * memory.sum()))
+    positive = rho[: int(np.argmax(rho <= 0.0))] if np.any(rho <= 0.0) else rho
+    share = float(1.0 / (1.0 + 2.0 * positive.sum()))
     return Whiteness(float(rho[0]), statistic, float(chdtrc(lags, statistic)), lags, share)

@@ -245,3 +245,20 @@ def _positive(value: float, name: str) -> float:
     if not value > 0.0:
         raise ValueError(f"{name}: found {value!r}, expected a positive number in SI")
     return float(value)
+
+
+def known_segments(
+    mass: float | None, height: float | None = None, sex: str | None = None, length: float | None = None
+) -> dict[str, Segment]:
+    """What tables of shares say of shank and foot of somebody of so much `mass` [kg], `height` [m], `sex`, and shank
+    `length` [m], as far as known: "winter", "published" by the measured length, "de_leva"; nothing without a mass."""
+    if mass is None:
+        return {}
+    found = {}
+    if height is not None:
+        found["winter"] = winter(mass, shank_length(height))
+    if length is not None:
+        found["published"] = winter(mass, length)
+    if height is not None and sex is not None:
+        found["de_leva"] = de_leva(mass, height, sex)
+    return found

@@ -17,7 +17,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .joint import GRAVITY
+from .filtered_dynamics import regressor
+from .joint import GRAVITY, INDEX, NAMES
 
 UNITS: Mapping[str, str] = {
     "moment_slope": "kg",
@@ -36,34 +37,31 @@ GRAVITY_TERMS, FRICTION_TERMS, INERTIA_TERMS = slice(0, 3), slice(3, 5), slice(5
 VELOCITY_WIDTH = 0.01  # rad/s: of the smooth sign, a twentieth of the slowest commanded velocity
 
 
+def selection(slider: float) -> np.ndarray:
+    """Matrix, (13, 8), with core vector = selection @ one set, the carriage at `slider` [m]."""
+    one = {
+        "moment_slope": {"gravity_sine": GRAVITY * slider},
+        "moment": {"gravity_sine": GRAVITY},
+        "cross_moment": {"gravity_cosine": GRAVITY},
+        "coulomb": {"coulomb_positive": 1.0, "coulomb_negative": 1.0},
+        "viscous": {"viscous_positive": 1.0, "viscous_negative": 1.0},
+        "a0": {"inertia": 1.0},
+        "a1": {"inertia": slider},
+        "a2": {"inertia": slider**2},
+    }
+    matrix = np.zeros((len(NAMES), len(UNITS)))
+    for column, name in enumerate(UNITS):
+        for target, gain in one[name].items():
+            matrix[INDEX[target], column] = gain
+    return matrix
+
+
 def columns(position: np.ndarray, velocity: np.ndarray, acceleration: np.ndarray, slider: float) -> np.ndarray:
-    """Torque per unit of each parameter, shape (n, 8).
-
-    Parameters
-    ----------
-    position, velocity, acceleration : ndarray, shape (n,)
-        [rad], [rad/s], [rad/s^2].
-    slider : float
-        x [m].
-
-    Returns
-    -------
-    ndarray, shape (n, 8)
-        SI.
-    """
-    sine = GRAVITY * np.sin(position)
-    return np.column_stack(
-        [
-            slider * sine,
-            sine,
-            GRAVITY * np.cos(position),
-            np.tanh(velocity / VELOCITY_WIDTH),
-            velocity,
-            acceleration,
-            slider * acceleration,
-            slider**2 * acceleration,
-        ]
-    )
+    """Torque per unit of each parameter, (n, 8), SI, along `position`, `velocity` and `acceleration`, (n,), with the
+    carriage at `slider` [m]."""
+    chosen = selection(slider)
+    terms = tuple(np.flatnonzero(chosen.any(axis=1)))
+    return regressor(position, velocity, acceleration, terms, VELOCITY_WIDTH) @ chosen[list(terms)]
 
 
 @dataclass(frozen=True)

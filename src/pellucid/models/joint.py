@@ -19,6 +19,7 @@ import numpy as np
 
 from .. import _core
 from .._errors import IdentificationError
+from .filtered_dynamics import FilteredMotion, filtered_effort, filtered_jacobian
 
 NAMES: tuple[str, ...] = tuple(_core.PARAMETER_NAMES)
 """The core's parameters, in its order."""
@@ -176,7 +177,20 @@ class JointModel:
         """SI unit of a symbol, as plain text."""
         return unit_of(SYMBOLS[name].dimension, self.motion, self.effort_unit)
 
-    def spread(self) -> np.ndarray:
+    @property
+    def label(self) -> str:
+        """What messages call it."""
+        return f"family '{self.family}'"
+
+    def effort(self, values: np.ndarray, motion: FilteredMotion) -> np.ndarray:
+        """Effort, (n,), of free `values`, (p,), and the motion's payload, filtered as the `motion`'s own was."""
+        return filtered_effort(self.loaded(self.vector(values), *motion.payload), motion)
+
+    def jacobian(self, values: np.ndarray, motion: FilteredMotion) -> tuple[np.ndarray, np.ndarray]:
+        """The same, and its derivative by the free `values`, (n, p)."""
+        return filtered_jacobian(self.loaded(self.vector(values), *motion.payload), self.selection(), motion)
+
+    def selection(self) -> np.ndarray:
         """Matrix S, shape (13, p), with core vector = S @ free values (+ known): chain rule for every Jacobian."""
         matrix = np.zeros((len(NAMES), len(self.symbols)))
         for j, symbol in enumerate(self.symbols):
@@ -189,7 +203,7 @@ class JointModel:
 
         `velocity_width` [rad/s or m/s] is the width of the smooth sign; 0 is the true sign.
         """
-        vector = self.spread() @ np.asarray(values, float)
+        vector = self.selection() @ np.asarray(values, float)
         for name, value in self.known.items():
             for target in SYMBOLS[name].targets:
                 vector[INDEX[target]] = value

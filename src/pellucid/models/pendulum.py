@@ -3,9 +3,8 @@ r"""A driven pendulum with friction and a spring, simulated with its exact deriv
 .. math::
    I\ddot q = \tau - b\dot q - c\tanh(\dot q/w) - m\,\sin q - k\,q - \tau_0
 
-The core's joint has no spring, holds its torque between samples, and starts from a given state; here the torque may go
-straight from sample to sample and the initial state is an unknown like the others, so that the equation is written here
-again. A test holds both to the same motion.
+Friction and gravity are the core's joint; the spring, a torque that goes straight from sample to sample, and an initial
+state that is an unknown like the others are what the core's simulation has not. A test holds both to the same motion.
 
 Steps are fourth-order Runge-Kutta's. The whole motion is found by Newton's method: linearised about a guess, all steps
 are one linear recursion, solved by BLAS. From the measured motion it takes a handful of iterations, and what it finds
@@ -18,7 +17,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from .. import _core
 from .._errors import IdentificationError
+from .filtered_dynamics import regressor
 from .linear_recursion import march
 from .transfer_function import HOLDS, time_steps
 
@@ -163,16 +164,38 @@ def simulate_pendulum(
     return PendulumMotion(states[samples, 0], states[samples, 1], spread[samples, 0], states)
 
 
+_SELECTION = np.zeros((len(_core.PARAMETER_NAMES), 5))
+"""Core parameters of a unit of damping, Coulomb friction, gravity and offset, and of cos q, the slope of sin q."""
+for _column, _targets in enumerate(
+    (
+        ("viscous_positive", "viscous_negative"),
+        ("coulomb_positive", "coulomb_negative"),
+        ("gravity_sine",),
+        ("offset",),
+        ("gravity_cosine",),
+    )
+):
+    for _target in _targets:
+        _SELECTION[_core.PARAMETER_NAMES.index(_target), _column] = 1.0
+_ACTIVE = tuple(np.flatnonzero(_SELECTION.any(axis=1)))
+
+
+def resistance(q: np.ndarray, v: np.ndarray, width: float) -> np.ndarray:
+    """Torque that a unit of damping, Coulomb friction, gravity and offset takes, and cos q, shape (m, 5)."""
+    return regressor(q, v, np.zeros(len(q)), _ACTIVE, width) @ _SELECTION[list(_ACTIVE)]
+
+
 def _acceleration(
     values: np.ndarray, q: np.ndarray, v: np.ndarray, torque: np.ndarray, width: float
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Acceleration, its derivatives by q and v, and the smooth sign of v."""
+    """Acceleration, its derivatives by q and v, and the torque of a unit of each parameter, shape (m, 5)."""
     inertia, damping, coulomb, gravity, stiffness, offset = values
-    sign = np.tanh(v / width)
-    a = (torque - damping * v - coulomb * sign - gravity * np.sin(q) - stiffness * q - offset) / inertia
-    by_q = -(gravity * np.cos(q) + stiffness) / inertia
-    by_v = -(damping + coulomb * (1.0 - sign**2) / width) / inertia
-    return a, by_q, by_v, sign
+    columns = resistance(q, v, width)
+    resisting = columns[:, :4] @ np.array([damping, coulomb, gravity, offset])
+    a = (torque - resisting - stiffness * q) / inertia
+    by_q = -(gravity * columns[:, 4] + stiffness) / inertia
+    by_v = -(damping + coulomb * (1.0 - columns[:, 1] ** 2) / width) / inertia
+    return a, by_q, by_v, columns
 
 
 def _step(
@@ -189,13 +212,13 @@ def _step(
     total_q, total_v, total = np.zeros(m), np.zeros(m), np.zeros((2, m, width))
     for stage, (weight, reach) in enumerate(((1.0, 0.5), (2.0, 0.5), (2.0, 1.0), (1.0, 0.0))):
         torque = drive.torque[:, (0, 1, 1, 2)[stage]]
-        a, by_q, by_v, sign = _acceleration(values, q, v, torque, drive.width)
+        a, by_q, by_v, columns = _acceleration(values, q, v, torque, drive.width)
         slope = np.empty((2, m, width))
         slope[0] = tangent[1]
         slope[1] = by_q[:, None] * tangent[0] + by_v[:, None] * tangent[1]
         if parameters:
-            own = -np.column_stack([a, v, sign, np.sin(q), q, np.ones(m)]) / values[0]
-            slope[1, :, 2:] += own
+            damped, rubbed, hung, constant, _ = columns.T
+            slope[1, :, 2:] -= np.column_stack([a, damped, rubbed, hung, q, constant]) / values[0]
         total_q, total_v, total = total_q + weight * v, total_v + weight * a, total + weight * slope
         if reach:
             q, v, tangent = q0 + reach * h * v, v0 + reach * h * a, seed + (reach * h)[:, None] * slope

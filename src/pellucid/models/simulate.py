@@ -29,7 +29,7 @@ class LoopSetting:
 
 
 @dataclass(frozen=True)
-class Trace:
+class JointTrace:
     """Simulated signals at the sampling instants, each shape (n,), SI; `jacobians` map the same names to (n, k)."""
 
     position: np.ndarray
@@ -59,7 +59,7 @@ def simulate(
     velocity0: float = 0.0,
     stiction: bool = True,
     active: np.ndarray | None = None,
-) -> Trace:
+) -> JointTrace:
     """Simulate a joint, with true stiction, or with smooth friction and exact Jacobians.
 
     Parameters
@@ -84,7 +84,7 @@ def simulate(
 
     Returns
     -------
-    Trace
+    JointTrace
 
     Raises
     ------
@@ -109,9 +109,9 @@ def simulate(
         velocity0=velocity0,
     )
     if active is None:
-        return Trace(*_core.simulate(vector, stiction=stiction, **settings))
+        return JointTrace(*_core.simulate(vector, stiction=stiction, **settings))
     *signals, d_position, d_velocity, d_acceleration, d_effort = _core.simulate_jacobian(
         vector, active=np.asarray(active, np.int64), **settings
     )
     names = ("position", "velocity", "acceleration", "effort")
-    return Trace(*signals, dict(zip(names, (d_position, d_velocity, d_acceleration, d_effort), strict=True)))
+    return JointTrace(*signals, dict(zip(names, (d_position, d_velocity, d_acceleration, d_effort), strict=True)))

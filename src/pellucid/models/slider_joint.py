@@ -18,6 +18,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from .directional_slider import VELOCITY_WIDTH
+from .filtered_dynamics import BODY_TERMS, FilteredMotion, filtered_effort, filtered_jacobian
 from .joint import GRAVITY, INDEX, NAMES, SYMBOLS
 
 BODY = {
@@ -88,7 +90,22 @@ class SliderJointModel:
         upper = np.array([SYMBOLS[n].upper if n in SYMBOLS and not SYMBOLS[n].linear else np.inf for n in self.names])
         return lower, upper
 
-    def spread(self, slider: float) -> np.ndarray:
+    @property
+    def label(self) -> str:
+        """What messages call it."""
+        return f"family '{self.family}'"
+
+    def effort(self, values: np.ndarray, motion: FilteredMotion) -> np.ndarray:
+        """Torque, (n,) [N*m], of free `values`, (p,), with the carriage where the `motion` has it, friction filtered as
+        the measured torque was."""
+        return filtered_effort(self.vector(values, motion.slider, VELOCITY_WIDTH), motion, BODY_TERMS)
+
+    def jacobian(self, values: np.ndarray, motion: FilteredMotion) -> tuple[np.ndarray, np.ndarray]:
+        """The same, and its derivative by the free `values`, (n, p)."""
+        vector = self.vector(values, motion.slider, VELOCITY_WIDTH)
+        return filtered_jacobian(vector, self.selection(motion.slider), motion, BODY_TERMS)
+
+    def selection(self, slider: float) -> np.ndarray:
         """Matrix S(x), shape (13, p), with core vector = S(x) @ values + known(x).
 
         Parameters
@@ -117,7 +134,7 @@ class SliderJointModel:
         -------
         ndarray, shape (13,)
         """
-        vector = self.spread(slider) @ np.asarray(values, float)
+        vector = self.selection(slider) @ np.asarray(values, float)
         for name, value in self.known.items():
             vector += value * _column(name, slider)
         vector[INDEX["velocity_width"]] = velocity_width

@@ -18,9 +18,9 @@ from scipy.interpolate import CubicSpline
 from scipy.optimize import least_squares
 
 from .._errors import RecordingError
+from .correlation_length import correlation_length
 from .filters import runs
 from .inertial import Inertial
-from .memory import memory
 
 SLOWEST = 0.2  # RMS rate about the hinge below which nothing can be found [rad/s]
 REST = 0.5  # a gyroscope's offset is read where the sensor rests for so long [s]
@@ -114,7 +114,7 @@ def find_hinge(proximal: Inertial, distal: Inertial) -> Hinge:
         )
     found_axes, found_arms, _, drift = model.unpack(best.x)
     acceleration, rate = model.misfits(best.x)
-    shared = (memory(acceleration), memory(rate))
+    shared = (correlation_length(acceleration), correlation_length(rate))
     covariance = np.linalg.inv(best.jac.T @ best.jac) * max(shared)
     return Hinge(
         axes=found_axes,

@@ -7,10 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from .._errors import RecordingError
-from .alignment import Alignment, align
+from .clocks import Alignment, align
+from .correlation_length import correlation_length
 from .filters import zero_phase_lowpass
 from .inertial import Inertial
-from .memory import memory
 from .orientation import FILTERS, orientation
 from .quaternion import conjugate, multiply, twist
 from .resampling import resample
@@ -132,7 +132,7 @@ def fit_angle(inputs: np.ndarray, encoder: np.ndarray) -> AngleRegression:
     solution = np.linalg.lstsq(columns, encoder[known], rcond=None)[0]
     misfit = encoder[known] - columns @ solution
     freedom = len(columns) - columns.shape[1]
-    covariance = np.linalg.inv(columns.T @ columns) * (misfit @ misfit) / freedom * memory(misfit)
+    covariance = np.linalg.inv(columns.T @ columns) * (misfit @ misfit) / freedom * correlation_length(misfit)
     return AngleRegression(
         solution[:-1], float(solution[-1]), np.sqrt(np.diag(covariance)), float(np.sqrt(np.mean(misfit**2)))
     )

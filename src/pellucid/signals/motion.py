@@ -1,29 +1,16 @@
-"""A recording made ready for identification: evenly sampled, filtered once, differentiated, effort beside motion."""
+"""A motion made ready for identification: filtered once, differentiated, effort beside it."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
-from .. import _core
 from .._errors import RecordingError
-from ..recordings.recording import Recording
-from ..recordings.study import Study
-from ..recordings.study_file import Processing
-from .effort import DriveModel, command_of, drive_model
-from .filters import central_difference, decimate, runs, zero_phase_lowpass
+from .filters import central_difference, decimate, zero_phase_lowpass
 
 SLOW_SHARE = 0.02
-SMOOTH_TERMS = np.array(
-    [
-        _core.PARAMETER_NAMES.index(name)
-        for name in ("inertia", "gravity_sine", "gravity_cosine", "offset", "viscous_positive", "viscous_negative")
-    ]
-)
-"""Core parameters whose effort is smooth in the states; the others multiply the sign of velocity."""
 
 
 @dataclass(frozen=True)
@@ -139,12 +126,9 @@ class Motion:
         """
         return lowpassed(samples, self.fs, self.filtering)
 
-    @cached_property
-    def smooth_regressor(self) -> np.ndarray:
-        """The core's regressor of the terms that are smooth in the states, shape (n, k): it depends on no parameter."""
-        return _core.inverse_dynamics_jacobian(
-            np.zeros(len(_core.PARAMETER_NAMES)), self.position, self.velocity, self.acceleration, SMOOTH_TERMS
-        )[1]
+    def rows(self, samples: np.ndarray) -> np.ndarray:
+        """The samples, (n,) or (n, k), that a regression uses."""
+        return self.reduce(samples)[self.moving]
 
     @cached_property
     def moving(self) -> np.ndarray:
@@ -155,30 +139,6 @@ class Motion:
         if dead_band <= 0.0 or not slow.any():
             return np.ones(len(self.reduce(slow)), bool)
         return np.abs(self.reduce(self.smooth(slow))) < SLOW_SHARE
-
-
-def evenly_sampled(recording: Recording, processing: Processing) -> tuple[float, np.ndarray, dict[str, np.ndarray]]:
-    """Sampling rate [Hz], time, shape (n,), and channels on an even grid; interpolated only where the study says so.
-
-    Parameters
-    ----------
-    recording : Recording
-    processing : Processing
-        `resample` [Hz] asks for linear interpolation on a grid of that rate.
-
-    Returns
-    -------
-    fs, time, channels
-    """
-    time = recording.time
-    values = {name: channel.samples for name, channel in recording.channels.items() if name != "time"}
-    if processing.resample is None:
-        return recording.fs, time, values
-    fs = processing.resample
-    grid = time[0] + np.arange(int(np.floor((time[-1] - time[0]) * fs)) + 1) / fs
-    held = {"enabled"}
-    nearest = np.clip(np.searchsorted(time, grid, side="right") - 1, 0, len(time) - 1)
-    return fs, grid, {n: x[nearest] if n in held else np.interp(grid, time, x) for n, x in values.items()}
 
 
 def differentiate(position: np.ndarray, fs: float, filtering: Filtering) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -285,80 +245,3 @@ def motion_of(
 def shortest(filtering: Filtering) -> int:
     """Samples below which a stretch leaves nothing to regress on."""
     return max(2 * filtering.trim + 30 * filtering.decimate, 60)
-
-
-def filtering_of(processing: Processing) -> Filtering:
-    """A study's [processing], but for its resampling."""
-    p = processing
-    return Filtering(p.lowpass, p.order, p.decimate, p.dead_band, p.trim)
-
-
-def motions(study: Study, use: str | None = None) -> tuple[Motion, ...]:
-    """Every stretch of every recording of a study in which the drive was enabled, filtered and differentiated.
-
-    Parameters
-    ----------
-    study : Study
-    use : {"fit", "validate"}, optional
-        Only recordings of this use.
-
-    Returns
-    -------
-    tuple of Motion
-
-    Raises
-    ------
-    RecordingError
-        If a recording lacks position or the drive's channel, or is too short for the filter.
-    """
-    model = drive_model(study.rig)
-    return tuple(m for r in study.recordings(use) for m in _stretches(r, study, model))
-
-
-def _stretches(recording: Recording, study: Study, model: DriveModel) -> Iterator[Motion]:
-    processing, loop = study.processing, study.rig.loop
-    if "position" not in recording:
-        raise RecordingError(
-            f"{recording.path}: no channel 'position'; found {', '.join(recording.channels)}. "
-            "Identification needs the joint's position in [channels]"
-        )
-    fs, time, channels = evenly_sampled(recording, processing)
-    even = replace(
-        recording,
-        channels={
-            "time": replace(recording.channels["time"], samples=time),
-            **{n: replace(recording.channels[n], samples=x) for n, x in channels.items()},
-        },
-    )
-    command = command_of(even, study.rig)
-    injected = even[loop.injected] if loop is not None and loop.injected and loop.injected in even else None
-    reference = even["reference"] if "reference" in even.channels else None
-    filtering = filtering_of(processing)
-    fewest = shortest(filtering)
-    stretches = [s for s in runs(np.asarray(even.enabled, bool)) if s.stop - s.start >= fewest]
-    if not stretches:
-        raise RecordingError(
-            f"{recording.path}: {len(time)} samples, no enabled stretch of at least {fewest}; "
-            "expected a longer recording, a smaller [processing] decimate or trim"
-        )
-    for part in stretches:
-        try:
-            yield motion_of(
-                time[part],
-                even["position"][part],
-                command[part],
-                filtering,
-                gain=model.gain,
-                back_emf=model.back_emf,
-                fs=fs,
-                start=recording.start,
-                recording=recording.name,
-                split="fitted" if recording.use == "fit" else "heldout",
-                reference=None if reference is None else reference[part],
-                injected=None if injected is None else injected[part],
-                payload=(0.0, 0.0)
-                if recording.payload is None
-                else (recording.payload.mass, recording.payload.distance),
-            )
-        except RecordingError as error:
-            raise RecordingError(f"{recording.path}: {error}") from None

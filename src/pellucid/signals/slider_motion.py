@@ -17,6 +17,9 @@ from .markers import Geometry
 OVERSAMPLING = 20.0
 """Samples kept per period of the low-pass: what is left between them is below 1e-4 of the signal."""
 
+STRIDE = 5
+"""One kept sample in so many enters a regression: neighbours say the same through the filter."""
+
 STILL = 0.01  # rad/s: slower than this a joint holds
 HOLD_LEAST = 2.0  # s: a shorter rest is no hold
 HOLD_SHARE = 0.6  # of a hold, its end: it has settled by then
@@ -59,6 +62,10 @@ class SliderMotion:
     def time(self) -> np.ndarray:
         """Time of the kept samples, shape (n,) [s]."""
         return np.arange(len(self.position)) / self.fs
+
+    def rows(self, samples: np.ndarray) -> np.ndarray:
+        """The samples, (n,) or (n, k), that a regression uses."""
+        return samples[np.flatnonzero(self.scored)[::STRIDE]]
 
     def smooth(self, samples: np.ndarray) -> np.ndarray:
         """The low-pass that effort went through, for what a model makes of the sign of velocity; (n,) or (n, k)."""

@@ -25,7 +25,7 @@ import numpy as np
 from ..._errors import IdentificationError
 from ...models.joint import JointModel
 from ...signals.motion import Motion, differentiate
-from .regression import Solution, Stack, at_bounds, last_call, linearised
+from ..regression import Solution, Stack, at_bounds, last_call, linearised
 from .replay import Machine, replay
 
 TOLERANCE = 1e-4  # RMS effort of any one value's change, over the RMS effort, at which iterations stop
@@ -193,13 +193,14 @@ def solve_output_error(model: JointModel, data: Stack, machine: Machine, first: 
     closed = all(machine.can_close(m) for m in data.motions)
     signal = "effort" if closed else "position"
     measured = [getattr(m, signal) for m in data.motions]
-    everywhere = Stack(data.motions, data.targets, tuple(np.ones(len(s), bool) for s in data.scored))
 
     @last_call
     def at(values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         traces = [replay(model, values, m, machine, closed=closed, differentiate=True) for m in data.motions]
-        residual = everywhere.reduced([getattr(t, signal) - x for t, x in zip(traces, measured, strict=True)])
-        jacobian = everywhere.reduced([t.jacobians[signal] for t in traces])
+        # A simulation speaks of every sample, those at rest too.
+        off = [m.reduce(getattr(t, signal) - x) for m, t, x in zip(data.motions, traces, measured, strict=True)]
+        residual = np.concatenate(off)
+        jacobian = np.concatenate([m.reduce(t.jacobians[signal]) for m, t in zip(data.motions, traces, strict=True)])
         # A trial step that diverges must look bad, not break the solver.
         if not (np.all(np.isfinite(residual)) and np.all(np.isfinite(jacobian))):
             return np.full(len(residual), 1e6), np.zeros((len(residual), len(values)))
@@ -229,5 +230,5 @@ def _bounded_step(
 def _solution(
     model: JointModel, values: np.ndarray, jacobian: np.ndarray, residual: np.ndarray, iterations: int, converged: bool
 ) -> Solution:
-    values, held = at_bounds(model, values, jacobian, residual)
+    values, held = at_bounds(values, *model.bounds(), jacobian, residual)
     return Solution(values, jacobian, residual, np.ones(len(residual)), held, iterations, converged)

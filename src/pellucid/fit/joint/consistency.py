@@ -17,7 +17,7 @@ from dataclasses import replace
 import numpy as np
 
 from ...models.joint import GRAVITY, JointModel
-from .regression import Solution, Stack, linearised
+from ..regression import Solution, Stack, nearest, rows_of
 
 ROUNDS = 4  # relinearisations; a family that is linear in its parameters needs one
 
@@ -51,53 +51,17 @@ def enforce_pseudo_inertia(
     i = model.names.index("inertia")
     if found.values[i] >= least_inertia(model, found.values, mass):
         return found, ()
-    lower, upper = model.bounds()
     values, jacobian, residual = found.values, found.jacobian, found.residual
-    w = found.weights
+    w, least = found.weights, max(least_inertia(model, found.values, mass), np.finfo(float).tiny)
+
+    def room(x: np.ndarray) -> float:
+        return (x[i] - least_inertia(model, x, mass)) / least
+
     for _ in range(1 if model.linear else ROUNDS):
-        values = _nearest(model, values, jacobian * w[:, None], residual * w, mass, lower, upper)
-        efforts, regressors = linearised(model, values, data.motions)
-        jacobian, residual = data.reduced(regressors), data.target - data.reduced(efforts)
+        values = nearest(jacobian * w[:, None], residual * w, values, model.bounds(), room, values)[0]
+        jacobian, effort = rows_of(model, values, data)
+        residual = data.target - effort
     at_bound = found.at_bound.copy()
     at_bound[i] = True
     note = f"inertia is held at the least that {mass:g} kg with this gravity torque can have"
     return replace(found, values=values, jacobian=jacobian, residual=residual, at_bound=at_bound), (note,)
-
-
-def _nearest(
-    model: JointModel,
-    values: np.ndarray,
-    jacobian: np.ndarray,
-    residual: np.ndarray,
-    mass: float,
-    lower: np.ndarray,
-    upper: np.ndarray,
-) -> np.ndarray:
-    from scipy.optimize import minimize
-
-    scale = 1.0 / np.linalg.norm(jacobian, axis=0)
-    w = jacobian * scale
-    gram, moment = w.T @ w, w.T @ residual
-    size = max(float(residual @ residual), np.finfo(float).tiny)
-    origin = values / scale
-
-    def cost(x: np.ndarray) -> tuple[float, np.ndarray]:
-        d = x - origin
-        return float(0.5 * d @ gram @ d - moment @ d) / size, (gram @ d - moment) / size
-
-    i = model.names.index("inertia")
-    gap0 = max(least_inertia(model, values, mass), np.finfo(float).tiny)
-
-    def gap(x: np.ndarray) -> float:
-        return (x[i] * scale[i] - least_inertia(model, x * scale, mass)) / gap0
-
-    found = minimize(
-        cost,
-        origin,
-        jac=True,
-        method="SLSQP",
-        bounds=list(zip(lower / scale, upper / scale, strict=True)),
-        constraints={"type": "ineq", "fun": gap},
-        options={"maxiter": 200, "ftol": 1e-12},
-    )
-    return found.x * scale

@@ -18,8 +18,8 @@ from ..._errors import IdentificationError
 from ...models.joint import GRAVITY, JointModel
 from ...signals.motion import Motion
 from ..parameter import Parameter
+from ..regression import Stack, linearised
 from ..uncertainty import sandwich
-from .regression import Stack, linearised
 
 
 def payload_effort(motion: Motion, rotary: bool) -> np.ndarray:

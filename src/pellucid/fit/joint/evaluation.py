@@ -10,7 +10,7 @@ import numpy as np
 from ... import _core
 from ...models.joint import JointModel
 from ...signals.motion import Motion
-from .regression import predicted
+from ..regression import predicted
 from .replay import relative_error
 
 

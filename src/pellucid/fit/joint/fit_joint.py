@@ -11,9 +11,10 @@ from ..._errors import IdentificationError
 from ...models.joint import SYMBOLS, joint_model
 from ...signals.motion import Filtering, motion_of, shortest
 from ...signals.sampled import sampled
+from ..regression import stack
 from .consistency import enforce_pseudo_inertia
+from .friction_solver import solve_family
 from .joint_estimate import JointEstimate, estimated
-from .regression import solve, stack
 
 SETTLING = 2.0
 """Periods of the low-pass that are dropped at either border unless told otherwise."""
@@ -145,7 +146,7 @@ def fit_joint(
     )
     model = replace(plain, payload_scale=1.0 if own == units[motion] else 0.0)
     data = stack([taken])
-    found, notes = solve(model, data), ()
+    found, notes = solve_family(model, data), ()
     if moving_mass is not None:
         found, notes = enforce_pseudo_inertia(model, data, found, moving_mass)
     return estimated(model, data, found, "ls", notes, level=confidence)

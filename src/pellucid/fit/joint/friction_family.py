@@ -11,11 +11,12 @@ from ..._errors import IdentificationError
 from ...models.joint import JointModel
 from ...signals.motion import Motion
 from ..parameter import Parameter
+from ..regression import Solution, Stack
 from .closed_loop import solve_didim, solve_instrumental, solve_output_error
 from .consistency import enforce_pseudo_inertia
 from .evaluation import Prediction, pooled, predict
+from .friction_solver import solve_family, with_known_stribeck_velocity
 from .joint_estimate import JointEstimate, estimated
-from .regression import Solution, Stack, solve, with_known_stribeck_velocity
 from .replay import Machine, Simulation, simulation_of
 from .reweighting import solve_robust, solve_weighted
 
@@ -81,7 +82,7 @@ def fit_family(
     IdentificationError
         If the regression is singular.
     """
-    first, note = solve(model, data), ()
+    first, note = solve_family(model, data), ()
     if moving_mass is not None:
         first, note = enforce_pseudo_inertia(model, data, first, moving_mass)
     estimate = estimated(model, data, first, "ls", note, level=level)
@@ -128,7 +129,7 @@ def _thorough(
 
     def output_error() -> JointEstimate:
         solution = solve_output_error(model, data, machine, first)
-        stretches = [len(scored) for scored in data.scored]
+        stretches = [len(m.moving) for m in data.motions]
         return estimated(model, data, solution, "output_error", lengths=stretches, level=level)
 
     if all(machine.can_close(m) for m in data.motions):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -12,9 +12,9 @@ from ...models.joint import UNITS, JointModel
 from ...signals.motion import Filtering, motion_of
 from ...signals.sampled import sampled
 from ..estimates import Estimates
-from ..parameter import Parameter, Whiteness
-from ..uncertainty import block_bootstrap, memory, sandwich, whiteness
-from .regression import Solution, Stack, predicted
+from ..parameter import Whiteness
+from ..regression import Solution, Stack, parameters_of, predicted
+from ..uncertainty import block_bootstrap, decorrelation_lag, sandwich, whiteness
 
 SEED = 20261121  # of the bootstrap
 
@@ -152,10 +152,9 @@ def estimated(
     # Values on a bound stay in: the others' intervals must not take them for known.
     covariance = sandwich(w, rho, lengths, instruments, free)
     held = np.flatnonzero(found.at_bound)
-    sd = np.sqrt(np.maximum(np.diag(covariance), 0.0))
     boot = None
     if method == "ls":
-        block = int(np.clip(4 * memory(rho), 10, max(10, len(rho) // 20)))
+        block = int(np.clip(4 * decorrelation_lag(rho), 10, max(10, len(rho) // 20)))
         boot = np.full((len(free), 2), np.nan)
         boot[free] = block_bootstrap(
             w[:, free], rho, found.values[free], block=block, rng=np.random.default_rng(SEED), level=level
@@ -167,18 +166,14 @@ def estimated(
         if not any(note.startswith(names[i]) for note in notes)
     )
     size = np.linalg.norm(data.target)
+    plain = parameters_of(names, [model.unit(n) for n in names], found.values, covariance, found.at_bound, idle)
     parameters = tuple(
-        Parameter(
-            name=name,
-            unit=model.unit(name),
-            value=float(found.values[i]),
-            standard_error=float(sd[i]),
-            at_bound=bool(found.at_bound[i]),
-            identifiable=bool(free[i] and not found.at_bound[i] and abs(found.values[i]) > 2.0 * sd[i]),
+        replace(
+            p,
             influence=float(norms[i] / size),
             bootstrap=None if boot is None or not free[i] else (float(boot[i, 0]), float(boot[i, 1])),
         )
-        for i, name in enumerate(names)
+        for i, p in enumerate(plain)
     )
     shown = found.jacobian[:, ~idle]
     return JointEstimate(

@@ -9,7 +9,7 @@ import numpy as np
 
 from ..._errors import IdentificationError
 from ...models.joint import JointModel
-from ...models.simulate import LoopSetting, Trace, simulate
+from ...models.simulate import JointTrace, LoopSetting, simulate
 from ...signals.motion import Motion, differentiate
 
 SIGNALS = ("position", "velocity", "acceleration", "effort")
@@ -57,13 +57,13 @@ def replay(
     *,
     closed: bool,
     differentiate: bool = False,
-) -> Trace:
+) -> JointTrace:
     """Simulate one `motion` of a `machine` from its measured initial state, the joint a `model` with `values`, (p,);
     `closed` with the machine's controller following the recorded reference, else from the recorded command;
     `differentiate` for smooth friction, and Jacobians by the free values, (n, p)."""
     width = SMOOTHING * float(np.abs(motion.velocity).max()) if differentiate else 0.0
-    spread = model.spread()
-    active = np.flatnonzero(spread.any(axis=1)) if differentiate else None
+    selection = model.selection()
+    active = np.flatnonzero(selection.any(axis=1)) if differentiate else None
     trace = simulate(
         model.loaded(model.vector(values, velocity_width=width), *motion.payload),
         motion.reference if closed else motion.command,
@@ -79,7 +79,7 @@ def replay(
     )
     if trace.jacobians is None:
         return trace
-    chained = {name: jacobian @ spread[active] for name, jacobian in trace.jacobians.items()}
+    chained = {name: jacobian @ selection[active] for name, jacobian in trace.jacobians.items()}
     return replace(trace, jacobians=chained)
 
 

@@ -7,7 +7,8 @@ from dataclasses import replace
 import numpy as np
 
 from ...models.joint import JointModel
-from .regression import Solution, Stack, solve
+from ..regression import Solution, Stack
+from .friction_solver import solve_family
 
 HUBER = 1.345  # 95 % efficiency on Gaussian residuals
 SPEED_BINS = 8
@@ -66,7 +67,7 @@ def solve_weighted(model: JointModel, data: Stack, first: Solution, consistent: 
     found = first
     for _ in range(3):
         w = speed_weights(model, data, found.residual)
-        found = solve(model, data, weights=w, consistent=consistent, after=found)
+        found = solve_family(model, data, weights=w, consistent=consistent, after=found)
     return found
 
 
@@ -88,7 +89,7 @@ def solve_robust(model: JointModel, data: Stack, first: Solution, consistent: bo
     found = first
     for iteration in range(MAX_REWEIGHTINGS):
         w = robust_weights(found.residual)
-        before, found = found, solve(model, data, weights=w, consistent=consistent, after=found)
+        before, found = found, solve_family(model, data, weights=w, consistent=consistent, after=found)
         step = np.max(np.abs(found.values - before.values) / np.maximum(np.abs(before.values), 1e-9))
         if step < 1e-4:
             return replace(found, iterations=iteration + 1, converged=True)

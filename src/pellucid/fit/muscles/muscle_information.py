@@ -29,7 +29,7 @@ _UNITS = {"time_constant": "s", "delay": "s", "max_velocity": "1/s"}
 
 
 @dataclass(frozen=True, eq=False)
-class Profile:
+class CostProfile:
     """How the cost rises as one parameter is held and all others are found again.
 
     Attributes
@@ -106,7 +106,7 @@ def muscle_parameters(fit: MuscleFit) -> tuple[Parameter, ...]:
     )
 
 
-def profile(fit: MuscleFit, name: str, values: np.ndarray) -> Profile:
+def profile(fit: MuscleFit, name: str, values: np.ndarray) -> CostProfile:
     """Hold one parameter at one value after another and find all others again.
 
     Parameters
@@ -119,7 +119,7 @@ def profile(fit: MuscleFit, name: str, values: np.ndarray) -> Profile:
 
     Returns
     -------
-    Profile
+    CostProfile
     """
     problem, i = fit.problem, fit.problem.names.index(name)
     costs = []
@@ -129,7 +129,7 @@ def profile(fit: MuscleFit, name: str, values: np.ndarray) -> Profile:
         low, high = problem.lower.copy(), problem.upper.copy()
         low[i] = high[i] = np.clip(problem.deviations(held)[i], low[i], high[i])
         costs.append(bounded_least_squares(problem.equations, fit.z, low, high).cost)
-    return Profile(name, np.asarray(values, float), np.array(costs))
+    return CostProfile(name, np.asarray(values, float), np.array(costs))
 
 
 def muscle_verdicts(fit: MuscleFit, what: str) -> tuple[Verdict, ...]:

@@ -29,16 +29,14 @@ from ...models.directional_slider import (
     columns,
 )
 from ...models.joint import GRAVITY
-from ...signals.slider_motion import SliderMotion
+from ...signals.slider_motion import STRIDE, SliderMotion
 from ..parameter import Parameter
+from ..regression import least_squares_within, parameters_of, require_full_rank
 from ..uncertainty import sandwich
 from .slider_fit import SliderEstimate
 
 STEPS = ("constant_velocity", "swept_sine")
 """Protocols that steps 2 and 3 fit, and the coherent body too."""
-
-STRIDE = 5
-"""One kept sample in so many enters a regression: neighbours say the same through the filter."""
 
 STEADY = 0.5  # rad/s^2: below this a velocity counts as constant
 
@@ -75,14 +73,13 @@ def static_set(motions: Sequence[SliderMotion]) -> tuple[Parameter, ...]:
     effort = np.array([m.effort[rest].mean() for m, rest in at])
     sine = GRAVITY * np.sin(q)
     w = np.column_stack([x * sine, sine, GRAVITY * np.cos(q), np.ones(len(q))])
-    _require_rank(w, ("moment_slope", "moment", "cross_moment", "adherence"), "static trials")
+    require_full_rank(("moment_slope", "moment", "cross_moment", "adherence"), w, "static trials")
     values = np.linalg.lstsq(w, effort, rcond=None)[0]
     rest = effort - w @ values
     covariance = sandwich(w, rest, [len(rest)])
     units = ("kg", "kg*m", "kg*m", "N*m")
     names = ("moment_slope", "moment", "cross_moment", "adherence")
-    sd = np.sqrt(np.diag(covariance))
-    return tuple(Parameter(n, u, float(v), float(s)) for n, u, v, s in zip(names, units, values, sd, strict=True))
+    return parameters_of(names, units, values, covariance)
 
 
 def three_steps(
@@ -239,8 +236,7 @@ def _rows(motions, dissociated, also=None) -> tuple[np.ndarray, np.ndarray, list
         filtered = directional_columns(m)
         if not dissociated:
             filtered = np.add(*np.split(filtered, 2, axis=1))
-        keep = m.scored if also is None else m.scored & also(m)
-        at = np.flatnonzero(keep)[::STRIDE]
+        at = np.flatnonzero(m.scored if also is None else m.scored & also(m))[::STRIDE]
         w.append(filtered[at])
         y.append(m.effort[at])
         lengths.append(len(at))
@@ -253,37 +249,18 @@ def _terms(w: np.ndarray, terms: slice) -> np.ndarray:
     return np.hstack([part[:, terms] for part in sets])
 
 
-def bounded_least_squares(w: np.ndarray, y: np.ndarray, lower: np.ndarray, upper: np.ndarray) -> np.ndarray:
-    """Minimise the sum of squares of w x - y within bounds, on the triangle that is all that matters of w and y.
-
-    Parameters
-    ----------
-    w : ndarray, shape (m, p)
-    y : ndarray, shape (m,)
-    lower, upper : ndarray, shape (p,)
-
-    Returns
-    -------
-    ndarray, shape (p,)
-    """
-    from scipy.optimize import lsq_linear
-
-    triangle = np.linalg.qr(np.column_stack([w, y]), mode="r")
-    return lsq_linear(triangle[:, :-1], triangle[:, -1], bounds=(lower, upper), tol=1e-13).x
-
-
 def _solve(w, y, lengths, terms, solver, where) -> tuple[np.ndarray, np.ndarray]:
     from scipy.optimize import least_squares
 
     copies = w.shape[1] // (terms.stop - terms.start)
     names = [name + suffix for suffix in _suffixes(copies) for name in NAMES[terms]]
     lower, upper = np.tile(LOWER[terms], copies), np.full(w.shape[1], np.inf)
-    _require_rank(w, names, where)
-    scale = np.linalg.norm(w, axis=0)
-    unit = w / scale
+    require_full_rank(names, w, where)
     if solver == "linear":
-        found = bounded_least_squares(unit, y, lower * scale, upper)
+        values = least_squares_within(w, y, lower, upper, method="bvls")
     else:
+        scale = np.linalg.norm(w, axis=0)
+        unit = w / scale
         found = least_squares(
             lambda p: unit @ p - y,
             np.where(np.isfinite(lower), 1.0, 0.0),
@@ -293,7 +270,7 @@ def _solve(w, y, lengths, terms, solver, where) -> tuple[np.ndarray, np.ndarray]
             gtol=1e-14,
             jac=lambda p: unit,
         ).x
-    values = found / scale
+        values = found / scale
     return values, sandwich(w, y - w @ values, lengths)
 
 
@@ -302,32 +279,14 @@ def _suffixes(copies: int) -> tuple[str, ...]:
     return tuple(f"_{d}" for d in DIRECTIONS) if copies == 2 else ("",)
 
 
-def _require_rank(w: np.ndarray, names: Sequence[str], where: str) -> None:
-    norms = np.linalg.norm(w, axis=0)
-    if len(w) <= w.shape[1] or not np.all(norms > 0.0):
-        idle = [n for n, size in zip(names, norms, strict=True) if size == 0.0]
-        raise IdentificationError(
-            f"{where}: found {len(w)} samples" + (f" that do not show {', '.join(idle)}" if idle else "")
-            + f", expected more than {w.shape[1]} that show every parameter"
-        )  # fmt: skip
-    singular = np.linalg.svd(np.linalg.qr(w / norms, mode="r"), compute_uv=False)
-    if singular[-1] < 1e-7 * singular[0]:
-        raise IdentificationError(f"{where}: the regression is singular (condition {singular[0] / singular[-1]:.1e})")
-
-
 def _estimate(method, sets, covariance, samples, residual) -> SliderEstimate:
     model = DirectionalSliderModel(up=sets[0], down=sets[-1])
     values = np.concatenate(sets)
-    sd = np.sqrt(np.maximum(np.diag(covariance), 0.0))
     suffixes = _suffixes(len(sets))
-    lower = np.tile(LOWER, len(sets))
-    parameters, notes = [], []
-    for i, (value, error) in enumerate(zip(values, sd, strict=True)):
-        name = NAMES[i % 8] + suffixes[i // 8]
-        held = bool(value - lower[i] <= 1e-3 * error)
-        if held:
-            notes.append(f"{name} is held at its physical bound, 0")
-        parameters.append(Parameter(name, UNITS[NAMES[i % 8]], float(value), float(error), at_bound=held))
+    names = [name + suffix for suffix in suffixes for name in NAMES]
+    near = 1e-3 * np.sqrt(np.maximum(np.diag(covariance), 0.0))
+    held = values - np.tile(LOWER, len(sets)) <= near
+    notes = [f"{name} is held at its physical bound, 0" for name, bound in zip(names, held, strict=True) if bound]
     for direction, values_ in zip(suffixes, sets, strict=True):
         if values_[7] < 0.0:
             notes.append(f"a2{direction} is negative: no mass has such an inertia")
@@ -335,7 +294,7 @@ def _estimate(method, sets, covariance, samples, residual) -> SliderEstimate:
         method=method,
         model=model,
         values=values,
-        parameters=tuple(parameters),
+        parameters=parameters_of(names, list(UNITS.values()) * len(sets), values, covariance, held),
         covariance=covariance,
         samples=samples,
         residual_sd=float(np.std(residual)),

@@ -25,7 +25,7 @@ from scipy.interpolate import CubicSpline
 
 from ..parameter import Parameter
 from .strap_search import Spectrum, StrapProblem, StrapTrial
-from .strap_torque import StrapTorque, Swing
+from .strap_torque import StrappedSwing, StrapTorque
 
 DECAY = 3.0
 """Time constants after which a torque that was not known has left the mismatch."""
@@ -110,7 +110,7 @@ def mismatch(torque: np.ndarray, fs: float, *, stiffness: float, damping: float,
 
 
 def fit_coupling(
-    swings: Sequence[Swing],
+    swings: Sequence[StrappedSwing],
     torques: Sequence[StrapTorque],
     *,
     side: str = "orthosis",
@@ -121,7 +121,7 @@ def fit_coupling(
 
     Parameters
     ----------
-    swings : sequence of Swing
+    swings : sequence of StrappedSwing
         Trials of one wearer, strapped once.
     torques : sequence of StrapTorque
         One for each.
@@ -172,12 +172,12 @@ def fit_coupling(
     )
 
 
-def align(swing: Swing, torque: StrapTorque, fit: CouplingFit) -> Instrument:
+def align(swing: StrappedSwing, torque: StrapTorque, fit: CouplingFit) -> Instrument:
     """Clock and mounting of the IMU in a trial that was not fitted, the strap held as it was found.
 
     Parameters
     ----------
-    swing : Swing
+    swing : StrappedSwing
     torque : StrapTorque
     fit : CouplingFit
 
@@ -194,12 +194,12 @@ def align(swing: Swing, torque: StrapTorque, fit: CouplingFit) -> Instrument:
     return Instrument(float(found.shifts[0]), float(found.offsets[0]), gain)
 
 
-def seen_mismatch(swing: Swing, instrument: Instrument) -> tuple[np.ndarray, np.ndarray]:
+def seen_mismatch(swing: StrappedSwing, instrument: Instrument) -> tuple[np.ndarray, np.ndarray]:
     """The mismatch as the IMU saw it, at its own times.
 
     Parameters
     ----------
-    swing : Swing
+    swing : StrappedSwing
     instrument : Instrument
 
     Returns
@@ -213,12 +213,12 @@ def seen_mismatch(swing: Swing, instrument: Instrument) -> tuple[np.ndarray, np.
     return time, np.where(inside, (swing.imu_angle - instrument.offset) / instrument.gain - angle, np.nan)
 
 
-def limb_angle(swing: Swing, instrument: Instrument) -> np.ndarray:
+def limb_angle(swing: StrappedSwing, instrument: Instrument) -> np.ndarray:
     """The limb's angle at the actuator's times, aligned: shape (n,) [rad]; held at its ends outside the IMU's times.
 
     Parameters
     ----------
-    swing : Swing
+    swing : StrappedSwing
     instrument : Instrument
 
     Returns

@@ -8,8 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from ..._errors import IdentificationError
-from ...models.anthropometry import Segment, de_leva, shank_length, winter
-from ...recordings.study_file import Participant
+from ...models.anthropometry import Segment
 from ...signals.input_output import InputOutput
 from ..joint.gravity_holds import GravityFit, Hold, added_gravity, find_holds
 from ..parameter import Parameter
@@ -57,7 +56,7 @@ class LimbFit:
 def fit_limb(
     relaxed: Sequence[InputOutput],
     alone: GravityFit,
-    participant: Participant | None,
+    segments: Mapping[str, Segment],
     *,
     at_work: Mapping[str, str] | None = None,
 ) -> LimbFit:
@@ -69,8 +68,8 @@ def fit_limb(
         Torque in, angle out; one for each trial.
     alone : GravityFit
         Of the orthosis.
-    participant : Participant, optional
-        Mass, height, sex and shank length, as far as known.
+    segments : mapping of str to Segment
+        Shank and foot by tables of shares; empty where the mass is not known.
     at_work : mapping of str to str, optional
         Trials in which muscles were at work, and what was seen of it: they are not used.
 
@@ -90,33 +89,7 @@ def fit_limb(
         raise IdentificationError(f"the limb's gravity: found no relaxed trial to use, expected one or more: {why}")
     trials = tuple(find_holds(r.time, r.output, r.input, recording=r.recording) for r in used)
     gravity, zero = added_gravity(trials, alone)
-    segments = known_segments(participant)
-    return LimbFit(gravity, zero, _inertia(gravity, segments), trials, refused, segments)
-
-
-def known_segments(participant: Participant | None) -> dict[str, Segment]:
-    """What tables of shares say of a participant's shank and foot.
-
-    Parameters
-    ----------
-    participant : Participant, optional
-
-    Returns
-    -------
-    dict of str to Segment
-        Empty where the mass is not known.
-    """
-    p = participant
-    if p is None or p.mass is None:
-        return {}
-    found = {}
-    if p.height is not None:
-        found["winter"] = winter(p.mass, shank_length(p.height))
-    if p.shank_length is not None:
-        found["published"] = winter(p.mass, p.shank_length)
-    if p.height is not None and p.sex is not None:
-        found["de_leva"] = de_leva(p.mass, p.height, p.sex)
-    return found
+    return LimbFit(gravity, zero, _inertia(gravity, segments), trials, refused, dict(segments))
 
 
 def _inertia(gravity: Parameter, segments: Mapping[str, Segment]) -> Parameter:

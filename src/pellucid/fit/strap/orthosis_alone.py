@@ -72,7 +72,7 @@ class OrthosisFit:
     @property
     def orthosis(self) -> Orthosis:
         """Ready for the strap's torque."""
-        values = dict(zip(("inertia", "damping", "coulomb"), self.pendulum.values[:3], strict=True))
+        values = dict(zip(("inertia", "damping", "coulomb"), self.pendulum.complete[:3], strict=True))
         return Orthosis(
             values["inertia"],
             values["damping"],
@@ -80,7 +80,7 @@ class OrthosisFit:
             values["coulomb"],
             self.covariance,
             self.gravity.zero.value,
-            float(self.pendulum.values[5]),
+            float(self.pendulum.complete[5]),
         )
 
     def mean_fit(self, split: str = "heldout", *, linear: bool = False) -> float:

@@ -22,7 +22,7 @@ from scipy.optimize import least_squares
 from scipy.signal import cont2discrete, lfilter
 
 from ...signals.filters import central_difference, zero_phase_lowpass
-from .strap_torque import LOWPASS, ORDER, Limb, Orthosis, Swing
+from .strap_torque import LOWPASS, ORDER, Limb, Orthosis, StrappedSwing
 
 RATE = 100.0
 """The transfer function is fitted on about so many samples a second."""
@@ -62,12 +62,12 @@ class PublishedCoupling:
         return tuple(("inertia", "damping", "stiffness")[i] for i in stopped)
 
 
-def torque_mismatch(swing: Swing, limb_angle: np.ndarray, orthosis: Orthosis, limb: Limb) -> np.ndarray:
+def torque_mismatch(swing: StrappedSwing, limb_angle: np.ndarray, orthosis: Orthosis, limb: Limb) -> np.ndarray:
     """Right-hand side of equation 2.2.
 
     Parameters
     ----------
-    swing : Swing
+    swing : StrappedSwing
         With a knee torque.
     limb_angle : ndarray, shape (n,)
         At the actuator's times [rad].

@@ -13,9 +13,10 @@ from scipy import fft
 from scipy.interpolate import CubicSpline
 
 from ..._errors import IdentificationError
+from ...signals.clocks import best_delay
 from ..parameter import Parameter
 from ..uncertainty import sandwich
-from .strap_torque import StrapTorque, Swing
+from .strap_torque import StrappedSwing, StrapTorque
 
 EDGE = 1.0
 """Seconds left out at either end of a trial."""
@@ -34,12 +35,12 @@ FLOOR = 1e-6
 STRAP = ("stiffness", "damping")
 
 
-def clock_shift(swing: Swing) -> float:
+def clock_shift(swing: StrappedSwing) -> float:
     """By how much the IMU's clock is late, roughly: its angle then follows the orthosis's best.
 
     Parameters
     ----------
-    swing : Swing
+    swing : StrappedSwing
 
     Returns
     -------
@@ -58,21 +59,20 @@ def clock_shift(swing: Swing) -> float:
             f"deg of motion, expected {FEWEST} and {np.degrees(LEAST_MOTION):.0f} deg or more"
         )
     imu_time, imu_angle = swing.imu_time[known], swing.imu_angle[known]
-    best = (-np.inf, 0.0)
-    for shift in np.arange(-SHIFTS, SHIFTS + 1e-9, 0.01):
-        time = imu_time + shift
-        inside = (time > swing.time[0]) & (time < swing.time[-1])
-        if inside.sum() < FEWEST:
-            continue
-        a, b = imu_angle[inside], np.interp(time[inside], swing.time, swing.position)
-        if a.std() > 0.0 and b.std() > 0.0:
-            # A short overlap correlates too easily.
-            best = max(best, (float(np.corrcoef(a, b)[0, 1]) * np.sqrt(inside.mean()), float(shift)))
-    if not np.isfinite(best[0]):
+    shift = best_delay(
+        imu_time,
+        imu_angle,
+        lambda at: np.interp(at, swing.time, swing.position),
+        np.arange(-SHIFTS, SHIFTS + 1e-9, 0.01),
+        span=(swing.time[0], swing.time[-1]),
+        either_sense=False,
+        fewest=FEWEST,
+    )
+    if shift is None:
         raise IdentificationError(
             f"{swing.name}: the IMU's times and the actuator's do not overlap, expected clocks within {SHIFTS:g} s"
         )
-    return best[1]
+    return shift
 
 
 class Spectrum:
@@ -127,11 +127,11 @@ class StrapTrial:
 
     Parameters
     ----------
-    swing : Swing
+    swing : StrappedSwing
     torque : StrapTorque
     """
 
-    def __init__(self, swing: Swing, torque: StrapTorque):
+    def __init__(self, swing: StrappedSwing, torque: StrapTorque):
         self.swing, self.torque, self.fs = swing, torque, swing.fs
         self.angle = CubicSpline(swing.time, swing.position)
         # The body's parameters enter through the same strap: their columns are transformed with the torque.

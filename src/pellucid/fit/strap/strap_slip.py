@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...signals.filters import central_difference
-from .strap_torque import StrapTorque, Swing
+from .strap_torque import StrappedSwing, StrapTorque
 
 SMALLEST = np.radians(1.5)
 """A smaller step is let pass [rad]."""
@@ -34,14 +34,14 @@ class Slip:
     step: float
 
 
-def unexplained(swing: Swing, torque: StrapTorque, shift: float) -> tuple[np.ndarray, np.ndarray]:
+def unexplained(swing: StrappedSwing, torque: StrapTorque, shift: float) -> tuple[np.ndarray, np.ndarray]:
     """What a straight regression on motion and strap torque leaves of the IMU's angle.
 
     It has no memory, so that it cannot follow a step as a strap with much damping and little stiffness would.
 
     Parameters
     ----------
-    swing : Swing
+    swing : StrappedSwing
     torque : StrapTorque
     shift : float
         Of the IMU's clock, to a hundredth of a second [s].
@@ -59,7 +59,7 @@ def unexplained(swing: Swing, torque: StrapTorque, shift: float) -> tuple[np.nda
     return min(tried, key=lambda pair: float(np.mean(pair[1] ** 2)))
 
 
-def _regressed(swing: Swing, series: np.ndarray, shift: float) -> tuple[np.ndarray, np.ndarray]:
+def _regressed(swing: StrappedSwing, series: np.ndarray, shift: float) -> tuple[np.ndarray, np.ndarray]:
     time = swing.imu_time + shift
     known = np.isfinite(swing.imu_angle) & (time >= swing.time[0]) & (time <= swing.time[-1])
     columns = np.column_stack([np.interp(time[known], swing.time, s) for s in series.T])

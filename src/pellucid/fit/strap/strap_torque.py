@@ -31,7 +31,7 @@ NEGLIGIBLE = 0.02
 
 
 @dataclass(frozen=True, eq=False)
-class Swing:
+class StrappedSwing:
     """One trial of a wearer who swings the lower leg, whoever recorded it.
 
     Attributes
@@ -119,12 +119,12 @@ class StrapTorque:
     known: np.ndarray
 
 
-def from_orthosis(swing: Swing, orthosis: Orthosis) -> StrapTorque:
+def from_orthosis(swing: StrappedSwing, orthosis: Orthosis) -> StrapTorque:
     """The strap's torque by the orthosis's balance.
 
     Parameters
     ----------
-    swing : Swing
+    swing : StrappedSwing
     orthosis : Orthosis
 
     Returns
@@ -147,12 +147,12 @@ def from_orthosis(swing: Swing, orthosis: Orthosis) -> StrapTorque:
     return StrapTorque(strap, columns, orthosis.covariance, moving if matters else np.ones(len(angle), bool))
 
 
-def from_limb(swing: Swing, limb: Limb, limb_angle: np.ndarray) -> StrapTorque:
+def from_limb(swing: StrappedSwing, limb: Limb, limb_angle: np.ndarray) -> StrapTorque:
     """The strap's torque by the limb's balance.
 
     Parameters
     ----------
-    swing : Swing
+    swing : StrappedSwing
         With a knee torque.
     limb : Limb
     limb_angle : ndarray, shape (n,)

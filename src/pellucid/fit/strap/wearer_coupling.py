@@ -31,7 +31,7 @@ from .published_coupling import (
 )
 from .strap_search import clock_shift
 from .strap_slip import Slip, find_slip, unexplained
-from .strap_torque import Limb, Orthosis, Swing, from_limb, from_orthosis
+from .strap_torque import Limb, Orthosis, StrappedSwing, from_limb, from_orthosis
 
 EDGE = 1.0
 """Seconds at either end of a swing that are not judged: what went before them is not known."""
@@ -120,7 +120,7 @@ class WearerCoupling:
 
 def identify_wearer(
     participant: str,
-    swings: Sequence[Swing],
+    swings: Sequence[StrappedSwing],
     orthosis: Orthosis,
     *,
     limb: Limb | None = None,
@@ -132,7 +132,7 @@ def identify_wearer(
     Parameters
     ----------
     participant : str
-    swings : sequence of Swing
+    swings : sequence of StrappedSwing
         Strapped once; those whose split is ``"heldout"`` are only judged.
     orthosis : Orthosis
     limb : Limb, optional
@@ -247,7 +247,7 @@ def _compared(swing, torque, instrument, fit) -> tuple[np.ndarray, np.ndarray, n
 
 
 def _limb_side(
-    used: Sequence[Swing], limb: Limb, angles: Mapping[str, np.ndarray], gain: Parameter | None
+    used: Sequence[StrappedSwing], limb: Limb, angles: Mapping[str, np.ndarray], gain: Parameter | None
 ) -> tuple[CouplingFit | None, str]:
     try:
         torques = [from_limb(s, limb, angles[s.name]) for s in used]

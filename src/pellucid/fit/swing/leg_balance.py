@@ -12,7 +12,7 @@ from .loaded_swing import Swing, SwingFit
 
 
 def leg_alone(empty: SwingFit, loaded: SwingFit) -> tuple[Parameter, Parameter]:
-    """p' - p and q' - q: the leg's own.
+    """Inertia and weight moment of the leg, by difference.
 
     Parameters
     ----------
@@ -21,7 +21,7 @@ def leg_alone(empty: SwingFit, loaded: SwingFit) -> tuple[Parameter, Parameter]:
 
     Returns
     -------
-    p, q : Parameter
+    inertia, weight_moment : Parameter
         [kg m^2], [kg m]; `at_bound` where either fit's is.
     """
 
@@ -31,7 +31,7 @@ def leg_alone(empty: SwingFit, loaded: SwingFit) -> tuple[Parameter, Parameter]:
         held = with_leg.at_bound or without.at_bound
         return Parameter(with_leg.name, with_leg.unit, value, sd, held, abs(value) > 1.96 * sd > 0.0)
 
-    return less(loaded.p, empty.p), less(loaded.q, empty.q)
+    return less(loaded.inertia, empty.inertia), less(loaded.weight_moment, empty.weight_moment)
 
 
 @dataclass(frozen=True, eq=False)

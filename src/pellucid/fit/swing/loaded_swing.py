@@ -16,57 +16,89 @@ swing would have it otherwise, the fit is the best one on that bound.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, replace
+from functools import cached_property
 from itertools import cycle
 
 import numpy as np
-from scipy.optimize import brentq, lsq_linear
 
 from ..._errors import IdentificationError
-from ...models.joint import GRAVITY
+from ...models.filtered_dynamics import filtered_effort, filtered_jacobian, regressor
+from ...models.joint import GRAVITY, INDEX, NAMES
 from ...signals.filters import zero_phase_lowpass
+from ...signals.motion import Filtering, Motion
+from ..estimates import Estimates
 from ..joint.gravity_holds import phasor_parameters
 from ..parameter import Parameter
+from ..regression import at_bounds, least_squares_within, parameters_of, require_full_rank, rows_of, stack
 from ..searches.adam import AdamPath, adam
 from ..uncertainty import sandwich
 
 UNITS = {
-    "p": "kg*m^2",
-    "q": "kg*m",
-    "q_sine": "kg*m",
-    "q_cosine": "kg*m",
+    "inertia": "kg*m^2",
+    "weight_moment": "kg*m",
+    "weight_moment_sine": "kg*m",
+    "weight_moment_cosine": "kg*m",
     "viscous": "N*m*s/rad",
     "coulomb": "N*m",
     "offset": "N*m",
 }
-"""Linear coefficients of either form, and their units."""
+"""Linear coefficients of either form, and their units; the paper's p and q are the first two."""
 
-NEVER_NEGATIVE = ("p", "viscous", "coulomb")
+NEVER_NEGATIVE = ("inertia", "viscous", "coulomb")
 
 
 @dataclass(frozen=True, eq=False)
 class Swing:
-    """One swing, position and torque through the same zero-phase low-pass.
+    """One swing, `whole` through one zero-phase low-pass, and the samples of it that are `kept`; all else, each (n,),
+    is of those: `time` [s], `position` [rad], `velocity`, `acceleration`, `torque` [N m]."""
 
-    Attributes
-    ----------
-    recording : str
-    fs : float
-        [Hz]
-    time, position, velocity, acceleration, torque : ndarray, shape (n,)
-        [s], [rad], [rad/s], [rad/s^2], [N m].
-    direction : ndarray, shape (n,)
-        Sign of the velocity, through the same low-pass.
-    """
+    whole: Motion
+    kept: slice
 
-    recording: str
-    fs: float
-    time: np.ndarray = field(repr=False)
-    position: np.ndarray = field(repr=False)
-    velocity: np.ndarray = field(repr=False)
-    acceleration: np.ndarray = field(repr=False)
-    torque: np.ndarray = field(repr=False)
-    direction: np.ndarray = field(repr=False)
+    @property
+    def recording(self) -> str:
+        """Its name."""
+        return self.whole.recording
+
+    @property
+    def fs(self) -> float:
+        """Rate of the samples kept [Hz]."""
+        return self.whole.fs / self.kept.step
+
+    @cached_property
+    def time(self) -> np.ndarray:
+        """Shape (n,) [s]."""
+        return self.rows(self.whole.time)
+
+    @cached_property
+    def position(self) -> np.ndarray:
+        """Shape (n,) [rad]."""
+        return self.rows(self.whole.position)
+
+    @cached_property
+    def velocity(self) -> np.ndarray:
+        """Shape (n,) [rad/s]."""
+        return self.rows(self.whole.velocity)
+
+    @cached_property
+    def acceleration(self) -> np.ndarray:
+        """Shape (n,) [rad/s^2]."""
+        return self.rows(self.whole.acceleration)
+
+    @cached_property
+    def torque(self) -> np.ndarray:
+        """Shape (n,) [N m]."""
+        return self.rows(self.whole.effort)
+
+    @property
+    def effort(self) -> np.ndarray:
+        """Torque of all samples [N m]."""
+        return self.whole.effort
+
+    def rows(self, samples: np.ndarray) -> np.ndarray:
+        """Of all samples, (m,) or (m, k), those kept."""
+        return samples[self.kept]
 
     def __len__(self) -> int:
         return len(self.time)
@@ -121,44 +153,76 @@ def swing(
     # A second difference of the angle, not of the velocity, spans three samples and not five.
     acceleration = np.zeros_like(angle)
     acceleration[1:-1] = (angle[2:] - 2.0 * angle[1:-1] + angle[:-2]) * fs**2
-    direction = zero_phase_lowpass(np.sign(velocity), lowpass, order, fs)
     filtered = zero_phase_lowpass(torque, lowpass, order, fs)
-    kept = slice(max(border, 1), len(time) - max(border, 1), every)
-    columns = (time, angle, velocity, acceleration, filtered, direction)
-    return Swing(recording, fs / every, *(np.asarray(column, dtype=float)[kept] for column in columns))
+    whole = Motion(
+        fs, np.asarray(time, float), angle, velocity, acceleration, filtered, Filtering(lowpass, order), recording
+    )
+    return Swing(whole, slice(max(border, 1), len(time) - max(border, 1), every))
 
 
 @dataclass(frozen=True)
 class SwingForm:
-    """Which equation is fitted.
-
-    Attributes
-    ----------
-    terms : tuple of str
-        Linear coefficients, of `UNITS`.
-    hanging : float
-        Angle of rest [rad], where it is not among the coefficients.
-    sign : float
-        Of the gravity term: 1, or -1 as published.
-    """
+    """Which equation is fitted: the linear coefficients among `terms`, of `UNITS`; the angle of rest, `hanging` [rad],
+    where it is none of them; and the `sign` of the gravity term, 1, or -1 as published."""
 
     terms: tuple[str, ...]
     hanging: float = 0.0
     sign: float = 1.0
+    linear = True
+    label = "a swing"
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The terms."""
+        return self.terms
+
+    def unit(self, name: str) -> str:
+        """SI unit of a term."""
+        return UNITS[name]
+
+    def bounds(self) -> tuple[np.ndarray, np.ndarray]:
+        """Lower and upper bounds, each (k,), SI; as published there are none."""
+        lower = [0.0 if n in NEVER_NEGATIVE and self.sign > 0.0 else -np.inf for n in self.terms]
+        return np.array(lower), np.full(len(lower), np.inf)
+
+    def selection(self) -> np.ndarray:
+        """Matrix, (13, k), with core vector = selection @ coefficients."""
+        targets = {
+            "inertia": {"inertia": 1.0},
+            "weight_moment": {"gravity_sine": self.sign * GRAVITY},
+            "weight_moment_sine": {"gravity_sine": GRAVITY},
+            "weight_moment_cosine": {"gravity_cosine": GRAVITY},
+            "viscous": {"viscous_positive": 1.0, "viscous_negative": 1.0},
+            "coulomb": {"coulomb_positive": 1.0, "coulomb_negative": 1.0},
+            "offset": {"offset": 1.0},
+        }
+        matrix = np.zeros((len(NAMES), len(self.terms)))
+        for column, name in enumerate(self.terms):
+            for target, gain in targets[name].items():
+                matrix[INDEX[target], column] = gain
+        return matrix
+
+    def effort(self, values: np.ndarray, motion: Swing) -> np.ndarray:
+        """Torque of all of a swing's samples, (m,) [N m], with coefficients `values`, (k,)."""
+        return filtered_effort(self.selection() @ values, self._about_rest(motion))
+
+    def jacobian(self, values: np.ndarray, motion: Swing) -> tuple[np.ndarray, np.ndarray]:
+        """The same, and its derivative, (m, k)."""
+        chosen = self.selection()
+        return filtered_jacobian(chosen @ values, chosen, self._about_rest(motion))
 
     def regressor(self, motion: Swing) -> np.ndarray:
-        """Torque that one unit of each coefficient takes, shape (n, k), along a swing of n samples."""
-        angle = motion.position - self.hanging
-        columns = {
-            "p": motion.acceleration,
-            "q": self.sign * GRAVITY * np.sin(angle),
-            "q_sine": GRAVITY * np.sin(angle),
-            "q_cosine": GRAVITY * np.cos(angle),
-            "viscous": motion.velocity,
-            "coulomb": motion.direction,
-            "offset": np.ones(len(motion)),
-        }
-        return np.column_stack([columns[name] for name in self.terms])
+        """Torque that one unit of each coefficient takes along the samples kept, shape (n, k)."""
+        return motion.rows(self.jacobian(np.zeros(len(self.terms)), motion)[1])
+
+    def along(self, position: np.ndarray, velocity: np.ndarray, acceleration: np.ndarray) -> np.ndarray:
+        """The same, (n, k), along a motion that passed no filter: `position`, `velocity`, `acceleration`, (n,)."""
+        chosen = self.selection()
+        terms = np.flatnonzero(chosen.any(axis=1))
+        return regressor(position - self.hanging, velocity, acceleration, tuple(terms)) @ chosen[terms]
+
+    def _about_rest(self, motion: Swing) -> Motion:
+        return replace(motion.whole, position=motion.whole.position - self.hanging)
 
 
 def as_published(zero: float = 0.0) -> SwingForm:
@@ -174,7 +238,7 @@ def as_published(zero: float = 0.0) -> SwingForm:
     -------
     SwingForm
     """
-    return SwingForm(("p", "q"), zero, -1.0)
+    return SwingForm(("inertia", "weight_moment"), zero, -1.0)
 
 
 def corrected(
@@ -193,26 +257,21 @@ def corrected(
     -------
     SwingForm
     """
-    gravity = ("q",) if hanging is not None else ("q_sine", "q_cosine")
+    gravity = ("weight_moment",) if hanging is not None else ("weight_moment_sine", "weight_moment_cosine")
     rest = [n for n, wanted in (("viscous", viscous), ("coulomb", friction), ("offset", offset)) if wanted]
-    return SwingForm(("p", *gravity, *rest), 0.0 if hanging is None else hanging)
+    return SwingForm(("inertia", *gravity, *rest), 0.0 if hanging is None else hanging)
 
 
-@dataclass(frozen=True, eq=False)
-class SwingFit:
-    """What a swing says of what swings.
+@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
+class SwingFit(Estimates):
+    """What a swing says of what swings: its inertia m d^2 and its weight's moment m d, and beside them the angle of
+    rest, friction and the offset, where they were estimated.
 
     Attributes
     ----------
     form : SwingForm
     coefficients : ndarray, shape (k,)
-        Of the form's terms.
-    covariance : ndarray, shape (k, k)
-        Theirs; allows for coloured residuals.
-    p, q : Parameter
-        m d^2 and m d [kg m^2], [kg m].
-    others : tuple of Parameter
-        The angle of rest, friction and the offset, where they were estimated.
+        Of the form's terms; the covariance, (k, k), is theirs.
     residual_rms : float
         [N m]
     correlation : float
@@ -220,34 +279,40 @@ class SwingFit:
     condition : float
         Of the regressor.
     mass_bound : float or None
-        The mass that p >= q^2 / m was held to [kg].
+        The mass that inertia >= weight_moment^2 / m was held to [kg].
     """
 
     form: SwingForm
     coefficients: np.ndarray
-    covariance: np.ndarray = field(repr=False)
-    p: Parameter
-    q: Parameter
-    others: tuple[Parameter, ...]
     residual_rms: float
     correlation: float
     condition: float
     mass_bound: float | None = None
 
     @property
-    def parameters(self) -> tuple[Parameter, ...]:
-        """All that was estimated."""
-        return (self.p, self.q, *self.others)
+    def inertia(self) -> Parameter:
+        """m d^2 [kg m^2], the paper's p."""
+        return self["inertia"]
+
+    @property
+    def weight_moment(self) -> Parameter:
+        """m d [kg m], the paper's q."""
+        return self["weight_moment"]
+
+    @property
+    def others(self) -> tuple[Parameter, ...]:
+        """The angle of rest, friction and the offset, where they were estimated."""
+        return self.parameters[2:]
 
     @property
     def mass(self) -> float:
-        """Of the point that has this p and q: q^2 / p [kg]."""
-        return self.q.value**2 / self.p.value
+        """Of the point that has this inertia and weight moment [kg]."""
+        return self.weight_moment.value**2 / self.inertia.value
 
     @property
     def distance(self) -> float:
-        """Of that point from the axis: p / q [m]."""
-        return self.p.value / self.q.value
+        """Of that point from the axis [m]."""
+        return self.inertia.value / self.weight_moment.value
 
     def torque(self, motion: Swing) -> np.ndarray:
         """Torque that a swing of n samples takes, shape (n,) [N m]."""
@@ -276,21 +341,12 @@ def fit_swings(swings: Sequence[Swing], form: SwingForm, *, mass_bound: float | 
         If the swings do not tell the coefficients apart.
     """
     matrix, torque = _stacked(swings, form)
-    size = np.linalg.norm(matrix, axis=0)
-    if not np.all(size > 0.0) or np.linalg.cond(matrix / size) > 1e8:
-        raise IdentificationError(
-            f"{', '.join(s.recording or 'a swing' for s in swings)}: found no motion that tells "
-            f"{', '.join(form.terms)} apart, expected one: swing wider and faster"
-        )
-    literal = form.sign < 0.0
-    values, held, bound = (
-        (np.linalg.lstsq(matrix / size, torque, rcond=None)[0] / size, np.zeros(len(size), bool), False)
-        if literal
-        else _bounded(matrix, torque, form, mass_bound)
-    )
+    require_full_rank(form.terms, matrix, ", ".join(s.recording or "a swing" for s in swings))
+    values, bound = _within(matrix, torque, form, mass_bound)
+    values, held = at_bounds(values, *form.bounds(), matrix, torque - matrix @ values)
     free = ~held
     if bound:
-        free[form.terms.index("p")] = False
+        free[form.terms.index("inertia")] = False
     residual = torque - matrix @ values
     covariance = sandwich(matrix, residual, [len(s) for s in swings], free=free)
     if bound:
@@ -346,71 +402,76 @@ def adam_swings(
 
 
 def _stacked(swings: Sequence[Swing], form: SwingForm) -> tuple[np.ndarray, np.ndarray]:
-    return np.vstack([form.regressor(s) for s in swings]), np.concatenate([s.torque for s in swings])
+    """Regressor (n, k) and torque (n,)."""
+    data = stack(swings)
+    return rows_of(form, np.zeros(len(form.terms)), data)[0], data.target
 
 
-def _bounded(matrix, torque, form, mass_bound):
-    """Coefficients, which of them are held at 0, and whether the mass bound holds p."""
-    size = np.linalg.norm(matrix, axis=0)
-    scaled = matrix / size
-    gram, moment = scaled.T @ scaled, scaled.T @ torque
-    low = np.array([0.0 if name in NEVER_NEGATIVE else -np.inf for name in form.terms])
-    gravity = np.array([name.startswith("q") for name in form.terms])
-    inertia = form.terms.index("p")
-
-    def solved(weight: float) -> np.ndarray:
-        # Lagrange: the bound's square joins the Gram matrix, its linear part the moment.
-        curved = gram + np.diag(np.where(gravity, weight / (mass_bound or 1.0) / size**2, 0.0))
-        pulled = moment.copy()
-        pulled[inertia] += 0.5 * weight / size[inertia]
-        root = np.linalg.cholesky(curved)
-        target = np.linalg.solve(root, pulled)
-        return lsq_linear(root.T, target, (low, np.full(len(low), np.inf)), method="bvls", tol=1e-14).x / size
+def _within(matrix, torque, form, mass_bound) -> tuple[np.ndarray, bool]:
+    """Coefficients, (k,), and whether the mass bound holds the inertia."""
+    lower, upper = form.bounds()
+    values = least_squares_within(matrix, torque, lower, upper, method="bvls")
+    gravity = np.array([name.startswith("weight_moment") for name in form.terms])
+    inertia = form.terms.index("inertia")
 
     def beyond(values: np.ndarray) -> float:
         return float(np.sum(values[gravity] ** 2) / mass_bound - values[inertia])
 
-    values = solved(0.0)
-    bound = mass_bound is not None and beyond(values) > 0.0
-    if bound:
-        most = float(size[inertia] ** 2 * max(abs(beyond(values)), 1e-9))
-        while beyond(solved(most)) > 0.0:
-            most *= 4.0
-        values = solved(brentq(lambda weight: beyond(solved(weight)), 0.0, most, xtol=1e-12 * most, rtol=1e-12))
-    held = (values <= low + 1e-12 / size) & np.isfinite(low)
-    return values, held, bound
+    if mass_bound is None or form.sign < 0.0 or beyond(values) <= 0.0:
+        return values, False
+    from scipy.optimize import brentq
+
+    size = np.linalg.norm(matrix, axis=0)
+    scaled = matrix / size
+    gram, moment = scaled.T @ scaled, scaled.T @ torque
+
+    def solved(weight: float) -> np.ndarray:
+        # Lagrange: the bound's square joins the Gram matrix, its linear part the moment.
+        curved = gram + np.diag(np.where(gravity, weight / mass_bound / size**2, 0.0))
+        pulled = moment.copy()
+        pulled[inertia] += 0.5 * weight / size[inertia]
+        root = np.linalg.cholesky(curved)
+        values = least_squares_within(root.T, np.linalg.solve(root, pulled), lower * size, upper, method="bvls")
+        return values / size
+
+    most = float(size[inertia] ** 2 * max(abs(beyond(values)), 1e-9))
+    while beyond(solved(most)) > 0.0:
+        most *= 4.0
+    return solved(brentq(lambda weight: beyond(solved(weight)), 0.0, most, xtol=1e-12 * most, rtol=1e-12)), True
 
 
 def _on_the_bound(covariance: np.ndarray, values: np.ndarray, form: SwingForm, mass_bound: float) -> np.ndarray:
-    """The covariance with p's, which on the bound is a function of the gravity terms."""
+    """The covariance with the inertia's, which on the bound is a function of the gravity terms."""
     slope = np.eye(len(values))
-    i = form.terms.index("p")
-    slope[i] = [2.0 * v / mass_bound if n.startswith("q") else 0.0 for n, v in zip(form.terms, values, strict=True)]
+    i = form.terms.index("inertia")
+    slope[i] = [
+        2.0 * v / mass_bound if n.startswith("weight_moment") else 0.0 for n, v in zip(form.terms, values, strict=True)
+    ]
     return slope @ covariance @ slope.T
 
 
 def _fit(form, values, covariance, held, residual, matrix, mass_bound) -> SwingFit:
-    sd = np.sqrt(np.diag(covariance))
-    found = {
-        name: Parameter(
-            name, UNITS[name], float(values[i]), float(sd[i]),
-            at_bound=bool(held[i]) or (name == "p" and mass_bound is not None),
-            identifiable=bool(abs(values[i]) > 1.96 * sd[i] > 0.0),
-        )
-        for i, name in enumerate(form.terms)
-    }  # fmt: skip
-    others = tuple(p for name, p in found.items() if not name.startswith(("p", "q")))
-    if "q" in found:
-        q, gravity = found["q"], found["q"]
-        column = matrix[:, form.terms.index("q")]
+    held = held | np.array([name == "inertia" and mass_bound is not None for name in form.terms])
+    plain = parameters_of(form.terms, [UNITS[n] for n in form.terms], values, covariance, held)
+    found = {p.name: p for p in plain}
+    others = tuple(p for name, p in found.items() if not name.startswith(("inertia", "weight_moment")))
+    if "weight_moment" in found:
+        moment = found["weight_moment"]
+        column = matrix[:, form.terms.index("weight_moment")]
     else:
-        chosen = [form.terms.index("q_sine"), form.terms.index("q_cosine")]
-        gravity, zero = phasor_parameters(values[chosen], covariance[np.ix_(chosen, chosen)])
-        q = Parameter("q", UNITS["q"], gravity.value, gravity.standard_error)
+        chosen = [form.terms.index("weight_moment_sine"), form.terms.index("weight_moment_cosine")]
+        size, zero = phasor_parameters(values[chosen], covariance[np.ix_(chosen, chosen)])
+        moment = Parameter("weight_moment", UNITS["weight_moment"], size.value, size.standard_error)
         others = (Parameter("hanging", "rad", zero.value, zero.standard_error), *others)
         column = matrix[:, chosen] @ values[chosen]
-    inertia = matrix[:, form.terms.index("p")]
     return SwingFit(
-        form, values, covariance, found["p"], q, others, float(np.sqrt(np.mean(residual**2))),
-        float(np.corrcoef(inertia, column)[0, 1]), float(np.linalg.cond(matrix)), mass_bound,
-    )  # fmt: skip
+        title="What swings",
+        parameters=(found["inertia"], moment, *others),
+        covariance=covariance,
+        form=form,
+        coefficients=values,
+        residual_rms=float(np.sqrt(np.mean(residual**2))),
+        correlation=float(np.corrcoef(matrix[:, form.terms.index("inertia")], column)[0, 1]),
+        condition=float(np.linalg.cond(matrix)),
+        mass_bound=mass_bound,
+    )

@@ -1,7 +1,7 @@
 r"""What a swing can say of inertia and gravity before it is recorded, and one that says more.
 
 Torque noise of standard deviation s and band B, seen for a time D, is worth 2 B D independent samples. The covariance
-of p and q is then
+of inertia and weight moment is then
 
 .. math::  C = \frac{s^2}{2 B D} \left( \overline{w w^T} \right)^{-1}, \qquad w = (\ddot\theta, \, g \sin\theta, \ldots)
 
@@ -15,8 +15,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..._errors import IdentificationError
-from ...models.joint import GRAVITY
 from ...protocols.fourier import FourierSeries, optimised_fourier
+from .loaded_swing import SwingForm, corrected
 
 _INSTANTS = 2000  # of a period
 _STEPS = 8  # acceleration limits tried
@@ -28,20 +28,20 @@ class SwingInformation:
 
     Attributes
     ----------
-    p_sd, q_sd : float
+    inertia_sd, weight_moment_sd : float
         Standard deviations to expect [kg m^2], [kg m].
     correlation : float
         Of the torques that inertia and gravity take.
     condition : float
-        Of the regressor of p and q.
+        Of the regressor of both.
     inertia_share : float
         Effective torque of the inertia, over that of gravity.
     peak_torque : float
         [N m]
     """
 
-    p_sd: float
-    q_sd: float
+    inertia_sd: float
+    weight_moment_sd: float
     correlation: float
     condition: float
     inertia_share: float
@@ -50,21 +50,21 @@ class SwingInformation:
 
 def swing_information(
     series: FourierSeries,
-    p: float,
-    q: float,
+    inertia: float,
+    weight_moment: float,
     *,
     noise: float,
     bandwidth: float,
     duration: float,
     friction: bool = False,
 ) -> SwingInformation:
-    """How sure p and q can be after a swing about where the body hangs.
+    """How sure inertia and weight moment can be after a swing about where the body hangs.
 
     Parameters
     ----------
     series : FourierSeries
         About 0, which is hanging.
-    p, q : float
+    inertia, weight_moment : float
         Of the body [kg m^2], [kg m].
     noise : float
         Standard deviation of the torque's [N m].
@@ -73,30 +73,30 @@ def swing_information(
     duration : float
         [s]
     friction : bool
-        Whether viscous and Coulomb friction and an offset have to be told from p and q too.
+        Whether viscous and Coulomb friction and an offset have to be told from them too.
 
     Returns
     -------
     SwingInformation
     """
     time = np.arange(_INSTANTS) / _INSTANTS * series.period
-    matrix = _regressor(*series.motion(time), friction=friction)
+    matrix = _form(friction).along(*series.motion(time))
     count = 2.0 * bandwidth * duration
     covariance = noise**2 / count * np.linalg.inv(matrix.T @ matrix / len(matrix))
-    inertia, gravity = p * matrix[:, 0], q * matrix[:, 1]
+    inertial, gravity = inertia * matrix[:, 0], weight_moment * matrix[:, 1]
     return SwingInformation(
         float(np.sqrt(covariance[0, 0])),
         float(np.sqrt(covariance[1, 1])),
-        float(np.corrcoef(inertia, gravity)[0, 1]),
+        float(np.corrcoef(inertial, gravity)[0, 1]),
         float(np.linalg.cond(matrix[:, :2])),
-        float(np.std(inertia) / np.std(gravity)),
-        float(np.abs(inertia + gravity).max()),
+        float(np.std(inertial) / np.std(gravity)),
+        float(np.abs(inertial + gravity).max()),
     )
 
 
 def better_swing(
-    p: float,
-    q: float,
+    inertia: float,
+    weight_moment: float,
     *,
     reach: float,
     peak_torque: float,
@@ -107,14 +107,14 @@ def better_swing(
     harmonics: int = 10,
     friction: bool = False,
 ) -> FourierSeries:
-    """A swing that shows p and q as well as a range of angles and a motor allow.
+    """A swing that shows both as well as a range of angles and a motor allow.
 
-    D-optimal Fourier series for a few limits of the acceleration; the one that shows p best of those that need no more
-    torque than there is.
+    D-optimal Fourier series for a few limits of the acceleration; the one that shows the inertia best of those that
+    need no more torque than there is.
 
     Parameters
     ----------
-    p, q : float
+    inertia, weight_moment : float
         About what the body has [kg m^2], [kg m]; they say what torque a swing needs.
     reach : float
         Largest angle from hanging, either way [rad].
@@ -139,18 +139,21 @@ def better_swing(
     IdentificationError
         If every swing tried needs more torque.
     """
+    form = _form(friction)
     best, least, lowest = None, np.inf, np.inf
-    size = np.array([p, q, *([0.1 * q] * 3 if friction else [])])
+    size = np.array([inertia, weight_moment, *([0.1 * weight_moment] * 3 if friction else [])])
     for limit in acceleration / 1.5 ** np.arange(_STEPS):
         series = optimised_fourier(
-            lambda *motion: _regressor(*motion, friction=friction),
+            form.along,
             fundamental=fundamental, harmonics=harmonics, low=-reach, high=reach, velocity=velocity,
             acceleration=float(limit), rng=rng, criterion="determinant", scales=size, restarts=2,
         )  # fmt: skip
-        shown = swing_information(series, p, q, noise=1.0, bandwidth=1.0, duration=1.0, friction=friction)
+        shown = swing_information(
+            series, inertia, weight_moment, noise=1.0, bandwidth=1.0, duration=1.0, friction=friction
+        )
         lowest = min(lowest, shown.peak_torque)
-        if shown.peak_torque <= peak_torque and shown.p_sd < least:
-            best, least = series, shown.p_sd
+        if shown.peak_torque <= peak_torque and shown.inertia_sd < least:
+            best, least = series, shown.inertia_sd
     if best is None:
         raise IdentificationError(
             f"found no swing of +-{np.degrees(reach):.3g} deg that needs less than {lowest:.3g} N*m, expected at most "
@@ -159,8 +162,5 @@ def better_swing(
     return best
 
 
-def _regressor(position: np.ndarray, velocity: np.ndarray, acceleration: np.ndarray, *, friction: bool) -> np.ndarray:
-    columns = [acceleration, GRAVITY * np.sin(position)]
-    if friction:
-        columns += [velocity, np.sign(velocity), np.ones_like(position)]
-    return np.column_stack(columns)
+def _form(friction: bool) -> SwingForm:
+    return corrected(0.0, friction=friction, viscous=friction, offset=friction)

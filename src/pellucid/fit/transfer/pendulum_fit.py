@@ -18,10 +18,18 @@ from scipy.optimize import least_squares, lsq_linear
 from scipy.special import ndtri
 
 from ..._errors import IdentificationError
-from ...models.card import named
-from ...models.pendulum import NAMES, UNITS, PendulumDrive, PendulumMotion, pendulum_drive, simulate_pendulum
+from ...models.pendulum import (
+    NAMES,
+    UNITS,
+    PendulumDrive,
+    PendulumMotion,
+    pendulum_drive,
+    resistance,
+    simulate_pendulum,
+)
 from ...models.transfer_function import filtered_powers
 from ...signals.input_output import InputOutput
+from ..estimates import Estimates
 from ..parameter import Parameter, Whiteness
 from ..uncertainty import sandwich, whiteness
 from .srivc import SINGULAR
@@ -46,8 +54,8 @@ SPAN = 0.02
 """Reach of the differences that make a rough velocity to start from [s]."""
 
 
-@dataclass(frozen=True)
-class PendulumFit:
+@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
+class PendulumFit(Estimates):
     """An identified pendulum.
 
     Attributes
@@ -74,9 +82,7 @@ class PendulumFit:
     whiteness : Whiteness
     """
 
-    parameters: tuple[Parameter, ...]
     known: Mapping[str, float]
-    covariance: np.ndarray
     reasons: Mapping[str, str]
     responses: tuple[Response, ...]
     hold: str
@@ -86,11 +92,8 @@ class PendulumFit:
     converged: bool
     whiteness: Whiteness
 
-    def __getitem__(self, name: str) -> Parameter:
-        return named(self.parameters, name, "this fit")
-
     @property
-    def values(self) -> np.ndarray:
+    def complete(self) -> np.ndarray:
         """All six values, shape (6,), SI; zero where a term was neither free nor known."""
         free = {p.name: p.value for p in self.parameters}
         return np.array([free.get(name, self.known.get(name, 0.0)) for name in NAMES])
@@ -192,7 +195,7 @@ def judged_pendulum(fit: PendulumFit, record: InputOutput) -> Response:
         If the record is too short, misses samples or does not move, or its simulation diverges.
     """
     _require(record, 2)
-    held = dict(zip(NAMES, fit.values, strict=True))
+    held = dict(zip(NAMES, fit.complete, strict=True))
     problem = _Problem((record,), (), held, fit.hold, fit.width)
     start = np.array([record.output[0], _speed(record)[0]])
     problem.prepare(start)
@@ -288,8 +291,8 @@ class _Problem:
         held = np.array([self.known.get(name, 0.0) for name in NAMES])
         for i, (record, speed) in enumerate(zip(self.records, speeds, strict=True)):
             q = record.output
-            sign = np.tanh(speed / self.width)
-            signals = np.column_stack([record.input, q - q[0], sign, np.sin(q), q, np.ones(len(q))])
+            _, rubbed, hung, constant = resistance(q, speed, self.width)[:, :4].T
+            signals = np.column_stack([record.input, q - q[0], rubbed, hung, q, constant])
             powers = filtered_powers(denominator, record.time, signals, hold="first")
             plain = powers[:, 2, :]
             columns = np.column_stack([powers[:, 0, 1], powers[:, 1, 1], plain[:, 2:]])
@@ -374,6 +377,7 @@ def _finished(
             edge = lower[i] if held_low[i] else upper[i]
             reasons[name] = _reason(made, edge, float(wanted[i]), float(slope[i]))
     return PendulumFit(
+        title="Pendulum",
         parameters=tuple(parameters),
         known=dict(problem.known),
         covariance=covariance,

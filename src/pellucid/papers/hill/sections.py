@@ -78,7 +78,7 @@ def _swings(made: HillPaper) -> Section:
             "dashed: closed form",
             {"p (kg·m²)": body.falling.values[:, 0], "q (kg·m)": body.falling.values[:, 1]},
             "p, q",
-            {"p (kg·m²)": body.published.p.value, "q (kg·m)": body.published.q.value},
+            {"p (kg·m²)": body.published.inertia.value, "q (kg·m)": body.published.weight_moment.value},
         )
         for head, body in bodies.items()
     ]

@@ -11,7 +11,7 @@ from ...fit.joint.gravity_holds import cosine_moment, line_of_best_fit
 from ...fit.parameter import Parameter
 from ...fit.strap.limb_imu import limb_by_imu
 from ...fit.strap.orthosis_alone import HOLD, OrthosisFit, fit_orthosis
-from ...fit.strap.strap_torque import Swing
+from ...fit.strap.strap_torque import StrappedSwing
 from ...fit.strap.wearer_coupling import EDGE, WearerCoupling, identify_wearer
 from ...fit.transfer.transfer_function_fit import TransferFit, fit_percent, fit_records
 from ...lab.knee.rig import KneeRig
@@ -200,5 +200,7 @@ def _with_true_torque(taken: KneeSession, orthosis: OrthosisFit, stages: WearerS
         record = input_output(recording, ("torque", "position"))
         time, angle = limb_by_imu(inertial(recording.streams["imu"]), record, method="vqf", axes=6)
         torque = taken.truth[recording.name].muscle_torque
-        made.append(Swing(recording.name, record.split, record.time, record.output, record.input, time, angle, torque))
+        made.append(
+            StrappedSwing(recording.name, record.split, record.time, record.output, record.input, time, angle, torque)
+        )
     return _mismatches(taken, identify_wearer("", made, orthosis.orthosis, limb=stages.limb.limb))

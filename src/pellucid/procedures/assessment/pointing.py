@@ -15,8 +15,8 @@ import numpy as np
 
 from ..._errors import RecordingError
 from ...recordings.recording import Recording
-from ...signals.alignment import align, clock_drift
 from ...signals.amplitude_check import OWN
+from ...signals.clocks import align, clock_drift
 from ...signals.movements import (
     Kinematics,
     Movement,

@@ -16,8 +16,9 @@ from ...fit.strap.limb_alone import fit_limb
 from ...fit.strap.limb_imu import calibrate_imu, limb_by_imu
 from ...fit.strap.limb_muscles import Levels, MuscleTorque, at_work, envelopes, find_levels, fit_muscle_torque
 from ...fit.strap.orthosis_alone import OrthosisFit, fit_orthosis
-from ...fit.strap.strap_torque import Swing
+from ...fit.strap.strap_torque import StrappedSwing
 from ...fit.strap.wearer_coupling import identify_wearer
+from ...models.anthropometry import Segment, known_segments
 from ...recordings.quality import Fault
 from ...recordings.recording import Recording
 from ...recordings.study import Study
@@ -236,7 +237,7 @@ def _wearer(
     working = _not_relaxed(trials, who, asked)
     try:
         relaxed = [trials.worn(r) for r in trials.of("relaxed_holds", who)]
-        limb = fit_limb(relaxed, orthosis.gravity, participant, at_work=working)
+        limb = fit_limb(relaxed, orthosis.gravity, _segments(participant), at_work=working)
         muscles = _muscles(trials, who, asked, orthosis.gravity.gravity.value + limb.gravity.value)
     except PellucidError as error:
         notes.append(str(error))
@@ -256,13 +257,13 @@ def _wearer(
 
 def _swing(
     trials: _Trials, recording: Recording, asked: CouplingTable, muscles: MuscleTorque | None, chosen: Mapping
-) -> Swing:
+) -> StrappedSwing:
     record = trials.worn(recording)
     time, angle = limb_by_imu(trials.imu(recording, asked), record, **chosen)
     torque = None
     if muscles is not None and asked.emg in recording.streams:
         torque = muscles(_at(recording.stream(asked.emg), emg_chain(CHAIN), record.time), record.output)
-    return Swing(recording.name, record.split, record.time, record.output, record.input, time, angle, torque)
+    return StrappedSwing(recording.name, record.split, record.time, record.output, record.input, time, angle, torque)
 
 
 def _levels(trials: _Trials, who: str, asked: CouplingTable, chain: EmgChain) -> Levels | None:
@@ -300,3 +301,8 @@ def _muscles(trials: _Trials, who: str, asked: CouplingTable, gravity: float) ->
 def _at(emg: Recording, chain: EmgChain, time: np.ndarray) -> dict[str, np.ndarray]:
     """A stream's envelopes at the actuator's times."""
     return {muscle: np.interp(time, emg.time, envelope) for muscle, envelope in envelopes(emg, chain).items()}
+
+
+def _segments(participant: Participant | None) -> dict[str, Segment]:
+    p = participant
+    return {} if p is None else known_segments(p.mass, p.height, p.sex, p.shank_length)

@@ -9,7 +9,7 @@ from scipy.interpolate import CubicSpline
 
 from ..._errors import IdentificationError
 from ...recordings.recording import Recording
-from ...signals.alignment import Alignment, align
+from ...signals.clocks import Alignment, align
 from ...signals.hinge_angle import HingeAngle
 from ...signals.quaternion import angular_steps, conjugate, continuous, multiply, twist
 

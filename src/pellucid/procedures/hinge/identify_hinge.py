@@ -14,7 +14,7 @@ from ...recordings.quality import Fault
 from ...recordings.recording import Recording
 from ...recordings.results import ResultRow
 from ...recordings.study import Study
-from ...signals.alignment import Alignment, clock_drift
+from ...signals.clocks import Alignment, clock_drift
 from ...signals.hinge import Hinge, find_hinge
 from ...signals.hinge_angle import HingeAngle, hinge_angle
 from ...signals.inertial import Inertial, inertial

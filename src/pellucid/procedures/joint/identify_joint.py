@@ -10,19 +10,19 @@ import numpy as np
 from ..._errors import IdentificationError
 from ...fit.joint.drive_constant import drive_constant
 from ...fit.joint.friction_family import FamilyFit, best_family, fit_family
-from ...fit.joint.regression import stack
 from ...fit.joint.replay import Machine
 from ...fit.parameter import Parameter
+from ...fit.regression import stack
 from ...models.joint import FAMILIES, JointModel, joint_model
 from ...models.simulate import LoopSetting
 from ...recordings.quality import drive_channel, require_sound
 from ...recordings.study import Study
 from ...recordings.study_file import JointTable
 from ...signals.effort import drive_model
-from ...signals.motion import filtering_of, motions
 from ..procedure import Progress, quiet
 from .joint_result import JointResult, completed, traces_of
 from .joint_verdicts import sign_error, verdicts
+from .recorded_motions import filtering_of, motions
 
 
 def identify_joint(

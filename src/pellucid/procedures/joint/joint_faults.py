@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from ..._errors import PellucidError
-from ...fit.joint.regression import solve, stack
+from ...fit.joint.friction_solver import solve_family
+from ...fit.regression import stack
 from ...models.joint import joint_model
 from ...recordings.quality import Fault, drive_channel, inspect
 from ...recordings.study import Study
 from ...signals.effort import drive_model
-from ...signals.motion import motions
 from .joint_verdicts import sign_error
+from .recorded_motions import motions
 
 
 def joint_faults(study: Study) -> list[Fault]:
@@ -26,7 +27,7 @@ def joint_faults(study: Study) -> list[Fault]:
             gravity=study.model.gravity,
             known=study.model.known,
         )
-        solve(model, data)
+        solve_family(model, data)
         sign_error(model, data, drive_channel(study.recordings("fit")[0], study))
     except PellucidError as error:
         faults.append(

@@ -8,9 +8,10 @@ import numpy as np
 
 from ..._errors import IdentificationError
 from ...fit.joint.friction_family import FamilyFit
+from ...fit.joint.friction_solver import solve_family
 from ...fit.joint.joint_estimate import JointEstimate
-from ...fit.joint.regression import Stack, solve
 from ...fit.parameter import Parameter, Verdict
+from ...fit.regression import Stack
 from ...models.joint import UNITS, JointModel
 from ...recordings.study import Study
 
@@ -56,7 +57,7 @@ def sign_error(model: JointModel, data: Stack, channel: str) -> None:
     IdentificationError
         If the drive takes work out of the joint and the unbounded inertia is negative beyond doubt.
     """
-    found = solve(model, data, consistent=False)
+    found = solve_family(model, data, consistent=False)
     values = dict(zip(model.names, found.values, strict=True))
     noise = np.sqrt(np.mean(found.residual**2) / np.maximum(np.sum(found.jacobian**2, axis=0), 1e-300))
     sure = {n for n, v, s in zip(model.names, found.values, noise, strict=True) if v < -10.0 * s}

@@ -236,8 +236,8 @@ def _findings(config, confidence, empty, legs, swings, wearers, checksums) -> Lo
     ]
     alone = checksum_of_all(files(None).values())
     results += [
-        ResultRow(f"{study}.exoskeleton.{p.name}", p.value, p.unit, "identify", "fitted", alone, "")
-        for p in (empty.p, empty.q)
+        ResultRow(f"{study}.exoskeleton.{name}", p.value, p.unit, "identify", "fitted", alone, "")
+        for name, p in (("p", empty.inertia), ("q", empty.weight_moment))
     ]
     mean = float(np.mean([leg.p.value for leg in legs.values()]))
     return LoadedSwingResult(
@@ -312,11 +312,14 @@ def _cards(study, empty, legs, files, confidence) -> dict[str, ParameterCard]:
 
     def of(parts: Sequence[Parameter], covariance: np.ndarray) -> np.ndarray:
         """Covariance (k, k) of a card's parameters from that of the regression's terms."""
-        terms = [empty.form.terms.index({"gravity": "q", "inertia": "p"}.get(p.name, p.name)) for p in parts]
+        terms = [empty.form.terms.index({"gravity": "weight_moment"}.get(p.name, p.name)) for p in parts]
         gain = np.array([GRAVITY if p.name == "gravity" else 1.0 for p in parts])
         return covariance[np.ix_(terms, terms)] * np.outer(gain, gain)
 
-    orthosis = [*body(empty.p, empty.q), *(p for p in empty.others if p.name in ("viscous", "coulomb", "offset"))]
+    orthosis = [
+        *body(empty.inertia, empty.weight_moment),
+        *(p for p in empty.others if p.name in ("viscous", "coulomb", "offset")),
+    ]
     made = {"orthosis": card("orthosis", "orthosis", orthosis, of(orthosis, empty.covariance), None)}
     for who, leg in legs.items():
         limb = body(leg.p, leg.q)

@@ -26,7 +26,11 @@ def page(study: Study, findings: LoadedSwingResult) -> Page:
     -------
     Page
     """
-    tiles = [Tile("Exoskeleton, inertia", number(findings.empty.p.value, findings.empty.p.standard_error), "kg·m²")]
+    tiles = [
+        Tile(
+            "Exoskeleton, inertia", number(findings.empty.inertia.value, findings.empty.inertia.standard_error), "kg·m²"
+        )
+    ]
     tiles += [
         Tile(f"Leg, {who}", number(leg.p.value, leg.p.standard_error), "kg·m²", f"{number(leg.q.value, digits=3)} kg·m")
         for who, leg in findings.legs.items()

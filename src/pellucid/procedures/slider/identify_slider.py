@@ -9,7 +9,7 @@ import numpy as np
 
 from ..._errors import IdentificationError, RecordingError
 from ...fit.parameter import Verdict
-from ...fit.slider.coherent_body import LOAD_START, fit_coherent, torque
+from ...fit.slider.coherent_body import LOAD_START, fit_coherent
 from ...fit.slider.slider_fit import METHODS, SliderEstimate, SliderFit, TrialError
 from ...fit.slider.three_steps import STEPS, all_at_once, directional_columns, static_set, three_steps
 from ...models.directional_slider import DirectionalSliderModel
@@ -137,7 +137,7 @@ def predicted(estimate: SliderEstimate, motion: SliderMotion) -> np.ndarray:
     """
     if isinstance(estimate.model, DirectionalSliderModel):
         return directional_columns(motion) @ np.concatenate([estimate.model.up, estimate.model.down])
-    return torque(estimate.model, estimate.values, motion)
+    return estimate.model.effort(estimate.values, motion)
 
 
 def trial_errors(estimate: SliderEstimate, motions: Sequence[SliderMotion], gain: float) -> tuple[TrialError, ...]:

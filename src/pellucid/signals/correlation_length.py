@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 
-def memory(misfit: np.ndarray) -> float:
+def correlation_length(misfit: np.ndarray) -> float:
     """Samples that share one independent value: the integrated autocorrelation up to its first zero.
 
     Parameters

@@ -1,7 +1,8 @@
-"""Two instruments on two clocks: the delay between them, finer than a sample, and how their clocks drift apart."""
+"""Two instruments on two clocks: the delay between them, roughly or finer than a sample, and how their clocks drift."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,7 +10,7 @@ from scipy.interpolate import CubicSpline
 from scipy.optimize import least_squares
 
 from .._errors import RecordingError
-from .memory import memory
+from .correlation_length import correlation_length
 
 FEWEST = 20  # samples that both records must share
 
@@ -36,6 +37,34 @@ class Alignment:
     offset: float
     correlation: float
     at: float
+
+
+def best_delay(
+    time: np.ndarray,
+    signal: np.ndarray,
+    other: Callable[[np.ndarray], np.ndarray],
+    delays: np.ndarray,
+    *,
+    span: tuple[float, float] = (-np.inf, np.inf),
+    either_sense: bool = True,
+    fewest: int = FEWEST,
+) -> float | None:
+    """The one of `delays`, (k,) [s], at which `other`, of times, correlates best with a `signal`, (n,), at `time` [s]
+    and so much later; of either sense or of one; the other is known within `span` [s]. None without an overlap of
+    `fewest` samples."""
+    best = (-np.inf, None)
+    for delay in delays:
+        at = time + delay
+        inside = (at > span[0]) & (at < span[1])
+        if inside.sum() < fewest:
+            continue
+        a, b = signal[inside], other(at[inside])
+        if a.std() > 0.0 and b.std() > 0.0:
+            found = float(np.corrcoef(a, b)[0, 1])
+            # A short overlap correlates too easily.
+            score = (abs(found) if either_sense else found) * np.sqrt(inside.mean())
+            best = (score, float(delay)) if score > best[0] else best
+    return best[1]
 
 
 def align(
@@ -76,8 +105,9 @@ def align(
     spline = CubicSpline(other_time, other_rate)
     step = 0.5 * min(float(np.median(np.diff(time))), float(np.median(np.diff(other_time))))
     delays = np.arange(-longest, longest + 0.5 * step, step)
-    scores = [abs(np.corrcoef(spline(t + delay), y)[0, 1]) for delay in delays]
-    first = delays[int(np.argmax(scores))]
+    first = best_delay(t, y, spline, delays)
+    if first is None:
+        raise RecordingError("alignment: a signal does not change where both were recorded, so it has no delay")
     gain, offset = np.polyfit(y, spline(t + first), 1)
 
     def misfit(x):
@@ -91,7 +121,7 @@ def align(
             f"alignment: the best correlation within {longest:g} s is {correlation:.2f}, expected 0.5 or more: "
             "these are not two records of one motion"
         )
-    variance = np.mean(best.fun**2) * memory(best.fun)
+    variance = np.mean(best.fun**2) * correlation_length(best.fun)
     error = float(np.sqrt(variance * np.linalg.pinv(best.jac.T @ best.jac)[0, 0]))
     return Alignment(float(delay), error, float(gain), float(offset), correlation, 0.5 * float(t[0] + t[-1]))
 

@@ -1,0 +1,136 @@
+"""Least squares of a friction family: linear ones at once, load friction from its linear part, Stribeck by profile."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from ..._errors import IdentificationError
+from ...models.joint import STRIBECK_SHARE, JointModel
+from ..regression import Solution, Stack, rows_of, solve
+
+LOAD_START = 0.05
+
+
+def solve_family(
+    model: JointModel,
+    data: Stack,
+    *,
+    weights: np.ndarray | None = None,
+    consistent: bool = True,
+    after: Solution | None = None,
+) -> Solution:
+    """Minimise the squared effort residuals of a `model` on `data`, times `weights`, (m,); `consistent` keeps inertia,
+    friction levels and load coefficients physical; `after` an earlier solution on the same data.
+
+    Raises
+    ------
+    IdentificationError
+        If the regressor is singular: the message names the parameters that cannot be told apart.
+    """
+    if "stribeck_velocity" in model.names:
+        w = np.ones(len(data.target)) if weights is None else np.asarray(weights, float)
+        return _profiled(model, data, w, consistent, after)
+    lower, upper = model.bounds()
+    if not consistent:
+        free = np.array([s.linear for s in model.symbols])
+        lower, upper = np.where(free, -np.inf, lower), np.where(free, np.inf, upper)
+    start = None if model.linear or after is not None else _from_linear_part(model, data, weights)
+    return solve(model, data, weights=weights, bounds=(lower, upper), start=start, after=after)
+
+
+def _from_linear_part(model: JointModel, data: Stack, weights: np.ndarray | None) -> np.ndarray:
+    linear = replace(model, symbols=tuple(s for s in model.symbols if s.linear))
+    base = dict(zip(linear.names, solve(linear, data, weights=weights).values, strict=True))
+    return np.array([base.get(name, LOAD_START) for name in model.names])
+
+
+def with_known_stribeck_velocity(model: JointModel, velocity: float) -> JointModel:
+    """The same family with its Stribeck velocity held: the rest is then linear, or as good as."""
+    symbols = tuple(s for s in model.symbols if s.name != "stribeck_velocity")
+    return replace(model, symbols=symbols, known={**model.known, "stribeck_velocity": velocity})
+
+
+def _profiled(model: JointModel, data: Stack, w: np.ndarray, consistent: bool, after: Solution | None) -> Solution:
+    """Profile over the Stribeck velocity: given it, the others follow without a local minimum to fall into."""
+    from scipy.optimize import minimize_scalar
+
+    at = model.names.index("stribeck_velocity")
+    top = float(model.bounds()[1][at])
+    if not np.isfinite(top):
+        top = STRIBECK_SHARE * max(float(np.abs(m.velocity).max()) for m in data.motions)
+    previous = (
+        None
+        if after is None
+        else replace(after, values=np.delete(after.values, at), jacobian=np.delete(after.jacobian, at, axis=1))
+    )
+    tried: dict[float, Solution] = {}
+
+    def cost(log_velocity: float) -> float:
+        velocity = float(np.exp(log_velocity))
+        held = with_known_stribeck_velocity(model, velocity)
+        # A nonlinear rest starts where the last velocity's ended; a linear one must not reuse its regressor.
+        near = previous if held.linear else (list(tried.values()) or [previous])[-1]
+        try:
+            found = solve_family(held, data, weights=w, consistent=consistent, after=near)
+        except IdentificationError:
+            return np.inf  # no sample is slow enough to show so small a velocity
+        tried[velocity] = found
+        return float(np.sum((found.residual * w) ** 2))
+
+    if after is not None:
+        cost(np.log(after.values[at]))
+    else:
+        # Below the dead band the extra level would be an extrapolation.
+        lowest = min(max(0.02 * top, 2.0 * max(m.filtering.dead_band for m in data.motions)), top)
+        grid = np.log(np.geomspace(lowest, top, 6))
+        costs = [cost(x) for x in grid]
+        best = int(np.argmin(costs))
+        if np.isfinite(costs[best]) and tried[float(np.exp(grid[best]))].values[_stribeck_at(model)] > 0.0:
+            around = (grid[max(best - 1, 0)], grid[min(best + 1, len(grid) - 1)])
+            minimize_scalar(cost, bounds=around, method="bounded", options={"xatol": 0.02, "maxiter": 12})
+    if not tried:
+        raise IdentificationError(
+            f"stribeck cannot be identified: no sample is slower than {top:.3g} and outside the dead band "
+            f"(family '{model.family}')"
+        )
+    velocity = min(tried, key=lambda v: float(np.sum((tried[v].residual * w) ** 2)))
+    found = tried[velocity]
+    values = np.insert(found.values, at, velocity)
+    held = np.insert(found.at_bound, at, velocity >= 0.999 * top)
+    jacobian, effort = rows_of(model, values, data)
+    residual = data.target - effort
+    if after is None and found.values[_stribeck_at(model)] > 0.0 and not held[at]:
+        values, jacobian, residual = _polished(model, data, w, values, jacobian, residual, ~held)
+    return replace(found, values=values, jacobian=jacobian, residual=residual, at_bound=held, iterations=len(tried))
+
+
+def _polished(
+    model: JointModel,
+    data: Stack,
+    w: np.ndarray,
+    values: np.ndarray,
+    jacobian: np.ndarray,
+    residual: np.ndarray,
+    free: np.ndarray,
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Gauss-Newton steps over all free parameters together, as long as they help and stay physical."""
+    lower, upper = model.bounds()
+    for _ in range(4):
+        scale = np.linalg.norm(jacobian[:, free], axis=0)
+        step = np.zeros(len(values))
+        step[free] = np.linalg.lstsq(jacobian[:, free] / scale * w[:, None], residual * w, rcond=None)[0] / scale
+        trial = values + step
+        if np.any(trial < lower) or np.any(trial > upper):
+            break
+        trial_jacobian, effort = rows_of(model, trial, data)
+        if not np.sum(((data.target - effort) * w) ** 2) < np.sum((residual * w) ** 2):
+            break
+        values, jacobian, residual = trial, trial_jacobian, data.target - effort
+    return values, jacobian, residual
+
+
+def _stribeck_at(model: JointModel) -> int:
+    names = [n for n in model.names if n != "stribeck_velocity"]
+    return names.index("stribeck")

@@ -1,0 +1,78 @@
+"""The core's inverse dynamics along a motion that passed a filter, its effort filtered as the measured effort was.
+
+Terms smooth in filtered states are filtered already; what jumps with the sign of velocity is not, and passes the
+motion's own low-pass.
+"""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+import numpy as np
+
+from .. import _core
+
+_NAMES: tuple[str, ...] = tuple(_core.PARAMETER_NAMES)
+
+SMOOTH_TERMS = tuple(
+    _NAMES.index(name)
+    for name in ("inertia", "gravity_sine", "gravity_cosine", "offset", "viscous_positive", "viscous_negative")
+)
+"""Core parameters whose effort is smooth in the states; the others multiply the sign of velocity."""
+
+BODY_TERMS = SMOOTH_TERMS[:3]
+"""Those of them that no direction of motion changes."""
+
+
+class FilteredMotion(Protocol):
+    """States of a joint, each (n,), SI, through one low-pass; `smooth` is that low-pass, of (n,) or (n, k)."""
+
+    position: np.ndarray
+    velocity: np.ndarray
+    acceleration: np.ndarray
+
+    def smooth(self, samples: np.ndarray) -> np.ndarray:
+        """The motion's own low-pass."""
+
+
+def regressor(
+    position: np.ndarray, velocity: np.ndarray, acceleration: np.ndarray, terms: tuple[int, ...], width: float = 0.0
+) -> np.ndarray:
+    """Effort per unit of core parameters that enter linearly, `terms`, (n, k), along `position`, `velocity` and
+    `acceleration`, (n,); `width` of the smooth sign [velocity]."""
+    vector = np.zeros(len(_NAMES))
+    vector[_NAMES.index("velocity_width")] = width
+    states = (np.ascontiguousarray(x, float) for x in (position, velocity, acceleration))
+    return _core.inverse_dynamics_jacobian(vector, *states, np.array(terms))[1]
+
+
+def filtered_effort(vector: np.ndarray, motion: FilteredMotion, smooth: tuple[int, ...] = SMOOTH_TERMS) -> np.ndarray:
+    """Effort, (n,), that a core `vector`, (13,), takes along a `motion`; `smooth` terms are not filtered again."""
+    direct = _direct(motion)[:, : len(smooth)] @ vector[list(smooth)]
+    whole = _core.inverse_dynamics(vector, motion.position, motion.velocity, motion.acceleration)
+    return direct + motion.smooth(whole - direct)
+
+
+def filtered_jacobian(
+    vector: np.ndarray, selection: np.ndarray, motion: FilteredMotion, smooth: tuple[int, ...] = SMOOTH_TERMS
+) -> tuple[np.ndarray, np.ndarray]:
+    """The same with its derivative, (n, p), by p values of which `selection`, (13, p), makes the core's vector."""
+    active = np.flatnonzero(selection.any(axis=1))
+    effort, jacobian = _core.inverse_dynamics_jacobian(
+        vector, motion.position, motion.velocity, motion.acceleration, active
+    )
+    whole = np.column_stack([effort, jacobian @ selection[active]])
+    terms = list(smooth)
+    filtered = _direct(motion)[:, : len(terms)] @ np.column_stack([vector, selection])[terms]
+    jumps = whole - filtered
+    kept = jumps.any(axis=0)
+    filtered[:, kept] += motion.smooth(jumps[:, kept])
+    return filtered[:, 0], filtered[:, 1:]
+
+
+def _direct(motion: FilteredMotion) -> np.ndarray:
+    """The regressor of `SMOOTH_TERMS`, (n, 6), kept with the motion: it depends on no parameter."""
+    kept = vars(motion)
+    if "_smooth_regressor" not in kept:
+        kept["_smooth_regressor"] = regressor(motion.position, motion.velocity, motion.acceleration, SMOOTH_TERMS)
+    return kept["_smooth_regressor"]
