@@ -158,7 +158,7 @@ def _is_command(node) -> bool:
     return any("command" in ast.unparse(d) for d in node.decorator_list)
 
 
-GRAMMAR = {"asked", "faults", "run", "page", "inputs", "written", "save_more", "for_page"}
+GRAMMAR = {"asked", "faults", "run", "page", "inputs", "written", "prose", "save_more", "for_page"}
 """Methods of a grammar (`Procedure`, `Result`) that say what they are where they are first defined."""
 
 

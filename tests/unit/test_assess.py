@@ -10,7 +10,7 @@ import pytest
 from typer.testing import CliRunner
 
 from pellucid import cli
-from pellucid._errors import RecordingError, StudyError
+from pellucid._errors import IdentificationError, RecordingError, StudyError
 from pellucid.assessment.indices import affine
 from pellucid.procedures.assessment.paper_tables import write_tables
 from pellucid.procedures.registry import open_study
@@ -406,7 +406,7 @@ def test_a_study_without_the_table_or_the_control_is_refused(tmp_path):
     with pytest.raises(StudyError, match='found "None", expected a condition of the recordings: Ctrl, PCFr'):
         open_study(tmp_path / "a")
     path.write_text(text.replace('[assessment]\ncontrol = "Ctrl"', '[rig.drive]\nkind = "torque"'), encoding="utf-8")
-    with pytest.raises(StudyError, match=r"no table \[assessment\]"):
+    with pytest.raises(IdentificationError, match=r"no table \[assessment\]"):
         assess(open_study(tmp_path / "a"))
 
 

@@ -37,6 +37,9 @@ def print_result(out: Console, result: Result) -> None:
         out.print(table)
     print_sentences(out, [(v.kind, units_in(v.text)) for v in result.verdicts])
     out.print()
+    if result.prose:
+        out.print(result.prose, markup=False)
+        out.print()
 
 
 def printed(result: Result) -> str:

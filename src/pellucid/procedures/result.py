@@ -119,6 +119,11 @@ class Result:
         said = "".join(f"<li>{escape(v.text)}</li>" for v in self.verdicts)
         return f"<p>{escape(self.headline)}</p>{html_tables(self)}<ul>{said}</ul>"
 
+    @property
+    def prose(self) -> str:
+        """What was found in sentences for a paper; empty, mostly."""
+        return ""
+
     def written(self, study: Study) -> str:
         """Where its cards, and whatever else it writes, are."""
         return f"Model cards in {study.models_dir}"

@@ -12,7 +12,7 @@ from .._errors import IdentificationError
 from ..recordings.quality import Fault
 from ..recordings.study import Study
 from .procedure import Procedure, Progress, quiet
-from .registry import asked
+from .registry import PROCEDURES, asked
 from .result import Result, found_by
 
 if TYPE_CHECKING:
@@ -227,12 +227,12 @@ def _only(study: Study, command: str) -> Procedure:
     found = asked(study, command)
     if found:
         return found[0]
+    tables = [f"[{p.name}]" for p in PROCEDURES if p.command == command and p.table is not None]
+    wanted = ["[rig.drive]"] if command == "identify" else tables
     others = ", ".join(dict.fromkeys(p.command for p in asked(study)))
     raise IdentificationError(
-        f"{study.folder}: study.toml has no [rig.drive] and asks for nothing that {command} does; use: pellucid "
-        f"{others} {study.folder}"
-        if command == "identify"
-        else f"{study.folder}: study.toml asks for nothing that {command} does; use: pellucid {others} {study.folder}"
+        f"{study.folder}: study.toml has no table {' or '.join(wanted)} and asks for nothing that {command} does; use: "
+        f"pellucid {others} {study.folder}"
     )
 
 

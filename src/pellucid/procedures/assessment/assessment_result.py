@@ -147,7 +147,11 @@ class AssessmentResult(Result):
     measured: tuple[Measured, ...] = field(default=(), repr=False)
 
     def written(self, study: Study) -> str:
-        return f"{self.paragraph}\n\nTables for a paper in {study.folder / 'tables'}"
+        return f"Tables for a paper in {study.folder / 'tables'}"
+
+    @property
+    def prose(self) -> str:
+        return self.paragraph
 
     def save_more(self, study: Study) -> None:
         from .paper_tables import write_tables
