@@ -8,7 +8,7 @@ import pytest
 from pellucid.controllers.elbow_controllers import BEST, BEST_SENSED
 from pellucid.controllers.transparent_laws import with_force_sensor
 from pellucid.lab.elbow.rig import able_elbow
-from pellucid.lab.pointing.conditions import identified_cards, interaction_rms, published_laws, worn
+from pellucid.lab.pointing.conditions import condition_of, identified_cards, interaction_rms, published_laws
 from pellucid.lab.pointing.people import draw_people
 from pellucid.lab.pointing.rig import elbow_participants
 from pellucid.lab.pointing.session import hold_still, point_all
@@ -56,7 +56,7 @@ def test_a_force_sensor_halves_the_torque_and_nothing_drives(cards):
     rig = elbow_participants()
     people = draw_people(rig, np.random.default_rng(21), count=2)
     laws = {"Ctrl": None, "FC": published_laws(cards, (0.0, -0.5))["FC"]}
-    laws |= {"best": worn(cards, BEST), "best_sensed": worn(cards, BEST_SENSED)}
+    laws |= {"best": condition_of(cards, BEST), "best_sensed": condition_of(cards, BEST_SENSED)}
     made = sessions(rig, people, laws, 3)
     torque = {
         name: np.mean([interaction_rms(s) for s in made if s.condition == name]) for name in laws if name != "Ctrl"
@@ -76,7 +76,7 @@ def test_a_force_sensor_halves_the_torque_and_nothing_drives(cards):
 def test_a_loop_without_margin_is_found_to_cycle(cards):
     rig = elbow_participants()
     person = draw_people(rig, np.random.default_rng(21), count=1)[0]
-    law = worn(cards, BEST_SENSED)(person, person.slider(rig))
+    law = condition_of(cards, BEST_SENSED)(person, person.slider(rig))
     assert hold_still(rig, person, law) == 0.0
     assert hold_still(rig, person, with_force_sensor(law, proportional=8.0)) > 0.1
 

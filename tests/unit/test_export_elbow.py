@@ -14,7 +14,7 @@ from pellucid.controllers.elbow_laws import PUBLISHED_EXPONENTS
 from pellucid.deployment.deployed_law import LAWS
 from pellucid.deployment.elbow_values import elbow_values
 from pellucid.deployment.microcontroller import measure, missing_tools
-from pellucid.lab.pointing.conditions import worn
+from pellucid.lab.pointing.conditions import condition_of
 from pellucid.lab.pointing.people import draw_people
 from pellucid.lab.pointing.rig import elbow_participants
 from pellucid.models.anthropometry import forearm
@@ -191,7 +191,7 @@ def test_what_is_exported_is_what_virtual_people_wear(study):
     cards = {c.method: read_slider_card(study.models_dir / c.card) for c in ELBOW_CONTROLLERS.values()}
     for controller in (BEST, BEST_SENSED):
         there = elbow_values(study, controller, slider=0.2).numbers
-        here = worn(cards, controller)(person, 0.2).values
+        here = condition_of(cards, controller)(person, 0.2).values
         differ = {name for name in here if here[name] != there[name]}
         assert differ <= {"effort_limit", "position_min", "position_max", "stop_margin"}
     emg = elbow_values(study, "emg", participant="P1").numbers

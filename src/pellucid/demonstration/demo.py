@@ -22,7 +22,7 @@ from ..fit.slider.slider_fit import SliderFit
 from ..lab.bench.rig import bench_joint
 from ..lab.elbow.protocol import ElbowTrial, trials
 from ..lab.elbow.rig import ElbowRig, able_elbow
-from ..lab.pointing.conditions import worn
+from ..lab.pointing.conditions import condition_of
 from ..lab.pointing.rig import PointingRig, elbow_participants
 from ..lab.pointing.session import CONTROL
 from ..lab.study import write_study
@@ -167,7 +167,7 @@ def _assessed_people(folder: Path, robot: ElbowRig, elbow: Study, tell: Tell) ->
     """People point without the robot and under controllers that are built of the cards on disk."""
     needed = {controller.method: controller.card for controller in map(ELBOW_CONTROLLERS.get, WORN)}
     cards = {method: read_slider_card(elbow.models_dir / card) for method, card in needed.items()}
-    conditions = {CONTROL: None, **{name: worn(cards, name) for name in WORN}}
+    conditions = {CONTROL: None, **{name: condition_of(cards, name) for name in WORN}}
     tell(f"{COUNT} virtual people point, without the robot and with it", 0.0)
     study = write_study(
         folder,

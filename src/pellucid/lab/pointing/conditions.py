@@ -47,7 +47,7 @@ def identified_cards(robot: ElbowRig, *, seed: int = 1) -> Cards:
     return {method: slider_card(config, fit, estimate) for method, estimate in fit.estimates.items()}
 
 
-def worn(
+def condition_of(
     cards: Cards, controller: str, *, exponents: tuple[float, float] | None = None, **settings
 ) -> Callable[[Person, float], ElbowLaw]:
     """A controller of a robot for whoever wears it: takes a person and the place of the carriage [m]; exponents are of
@@ -67,9 +67,9 @@ def published_laws(cards: Cards, exponents: tuple[float, float]) -> Conditions:
     """The paper's four conditions, of `cards` by method and the `exponents` of equation 8, upwards and downwards."""
     return {
         CONTROL: None,
-        "FC": worn(cards, "fc", exponents=exponents),
-        "PCFr": worn(cards, "pcfr", exponents=exponents),
-        "CLPC": worn(cards, "clpc"),
+        "FC": condition_of(cards, "fc", exponents=exponents),
+        "PCFr": condition_of(cards, "pcfr", exponents=exponents),
+        "CLPC": condition_of(cards, "clpc"),
     }
 
 
@@ -134,4 +134,4 @@ def study_conditions(rig: PointingRig, names: Sequence[str] | None = None, *, se
     exponents = chosen_exponents(rig, cards, threads=2)[0] if by_direction else None
     if not names:
         return published_laws(cards, exponents)
-    return {CONTROL: None, **{name: worn(cards, name, exponents=exponents) for name in names}}
+    return {CONTROL: None, **{name: condition_of(cards, name, exponents=exponents) for name in names}}

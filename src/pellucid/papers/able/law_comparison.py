@@ -16,7 +16,7 @@ import numpy as np
 from ..._processes import in_order
 from ...controllers.elbow_controllers import BEST, BEST_SENSED, ELBOW_CONTROLLERS
 from ...lab.elbow.rig import ElbowRig, able_elbow, drawn_rigs
-from ...lab.pointing.conditions import TUNING_SEED, chosen_exponents, identified_cards, interaction_rms, worn
+from ...lab.pointing.conditions import TUNING_SEED, chosen_exponents, condition_of, identified_cards, interaction_rms
 from ...lab.pointing.people import Person, draw_people
 from ...lab.pointing.rig import PointingRig, elbow_participants
 from ...lab.pointing.session import RobotLaw, Unpowered, hold_still, point
@@ -73,7 +73,7 @@ def try_laws(robot: ElbowRig, seed: int, count: int = 3, repetitions: int = 2) -
                 laws.append(Unpowered())
                 continue
             controller, settings = CONTROLLERS[name]
-            laws.append(worn(cards, controller, exponents=exponents, **settings)(person, person.slider(rig)))
+            laws.append(condition_of(cards, controller, exponents=exponents, **settings)(person, person.slider(rig)))
         found[name] = _try_law(rig, people, laws, seed, repetitions)
     return found
 

@@ -15,7 +15,7 @@ from ...controllers.elbow_laws import ElbowLaw
 from ...fit.slider.slider_fit import METHODS, SliderFit
 from ...lab.elbow.protocol import excitation, trials
 from ...lab.elbow.rig import ElbowRig, able_elbow, drawn_rigs
-from ...lab.pointing.conditions import Cards, identified_cards, worn
+from ...lab.pointing.conditions import Cards, condition_of, identified_cards
 from ...lab.pointing.people import draw_people
 from ...lab.pointing.rig import PointingRig, elbow_participants
 from ...pages.page import Section, Tile
@@ -157,7 +157,7 @@ class AblePaper(Paper):
 def _all_laws(people: PointingRig, cards: Cards, exponents: tuple[float, float]) -> dict[str, ElbowLaw]:
     one = draw_people(people, np.random.default_rng(0), count=1)[0]
     place = one.slider(people)
-    return {name: worn(cards, name, exponents=exponents)(one, place) for name in ELBOW_CONTROLLERS}
+    return {name: condition_of(cards, name, exponents=exponents)(one, place) for name in ELBOW_CONTROLLERS}
 
 
 def _with_load(rig: ElbowRig, factor: float) -> ElbowRig:
