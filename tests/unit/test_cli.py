@@ -112,6 +112,20 @@ def test_report_says_where_it_is(bench):
     assert len(bench.asked) == 1  # what was kept is drawn: nothing is identified again
 
 
+def test_report_reads_no_recording_of_what_is_kept(bench, monkeypatch):
+    run(cli.app, ["identify", str(bench.folder)])
+
+    def read(path):
+        raise AssertionError(f"{path} is read again")
+
+    monkeypatch.setattr("pellucid.recordings.readers.read_columns", read)
+    assert run(cli.app, ["report", str(bench.folder)]).exit_code == 0
+    recording = next((bench.folder / "recordings").iterdir())
+    recording.write_text(recording.read_text() + "\n", encoding="utf-8")
+    assert run(cli.app, ["report", str(bench.folder)]).exit_code == 0
+    assert len(bench.asked) == 2  # no longer fresh: identified again
+
+
 def test_check_exits_1_where_recordings_are_not_fit(bench, monkeypatch):
     assert run(cli.app, ["check", str(bench.folder)]).exit_code == 0
     fault = SimpleNamespace(severity="refuse", message="bench.csv: channel position: found 40 frozen samples")

@@ -1,5 +1,7 @@
 """The compensator of a worn orthosis from the cards that `identify` writes: whose, and with which actuator."""
 
+from math import nan
+
 import numpy as np
 import pytest
 
@@ -10,6 +12,7 @@ from pellucid.deployment.deployed_law import LAWS
 from pellucid.deployment.worn_values import worn_values
 from pellucid.models.card import CardParameter
 from pellucid.models.parameter_card import ParameterCard, write_parameter_card
+from pellucid.procedures.coupling.actuator_card import UNITS
 
 STUDY = """
 name = "knee"
@@ -89,3 +92,20 @@ def test_the_actuator_must_have_been_recorded(study, monkeypatch):
     monkeypatch.undo()
     with pytest.raises(PellucidError, match='found no recording of protocol "sine_tracking" with command, torque'):
         worn_values(study, participant="S1")
+
+
+def test_what_identify_wrote_of_the_actuator_is_not_identified_again(study, monkeypatch):
+    monkeypatch.undo()
+    found = {**ACTUATOR, "spring_stiffness": 105.0, "actuator_fit": 0.9}
+    found.pop("delay")
+    parameters = tuple(CardParameter(n, UNITS[n], x, nan, (nan, nan)) for n, x in found.items())
+    card = ParameterCard("actuator", "knee", "actuator", parameters, settings={"period": 0.002})
+    write_parameter_card(study.models_dir / "actuator.json", card)
+
+    def recordings(*_):
+        raise AssertionError("recordings are read again")
+
+    monkeypatch.setattr(type(study), "recordings", recordings)
+    actuator, period = module._actuator(study)
+    assert (actuator, period) == ({**ACTUATOR, "delay": 0.002}, 0.002)
+    assert worn_values(study, participant="S1").numbers

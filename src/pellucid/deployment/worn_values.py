@@ -10,8 +10,8 @@ from .._errors import PellucidError
 from ..controllers.coupling import Coupling
 from ..controllers.limits import Limits
 from ..controllers.residual_compensator import design, within
-from ..fit.joint.actuator_residual import actuator_residual
 from ..models.parameter_card import read_parameter_card
+from ..procedures.coupling.actuator_card import CHANNELS, NAME, actuator_card
 from ..recordings.study import Study
 from .controller_values import ControllerValues
 from .study_limits import limits_of
@@ -24,9 +24,6 @@ UNCERTAIN = (0.7, 1.3)
 
 DEAD_SAMPLES = 1
 """Of the actuator's torque loop, from reading to current."""
-
-CHANNELS = ("command", "torque", "position", "motor_position")
-"""What a recording of the actuator has."""
 
 IDENTIFIED: Mapping[str, tuple[str, str]] = {
     "orthosis_inertia": ("orthosis", "inertia"),
@@ -112,14 +109,14 @@ def _wearer(study: Study, participant: str | None) -> str:
 
 
 def _actuator(study: Study) -> tuple[dict[str, float], float]:
-    """By the names of `Coupling`, and the sampling period [s]."""
-    alone = [r for r in study.recordings("fit") if r.protocol == "sine_tracking" and set(CHANNELS) <= set(r.channels)]
-    if not alone:
+    """By the names of `Coupling`, and the sampling period [s]; the card of a study identified before there was one is
+    made of its recordings."""
+    path = study.models_dir / f"{NAME}.json"
+    card = read_parameter_card(path) if path.is_file() else actuator_card(study.name, study.recordings("fit"))
+    if card is None:
         raise PellucidError(
-            f'export of {study.name}: found no recording of protocol "sine_tracking" with {", ".join(CHANNELS)}, '
-            "expected one: the actuator's lag comes from it"
+            f'export of {study.name}: found no recording of protocol "sine_tracking" with {", ".join(CHANNELS)} that '
+            "shows the actuator, expected one: its lag comes from it"
         )
-    found = actuator_residual([tuple(r[c] for c in CHANNELS) for r in alone], alone[0].fs)
-    known = Coupling.__dataclass_fields__
-    period = 1.0 / alone[0].fs
-    return {name: value for name, value in found.items() if name in known} | {"delay": DEAD_SAMPLES * period}, period
+    period, known = float(card.settings["period"]), Coupling.__dataclass_fields__
+    return {n: x for n, x in card.values.items() if n in known} | {"delay": DEAD_SAMPLES * period}, period

@@ -14,12 +14,10 @@ from ...controllers.coupling import Coupling
 from ...estimators.causal_map import CausalMap, EmgSettings, EmgTrial, fit_causal_map
 from ...fit.joint.actuator_residual import actuator_residual
 from ...lab.knee.rig import KneeRig
+from ...procedures.coupling.actuator_card import CHANNELS
 from ...procedures.coupling.identify_coupling import identify_worn
 from ...procedures.emg_torque.strapped_trials import strapped_emg_trial
 from .trials import STRAP_ONLY, take
-
-ACTUATOR = ("command", "torque", "position", "motor_position")
-"""Channels of the orthosis alone from which its actuator is identified."""
 
 DEAD_SAMPLES = 1
 """Of the actuator's torque loop, from reading to current, as its maker states."""
@@ -58,7 +56,7 @@ def identify_wearer_of(rig: KneeRig, name: str, seed: int) -> Identified:
         why = findings.refused.get(name) or "; ".join(stages.notes)
         raise IdentificationError(f"{name}: found no card of limb and strap, expected both: {why}")
     sines = taken.of("sine_tracking", "fit")
-    actuator = actuator_residual([tuple(r[c] for c in ACTUATOR) for r in sines], sines[0].fs)
+    actuator = actuator_residual([tuple(r[c] for c in CHANNELS) for r in sines], sines[0].fs)
     actuator |= {"delay": DEAD_SAMPLES / sines[0].fs}
     coupling = Coupling.of_cards(cards["orthosis"], cards[f"{name}.limb"], cards[f"{name}.coupling"], actuator)
     strap = stages.coupling.orthosis_side

@@ -27,6 +27,7 @@ from ...signals.emg_chain import EmgChain, emg_chain
 from ...signals.inertial import inertial
 from ...signals.input_output import InputOutput, input_output
 from ...signals.wrapping import unwrap
+from .actuator_card import actuator_card
 from .coupling_result import CouplingResult, WearerStages, coupling_result
 from .procedure import CouplingTable
 
@@ -71,6 +72,9 @@ def identify_coupling(study: Study, on_progress: Progress | None = None) -> Coup
     from .emg_card import emg_cards
 
     made = emg_cards(study, recordings, found.orthosis.orthosis, found.wearers)
+    actuator = actuator_card(study.name, recordings)
+    if actuator is not None:
+        made[actuator.name] = actuator
     return replace(found, cards={**found.cards, **made})
 
 

@@ -1,0 +1,51 @@
+"""The card of an orthosis's actuator: what its torque loop lets through of its own motor and gear."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from importlib.metadata import version
+from math import nan
+
+from ..._errors import IdentificationError
+from ...fit.joint.actuator_residual import actuator_residual
+from ...models.card import CardParameter
+from ...models.parameter_card import ParameterCard
+from ...recordings.recording import Recording
+
+NAME = "actuator"
+
+CHANNELS = ("command", "torque", "position", "motor_position")
+"""What a recording of the actuator has."""
+
+UNITS = {
+    "actuator_inertia": "kg*m^2",
+    "actuator_viscous": "N*m*s/rad",
+    "actuator_coulomb": "N*m",
+    "actuator_leak": "1/s",
+    "actuator_frequency": "rad/s",
+    "actuator_damping": "1",
+    "spring_stiffness": "N*m/rad",
+    "actuator_fit": "1",
+}
+
+
+def actuator_card(study: str, recordings: Sequence[Recording]) -> ParameterCard | None:
+    """What recordings of the orthosis alone show of its actuator; None where they do not show it."""
+    alone = [
+        r for r in recordings if r.use == "fit" and r.protocol == "sine_tracking" and set(CHANNELS) <= set(r.channels)
+    ]
+    if not alone:
+        return None
+    try:
+        found = actuator_residual([tuple(r[c] for c in CHANNELS) for r in alone], alone[0].fs)
+    except IdentificationError:
+        return None
+    return ParameterCard(
+        kind="actuator",
+        study=study,
+        name=NAME,
+        parameters=tuple(CardParameter(n, UNITS[n], value, nan, (nan, nan)) for n, value in found.items()),
+        settings={"period": 1.0 / alone[0].fs},
+        checksums={r.name: r.checksum for r in alone},
+        pellucid=version("pellucid"),
+    )
