@@ -9,13 +9,12 @@ from __future__ import annotations
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from pellucid import _core
+from pellucid.controllers.control_law import LAWS
 from pellucid.controllers.coupling import Coupling
 from pellucid.controllers.elbow_controllers import ELBOW_CONTROLLERS
 from pellucid.controllers.residual_compensator import design
 from pellucid.deployment.c_folder import write_c_folder
 from pellucid.deployment.controller_values import ControllerValues
-from pellucid.deployment.deployed_law import LAWS
 from pellucid.deployment.microcontroller import measure, missing_tools
 from pellucid.models.anthropometry import forearm
 from pellucid.models.card import CardParameter
@@ -60,7 +59,7 @@ def elbow_card(family: str) -> SliderCard:
 
 def controllers() -> dict[str, ControllerValues]:
     """Every controller that can be exported, by its name."""
-    worn = dict(zip(_core.RESIDUAL_PARAMETER_NAMES, map(float, design(WORN, 0.002).parameters()), strict=True))
+    worn = design(WORN, 0.002).control_law().values
     made = {law: ControllerValues(law, numbers, {}, (), {}) for law, numbers in (("joint", JOINT), ("worn", worn))}
     for name, controller in ELBOW_CONTROLLERS.items():
         limb = {"limb": forearm(70.0, 1.75)} if controller.wearer else {}

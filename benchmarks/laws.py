@@ -14,8 +14,8 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 
 from pellucid import _core
+from pellucid.controllers.control_law import ControlLaw
 from pellucid.controllers.elbow_controllers import ELBOW_CONTROLLERS
-from pellucid.controllers.elbow_laws import ElbowLaw
 from pellucid.controllers.law_fuzz import step_times
 from pellucid.lab.pointing.people import draw_people
 from pellucid.lab.pointing.rig import elbow_participants
@@ -37,7 +37,7 @@ CEINMS_RT = {"p50": 58e-6, "p99": 1.5e-3}
 """Of its whole pipeline, from EMG to torques, on two cores [s]: a reported figure, not run here, and for other work."""
 
 
-def worn(law: ElbowLaw) -> Callable[[int, float], tuple[np.ndarray, ...]]:
+def worn(law: ControlLaw) -> Callable[[int, float], tuple[np.ndarray, ...]]:
     """A person's arm in the robot under a law; moves there and back, and returns what the core does."""
     rig = elbow_participants()
     person = draw_people(rig, np.random.default_rng(1))[0]
@@ -61,14 +61,14 @@ def worn(law: ElbowLaw) -> Callable[[int, float], tuple[np.ndarray, ...]]:
     return move
 
 
-def driven(law: ElbowLaw) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def driven(law: ControlLaw) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Encoder [rad], interaction torque and command of the core [N*m] over ten movements; (n,) each."""
     move = worn(law)
     moved = [move(2000, 0.6 if i % 2 == 0 else -0.6) for i in range(10)]
     return tuple(np.concatenate([one[i] for one in moved]) for i in (3, 4, 5))
 
 
-def plain_times(law: ElbowLaw, m, q: np.ndarray, felt: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def plain_times(law: ControlLaw, m, q: np.ndarray, felt: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Torques [N*m] of the plain law, and the time of each step [s]."""
     plain, clock = PLAIN[law.kind](m, law.values), time.perf_counter_ns
     torques, took = np.empty(len(q)), np.empty(len(q))
@@ -80,7 +80,7 @@ def plain_times(law: ElbowLaw, m, q: np.ndarray, felt: np.ndarray) -> tuple[np.n
     return torques, 1e-9 * took
 
 
-def periods_per_second(law: ElbowLaw, threads: int) -> list[float]:
+def periods_per_second(law: ControlLaw, threads: int) -> list[float]:
     """Periods of person, robot and law a second, in each turn."""
     arms = [worn(law) for _ in range(threads)]
     rates = []

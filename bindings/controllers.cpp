@@ -1,13 +1,11 @@
-// The core's controllers for Python: EMG to torque, the residual compensator, the strap estimated while it is worn.
+// What stands beside the core's laws, for Python: EMG to torque, the strap estimated while it is worn.
 #include "controllers.hpp"
 
-#include "arrays.hpp"
+#include "fields.hpp"
 
 #include <pellucid/emg_torque.hpp>
-#include <pellucid/residual_compensator.hpp>
 #include <pellucid/strap_estimator.hpp>
 
-#include <algorithm>
 #include <cmath>
 
 namespace bindings {
@@ -15,62 +13,13 @@ namespace {
 
 namespace p = pellucid;
 
-constexpr const char* residual_compensator_doc =
-    R"(Carries the orthosis for its wearer in zero-impedance mode, from encoder, spring and EMG torque.
-
-What goes out has passed the safety gate: finite and within the limits, whatever comes in. A fault latches and the
-command ramps to 0, which is plain zero-impedance mode. EMG that is not valid or not finite fades out instead.
-
-Parameters
-----------
-parameters : (53,)
-    In the order of RESIDUAL_PARAMETER_NAMES; see include/pellucid/residual_compensator.hpp for their units.)";
-constexpr const char* residual_compensator_float_doc = "ResidualCompensator in float32, as on a microcontroller.";
-constexpr const char* residual_step_doc = R"(One control period: the torque wanted from the spring [N m].
-
-Parameters
-----------
-time : float
-    When position and torque were measured [s].
-position, torque : float
-    Output encoder [rad] and measured spring torque [N m].
-emg_torque : float
-    Torque of the wearer's muscles, estimated from EMG [N m].
-emg_valid : bool
-    False: the electrodes say nothing.)";
-constexpr const char* residual_run_doc = R"(step, one period after another.
-
-Parameters
-----------
-time, position, torque, emg_torque : (n,)
-    As `step` takes them; an EMG torque of NaN is not valid.
-
-Returns
--------
-(n,)
-    The commands [N m].)";
-constexpr const char* residual_estimate_doc =
-    R"(Observed: orthosis angle [rad] and velocity [rad/s], mismatch [rad] and its rate [rad/s], torque that EMG misses
-[N m], strap torque [N m], limb acceleration [rad/s^2], trust in EMG [1].)";
 constexpr const char* strap_estimator_doc =
     R"(The strap's stiffness and damping while it is worn, by recursive least squares with forgetting.
 
 Parameters
 ----------
-bodies : (11,)
-    The first eleven of RESIDUAL_PARAMETER_NAMES; strap_stiffness and strap_damping are where the estimate starts.
-bandwidth, slowest : float
-    The band in which is fitted [rad/s].
-forgetting : float
-    Time over which the past is forgotten [s].
-prior_mismatch : float
-    RMS mismatch that weighs as much as the start does [rad].
-excitation : float
-    RMS mismatch below which nothing is learnt [rad].
-stiffness_min, stiffness_max, damping_min, damping_max : float
-    Bounds [N m/rad, N m s/rad].
-period : float
-    [s].)";
+parameters : (21,)
+    In the order of STRAP_ESTIMATOR_PARAMETER_NAMES, SI; strap_stiffness and strap_damping are where it starts.)";
 constexpr const char* emg_torque_doc = R"(Raw EMG to a joint torque, causally.
 
 Parameters
@@ -92,83 +41,18 @@ Parameters
 samples : (n, muscles)
     [V].)";
 
-template <class S> class ResidualCompensator {
- public:
-  explicit ResidualCompensator(nb::handle parameters) {
-    const Array array = read_array("parameters", parameters);
-    array.expect("(" + std::to_string(p::residual_parameter_count) + ",)", {p::residual_parameter_count});
-    S values[p::residual_parameter_count];
-    std::transform(array.data, array.data + p::residual_parameter_count, values,
-                   [](double x) { return static_cast<S>(x); });
-    coefficients_ = p::coefficients(p::residual_params(values));
-    reset();
-  }
-  double step(double time, double position, double torque, double emg_torque, bool emg_valid) {
-    const bool sound = std::fabs(time) < 9e12;  // microseconds that 64 bits hold; false for NaN
-    const S angle = sound ? static_cast<S>(position) : std::numeric_limits<S>::quiet_NaN();
-    const std::int64_t microseconds = sound ? std::llround(time * 1e6) : 0;
-    return static_cast<double>(p::step(
-        coefficients_, state_,
-        p::ResidualInput<S>{angle, static_cast<S>(torque), static_cast<S>(emg_torque), emg_valid, microseconds}));
-  }
-  nb::object run(nb::handle time, nb::handle position, nb::handle torque, nb::handle emg_torque) {
-    const Array t = read_array("time", time), q = read_array("position", position), u = read_array("torque", torque),
-                e = read_array("emg_torque", emg_torque);
-    if (t.shape.size() != 1) t.fail("(n,)");
-    const std::size_t n = t.shape[0];
-    for (const Array* array : {&q, &u, &e}) array->expect(same_length("time", n), {n});
-    Result command({n});
-    for (std::size_t i = 0; i < n; ++i)
-      command.data[i] = step(t.data[i], q.data[i], u.data[i], e.data[i], !std::isnan(e.data[i]));
-    return command.array();
-  }
-  nb::tuple estimate() const {
-    const auto number = [](S x) { return static_cast<double>(x); };
-    return nb::make_tuple(number(state_.position), number(state_.velocity), number(state_.mismatch),
-                          number(state_.mismatch_rate), number(state_.disturbance), number(state_.strap_torque),
-                          number(state_.limb_acceleration), number(state_.trust));
-  }
-  void set_strap(double stiffness, double damping) {
-    p::ResidualParams<S> params = coefficients_.params;
-    params.bodies.strap_stiffness = static_cast<S>(stiffness);
-    params.bodies.strap_damping = static_cast<S>(damping);
-    coefficients_ = p::coefficients(params);
-  }
-  const char* fault() const { return p::safety_fault_names[static_cast<std::size_t>(state_.gate.fault)]; }
-  void reset() {
-    p::reset(state_);
-    if (!coefficients_.gate.valid) state_.gate.fault = p::SafetyFault::configuration;
-  }
-
- private:
-  p::ResidualCoefficients<S> coefficients_;
-  p::ResidualState<S> state_;
-};
-
 class StrapEstimator {
  public:
-  StrapEstimator(nb::handle bodies, double bandwidth, double slowest, double forgetting, double prior_mismatch,
-                 double excitation, double stiffness_min, double stiffness_max, double damping_min, double damping_max,
-                 double period) {
-    const Array array = read_array("bodies", bodies);
-    array.expect("(11,)", {11});
-    const double* v = array.data;
-    coefficients_ = p::coefficients(
-        p::StrapEstimatorParams<double>{{v[0], v[1], v[2], v[3], v[4], v[5], v[6], v[7], v[8], v[9], v[10]},
-                                        bandwidth,
-                                        slowest,
-                                        forgetting,
-                                        prior_mismatch,
-                                        excitation,
-                                        stiffness_min,
-                                        stiffness_max,
-                                        damping_min,
-                                        damping_max,
-                                        period});
+  explicit StrapEstimator(nb::handle parameters)
+      : coefficients_(p::coefficients(read_params<p::StrapEstimatorParams<double>, double>("parameters", parameters))) {
     if (!coefficients_.valid) throw nb::value_error("StrapEstimator: its parameters make no sense together");
   }
   nb::tuple step(double position, double torque, double emg_torque, bool emg_valid) {
-    p::step(coefficients_, state_, p::ResidualInput<double>{position, torque, emg_torque, emg_valid, 0});
+    p::Samples<double> samples;
+    samples.position = {position, 0, 0, true};
+    samples.torque = {torque, 0, 0, true};
+    samples.muscle = {emg_torque, 0, 0, emg_valid};
+    p::step(coefficients_, state_, samples);
     return nb::make_tuple(state_.stiffness, state_.damping, state_.learns);
   }
 
@@ -245,44 +129,13 @@ class EmgTorque {
   p::EmgTorqueState<double> state_;
 };
 
-template <class S> void add_residual_compensator(nb::module_& m, const char* name, const char* doc) {
-  using Class = ResidualCompensator<S>;
-  nb::class_<Class>(m, name, doc)
-      .def(nb::init<nb::handle>(), nb::arg("parameters").none(),
-           nb::sig("def __init__(self, parameters: ArrayLike) -> None"))
-      .def("step", &Class::step, nb::arg("time"), nb::arg("position"), nb::arg("torque"), nb::arg("emg_torque"),
-           nb::arg("emg_valid") = true, residual_step_doc)
-      .def("run", &Class::run, nb::arg("time").none(), nb::arg("position").none(), nb::arg("torque").none(),
-           nb::arg("emg_torque").none(),
-           nb::sig("def run(self, time: ArrayLike, position: ArrayLike, torque: ArrayLike, emg_torque: ArrayLike) -> "
-                   "NDArray[float64]"),
-           residual_run_doc)
-      .def_prop_ro("estimate", &Class::estimate,
-                   nb::sig("def estimate(self, /) -> tuple[float, float, float, float, float, float, float, float]"),
-                   residual_estimate_doc)
-      .def("set_strap", &Class::set_strap, nb::arg("stiffness"), nb::arg("damping"),
-           "Another strap [N m/rad, N m s/rad], from the next period on.")
-      .def_prop_ro("fault", &Class::fault, "As of SafetyGate: 'none' while it is open.")
-      .def("reset", &Class::reset, "Open the gate again and start the observer from the next sample.");
-}
-
 }  // namespace
 
 void add_controllers(nb::module_& m) {
-  nb::list names;
-  for (const char* name : p::residual_parameter_names) names.append(name);
-  m.attr("RESIDUAL_PARAMETER_NAMES") = nb::tuple(names);
-  add_residual_compensator<double>(m, "ResidualCompensator", residual_compensator_doc);
-  add_residual_compensator<float>(m, "ResidualCompensatorFloat", residual_compensator_float_doc);
-
+  m.attr("STRAP_ESTIMATOR_PARAMETER_NAMES") = names_of<p::StrapEstimatorParams<double>>();
   nb::class_<StrapEstimator>(m, "StrapEstimator", strap_estimator_doc)
-      .def(nb::init<nb::handle, double, double, double, double, double, double, double, double, double, double>(),
-           nb::kw_only(), nb::arg("bodies").none(), nb::arg("bandwidth"), nb::arg("slowest"), nb::arg("forgetting"),
-           nb::arg("prior_mismatch"), nb::arg("excitation"), nb::arg("stiffness_min"), nb::arg("stiffness_max"),
-           nb::arg("damping_min"), nb::arg("damping_max"), nb::arg("period"),
-           nb::sig("def __init__(self, *, bodies: ArrayLike, bandwidth: float, slowest: float, forgetting: float, "
-                   "prior_mismatch: float, excitation: float, stiffness_min: float, stiffness_max: float, "
-                   "damping_min: float, damping_max: float, period: float) -> None"))
+      .def(nb::init<nb::handle>(), nb::arg("parameters").none(),
+           nb::sig("def __init__(self, parameters: ArrayLike) -> None"))
       .def("step", &StrapEstimator::step, nb::arg("position"), nb::arg("torque"), nb::arg("emg_torque"),
            nb::arg("emg_valid") = true,
            nb::sig("def step(self, position: float, torque: float, emg_torque: float, emg_valid: bool = True) -> "

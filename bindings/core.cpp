@@ -1,11 +1,12 @@
 // pellucid._core: the core for Python. Checks what comes in, releases the interpreter's lock, runs the kernels.
-#include "arrays.hpp"
 #include "controllers.hpp"
 #include "coupled_plant.hpp"
 #include "docs.hpp"
 #include "elbow.hpp"
+#include "fields.hpp"
 #include "hill.hpp"
 #include "kernels.hpp"
+#include "laws.hpp"
 #include "zero_phase.hpp"
 
 #include <pellucid/pellucid.hpp>
@@ -63,7 +64,7 @@ struct JointArguments {
 
   JointArguments(nb::handle parameters_, std::initializer_list<std::pair<const char*, nb::handle>> named)
       : parameters(read_array("parameters", parameters_)), n(0) {
-    parameters.expect("(13,)", {p::parameter_count});
+    parameters.expect(text({p::parameter_count}), {p::parameter_count});
     for (const auto& [name, value] : named) {
       arrays.push_back(read_array(name, value));
       if (arrays.size() == 1) {
@@ -365,6 +366,20 @@ class SafetyGate {
   p::SafetyState<double> state_;
 };
 
+// ---- what is said of parameters ----
+
+nb::dict model_fields() {
+  nb::dict models;
+  models["joint"] = fields_of<p::JointParams<double>>();
+  models["geared_joint"] = fields_of<p::GearedJointParams<double>>();
+  models["coupled_plant"] = fields_of<p::CoupledPlantParams<double>>();
+  models["reaching"] = fields_of<p::ReachingParams<double>>();
+  models["muscle"] = fields_of<p::EmgMuscleParams<double>>();
+  models["strap_estimator"] = fields_of<p::StrapEstimatorParams<double>>();
+  models["gate"] = fields_of<p::SafetyParams<double>>();
+  return models;
+}
+
 // ---- elementary functions ----
 
 template <class S> S call_exp(S x) { return p::exp(x); }
@@ -392,11 +407,9 @@ NB_MODULE(_core, m) {
   b::keep_pages();
   m.doc() = "The core: every physical model once, in C++ (include/pellucid). SI units throughout.";
 
-  nb::list names, geared_names;
-  for (const char* name : p::parameter_names) names.append(name);
-  for (const char* name : p::geared_parameter_names) geared_names.append(name);
-  m.attr("PARAMETER_NAMES") = nb::tuple(names);
-  m.attr("GEARED_PARAMETER_NAMES") = nb::tuple(geared_names);
+  m.attr("PARAMETER_NAMES") = b::names_of<p::JointParams<double>>();
+  m.attr("GEARED_PARAMETER_NAMES") = b::names_of<p::GearedJointParams<double>>();
+  m.def("model_fields", b::model_fields, nb::sig("def model_fields() -> dict[str, list[dict]]"), b::docs::model_fields);
   m.attr("instructions") = b::kernels.instructions;
 
   m.def("inverse_dynamics", b::inverse_dynamics, nb::arg("parameters").none(), nb::arg("position").none(),
@@ -448,6 +461,7 @@ NB_MODULE(_core, m) {
            "Open the gate again; the output goes on from where it is, within the rate limit.");
 
   b::add_controllers(m);
+  b::add_laws(m);
   b::add_coupled_plant(m);
   b::add_elbow(m);
   b::add_hill(m);

@@ -1,7 +1,7 @@
 // A series-elastic orthosis and its wearer, one control period at a time: for controllers that are written in Python.
 #include "coupled_plant.hpp"
 
-#include "arrays.hpp"
+#include "fields.hpp"
 
 #include <pellucid/coupled_plant.hpp>
 
@@ -56,12 +56,8 @@ class CoupledPlant {
  public:
   CoupledPlant(nb::handle parameters, double period, nb::handle substeps, nb::handle delay, nb::handle torque_span,
                double position0, double torque0) {
-    const Array values = read_array("parameters", parameters);
-    values.expect("(" + std::to_string(p::coupled_parameter_count) + ",)", {p::coupled_parameter_count});
     if (!(period > 0 && std::isfinite(period))) throw nb::value_error("period: expected a number of seconds above 0");
-    double numbers[p::coupled_parameter_count];
-    for (std::size_t i = 0; i < p::coupled_parameter_count; ++i) numbers[i] = values.data[i];
-    p::CoupledPlantParams<double> params = p::coupled_plant_params(numbers);
+    auto params = read_params<p::CoupledPlantParams<double>, double>("parameters", parameters);
     const auto count = [](const char* name, nb::handle value, long long least, long long most) {
       return static_cast<std::uint32_t>(read_integer(name, value, least, most));
     };
@@ -105,9 +101,7 @@ class CoupledPlant {
 }  // namespace
 
 void add_coupled_plant(nb::module_& m) {
-  nb::list names;
-  for (const char* name : p::coupled_parameter_names) names.append(name);
-  m.attr("COUPLED_PARAMETER_NAMES") = nb::tuple(names);
+  m.attr("COUPLED_PARAMETER_NAMES") = names_of<p::CoupledPlantParams<double>>();
   nb::class_<CoupledPlant>(m, "CoupledPlant", plant_doc)
       .def(nb::init<nb::handle, double, nb::handle, nb::handle, nb::handle, double, double>(), nb::arg("parameters"),
            nb::kw_only(), nb::arg("period"), nb::arg("substeps") = 10, nb::arg("delay") = 0, nb::arg("torque_span") = 1,

@@ -11,7 +11,7 @@ constexpr const char* inverse_dynamics =
 
 Parameters
 ----------
-parameters : (13,)
+parameters : (k,)
     In the order of PARAMETER_NAMES.
 position, velocity, acceleration : (n,)
     q [rad], v [rad/s], a [rad/s^2]; metres on a prismatic joint.
@@ -29,7 +29,7 @@ constexpr const char* inverse_dynamics_jacobian = R"(inverse_dynamics and its ex
 
 Parameters
 ----------
-parameters : (13,)
+parameters : (k,)
     In the order of PARAMETER_NAMES.
 position, velocity, acceleration : (n,)
     q [rad], v [rad/s], a [rad/s^2].
@@ -51,7 +51,7 @@ constexpr const char* forward_dynamics =
 
 Parameters
 ----------
-parameters : (13,)
+parameters : (k,)
     In the order of PARAMETER_NAMES.
 position, velocity, effort : (n,)
     q [rad], v [rad/s], effort [N m].
@@ -68,7 +68,7 @@ constexpr const char* friction =
 
 Parameters
 ----------
-parameters : (13,)
+parameters : (k,)
     In the order of PARAMETER_NAMES.
 velocity, load : (n,)
     v [rad/s] and the load y that passes through the drive [N m].
@@ -84,7 +84,7 @@ constexpr const char* load = R"(Load y = J a + g_s sin q + g_c cos q that passes
 
 Parameters
 ----------
-parameters : (13,)
+parameters : (k,)
     In the order of PARAMETER_NAMES.
 position, acceleration : (n,)
     q [rad], a [rad/s^2].)";
@@ -107,7 +107,7 @@ Euler. A simulation that diverges returns values that are not finite.
 
 Parameters
 ----------
-parameters : (13,)
+parameters : (k,)
     In the order of PARAMETER_NAMES.
 reference : (n,)
     Of the loop [rad]; a velocity [rad/s] for "velocity_pi"; the command itself for "none".
@@ -164,7 +164,7 @@ constexpr const char* simulate_batch =
 
 Parameters
 ----------
-parameters : (m, 13)
+parameters : (m, k)
     A joint a row.
 reference, injected, disturbance, encoder_noise : (n,) or (m, n)
     Shared, or one a row.
@@ -265,6 +265,8 @@ Notes
 A sample that is not finite passes through, and the state starts again at zeros.)";
 constexpr const char* biquads_float = "Biquads in float32, as on a microcontroller.";
 
+constexpr const char* model_fields =
+    R"(What the core says of the parameters of its models: the fields of each, as in `laws`, in the order of its arrays.)";
 constexpr const char* safety_gate =
     R"(The last step of every controller: what goes out is finite and within the limits, whatever comes in.
 

@@ -5,7 +5,7 @@
 
 namespace bindings {
 
-/// WornElbow, fuzz_law and the names of their parameters into the module.
+/// WornElbow and REACHING_PARAMETER_NAMES into the module.
 void add_elbow(nanobind::module_& m);
 
 }  // namespace bindings

@@ -1,7 +1,7 @@
 // Hill's muscles: torque over arrays with exact derivatives, and sample by sample as a robot runs it.
 #include "hill.hpp"
 
-#include "arrays.hpp"
+#include "fields.hpp"
 #include "hill_kernels.hpp"
 
 #include <pellucid/elastic_muscle.hpp>
@@ -321,9 +321,7 @@ nb::object hill_states(nb::handle parameters, nb::handle excitation, nb::handle 
 }
 
 p::EmgMuscleParams<double> muscle_params(const double* numbers, double period) {
-  double values[p::muscle_parameter_count];
-  for (std::size_t i = 0; i < p::muscle_parameter_count; ++i) values[i] = numbers[i];
-  return p::emg_muscle_params(values, period);
+  return p::emg_muscle_params(numbers, period);
 }
 
 class HillTorque {
@@ -457,9 +455,7 @@ nb::object activation_dynamics(nb::handle excitation, double period, double acti
 }  // namespace
 
 void add_hill(nb::module_& m) {
-  nb::list names;
-  for (const char* name : p::muscle_parameter_names) names.append(name);
-  m.attr("MUSCLE_PARAMETER_NAMES") = nb::tuple(names);
+  m.attr("MUSCLE_PARAMETER_NAMES") = names_of<p::EmgMuscleParams<double>>();
 
   m.def("hill_torque", hill_torque, nb::arg("parameters").none(), nb::arg("excitation").none(),
         nb::arg("length").none(), nb::arg("velocity").none(), nb::arg("moment_arm").none(), nb::kw_only(),

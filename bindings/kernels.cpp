@@ -19,7 +19,7 @@ template <std::size_t W> constexpr std::size_t width_of<p::Lanes<double, W>> = W
 template <class S> p::JointCoefficients<S> joint(const double* parameters) {
   S values[p::parameter_count];
   for (std::size_t i = 0; i < p::parameter_count; ++i) values[i] = S(parameters[i]);
-  return p::coefficients(p::joint_params(values));
+  return p::coefficients(p::from_numbers<p::JointParams<S>>(values));
 }
 
 /// f(Block...) over n samples of the inputs.
@@ -63,7 +63,7 @@ void inverse_dynamics_jacobian(const double* parameters, std::size_t n, const do
   for (std::size_t first = 0; first < k; first += 8) {
     Dual values[p::parameter_count];
     seed(parameters, active, first, k, values);
-    const auto c = p::coefficients(p::joint_params(values));
+    const auto c = p::coefficients(p::from_numbers<p::JointParams<Dual>>(values));
     for (std::size_t i = 0; i < n; ++i) {
       const Dual result = p::inverse_dynamics(c, position[i], velocity[i], acceleration[i]);
       effort[i] = result.value;
@@ -126,7 +126,7 @@ template <p::Friction mode> struct Rigid {
   template <class S> using Params = p::PlantParams<S>;
 
   template <class S> static p::JointParams<S> joint(const S (&parameters)[parameter_count]) {
-    return p::joint_params(parameters);
+    return p::from_numbers<p::JointParams<S>>(parameters);
   }
   template <class S>
   static p::PlantState<S> start(const p::PlantCoefficients<S>&, const S& position, const S& velocity) {
@@ -164,7 +164,7 @@ struct Geared {
   template <class S> using Params = p::GearedPlantParams<S>;
 
   template <class S> static p::GearedJointParams<S> joint(const S (&parameters)[parameter_count]) {
-    return p::geared_joint_params(parameters);
+    return p::from_numbers<p::GearedJointParams<S>>(parameters);
   }
   template <class S>
   static p::GearedPlantState<S> start(const p::GearedPlantCoefficients<S>& c, const S& position, const S& velocity) {

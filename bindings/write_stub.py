@@ -9,6 +9,8 @@ from nanobind.stubgen import StubGen
 from pellucid import _core
 
 HEADER = """
+from collections.abc import Sequence
+
 from numpy import float32, float64
 from numpy.typing import ArrayLike, NDArray
 

@@ -7,17 +7,21 @@
 // Simulated form, after Thelen: a first-order lag that is quicker while activation rises.
 #pragma once
 
-#include "math.hpp"
+#include "fields.hpp"
 
 namespace pellucid {
 inline namespace PELLUCID_ABI {
 
 /// Of the identified form.
 template <class S> struct ActivationParams {
-  S shape{};            ///< A, from -3 to 0; 0 is a straight line [1]
-  S time_constant_1{};  ///< of the first lag [s]; 0 is none
-  S time_constant_2{};  ///< of the second lag [s]; 0 is none
-  S period{};           ///< from one sample to the next [s]
+  S shape{}, time_constant_1{}, time_constant_2{};
+  S period{};  ///< from one sample to the next [s]; no part of the walk
+
+  template <class P, class V> static constexpr void walk(P& p, V& visit) noexcept {
+    visit(p.shape, {"shape", unit::one, between(-3, 0), "A; 0 is a straight line"});
+    visit(p.time_constant_1, {"time_constant_1", unit::time, at_least(0), "of the first lag; 0 is none"});
+    visit(p.time_constant_2, {"time_constant_2", unit::time, at_least(0), "of the second lag; 0 is none"});
+  }
 };
 
 /// What follows from ActivationParams once.

@@ -7,7 +7,7 @@
 // al., "Oscillator-based assistance of cyclical movements", Medical & Biological Engineering & Computing 49(10), 2011.
 #pragma once
 
-#include "math.hpp"
+#include "fields.hpp"
 
 namespace pellucid {
 inline namespace PELLUCID_ABI {
@@ -15,29 +15,33 @@ inline namespace PELLUCID_ABI {
 constexpr std::size_t oscillator_harmonics = 3;
 
 template <class S> struct AdaptiveOscillatorParams {
-  S frequency{};      ///< where w starts [rad/s], > 0
-  S frequency_min{};  ///< [rad/s], > 0
-  S frequency_max{};  ///< [rad/s]
-  S phase_rate{};     ///< nu [rad/s]
-  S frequency_rate{};   ///< nu_w [rad/s^2]
-  S amplitude_rate{};   ///< eta [1/s]
-  S least_amplitude{};  ///< of the first harmonic, below which phase and frequency are not learnt [rad], > 0
-  S period{};           ///< [s], > 0
+  S frequency = S(4), frequency_min = S(1), frequency_max = S(16), phase_rate = S(8), frequency_rate = S(8),
+    amplitude_rate = S(2), least_amplitude = S(0.02);
+
+  template <class P, class V> static constexpr void walk(P& p, V& visit) noexcept {
+    visit(p.frequency, {"frequency", unit::velocity, above(0), "where the oscillator's w starts"});
+    visit(p.frequency_min, {"frequency_min", unit::velocity, above(0), "of w"});
+    visit(p.frequency_max, {"frequency_max", unit::velocity, above(0), "of w"});
+    visit(p.phase_rate, {"phase_rate", unit::rate, at_least(0), "nu"});
+    visit(p.frequency_rate, {"frequency_rate", unit::rate, at_least(0), "nu_w"});
+    visit(p.amplitude_rate, {"amplitude_rate", unit::rate, at_least(0), "eta"});
+    visit(p.least_amplitude, {"least_amplitude", unit::coordinate, above(0).or_infinite(),
+                              "of the first harmonic, below which phase and frequency are not learnt"});
+  }
 };
 
-/// What follows from AdaptiveOscillatorParams once.
+/// What follows from AdaptiveOscillatorParams and the period once.
 template <class S> struct AdaptiveOscillatorCoefficients {
   AdaptiveOscillatorParams<S> params{};  ///< as they are
+  S period{};                            ///< [s]
   bool valid = false;                    ///< whether they make sense
 };
 
 template <class S>
-AdaptiveOscillatorCoefficients<S> coefficients(const AdaptiveOscillatorParams<S>& p) noexcept {
-  const bool valid = p.frequency_min > S(0) && p.frequency >= p.frequency_min && p.frequency <= p.frequency_max &&
-                     is_finite(p.frequency_max) && p.phase_rate >= S(0) && p.frequency_rate >= S(0) &&
-                     p.amplitude_rate >= S(0) && is_finite(p.phase_rate + p.frequency_rate + p.amplitude_rate) &&
-                     p.least_amplitude > S(0) && p.period > S(0);
-  return {p, valid};
+AdaptiveOscillatorCoefficients<S> coefficients(const AdaptiveOscillatorParams<S>& p, const S& period) noexcept {
+  const bool valid =
+      is_sound(p) && p.frequency >= p.frequency_min && p.frequency <= p.frequency_max && period > S(0);
+  return {p, period, valid};
 }
 
 template <class S> struct AdaptiveOscillatorState {
@@ -87,7 +91,7 @@ template <class S> void step(const AdaptiveOscillatorCoefficients<S>& c, Adaptiv
     state.frequency = p.frequency;
     state.offset = measured;
   }
-  const S h = p.period;
+  const S h = c.period;
   const S error = measured - predict(c, state, S(0)).position;
   const S rate = h * p.amplitude_rate;
   const SinCos<S> first = sincos(state.phase);

@@ -20,62 +20,39 @@ namespace pellucid {
 inline namespace PELLUCID_ABI {
 
 template <class S> struct CoupledPlantParams {
-  S motor_inertia{};                       ///< J_m, motor and gear, on the joint's side [kg m^2], > 0
+  S motor_inertia{};                       ///< J_m
   GearFrictionParams<S> motor_friction{};  ///< of motor and gear
-  S spring_stiffness{};                    ///< K [N m/rad], > 0
-  S spring_damping{};                      ///< D [N m s/rad], >= 0
-  JointParams<S> orthosis{};               ///< behind the spring; its friction is its bearing's
-  StrapParams<S> strap{};                  ///< between orthosis and limb
-  LimbParams<S> limb{};                    ///< what wears it
-  TorqueLoopParams<S> loop{};              ///< the actuator's controller, and the control period
-  EncoderParams<S> motor_encoder{};        ///< between gear and spring
-  EncoderParams<S> output_encoder{};       ///< behind the spring
-  std::uint32_t substeps = 10;             ///< integration steps per control period, >= 1
+  S spring_stiffness{}, spring_damping{};
+  JointParams<S> orthosis{};         ///< behind the spring; its friction is its bearing's
+  StrapParams<S> strap{};            ///< between orthosis and limb
+  LimbParams<S> limb{};              ///< what wears it
+  TorqueLoopParams<S> loop{};        ///< the actuator's controller, and the control period
+  EncoderParams<S> motor_encoder{};  ///< between gear and spring
+  EncoderParams<S> output_encoder{};  ///< behind the spring
+  std::uint32_t substeps = 10;        ///< integration steps per control period, >= 1
+
+  /// Period, delay, span and substeps are no part of the walk.
+  template <class P, class V> static constexpr void walk(P& p, V& visit) noexcept {
+    visit(p.motor_inertia, {"motor_inertia", unit::inertia, above(0), "J_m, motor and gear, on the joint's side"});
+    pellucid::walk(p.motor_friction, visit);
+    visit(p.spring_stiffness, {"spring_stiffness", unit::stiffness, above(0), "K of the series spring"});
+    visit(p.spring_damping, {"spring_damping", unit::viscous, at_least(0), "D of the series spring"});
+    visit(p.orthosis.inertia, {"orthosis_inertia", unit::inertia, above(0), "J_e, behind the spring"});
+    JointParams<S>::weight(p.orthosis, visit);
+    FrictionParams<S>::bearing(p.orthosis.friction, visit);
+    pellucid::walk(p.strap, visit);
+    auto of_limb = prefixed(visit, "limb_");
+    LimbParams<S>::pendulum(p.limb, of_limb);
+    LimbParams<S>::passive(p.limb, visit);
+    TorqueLoopParams<S>::gains(p.loop, visit);
+    visit(p.motor_encoder.quantum, {"motor_quantum", unit::coordinate, any_number(),
+                                    "the smallest step between gear and spring; <= 0: none"});
+    visit(p.output_encoder.quantum, {"output_quantum", unit::coordinate, any_number(),
+                                     "the smallest step behind the spring; <= 0: none"});
+  }
 };
 
-/// How many numbers a coupled plant is, in the one order that every array of them has.
-constexpr std::size_t coupled_parameter_count = 40;
-constexpr const char* coupled_parameter_names[coupled_parameter_count] = {"motor_inertia",     "coulomb_positive",
-                                                                          "coulomb_negative",  "viscous_positive",
-                                                                          "viscous_negative",  "stribeck",
-                                                                          "stribeck_velocity", "load_motoring",
-                                                                          "load_generating",   "load_rise",
-                                                                          "friction_swing",    "friction_wave_number",
-                                                                          "viscous_decline",   "spring_stiffness",
-                                                                          "spring_damping",    "orthosis_inertia",
-                                                                          "gravity_sine",      "gravity_cosine",
-                                                                          "bearing_coulomb",   "bearing_viscous",
-                                                                          "strap_stiffness",   "strap_damping",
-                                                                          "strap_slack",       "strap_hold",
-                                                                          "strap_mobility",    "limb_inertia",
-                                                                          "limb_gravity",      "limb_centre",
-                                                                          "limb_viscous",      "passive_torque",
-                                                                          "passive_angle",     "passive_scale",
-                                                                          "torque_kp",         "torque_ki",
-                                                                          "torque_kd",         "torque_limit",
-                                                                          "motor_limit",       "calibrated_stiffness",
-                                                                          "motor_quantum",     "output_quantum"};
-
-/// CoupledPlantParams from numbers in the order of coupled_parameter_names; period, delay, span and substeps as they are.
-template <class S> CoupledPlantParams<S> coupled_plant_params(const S (&p)[coupled_parameter_count]) noexcept {
-  CoupledPlantParams<S> params;
-  params.motor_inertia = p[0];
-  params.motor_friction = {{p[1], p[2], p[3], p[4], p[5], p[6], p[7], p[8], S(0)}, p[9], p[10], p[11], p[12]};
-  params.spring_stiffness = p[13];
-  params.spring_damping = p[14];
-  params.orthosis = {p[15], p[16], p[17], S(0), {p[18], p[18], p[19], p[19], S(0), S(0), S(0), S(0), S(0)}};
-  params.strap = {p[20], p[21], p[22], p[23], p[24]};
-  params.limb = {p[25], p[26], p[27], p[28], p[29], p[30], p[31]};
-  params.loop.kp = p[32];
-  params.loop.ki = p[33];
-  params.loop.kd = p[34];
-  params.loop.torque_limit = p[35];
-  params.loop.motor_limit = p[36];
-  params.loop.stiffness = p[37];
-  params.motor_encoder = {p[38]};
-  params.output_encoder = {p[39]};
-  return params;
-}
+constexpr std::size_t coupled_parameter_count = field_count<CoupledPlantParams<double>>;
 
 /// What follows from CoupledPlantParams once.
 template <class S> struct CoupledPlantCoefficients {

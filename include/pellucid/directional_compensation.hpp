@@ -9,47 +9,42 @@
 #pragma once
 
 #include "encoder_speed.hpp"
-#include "position_prediction.hpp"
+#include "law.hpp"
 
 namespace pellucid {
 inline namespace PELLUCID_ABI {
 
 /// What is compensated while the joint moves one way.
 template <class S> struct DirectionTerms {
-  S gravity_sine{};    ///< g_s [N m]
-  S gravity_cosine{};  ///< g_c [N m]
-  S coulomb{};         ///< F [N m]; may be negative, as published tables are
-  S viscous{};         ///< nu [N m s/rad]
-  S inertia{};         ///< J [kg m^2]
-  S exponent{};        ///< k [1]
+  S gravity_sine{}, gravity_cosine{}, coulomb{}, viscous{}, inertia{}, exponent{};
+
+  template <class P, class V> static constexpr void walk(P& p, V& visit) noexcept {
+    visit(p.gravity_sine, {"gravity_sine", unit::effort, any_number(), "g_s, gravity effort per sin q"});
+    visit(p.gravity_cosine, {"gravity_cosine", unit::effort, any_number(), "g_c, gravity effort per cos q"});
+    visit(p.coulomb, {"coulomb", unit::effort, any_number(), "F; may be negative, as published tables are"});
+    visit(p.viscous, {"viscous", unit::viscous, any_number(), "nu"});
+    visit(p.inertia, {"inertia", unit::inertia, any_number(), "J"});
+    visit(p.exponent, {"exponent", unit::one, any_number(), "k, of |v| in the term that stands in for inertia"});
+  }
 };
 
 template <class S> struct DirectionalCompensationParams {
-  DirectionTerms<S> up{};         ///< v > 0
-  DirectionTerms<S> down{};       ///< v < 0
-  S dead_band{};                  ///< speeds below are rest [rad/s], > 0
-  S inertia_limit{};              ///< of |J |v|^k| [N m], >= 0
+  DirectionTerms<S> up{};    ///< v > 0
+  DirectionTerms<S> down{};  ///< v < 0
+  S dead_band{}, inertia_limit{};
   EncoderSpeedParams<S> speed{};  ///< of the velocity
   SafetyParams<S> gate{};         ///< the last step; its period is the law's
+
+  template <class P, class V> static constexpr void walk(P& p, V& visit) noexcept {
+    auto upwards = suffixed(visit, "_up"), downwards = suffixed(visit, "_down");
+    pellucid::walk(p.up, upwards);
+    pellucid::walk(p.down, downwards);
+    visit(p.dead_band, {"dead_band", unit::velocity, above(0), "speeds below are rest"});
+    visit(p.inertia_limit, {"inertia_limit", unit::effort, at_least(0), "of |J |v|^k|"});
+    pellucid::walk(p.speed, visit);
+    pellucid::walk(p.gate, visit);
+  }
 };
-
-/// How many numbers the law is, in the one order that every array of them has.
-constexpr std::size_t directional_parameter_count = 24;
-constexpr const char* directional_parameter_names[directional_parameter_count] = {
-    "gravity_sine_up",   "gravity_cosine_up",   "coulomb_up",   "viscous_up",     "inertia_up",    "exponent_up",
-    "gravity_sine_down", "gravity_cosine_down", "coulomb_down", "viscous_down",   "inertia_down",  "exponent_down",
-    "dead_band",         "inertia_limit",       "speed_span",   "effort_limit",   "rate_limit",    "velocity_limit",
-    "position_min",      "position_max",        "stop_margin",  "max_age",        "max_repeats",   "period"};
-
-/// DirectionalCompensationParams from numbers in the order of their names.
-template <class S> DirectionalCompensationParams<S> law_params(const S (&v)[directional_parameter_count]) noexcept {
-  return {{v[0], v[1], v[2], v[3], v[4], v[5]},
-          {v[6], v[7], v[8], v[9], v[10], v[11]},
-          v[12],
-          v[13],
-          {count_from(v[14]), v[23]},
-          gate_from(v + 15)};
-}
 
 /// What follows from DirectionalCompensationParams once.
 template <class S> struct DirectionalCompensationCoefficients {
@@ -60,13 +55,8 @@ template <class S> struct DirectionalCompensationCoefficients {
 
 template <class S>
 DirectionalCompensationCoefficients<S> coefficients(const DirectionalCompensationParams<S>& p) noexcept {
-  DirectionalCompensationCoefficients<S> c{p, coefficients(p.speed), coefficients(p.gate)};
-  bool sound = p.dead_band > S(0) && is_finite(p.dead_band) && p.inertia_limit >= S(0) && is_finite(p.inertia_limit);
-  const DirectionTerms<S>* const both_ways[] = {&p.up, &p.down};
-  for (const DirectionTerms<S>* t : both_ways)
-    sound = sound && is_finite(t->gravity_sine + t->gravity_cosine) && is_finite(t->coulomb + t->viscous) &&
-            is_finite(t->inertia + t->exponent);
-  c.gate.valid = c.gate.valid && sound;
+  DirectionalCompensationCoefficients<S> c{p, coefficients(p.speed, p.gate.period), coefficients(p.gate)};
+  c.gate.valid = c.gate.valid && is_sound(p);
   return c;
 }
 
@@ -82,12 +72,12 @@ template <class S> S inertia_term(const DirectionTerms<S>& t, const S& limit, co
 
 /// One control period: the torque at the joint [N m].
 template <class S> S step(const DirectionalCompensationCoefficients<S>& c, DirectionalCompensationState<S>& state,
-                          const LawInput<S>& input) noexcept {
+                          const Samples<S>& samples) noexcept {
   const DirectionalCompensationParams<S>& p = c.params;
-  const S velocity = step(c.speed, state.speed, input.position);
+  const S velocity = step(c.speed, state.speed, samples.position.value);
   S wanted = S(0);
-  if (is_finite(input.position)) {
-    const SinCos<S> at = sincos(input.position);
+  if (is_finite(samples.position.value)) {
+    const SinCos<S> at = sincos(samples.position.value);
     const S speed = abs(velocity);
     if (speed > p.dead_band) {
       const DirectionTerms<S>& t = velocity > S(0) ? p.up : p.down;
@@ -98,13 +88,23 @@ template <class S> S step(const DirectionalCompensationCoefficients<S>& c, Direc
                          (p.up.gravity_cosine + p.down.gravity_cosine) * at.cos);
     }
   }
-  return guard(c.gate, state.gate, wanted, velocity, input);
+  return guard(c.gate, state.gate, wanted, velocity, samples.position);
 }
 
 template <class S> void reset(DirectionalCompensationState<S>& state) noexcept {
   state.speed = {};
   reset(state.gate);
 }
+
+template <class S> struct DirectionalCompensation {
+  using Params = DirectionalCompensationParams<S>;
+  using Coefficients = DirectionalCompensationCoefficients<S>;
+  using State = DirectionalCompensationState<S>;
+  static constexpr const char* name = "directional";
+  static constexpr const char* type = "DirectionalCompensation";
+  static constexpr const char* title = "open-loop compensation of a worn elbow, by direction";
+  static constexpr SensorUse sensors[] = {{Quantity::position, true, 0.8, 4e-4}};
+};
 
 }  // namespace PELLUCID_ABI
 }  // namespace pellucid

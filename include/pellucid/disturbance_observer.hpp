@@ -6,7 +6,7 @@
 // of an encoder's filter; what is known at once is held back by as much, so that all three tell of the same moment.
 #pragma once
 
-#include "math.hpp"
+#include "fields.hpp"
 
 namespace pellucid {
 inline namespace PELLUCID_ABI {
@@ -14,12 +14,17 @@ inline namespace PELLUCID_ABI {
 constexpr std::uint32_t max_observer_delay = 31;  // periods
 
 template <class S> struct DisturbanceObserverParams {
-  S share{};    ///< of d that is fed forward, 0 to below 1: at 1 whatever sticks is pushed harder and harder
-  S lowpass{};  ///< [rad/s], > 0
-  S delay{};    ///< of sensor and acceleration [s], 0 to 31 periods
-  S limit{};    ///< of what is fed forward [N m], >= 0
-};
+  S share{}, lowpass = S(20), delay{}, limit{};
 
+  template <class P, class V> static constexpr void walk(P& p, V& visit) noexcept {
+    visit(p.share, {"disturbance_share", unit::one, Bounds{0, 1, false, true},
+                    "of d that is fed forward; at 1 whatever sticks is pushed harder and harder"});
+    visit(p.lowpass, {"disturbance_lowpass", unit::velocity, above(0).or_infinite(), "of d"});
+    visit(p.delay, {"disturbance_delay", unit::time, any_number(),
+                    "of sensor and acceleration; from half a period before to 31 after"});
+    visit(p.limit, {"disturbance_limit", unit::effort, at_least(0), "of what is fed forward"});
+  }
+};
 /// What follows from DisturbanceObserverParams and the period once.
 template <class S> struct DisturbanceObserverCoefficients {
   DisturbanceObserverParams<S> params{};  ///< as they are
@@ -34,8 +39,7 @@ DisturbanceObserverCoefficients<S> coefficients(const DisturbanceObserverParams<
   c.params = p;
   c.smoothing = S(1) - exp(-p.lowpass * period);
   const S periods = round(p.delay / period);
-  c.valid = p.share >= S(0) && p.share < S(1) && p.lowpass > S(0) && periods >= S(0) &&
-            periods <= S(static_cast<value_t<S>>(max_observer_delay)) && p.limit >= S(0) && is_finite(p.limit);
+  c.valid = is_sound(p) && periods >= S(0) && periods <= S(static_cast<value_t<S>>(max_observer_delay));
   if (c.valid) c.delay = static_cast<std::uint32_t>(periods);
   return c;
 }

@@ -5,16 +5,20 @@
 // Transactions on Automatic Control 21(5), 1976.
 #pragma once
 
-#include "math.hpp"
+#include "fields.hpp"
 
 namespace pellucid {
 inline namespace PELLUCID_ABI {
 
 template <class S> struct DitherParams {
-  S torque{};     ///< amplitude [N m], >= 0
-  S frequency{};  ///< [rad/s], >= 0; times the period below pi
-};
+  S torque{}, frequency{};
 
+  template <class P, class V> static constexpr void walk(P& p, V& visit) noexcept {
+    visit(p.torque, {"dither", unit::effort, at_least(0), "amplitude of the motor's dither"});
+    visit(p.frequency, {"dither_frequency", unit::velocity, any_number(),
+                        "of the dither; times the period 0 to below pi"});
+  }
+};
 /// What follows from DitherParams and the period once.
 template <class S> struct DitherCoefficients {
   DitherParams<S> params{};  ///< as they are
@@ -24,7 +28,7 @@ template <class S> struct DitherCoefficients {
 
 template <class S> DitherCoefficients<S> coefficients(const DitherParams<S>& p, const S& period) noexcept {
   const S turn = p.frequency * period;
-  return {p, turn, p.torque >= S(0) && is_finite(p.torque) && turn >= S(0) && turn < S(3.141592653589793)};
+  return {p, turn, is_sound(p) && turn >= S(0) && turn < S(3.141592653589793)};
 }
 
 template <class S> struct DitherState {

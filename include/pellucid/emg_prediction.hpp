@@ -6,20 +6,24 @@
 // changes slower than a movement is taken for the error of EMG's gain and of the limb's weight, and left out.
 #pragma once
 
-#include "math.hpp"
+#include "fields.hpp"
 
 namespace pellucid {
 inline namespace PELLUCID_ABI {
 
 template <class S> struct EmgPredictionParams {
-  S limb_inertia{};        ///< J of limb and of what of the robot is left to it [kg m^2], > 0
-  S limb_gravity{};        ///< g = m g l [N m]
-  S limb_viscous{};        ///< b [N m s/rad], >= 0
-  S slow{};                ///< rate below which a torque is an error [rad/s], >= 0
-  S acceleration_limit{};  ///< of |a| [rad/s^2], >= 0
-  S share{};               ///< how much of the feed-forward acceleration is this one, 0 to 1
-};
+  S limb_inertia = S(1), limb_gravity{}, limb_viscous{}, slow = S(0.5), acceleration_limit{}, share{};
 
+  template <class P, class V> static constexpr void walk(P& p, V& visit) noexcept {
+    visit(p.limb_inertia, {"limb_inertia", unit::inertia, above(0).or_infinite(),
+                           "J of limb and of what of the robot is left to it"});
+    visit(p.limb_gravity, {"limb_gravity", unit::effort, any_number(), "m g l of the limb"});
+    visit(p.limb_viscous, {"limb_viscous", unit::viscous, at_least(0).or_infinite(), "b of the wearer's joint"});
+    visit(p.slow, {"emg_slow", unit::velocity, at_least(0).or_infinite(), "rate below which an EMG torque is an error"});
+    visit(p.acceleration_limit, {"emg_limit", unit::acceleration, at_least(0), "of |a| that EMG foresees"});
+    visit(p.share, {"emg_share", unit::one, pellucid::share(), "of the fed forward acceleration that is EMG's"});
+  }
+};
 /// What follows from EmgPredictionParams and the period once.
 template <class S> struct EmgPredictionCoefficients {
   EmgPredictionParams<S> params{};  ///< as they are
@@ -34,8 +38,7 @@ EmgPredictionCoefficients<S> coefficients(const EmgPredictionParams<S>& p, const
   c.params = p;
   c.inverse_inertia = S(1) / p.limb_inertia;
   c.slow = S(1) - exp(-p.slow * period);
-  c.valid = p.limb_inertia > S(0) && is_finite(p.limb_gravity) && p.limb_viscous >= S(0) && p.slow >= S(0) &&
-            p.acceleration_limit >= S(0) && is_finite(p.acceleration_limit) && p.share >= S(0) && p.share <= S(1);
+  c.valid = is_sound(p);
   return c;
 }
 

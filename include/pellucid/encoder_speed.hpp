@@ -1,7 +1,7 @@
 // Velocity from an encoder as most drives make it: the difference over a few samples, divided by their time.
 #pragma once
 
-#include "math.hpp"
+#include "fields.hpp"
 
 namespace pellucid {
 inline namespace PELLUCID_ABI {
@@ -9,19 +9,23 @@ inline namespace PELLUCID_ABI {
 constexpr std::uint32_t max_speed_span = 32;
 
 template <class S> struct EncoderSpeedParams {
-  std::uint32_t span = 1;  ///< samples that the difference reaches back, 1 to max_speed_span
-  S period{};              ///< [s], > 0
+  std::uint32_t span = 1;
+
+  template <class P, class V> static constexpr void walk(P& p, V& visit) noexcept {
+    visit(p.span, {"speed_span", unit::one, between(1, max_speed_span), "samples that the difference reaches back"});
+  }
 };
 
-/// What follows from EncoderSpeedParams once.
+/// What follows from EncoderSpeedParams and the period once.
 template <class S> struct EncoderSpeedCoefficients {
   std::uint32_t span = 1;  ///< samples
   S inverse_time{};        ///< of the span [1/s]
 };
 
-template <class S> EncoderSpeedCoefficients<S> coefficients(const EncoderSpeedParams<S>& p) noexcept {
+template <class S>
+EncoderSpeedCoefficients<S> coefficients(const EncoderSpeedParams<S>& p, const S& period) noexcept {
   const std::uint32_t span = p.span < 1 ? 1 : p.span > max_speed_span ? max_speed_span : p.span;
-  return {span, S(1) / (p.period * S(static_cast<value_t<S>>(span)))};
+  return {span, S(1) / (period * S(static_cast<value_t<S>>(span)))};
 }
 
 template <class S> struct EncoderSpeedState {

@@ -6,22 +6,42 @@
 // Armstrong-Helouvry, Dupont and Canudas de Wit, Automatica 30(7), 1994.
 #pragma once
 
-#include "math.hpp"
+#include "fields.hpp"
 
 namespace pellucid {
 inline namespace PELLUCID_ABI {
 
 /// Friction of a joint. Efforts are N m and velocities rad/s on a rotary joint, N and m/s on a prismatic one.
 template <class S> struct FrictionParams {
-  S coulomb_positive{};   ///< F_c+, level while v > 0 [N m], >= 0
-  S coulomb_negative{};   ///< F_c-, level while v < 0 [N m], >= 0
-  S viscous_positive{};   ///< F_v+, slope while v > 0 [N m s/rad], >= 0
-  S viscous_negative{};   ///< F_v-, slope while v < 0 [N m s/rad], >= 0
-  S stribeck{};           ///< F_s, extra level at rest [N m], >= 0
-  S stribeck_velocity{};  ///< v_s, where the extra level has fallen to 1/e [rad/s]; below 1e-9: no extra level
-  S load_motoring{};      ///< alpha_m, friction per load while power flows from motor to load [1], >= 0
-  S load_generating{};    ///< alpha_g, friction per load while the load drives the motor [1], 0 to 0.95
-  S velocity_width{};     ///< w, of the smooth sign tanh(v / w) [rad/s]; below 1e-9: the true sign
+  S coulomb_positive{}, coulomb_negative{}, viscous_positive{}, viscous_negative{}, stribeck{}, stribeck_velocity{},
+      load_motoring{}, load_generating{}, velocity_width{};
+
+  /// What resists: all but the width of the sign.
+  template <class P, class V> static constexpr void resisting(P& p, V& visit) noexcept {
+    visit(p.coulomb_positive, {"coulomb_positive", unit::effort, at_least(0), "F_c+, level while v > 0"});
+    visit(p.coulomb_negative, {"coulomb_negative", unit::effort, at_least(0), "F_c-, level while v < 0"});
+    visit(p.viscous_positive, {"viscous_positive", unit::viscous, at_least(0), "F_v+, slope while v > 0"});
+    visit(p.viscous_negative, {"viscous_negative", unit::viscous, at_least(0), "F_v-, slope while v < 0"});
+    visit(p.stribeck, {"stribeck", unit::effort, at_least(0), "F_s, extra level at rest"});
+    visit(p.stribeck_velocity, {"stribeck_velocity", unit::velocity, at_least(0),
+                                "v_s, where the extra level has fallen to 1/e; below 1e-9: no extra level"});
+    visit(p.load_motoring, {"load_motoring", unit::one, between(0, 5),
+                            "alpha_m, friction per load while power flows from motor to load"});
+    visit(p.load_generating, {"load_generating", unit::one, between(0, 0.9),
+                              "alpha_g, friction per load while the load drives the motor"});
+  }
+  /// Of a bearing, the same both ways.
+  template <class P, class V> static constexpr void bearing(P& p, V& visit) noexcept {
+    both_are(visit, p.coulomb_positive, p.coulomb_negative,
+             {"bearing_coulomb", unit::effort, at_least(0), "level of the bearing's friction"});
+    both_are(visit, p.viscous_positive, p.viscous_negative,
+             {"bearing_viscous", unit::viscous, at_least(0), "slope of the bearing's friction"});
+  }
+  template <class P, class V> static constexpr void walk(P& p, V& visit) noexcept {
+    resisting(p, visit);
+    visit(p.velocity_width, {"velocity_width", unit::velocity, at_least(0),
+                             "w, of the smooth sign tanh(v / w); below 1e-9: the true sign"});
+  }
 };
 
 /// Widths and velocities below count as 0, so that no inverse overflows [rad/s].

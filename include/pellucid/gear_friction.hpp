@@ -12,10 +12,19 @@ inline namespace PELLUCID_ABI {
 
 template <class S> struct GearFrictionParams {
   FrictionParams<S> friction{};  ///< the terms that an identified model knows; velocity_width counts for nothing
-  S load_rise{};                 ///< rho, load coefficients are 1 + rho exp(-(v / v_s)^2) times themselves [1], >= 0
-  S swing{};                     ///< eps, the Coulomb level is 1 + eps sin(n q) times itself [1], 0 to below 1
-  S wave_number{};               ///< n, swings per angle times 2 pi [1/rad]
-  S viscous_decline{};           ///< v_d, where the viscous slope has fallen to a half [rad/s]; below 1e-9: none
+  S load_rise{}, swing{}, wave_number{}, viscous_decline{};
+
+  template <class P, class V> static constexpr void walk(P& p, V& visit) noexcept {
+    FrictionParams<S>::resisting(p.friction, visit);
+    visit(p.load_rise, {"load_rise", unit::one, at_least(0),
+                        "rho, load coefficients are 1 + rho exp(-(v / v_s)^2) times themselves"});
+    visit(p.swing, {"friction_swing", unit::one, Bounds{0, 1, false, true},
+                    "eps, the Coulomb level is 1 + eps sin(n q) times itself"});
+    visit(p.wave_number, {"friction_wave_number", unit::wave_number, any_number(),
+                          "n, swings of the Coulomb level per angle times 2 pi"});
+    visit(p.viscous_decline, {"viscous_decline", unit::velocity, at_least(0),
+                              "v_d, where the viscous slope has fallen to a half; below 1e-9: none"});
+  }
 };
 
 /// What follows from GearFrictionParams once.

@@ -19,29 +19,21 @@ inline namespace PELLUCID_ABI {
 /// The mechanism.
 template <class S> struct GearedJointParams {
   JointParams<S> link{};                   ///< what moves behind the transmission; its friction is its bearing's
-  S motor_inertia{};                       ///< J_m, motor and gear, on the joint's side [kg m^2], > 0
+  S motor_inertia{};                       ///< J_m
   TransmissionParams<S> transmission{};    ///< between the two
   GearFrictionParams<S> motor_friction{};  ///< of motor and gear
+
+  template <class P, class V> static constexpr void walk(P& p, V& visit) noexcept {
+    visit(p.link.inertia, {"link_inertia", unit::inertia, above(0), "J, behind the transmission"});
+    JointParams<S>::weight(p.link, visit);
+    visit(p.motor_inertia, {"motor_inertia", unit::inertia, above(0), "J_m, motor and gear, on the joint's side"});
+    pellucid::walk(p.transmission, visit);
+    pellucid::walk(p.motor_friction, visit);
+    FrictionParams<S>::bearing(p.link.friction, visit);
+  }
 };
 
-/// How many numbers a geared joint is, in the one order that every array of them has.
-constexpr std::size_t geared_parameter_count = 21;
-constexpr const char* geared_parameter_names[geared_parameter_count] = {
-    "link_inertia",     "gravity_sine",   "gravity_cosine",       "motor_inertia",    "stiffness",
-    "damping",          "backlash",       "coulomb_positive",     "coulomb_negative", "viscous_positive",
-    "viscous_negative", "stribeck",       "stribeck_velocity",    "load_motoring",    "load_generating",
-    "load_rise",        "friction_swing", "friction_wave_number", "viscous_decline",  "bearing_coulomb",
-    "bearing_viscous"};
-
-/// GearedJointParams from numbers in the order of geared_parameter_names.
-template <class S> GearedJointParams<S> geared_joint_params(const S (&p)[geared_parameter_count]) noexcept {
-  GearedJointParams<S> params;
-  params.link = {p[0], p[1], p[2], S(0), {p[19], p[19], p[20], p[20], S(0), S(0), S(0), S(0), S(0)}};
-  params.motor_inertia = p[3];
-  params.transmission = {p[4], p[5], p[6]};
-  params.motor_friction = {{p[7], p[8], p[9], p[10], p[11], p[12], p[13], p[14], S(0)}, p[15], p[16], p[17], p[18]};
-  return params;
-}
+constexpr std::size_t geared_parameter_count = field_count<GearedJointParams<double>>;
 
 template <class S> struct GearedPlantParams {
   GearedJointParams<S> joint{};  ///< the mechanism

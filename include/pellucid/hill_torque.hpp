@@ -14,39 +14,26 @@ inline namespace PELLUCID_ABI {
 
 /// One muscle from its envelope on.
 template <class S> struct EmgMuscleParams {
-  S delay{};                       ///< electromechanical [s]
-  ActivationParams<S> activation;  ///< lags and shape
-  MuscleParams<S> muscle;          ///< force
+  S delay{};                         ///< electromechanical [s]
+  ActivationParams<S> activation{};  ///< lags and shape
+  MuscleParams<S> muscle{};          ///< force
+
+  template <class P, class V> static constexpr void walk(P& p, V& visit) noexcept {
+    pellucid::walk(p.activation, visit);
+    visit(p.delay, {"delay", unit::time, at_least(0), "electromechanical"});
+    pellucid::walk(p.muscle, visit);
+  }
 };
 
-/// How many numbers a muscle is, in the one order that every array of parameters has; identification frees the first.
-constexpr std::size_t muscle_parameter_count = 18;
+/// How many numbers a muscle is; identification frees the first.
+constexpr std::size_t muscle_parameter_count = field_count<EmgMuscleParams<double>>;
 constexpr std::size_t muscle_free_count = 11;
-constexpr const char* muscle_parameter_names[muscle_parameter_count] = {"shape",
-                                                                        "time_constant_1",
-                                                                        "time_constant_2",
-                                                                        "delay",
-                                                                        "optimal_fibre_length",
-                                                                        "tendon_slack_length",
-                                                                        "strength",
-                                                                        "optimal_length_shift",
-                                                                        "max_velocity",
-                                                                        "force_length_width",
-                                                                        "passive_scale",
-                                                                        "max_isometric_force",
-                                                                        "pennation",
-                                                                        "damping",
-                                                                        "curvature",
-                                                                        "eccentric_force",
-                                                                        "passive_strain",
-                                                                        "passive_shape"};
 
-/// EmgMuscleParams from numbers in the order of muscle_parameter_names.
-template <class S>
-EmgMuscleParams<S> emg_muscle_params(const S (&p)[muscle_parameter_count], const S& period) noexcept {
-  return {p[3],
-          {p[0], p[1], p[2], period},
-          {p[4], p[5], p[6], p[7], p[8], p[9], p[10], p[11], p[12], p[13], p[14], p[15], p[16], p[17]}};
+/// EmgMuscleParams of its numbers, at a period.
+template <class S> EmgMuscleParams<S> emg_muscle_params(const S* numbers, const S& period) noexcept {
+  EmgMuscleParams<S> params = from_numbers<EmgMuscleParams<S>>(numbers);
+  params.activation.period = period;
+  return params;
 }
 
 template <class S, std::size_t most> struct HillTorqueParams {

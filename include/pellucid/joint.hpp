@@ -11,24 +11,23 @@ inline namespace PELLUCID_ABI {
 
 /// What identification finds of a joint.
 template <class S> struct JointParams {
-  S inertia{};                   ///< J, all that turns, at the joint [kg m^2] (kg if prismatic), > 0
-  S gravity_sine{};              ///< g_s, gravity effort per sin q [N m]
-  S gravity_cosine{};            ///< g_c, gravity effort per cos q [N m]
-  S offset{};                    ///< effort that is always there [N m]
-  FrictionParams<S> friction{};  ///< friction of joint and drive
+  S inertia{}, gravity_sine{}, gravity_cosine{}, offset{};
+  FrictionParams<S> friction{};  ///< of joint and drive
+
+  template <class P, class V> static constexpr void weight(P& p, V& visit) noexcept {
+    visit(p.gravity_sine, {"gravity_sine", unit::effort, any_number(), "g_s, gravity effort per sin q"});
+    visit(p.gravity_cosine, {"gravity_cosine", unit::effort, any_number(), "g_c, gravity effort per cos q"});
+  }
+  template <class P, class V> static constexpr void walk(P& p, V& visit) noexcept {
+    visit(p.inertia, {"inertia", unit::inertia, at_least(0), "J, all that turns, at the joint"});
+    weight(p, visit);
+    visit(p.offset, {"offset", unit::effort, any_number(), "effort that is always there"});
+    pellucid::walk(p.friction, visit);
+  }
 };
 
-/// How many numbers a joint is, in the one order that every array of parameters has.
-constexpr std::size_t parameter_count = 13;
-constexpr const char* parameter_names[parameter_count] = {
-    "inertia",          "gravity_sine",     "gravity_cosine",   "offset",   "coulomb_positive",
-    "coulomb_negative", "viscous_positive", "viscous_negative", "stribeck", "stribeck_velocity",
-    "load_motoring",    "load_generating",  "velocity_width"};
-
-/// JointParams from numbers in the order of parameter_names.
-template <class S> JointParams<S> joint_params(const S (&p)[parameter_count]) noexcept {
-  return {p[0], p[1], p[2], p[3], {p[4], p[5], p[6], p[7], p[8], p[9], p[10], p[11], p[12]}};
-}
+/// How many numbers a joint is.
+constexpr std::size_t parameter_count = field_count<JointParams<double>>;
 
 /// What follows from JointParams once.
 template <class S> struct JointCoefficients {

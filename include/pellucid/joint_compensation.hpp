@@ -7,42 +7,24 @@
 #pragma once
 
 #include "joint.hpp"
-#include "safety.hpp"
+#include "law.hpp"
 
 namespace pellucid {
 inline namespace PELLUCID_ABI {
 
 template <class S> struct JointCompensationParams {
-  JointParams<S> body{};   ///< what was identified; its friction's velocity_width > 0
-  S gravity_share{};       ///< s_G [1], 0 to 1
-  S friction_share{};      ///< s_F [1], 0 to 1
-  S bandwidth{};           ///< w, of the velocity's filter [rad/s], > 0
-  SafetyParams<S> gate{};  ///< of the gate; its period is the controller's
+  JointParams<S> body{};  ///< what was identified; its friction's velocity_width > 0
+  S gravity_share = S(1), friction_share = S(0.8), bandwidth = S(200);
+  SafetyParams<S> gate{};  ///< its period is the controller's
+
+  template <class P, class V> static constexpr void walk(P& p, V& visit) noexcept {
+    pellucid::walk(p.body, visit);
+    visit(p.gravity_share, {"gravity_share", unit::one, share(), "s_G, of gravity that is carried"});
+    visit(p.friction_share, {"friction_share", unit::one, share(), "s_F, of friction that is carried"});
+    visit(p.bandwidth, {"bandwidth", unit::rate, above(0), "w, of the velocity's filter"});
+    pellucid::walk(p.gate, visit);
+  }
 };
-
-/// The order in which JointCompensationParams come as an array.
-constexpr const char* joint_compensation_parameter_names[] = {
-    "inertia",           "gravity_sine",     "gravity_cosine",   "offset",         "coulomb_positive",
-    "coulomb_negative",  "viscous_positive", "viscous_negative", "stribeck",       "stribeck_velocity",
-    "load_motoring",     "load_generating",  "velocity_width",   "gravity_share",  "friction_share",
-    "bandwidth",         "effort_limit",     "rate_limit",       "velocity_limit", "position_min",
-    "position_max",      "stop_margin",      "max_age",          "max_repeats",    "period"};
-constexpr std::size_t joint_compensation_parameter_count =
-    sizeof joint_compensation_parameter_names / sizeof *joint_compensation_parameter_names;
-
-/// JointCompensationParams from their array.
-template <class S>
-JointCompensationParams<S> joint_compensation_params(const S (&v)[joint_compensation_parameter_count]) noexcept {
-  JointCompensationParams<S> p;
-  p.body = {v[0], v[1], v[2], v[3], {v[4], v[5], v[6], v[7], v[8], v[9], v[10], v[11], v[12]}};
-  p.gravity_share = v[13];
-  p.friction_share = v[14];
-  p.bandwidth = v[15];
-  // Counts that a 32-bit integer cannot hold are none.
-  const std::uint32_t repeats = v[23] >= S(0) && v[23] <= S(1e6) ? static_cast<std::uint32_t>(v[23]) : 0;
-  p.gate = {v[16], v[17], v[18], v[19], v[20], v[21], v[22], repeats, v[24]};
-  return p;
-}
 
 /// What follows from JointCompensationParams once.
 template <class S> struct JointCompensationCoefficients {
@@ -57,7 +39,6 @@ template <class S> struct JointCompensationCoefficients {
 template <class S>
 JointCompensationCoefficients<S> coefficients(const JointCompensationParams<S>& p) noexcept {
   JointCompensationCoefficients<S> c;
-  const FrictionParams<S>& f = p.body.friction;
   c.body = coefficients(p.body);
   c.gate = coefficients(p.gate);
   c.gravity_share = p.gravity_share;
@@ -65,16 +46,8 @@ JointCompensationCoefficients<S> coefficients(const JointCompensationParams<S>& 
   const S pole = exp(-p.bandwidth * p.gate.period);
   c.correct_position = S(1) - pole * pole;
   c.correct_velocity = (S(1) - pole) * (S(1) - pole) / p.gate.period;
-  bool sound = p.gravity_share >= S(0) && p.gravity_share <= S(1) && p.friction_share >= S(0) &&
-               p.friction_share <= S(1) && p.bandwidth > S(0) && is_finite(p.bandwidth) &&
-               is_finite(c.correct_velocity) && is_finite(p.body.gravity_sine + p.body.gravity_cosine) &&
-               is_finite(p.body.offset) && f.velocity_width > S(smallest_velocity) && is_finite(f.velocity_width) &&
-               is_finite(f.stribeck_velocity);
-  // Friction that could be negative would drive the joint.
-  const S resisting[] = {f.coulomb_positive, f.coulomb_negative, f.viscous_positive, f.viscous_negative,
-                         f.stribeck,         f.load_motoring,    f.load_generating};
-  for (const S x : resisting) sound = sound && x >= S(0) && is_finite(x);
-  c.gate.valid = c.gate.valid && sound;
+  c.gate.valid = c.gate.valid && is_sound(p) && p.body.friction.velocity_width > S(smallest_velocity) &&
+                 is_finite(c.correct_velocity);
   return c;
 }
 
@@ -88,31 +61,23 @@ template <class S> struct JointCompensationState {
   SafetyState<S> gate{};       ///< of the last step
 };
 
-/// What a compensation is given each period.
-template <class S> struct JointCompensationInput {
-  S position{};                ///< of the encoder [rad]
-  std::int64_t time = 0;       ///< of the sample [us]
-  std::uint32_t sequence = 0;  ///< number of the sample
-  bool valid = true;           ///< false: the encoder itself says that this is no measurement
-};
-
 /// Follows the encoder over the time that really passed; a sample seen again teaches nothing.
 template <class S> void follow(const JointCompensationCoefficients<S>& c, JointCompensationState<S>& s,
-                               const JointCompensationInput<S>& input) noexcept {
+                               const Sample<S>& encoder) noexcept {
   if (!s.started) {
-    s.position = input.position;
+    s.position = encoder.value;
     s.velocity = S(0);
     s.started = true;
-  } else if (input.sequence != s.sequence) {
-    const std::uint64_t gap = static_cast<std::uint64_t>(input.time) - static_cast<std::uint64_t>(s.time);
+  } else if (encoder.sequence != s.sequence) {
+    const std::uint64_t gap = static_cast<std::uint64_t>(encoder.time) - static_cast<std::uint64_t>(s.time);
     const S passed = gap < 1000000u ? static_cast<S>(static_cast<std::int32_t>(gap)) * S(1e-6) : S(0);
     const S foreseen = s.position + passed * s.velocity;
-    const S off = input.position - foreseen;
+    const S off = encoder.value - foreseen;
     s.position = foreseen + c.correct_position * off;
     s.velocity = s.velocity + c.correct_velocity * off;
   }
-  s.time = input.time;
-  s.sequence = input.sequence;
+  s.time = encoder.time;
+  s.sequence = encoder.sequence;
 }
 
 /// Opens the gate again and starts the filter from the next sample.
@@ -125,17 +90,27 @@ template <class S> void reset(JointCompensationState<S>& s) noexcept {
 
 /// One control period: the effort for the drive [N m]. A fault latches the gate, and the effort ramps to 0.
 template <class S> S step(const JointCompensationCoefficients<S>& c, JointCompensationState<S>& s,
-                          const JointCompensationInput<S>& input) noexcept {
+                          const Samples<S>& samples) noexcept {
   S wanted = S(0);
-  if (c.gate.valid && input.valid && is_finite(input.position)) {
-    follow(c, s, input);
+  if (c.gate.valid && is_heard(samples.position)) {
+    follow(c, s, samples.position);
     const S weight = gravity(c.body, s.position);
     wanted = c.gravity_share * (weight + c.body.offset) +
              c.friction_share * friction(c.body.friction, s.velocity, weight);
   }
   if (!is_finite(s.position) || !is_finite(s.velocity)) s.started = false;
-  return step(c.gate, s.gate, {wanted, input.position, s.velocity, input.time, input.sequence, input.valid});
+  return guard(c.gate, s.gate, wanted, s.velocity, samples.position);
 }
+
+template <class S> struct JointCompensation {
+  using Params = JointCompensationParams<S>;
+  using Coefficients = JointCompensationCoefficients<S>;
+  using State = JointCompensationState<S>;
+  static constexpr const char* name = "joint";
+  static constexpr const char* type = "JointCompensation";
+  static constexpr const char* title = "compensation of a joint's gravity and friction";
+  static constexpr SensorUse sensors[] = {{Quantity::position, true, 0.8, 4e-4}};
+};
 
 }  // namespace PELLUCID_ABI
 }  // namespace pellucid

@@ -6,19 +6,30 @@
 // front of a shank does. The last term is ligaments: T at the stop q_s, steeper the smaller s, nothing well inside.
 #pragma once
 
-#include "math.hpp"
+#include "fields.hpp"
 
 namespace pellucid {
 inline namespace PELLUCID_ABI {
 
 template <class S> struct LimbParams {
-  S inertia{};         ///< J about the joint [kg m^2], > 0
-  S gravity{};         ///< m g l [N m]
-  S centre{};          ///< q_c, where it hangs by itself [rad]
-  S viscous{};         ///< b [N m s/rad], >= 0
-  S passive_torque{};  ///< T, at the stop [N m], >= 0
-  S passive_angle{};   ///< q_s, the stop [rad]
-  S passive_scale{};   ///< s, over which it falls to 1/e [rad]; below 1e-9: no passive torque
+  S inertia{}, gravity{}, centre{}, viscous{}, passive_torque{}, passive_angle{}, passive_scale{};
+
+  template <class P, class V> static constexpr void pendulum(P& p, V& visit) noexcept {
+    visit(p.inertia, {"inertia", unit::inertia, above(0), "J about the joint"});
+    visit(p.gravity, {"gravity", unit::effort, any_number(), "m g l"});
+    visit(p.centre, {"centre", unit::coordinate, any_number(), "q_c, where it hangs by itself"});
+    visit(p.viscous, {"viscous", unit::viscous, at_least(0), "b"});
+  }
+  template <class P, class V> static constexpr void passive(P& p, V& visit) noexcept {
+    visit(p.passive_torque, {"passive_torque", unit::effort, at_least(0), "T, of passive tissue at the stop"});
+    visit(p.passive_angle, {"passive_angle", unit::coordinate, any_number(), "q_s, the stop"});
+    visit(p.passive_scale, {"passive_scale", unit::coordinate, any_number(),
+                            "s, over which it falls to 1/e; below 1e-9: no passive torque"});
+  }
+  template <class P, class V> static constexpr void walk(P& p, V& visit) noexcept {
+    pendulum(p, visit);
+    passive(p, visit);
+  }
 };
 
 /// What follows from LimbParams once.

@@ -6,32 +6,40 @@
 // nothing; after too many of them the motion has really jumped, and the filter starts again.
 #pragma once
 
-#include "math.hpp"
+#include "fields.hpp"
 
 namespace pellucid {
 inline namespace PELLUCID_ABI {
 
 template <class S> struct MotionEstimatorParams {
-  S bandwidth{};                     ///< of its poles [rad/s], > 0; times the period below 2
-  S gate{};                          ///< largest innovation that corrects [rad], > 0
-  std::uint32_t max_rejections = 0;  ///< samples in a row outside the gate before it starts again
-  S period{};                        ///< [s], > 0
+  S bandwidth = S(100), gate = S(0.02);
+  std::uint32_t max_rejections = 20;
+
+  template <class P, class V> static constexpr void walk(P& p, V& visit) noexcept {
+    visit(p.bandwidth, {"bandwidth", unit::velocity, above(0), "of the estimator's poles; times the period below 2"});
+    visit(p.gate, {"innovation_gate", unit::coordinate, above(0).or_infinite(), "largest innovation that corrects"});
+    visit(p.max_rejections, {"max_rejections", unit::one, at_least(0),
+                             "samples in a row outside the gate before the estimator starts again"});
+  }
 };
 
-/// What follows from MotionEstimatorParams once.
+/// What follows from MotionEstimatorParams and the period once.
 template <class S> struct MotionEstimatorCoefficients {
   MotionEstimatorParams<S> params{};  ///< as they are
+  S period{};                         ///< [s]
   S position_gain{};                  ///< on the innovation [1]
   S velocity_gain{};                  ///< [1/s]
   S acceleration_gain{};              ///< [1/s^2]
   bool valid = false;                 ///< whether the parameters make sense
 };
 
-template <class S> MotionEstimatorCoefficients<S> coefficients(const MotionEstimatorParams<S>& p) noexcept {
+template <class S>
+MotionEstimatorCoefficients<S> coefficients(const MotionEstimatorParams<S>& p, const S& period) noexcept {
   MotionEstimatorCoefficients<S> c;
   c.params = p;
-  const S turn = p.bandwidth * p.period;
-  c.valid = p.bandwidth > S(0) && p.period > S(0) && turn < S(2) && p.gate > S(0);
+  c.period = period;
+  const S turn = p.bandwidth * period;
+  c.valid = is_sound(p) && period > S(0) && turn < S(2);
   if (!c.valid) return c;
   // Poles: -w and w exp(+-2 pi i / 3), each mapped to exp(pole h).
   const S real = exp(-turn);
@@ -44,8 +52,8 @@ template <class S> MotionEstimatorCoefficients<S> coefficients(const MotionEstim
   const S gamma = S(2) * (s2 - s1 + alpha);
   const S beta = S(3) - s1 - alpha - S(0.25) * gamma;
   c.position_gain = alpha;
-  c.velocity_gain = beta / p.period;
-  c.acceleration_gain = S(0.5) * gamma / (p.period * p.period);
+  c.velocity_gain = beta / period;
+  c.acceleration_gain = S(0.5) * gamma / (period * period);
   return c;
 }
 
@@ -68,7 +76,7 @@ void step(const MotionEstimatorCoefficients<S>& c, MotionEstimatorState<S>& stat
     }
     return;
   }
-  const S h = c.params.period;
+  const S h = c.period;
   const S position = state.position + h * state.velocity + S(0.5) * h * h * state.acceleration;
   const S velocity = state.velocity + h * state.acceleration;
   const S innovation = measured - position;

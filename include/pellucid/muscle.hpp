@@ -7,26 +7,34 @@
 // push. f_l after Thelen, with the optimal length of Lloyd and Besier, longer where the muscle is less active.
 #pragma once
 
-#include "math.hpp"
+#include "fields.hpp"
 
 namespace pellucid {
 inline namespace PELLUCID_ABI {
 
 template <class S> struct MuscleParams {
-  S optimal_fibre_length{};         ///< l_o, where the fully active fibre is strongest [m], > 0
-  S tendon_slack_length{};          ///< l_ts [m]
-  S strength{S(1)};                 ///< s, of this person beside the anatomical value [1]
-  S optimal_length_shift{S(0.15)};  ///< lambda, how much longer l_o is at no activation [1]
-  S max_velocity{S(10)};            ///< v_max, of shortening without load, in l_o per second [1/s], > 0
-  S force_length_width{S(0.45)};    ///< gamma of f_l [1], > 0
-  S passive_scale{S(1)};            ///< k_p [1]
-  S max_isometric_force{};          ///< F_0 [N]
-  S pennation{};                    ///< phi_o, the fibre's angle to the tendon at l_o [rad]
-  S damping{};                      ///< beta, of the fibre [1]
-  S curvature{S(0.25)};             ///< A_f of f_v; small is more curved [1], > 0
-  S eccentric_force{S(1.5)};        ///< g, what f_v rises to while lengthening [1], > 1
-  S passive_strain{S(0.6)};         ///< e_0, where passive force reaches F_0 [1], > 0
-  S passive_shape{S(4)};            ///< k of f_p [1], > 0
+  S optimal_fibre_length{}, tendon_slack_length{}, strength{S(1)}, optimal_length_shift{S(0.15)}, max_velocity{S(10)},
+      force_length_width{S(0.45)}, passive_scale{S(1)}, max_isometric_force{}, pennation{}, damping{},
+      curvature{S(0.25)}, eccentric_force{S(1.5)}, passive_strain{S(0.6)}, passive_shape{S(4)};
+
+  template <class P, class V> static constexpr void walk(P& p, V& visit) noexcept {
+    visit(p.optimal_fibre_length, {"optimal_fibre_length", unit::length, above(0),
+                                   "l_o, where the fully active fibre is strongest"});
+    visit(p.tendon_slack_length, {"tendon_slack_length", unit::length, at_least(0), "l_ts"});
+    visit(p.strength, {"strength", unit::one, at_least(0), "s, of this person beside the anatomical value"});
+    visit(p.optimal_length_shift, {"optimal_length_shift", unit::one, any_number(),
+                                   "lambda, how much longer l_o is at no activation"});
+    visit(p.max_velocity, {"max_velocity", unit::rate, above(0), "v_max, of shortening without load, in l_o"});
+    visit(p.force_length_width, {"force_length_width", unit::one, above(0), "gamma of f_l"});
+    visit(p.passive_scale, {"passive_scale", unit::one, at_least(0), "k_p"});
+    visit(p.max_isometric_force, {"max_isometric_force", unit::force, at_least(0), "F_0"});
+    visit(p.pennation, {"pennation", unit::angle, at_least(0), "phi_o, the fibre's angle to the tendon at l_o"});
+    visit(p.damping, {"damping", unit::one, at_least(0), "beta, of the fibre"});
+    visit(p.curvature, {"curvature", unit::one, above(0), "A_f of f_v; small is more curved"});
+    visit(p.eccentric_force, {"eccentric_force", unit::one, above(1), "g, what f_v rises to while lengthening"});
+    visit(p.passive_strain, {"passive_strain", unit::one, above(0), "e_0, where passive force reaches F_0"});
+    visit(p.passive_shape, {"passive_shape", unit::one, above(0), "k of f_p"});
+  }
 };
 
 /// What follows from MuscleParams once.

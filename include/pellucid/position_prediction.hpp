@@ -7,42 +7,26 @@
 #pragma once
 
 #include "encoder_speed.hpp"
-#include "law_input.hpp"
+#include "law.hpp"
 
 namespace pellucid {
 inline namespace PELLUCID_ABI {
 
 template <class S> struct PositionPredictionParams {
-  S gravity_sine{};            ///< g_s [N m]
-  S gravity_cosine{};          ///< g_c [N m]
-  S coulomb{};                 ///< F [N m], >= 0
-  S stiffness{};               ///< K [N m/rad], >= 0
-  S dead_band{};               ///< speeds below are rest [rad/s], >= 0
+  S gravity_sine{}, gravity_cosine{}, coulomb{}, stiffness{}, dead_band{};
   EncoderSpeedParams<S> speed{};  ///< of the velocity
   SafetyParams<S> gate{};         ///< the last step; its period is the law's
+
+  template <class P, class V> static constexpr void walk(P& p, V& visit) noexcept {
+    visit(p.gravity_sine, {"gravity_sine", unit::effort, any_number(), "g_s, gravity effort per sin q"});
+    visit(p.gravity_cosine, {"gravity_cosine", unit::effort, any_number(), "g_c, gravity effort per cos q"});
+    visit(p.coulomb, {"coulomb", unit::effort, at_least(0), "F, of both directions"});
+    visit(p.stiffness, {"stiffness", unit::stiffness, at_least(0), "K, of the loop"});
+    visit(p.dead_band, {"dead_band", unit::velocity, at_least(0).or_infinite(), "speeds below are rest"});
+    pellucid::walk(p.speed, visit);
+    pellucid::walk(p.gate, visit);
+  }
 };
-
-/// How many numbers the law is, in the one order that every array of them has.
-constexpr std::size_t position_prediction_parameter_count = 15;
-constexpr const char* position_prediction_parameter_names[position_prediction_parameter_count] = {
-    "gravity_sine", "gravity_cosine", "coulomb",      "stiffness",    "dead_band",
-    "speed_span",   "effort_limit",   "rate_limit",   "velocity_limit", "position_min",
-    "position_max", "stop_margin",    "max_age",      "max_repeats",  "period"};
-
-/// A count from a number of an array: 0 where it is none.
-template <class S> std::uint32_t count_from(const S& number) noexcept {
-  return number >= S(0) && number <= S(1e6) ? static_cast<std::uint32_t>(number) : 0;
-}
-/// The gate from the nine numbers with which every law's array ends.
-template <class S> SafetyParams<S> gate_from(const S* v) noexcept {
-  return {v[0], v[1], v[2], v[3], v[4], v[5], v[6], count_from(v[7]), v[8]};
-}
-
-/// PositionPredictionParams from numbers in the order of their names.
-template <class S>
-PositionPredictionParams<S> law_params(const S (&v)[position_prediction_parameter_count]) noexcept {
-  return {v[0], v[1], v[2], v[3], v[4], {count_from(v[5]), v[14]}, gate_from(v + 6)};
-}
 
 /// What follows from PositionPredictionParams once.
 template <class S> struct PositionPredictionCoefficients {
@@ -52,9 +36,8 @@ template <class S> struct PositionPredictionCoefficients {
 };
 
 template <class S> PositionPredictionCoefficients<S> coefficients(const PositionPredictionParams<S>& p) noexcept {
-  PositionPredictionCoefficients<S> c{p, coefficients(p.speed), coefficients(p.gate)};
-  c.gate.valid = c.gate.valid && is_finite(p.gravity_sine + p.gravity_cosine) && p.coulomb >= S(0) &&
-                 is_finite(p.coulomb) && p.stiffness >= S(0) && is_finite(p.stiffness) && p.dead_band >= S(0);
+  PositionPredictionCoefficients<S> c{p, coefficients(p.speed, p.gate.period), coefficients(p.gate)};
+  c.gate.valid = c.gate.valid && is_sound(p);
   return c;
 }
 
@@ -67,18 +50,18 @@ template <class S> struct PositionPredictionState {
 
 /// One control period: the torque at the joint [N m].
 template <class S> S step(const PositionPredictionCoefficients<S>& c, PositionPredictionState<S>& state,
-                          const LawInput<S>& input) noexcept {
-  const S velocity = step(c.speed, state.speed, input.position);
+                          const Samples<S>& samples) noexcept {
+  const S velocity = step(c.speed, state.speed, samples.position.value);
   S wanted = S(0);
-  if (is_finite(input.position)) {
-    const SinCos<S> at = sincos(input.position);
+  if (is_finite(samples.position.value)) {
+    const SinCos<S> at = sincos(samples.position.value);
     const S direction = abs(velocity) > c.params.dead_band ? sign(velocity) : S(0);
     wanted = c.params.gravity_sine * at.sin + c.params.gravity_cosine * at.cos + c.params.coulomb * direction;
-    if (state.started) wanted = wanted + c.params.stiffness * (state.predicted - input.position);
-    state.predicted = input.position + c.params.gate.period * velocity;
+    if (state.started) wanted = wanted + c.params.stiffness * (state.predicted - samples.position.value);
+    state.predicted = samples.position.value + c.params.gate.period * velocity;
   }
-  state.started = is_finite(input.position);
-  return guard(c.gate, state.gate, wanted, velocity, input);
+  state.started = is_finite(samples.position.value);
+  return guard(c.gate, state.gate, wanted, velocity, samples.position);
 }
 
 template <class S> void reset(PositionPredictionState<S>& state) noexcept {
@@ -86,6 +69,16 @@ template <class S> void reset(PositionPredictionState<S>& state) noexcept {
   state.started = false;
   reset(state.gate);
 }
+
+template <class S> struct PositionPrediction {
+  using Params = PositionPredictionParams<S>;
+  using Coefficients = PositionPredictionCoefficients<S>;
+  using State = PositionPredictionState<S>;
+  static constexpr const char* name = "position_prediction";
+  static constexpr const char* type = "PositionPrediction";
+  static constexpr const char* title = "closed-loop position control of a worn elbow";
+  static constexpr SensorUse sensors[] = {{Quantity::position, true, 0.8, 4e-4}};
+};
 
 }  // namespace PELLUCID_ABI
 }  // namespace pellucid

@@ -25,43 +25,39 @@ template <class S> struct ExpectedLoad {
 };
 
 template <class S> struct ReachingParams {
-  LimbParams<S> limb{};      ///< what the person knows the arm to be
-  S stiffness{};             ///< of the muscles themselves [N m/rad], >= 0
-  S damping{};               ///< [N m s/rad], >= 0
-  S reflex_stiffness{};      ///< [N m/rad], >= 0
-  S reflex_damping{};        ///< [N m s/rad], >= 0
-  S reflex_delay{};          ///< from stretch to excitation [s]
-  S muscle_delay{};          ///< from excitation to the first force [s]
-  S activation_time{};       ///< lag of the force behind that [s], > 0
-  S flexion_max{};           ///< strongest torque of the flexors [N m], > 0
-  S extension_max{};         ///< of the extensors [N m], > 0
-  S cocontraction{};         ///< excitation that both always have [1], >= 0
-  S noise_share{};           ///< standard deviation of a muscle's torque over the torque [1], >= 0
-  S noise_time{};            ///< over which that noise changes [s], > 0
-  S visual_delay{};          ///< from where the arm is to a correction [s]
-  S tolerance{};             ///< error that is left as it is [rad]
-  S check_share{};           ///< when the first correction is decided, share of the primary movement's duration
-  S correction_share{};      ///< a correction's duration, share of the primary movement's
-  S correction_least{};      ///< its least duration [s]
-  S sign_width{};            ///< over which expected friction changes its sign [rad/s], > 0
-  S period{};                ///< [s], > 0
+  LimbParams<S> limb{};  ///< what the person knows the arm to be
+  S stiffness{}, damping{}, reflex_stiffness{}, reflex_damping{}, reflex_delay{}, muscle_delay{}, activation_time{},
+      flexion_max{}, extension_max{}, cocontraction{}, noise_share{}, noise_time{}, visual_delay{}, tolerance{},
+      check_share{}, correction_share{}, correction_least{}, sign_width{}, period{};
+
+  template <class P, class V> static constexpr void walk(P& p, V& visit) noexcept {
+    pellucid::walk(p.limb, visit);
+    visit(p.stiffness, {"stiffness", unit::stiffness, at_least(0), "of the muscles themselves"});
+    visit(p.damping, {"damping", unit::viscous, at_least(0), "of the muscles themselves"});
+    visit(p.reflex_stiffness, {"reflex_stiffness", unit::stiffness, at_least(0), "of the stretch reflex"});
+    visit(p.reflex_damping, {"reflex_damping", unit::viscous, at_least(0), "of the stretch reflex"});
+    visit(p.reflex_delay, {"reflex_delay", unit::time, at_least(0), "from stretch to excitation"});
+    visit(p.muscle_delay, {"muscle_delay", unit::time, at_least(0), "from excitation to the first force"});
+    visit(p.activation_time, {"activation_time", unit::time, above(0), "lag of the force behind that"});
+    visit(p.flexion_max, {"flexion_max", unit::effort, above(0), "strongest torque of the flexors"});
+    visit(p.extension_max, {"extension_max", unit::effort, above(0), "of the extensors"});
+    visit(p.cocontraction, {"cocontraction", unit::one, at_least(0), "excitation that both always have"});
+    visit(p.noise_share, {"noise_share", unit::one, at_least(0),
+                          "standard deviation of a muscle's torque over the torque"});
+    visit(p.noise_time, {"noise_time", unit::time, above(0), "over which that noise changes"});
+    visit(p.visual_delay, {"visual_delay", unit::time, at_least(0), "from where the arm is to a correction"});
+    visit(p.tolerance, {"tolerance", unit::coordinate, at_least(0), "error that is left as it is"});
+    visit(p.check_share, {"check_share", unit::one, at_least(0),
+                          "when the first correction is decided, of the primary movement's duration"});
+    visit(p.correction_share, {"correction_share", unit::one, at_least(0),
+                               "a correction's duration, of the primary movement's"});
+    visit(p.correction_least, {"correction_least", unit::time, at_least(0), "a correction's least duration"});
+    visit(p.sign_width, {"sign_width", unit::velocity, above(0), "over which expected friction changes its sign"});
+    visit(p.period, {"period", unit::time, above(0), "between two steps"});
+  }
 };
 
-/// How many numbers a person is, in the one order that every array of them has.
-constexpr std::size_t reaching_parameter_count = 26;
-constexpr const char* reaching_parameter_names[reaching_parameter_count] = {
-    "inertia",          "gravity",        "centre",          "viscous",       "passive_torque", "passive_angle",
-    "passive_scale",    "stiffness",      "damping",         "reflex_stiffness", "reflex_damping", "reflex_delay",
-    "muscle_delay",     "activation_time", "flexion_max",    "extension_max", "cocontraction",  "noise_share",
-    "noise_time",       "visual_delay",   "tolerance",       "check_share",   "correction_share", "correction_least",
-    "sign_width",       "period"};
-
-/// ReachingParams from numbers in the order of their names.
-template <class S> ReachingParams<S> reaching_params(const S (&v)[reaching_parameter_count]) noexcept {
-  return {{v[0], v[1], v[2], v[3], v[4], v[5], v[6]},
-          v[7],  v[8],  v[9],  v[10], v[11], v[12], v[13], v[14], v[15], v[16],
-          v[17], v[18], v[19], v[20], v[21], v[22], v[23], v[24], v[25]};
-}
+constexpr std::size_t reaching_parameter_count = field_count<ReachingParams<double>>;
 
 /// What follows from ReachingParams once.
 template <class S> struct ReachingCoefficients {

@@ -9,7 +9,7 @@
 // limb's acceleration; and drives what is left of tau_c to 0. The last step is the safety gate.
 #pragma once
 
-#include "safety.hpp"
+#include "law.hpp"
 
 namespace pellucid {
 inline namespace PELLUCID_ABI {
@@ -19,136 +19,83 @@ constexpr std::size_t swing_phases = 8;
 
 /// What was identified: two bodies and the strap between them.
 template <class S> struct CoupledBodies {
-  S orthosis_inertia{};  ///< I_e [kg m^2], > 0
-  S orthosis_viscous{};  ///< b_e [N m s/rad], >= 0
-  S orthosis_gravity{};  ///< G_e = m g l [N m]
-  S coulomb{};           ///< F [N m], >= 0
-  S friction_width{};    ///< w, over which friction changes its sign [rad/s], > 0
-  S limb_inertia{};      ///< I_k [kg m^2], > 0
-  S limb_viscous{};      ///< b_k [N m s/rad], >= 0
-  S limb_gravity{};      ///< G_k = m g l [N m]
-  S strap_stiffness{};   ///< k [N m/rad], > 0
-  S strap_damping{};     ///< b [N m s/rad], >= 0
-  S slack{};             ///< half the gap in which the strap's spring is slack [rad], >= 0
+  S orthosis_inertia{}, orthosis_viscous{}, orthosis_gravity{}, coulomb{}, friction_width = S(0.05), limb_inertia{},
+    limb_viscous{}, limb_gravity{}, strap_stiffness{}, strap_damping{}, slack{};
+
+  template <class P, class V> static constexpr void walk(P& p, V& visit) noexcept {
+    visit(p.orthosis_inertia, {"orthosis_inertia", unit::inertia, above(0), "I_e"});
+    visit(p.orthosis_viscous, {"orthosis_viscous", unit::viscous, at_least(0), "b_e"});
+    visit(p.orthosis_gravity, {"orthosis_gravity", unit::effort, any_number(), "G_e = m g l"});
+    visit(p.coulomb, {"coulomb", unit::effort, at_least(0), "F, between spring and orthosis"});
+    visit(p.friction_width, {"friction_width", unit::velocity, above(0),
+                             "w, over which friction changes its sign in the observer"});
+    visit(p.limb_inertia, {"limb_inertia", unit::inertia, above(0), "I_k"});
+    visit(p.limb_viscous, {"limb_viscous", unit::viscous, at_least(0), "b_k"});
+    visit(p.limb_gravity, {"limb_gravity", unit::effort, any_number(), "G_k = m g l"});
+    visit(p.strap_stiffness, {"strap_stiffness", unit::stiffness, above(0), "k"});
+    visit(p.strap_damping, {"strap_damping", unit::viscous, at_least(0), "b"});
+    visit(p.slack, {"slack", unit::coordinate, at_least(0), "half the gap in which the strap's spring is slack"});
+  }
 };
 
 /// What the actuator's own torque loop does not cancel: tau_e = u - z, z the part faster than `leak` of
 /// F_a sign(v_e) + b_a v_e + J_a a_e, behind the loop's lag.
 template <class S> struct ActuatorResidual {
-  S inertia{};  ///< J_a [kg m^2], >= 0
-  S viscous{};  ///< b_a [N m s/rad], >= 0
-  S coulomb{};  ///< F_a [N m], >= 0
-  S leak{};     ///< rate at which the loop's integral forgets it [1/s], >= 0
+  S inertia{}, viscous{}, coulomb{}, leak{};
+
+  template <class P, class V> static constexpr void walk(P& p, V& visit) noexcept {
+    visit(p.inertia, {"actuator_inertia", unit::inertia, at_least(0), "J_a"});
+    visit(p.viscous, {"actuator_viscous", unit::viscous, at_least(0), "b_a"});
+    visit(p.coulomb, {"actuator_coulomb", unit::effort, at_least(0), "F_a"});
+    visit(p.leak, {"actuator_leak", unit::rate, at_least(0), "rate at which the loop's integral forgets them"});
+  }
 };
 
 template <class S> struct ResidualParams {
   CoupledBodies<S> bodies{};  ///< what was identified
-  S correction[5]{};          ///< of q_e, v_e, D, dD, d, per angle that the encoder is off [1, 1/s, 1, 1/s, N m/rad]
-  S innovation_limit{};       ///< of the angle that corrects in one period [rad], > 0
-  S gravity_share{};          ///< of the orthosis's gravity that is carried [1]
-  S viscous_share{};          ///< of its viscous friction [1]
-  S friction_share{};         ///< of its Coulomb friction [1]
-  S assist_width{};           ///< over which carried friction changes its sign [rad/s], > 0
-  S inertia_share{};          ///< of its inertia times the limb's acceleration [1]
+  S correction[5]{};          ///< of q_e, v_e, D, dD, d, per angle that the encoder is off
+  S innovation_limit = S(0.05), gravity_share = S(0.8), viscous_share = S(0.8), friction_share = S(0.5),
+    assist_width = S(0.6), inertia_share = S(0.7);
   ActuatorResidual<S> actuator{};  ///< what the torque loop lets through
-  S torque_gain{};                 ///< on how far the spring is from the torque wanted [1]
-  S proportional{};                ///< on the estimated strap torque [1]
-  S integral{};                    ///< on its integral [1/s]
-  S derivative{};                  ///< on its rate [s]
-  S integral_limit{};              ///< of the integral's torque [N m], >= 0
-  S preview{};                     ///< how far ahead the motion is predicted: the delay of what follows [s], >= 0
-  S emg_limit{};                   ///< of |EMG torque| [N m], > 0
-  S trust_time{};                  ///< over which EMG is faded in and out [s], > 0
-  S swing_angle{};                 ///< where the middle of a swing is [rad]
-  S swing_rate{};                  ///< angular frequency of a swing [rad/s], > 0
-  S phase_gain[swing_phases] = {S(1), S(1), S(1), S(1), S(1), S(1), S(1), S(1)};  ///< of the whole torque [1]
-  SafetyParams<S> gate{};  ///< of the gate; its period is the controller's
+  S torque_gain{}, proportional{}, integral{}, derivative{}, integral_limit = S(1), preview{}, emg_limit = S(40),
+    trust_time = S(0.3), swing_angle{}, swing_rate = S(4.4);
+  S phase_gain[swing_phases] = {S(1), S(1), S(1), S(1), S(1), S(1), S(1), S(1)};
+  SafetyParams<S> gate{};  ///< its period is the controller's
+
+  template <class P, class V> static constexpr void walk(P& p, V& visit) noexcept {
+    constexpr const char* phases[swing_phases] = {"_0", "_1", "_2", "_3", "_4", "_5", "_6", "_7"};
+    pellucid::walk(p.bodies, visit);
+    visit(p.correction[0], {"correct_position", unit::one, any_number(), "of q_e, per angle that the encoder is off"});
+    visit(p.correction[1], {"correct_velocity", unit::rate, any_number(), "of v_e"});
+    visit(p.correction[2], {"correct_mismatch", unit::one, any_number(), "of D"});
+    visit(p.correction[3], {"correct_mismatch_rate", unit::rate, any_number(), "of dD"});
+    visit(p.correction[4], {"correct_disturbance", unit::stiffness, any_number(), "of d"});
+    visit(p.innovation_limit, {"innovation_limit", unit::coordinate, above(0),
+                               "of the angle that corrects in one period"});
+    visit(p.gravity_share, {"gravity_share", unit::one, any_number(), "of the orthosis's gravity that is carried"});
+    visit(p.viscous_share, {"viscous_share", unit::one, any_number(), "of its viscous friction"});
+    visit(p.friction_share, {"friction_share", unit::one, any_number(), "of its Coulomb friction"});
+    visit(p.assist_width, {"assist_width", unit::velocity, above(0).or_infinite(),
+                           "over which carried friction changes its sign"});
+    visit(p.inertia_share, {"inertia_share", unit::one, any_number(), "of its inertia times the limb's acceleration"});
+    pellucid::walk(p.actuator, visit);
+    visit(p.torque_gain, {"torque_gain", unit::one, any_number(), "on how far the spring is from the torque wanted"});
+    visit(p.proportional, {"proportional", unit::one, any_number(), "on the estimated strap torque"});
+    visit(p.integral, {"integral", unit::rate, any_number(), "on its integral"});
+    visit(p.derivative, {"derivative", unit::time, any_number(), "on its rate"});
+    visit(p.integral_limit, {"integral_limit", unit::effort, at_least(0), "of the integral's torque"});
+    visit(p.preview, {"preview", unit::time, at_least(0),
+                      "how far ahead the motion is predicted: the delay of what follows"});
+    visit(p.emg_limit, {"emg_limit", unit::effort, above(0), "of |EMG torque|"});
+    visit(p.trust_time, {"trust_time", unit::time, above(0).or_infinite(), "over which EMG is faded in and out"});
+    visit(p.swing_angle, {"swing_angle", unit::coordinate, any_number(), "where the middle of a swing is"});
+    visit(p.swing_rate, {"swing_rate", unit::velocity, above(0), "angular frequency of a swing"});
+    for (std::size_t i = 0; i < swing_phases; ++i)
+      visit(p.phase_gain[i], {"phase_gain", unit::one, any_number(), "of the whole torque at this phase of a swing", "",
+                              phases[i]});
+    pellucid::walk(p.gate, visit);
+  }
 };
-
-/// The order in which ResidualParams come as an array.
-constexpr const char* residual_parameter_names[] = {"orthosis_inertia",
-                                                    "orthosis_viscous",
-                                                    "orthosis_gravity",
-                                                    "coulomb",
-                                                    "friction_width",
-                                                    "limb_inertia",
-                                                    "limb_viscous",
-                                                    "limb_gravity",
-                                                    "strap_stiffness",
-                                                    "strap_damping",
-                                                    "slack",
-                                                    "correct_position",
-                                                    "correct_velocity",
-                                                    "correct_mismatch",
-                                                    "correct_mismatch_rate",
-                                                    "correct_disturbance",
-                                                    "innovation_limit",
-                                                    "gravity_share",
-                                                    "viscous_share",
-                                                    "friction_share",
-                                                    "assist_width",
-                                                    "inertia_share",
-                                                    "actuator_inertia",
-                                                    "actuator_viscous",
-                                                    "actuator_coulomb",
-                                                    "actuator_leak",
-                                                    "torque_gain",
-                                                    "proportional",
-                                                    "integral",
-                                                    "derivative",
-                                                    "integral_limit",
-                                                    "preview",
-                                                    "emg_limit",
-                                                    "trust_time",
-                                                    "swing_angle",
-                                                    "swing_rate",
-                                                    "phase_gain_0",
-                                                    "phase_gain_1",
-                                                    "phase_gain_2",
-                                                    "phase_gain_3",
-                                                    "phase_gain_4",
-                                                    "phase_gain_5",
-                                                    "phase_gain_6",
-                                                    "phase_gain_7",
-                                                    "effort_limit",
-                                                    "rate_limit",
-                                                    "velocity_limit",
-                                                    "position_min",
-                                                    "position_max",
-                                                    "stop_margin",
-                                                    "max_age",
-                                                    "max_repeats",
-                                                    "period"};
-constexpr std::size_t residual_parameter_count = sizeof residual_parameter_names / sizeof *residual_parameter_names;
-
-/// ResidualParams from their array.
-template <class S> ResidualParams<S> residual_params(const S (&v)[residual_parameter_count]) noexcept {
-  ResidualParams<S> p;
-  p.bodies = {v[0], v[1], v[2], v[3], v[4], v[5], v[6], v[7], v[8], v[9], v[10]};
-  for (std::size_t i = 0; i < 5; ++i) p.correction[i] = v[11 + i];
-  p.innovation_limit = v[16];
-  p.gravity_share = v[17];
-  p.viscous_share = v[18];
-  p.friction_share = v[19];
-  p.assist_width = v[20];
-  p.inertia_share = v[21];
-  p.actuator = {v[22], v[23], v[24], v[25]};
-  p.torque_gain = v[26];
-  p.proportional = v[27];
-  p.integral = v[28];
-  p.derivative = v[29];
-  p.integral_limit = v[30];
-  p.preview = v[31];
-  p.emg_limit = v[32];
-  p.trust_time = v[33];
-  p.swing_angle = v[34];
-  p.swing_rate = v[35];
-  for (std::size_t i = 0; i < swing_phases; ++i) p.phase_gain[i] = v[36 + i];
-  // Counts that a 32-bit integer cannot hold are none.
-  const std::uint32_t repeats = v[51] >= S(0) && v[51] <= S(1e6) ? static_cast<std::uint32_t>(v[51]) : 0;
-  p.gate = {v[44], v[45], v[46], v[47], v[48], v[49], v[50], repeats, v[52]};
-  return p;
-}
 
 /// What follows from ResidualParams once.
 template <class S> struct ResidualCoefficients {
@@ -180,20 +127,7 @@ template <class S> ResidualCoefficients<S> coefficients(const ResidualParams<S>&
   c.trust_change = period / p.trust_time;
   const S inverse_inertia = c.inverse_orthosis_inertia + c.inverse_limb_inertia;
   const S damping = m.strap_damping + m.orthosis_viscous + m.coulomb * c.inverse_friction_width;
-  bool sound =
-      m.orthosis_inertia > S(0) && m.limb_inertia > S(0) && m.strap_stiffness > S(0) && m.friction_width > S(0) &&
-      m.orthosis_viscous >= S(0) && m.coulomb >= S(0) && m.limb_viscous >= S(0) && m.strap_damping >= S(0) &&
-      m.slack >= S(0) && is_finite(m.slack) && is_finite(m.orthosis_gravity) && is_finite(m.limb_gravity) &&
-      p.innovation_limit > S(0) && p.integral_limit >= S(0) && p.preview >= S(0) && p.emg_limit > S(0) &&
-      p.trust_time > S(0) && p.swing_rate > S(0) && p.assist_width > S(0) &&
-      is_finite(p.gravity_share + p.viscous_share + p.friction_share + p.inertia_share) &&
-      is_finite(p.proportional + p.integral + p.derivative + p.integral_limit) &&
-      is_finite(p.preview + p.emg_limit + p.swing_angle + p.innovation_limit) && is_finite(c.inverse_swing_rate);
-  sound = sound && p.actuator.inertia >= S(0) && p.actuator.viscous >= S(0) && p.actuator.coulomb >= S(0) &&
-          c.leak >= S(0) && c.leak < S(1) && is_finite(p.torque_gain) &&
-          is_finite(p.actuator.inertia + p.actuator.viscous + p.actuator.coulomb);
-  for (const S gain : p.correction) sound = sound && is_finite(gain);
-  for (const S gain : p.phase_gain) sound = sound && is_finite(gain);
+  bool sound = is_sound(p) && is_finite(c.inverse_swing_rate) && c.leak < S(1);
   // Semi-implicit Euler holds while a period turns the strap's resonance by less than 1 rad and damps it by less than 1.
   sound = sound && period * period * m.strap_stiffness * inverse_inertia < S(1) &&
           period * damping * inverse_inertia < S(1);
@@ -214,18 +148,8 @@ template <class S> struct ResidualState {
   S slow{};                    ///< slow part of the actuator's residual [N m]
   S trust{};                   ///< in EMG, from 0 to 1
   S last_position{};           ///< as measured [rad]
-  std::uint32_t sequence = 0;  ///< periods so far
   bool started = false;        ///< false until the first sample
   SafetyState<S> gate{};       ///< of the last step
-};
-
-/// What a compensator is given each period.
-template <class S> struct ResidualInput {
-  S position{};           ///< of the output encoder [rad]
-  S torque{};             ///< tau_e, measured at the spring [N m]
-  S emg_torque{};         ///< tau_k, estimated from EMG [N m]
-  bool emg_valid = true;  ///< false: the electrodes say nothing
-  std::int64_t time = 0;  ///< of the sample [us]
 };
 
 /// The strap's spring: k beyond its gap.
@@ -275,10 +199,8 @@ template <class S> S swing_gain(const ResidualCoefficients<S>& c, S position, S 
 /// Forgets the motion, keeps the gate as it is.
 template <class S> void forget(ResidualState<S>& s) noexcept {
   const SafetyState<S> gate = s.gate;
-  const std::uint32_t sequence = s.sequence;
   s = {};
   s.gate = gate;
-  s.sequence = sequence;
 }
 
 /// Opens the gate again and starts the observer from the next sample.
@@ -290,34 +212,35 @@ template <class S> void reset(ResidualState<S>& s) noexcept {
 /// One control period: the torque wanted from the spring [N m]. A fault latches the gate: zero-impedance mode.
 /// EMG that is not valid or not finite is no fault: it fades out, and what needs no EMG stays.
 template <class S>
-S step(const ResidualCoefficients<S>& c, ResidualState<S>& s, const ResidualInput<S>& input) noexcept {
+S step(const ResidualCoefficients<S>& c, ResidualState<S>& s, const Samples<S>& samples) noexcept {
   const ResidualParams<S>& p = c.params;
   const CoupledBodies<S>& m = p.bodies;
   const S period = p.gate.period;
-  const bool measured = is_finite(input.position) && is_finite(input.torque);
-  const bool heard = input.emg_valid && is_finite(input.emg_torque);
-  const S muscle = heard ? clamp(input.emg_torque, -p.emg_limit, p.emg_limit) : S(0);
+  const Sample<S>& encoder = samples.position;
+  const bool measured = is_heard(encoder) && is_heard(samples.torque);
+  const bool heard = is_heard(samples.muscle);
+  const S muscle = heard ? clamp(samples.muscle.value, -p.emg_limit, p.emg_limit) : S(0);
   s.trust = clamp((heard ? S(1) : S(0)), s.trust - c.trust_change, s.trust + c.trust_change);
 
   S wanted = S(0);
   S speed = S(0);
   if (c.gate.valid && measured) {
     if (!s.started) {
-      s.position = input.position;
-      s.last_position = input.position;
+      s.position = encoder.value;
+      s.last_position = encoder.value;
       s.started = true;
     }
-    speed = (input.position - s.last_position) * c.inverse_period;
-    s.last_position = input.position;
+    speed = (encoder.value - s.last_position) * c.inverse_period;
+    s.last_position = encoder.value;
 
-    const S off = clamp(input.position - s.position, -p.innovation_limit, p.innovation_limit);
+    const S off = clamp(encoder.value - s.position, -p.innovation_limit, p.innovation_limit);
     s.position = s.position + p.correction[0] * off;
     s.velocity = s.velocity + p.correction[1] * off;
     s.mismatch = s.mismatch + p.correction[2] * off;
     s.mismatch_rate = s.mismatch_rate + p.correction[3] * off;
     s.disturbance = clamp(s.disturbance + p.correction[4] * off, -p.emg_limit, p.emg_limit);
 
-    const CoupledRates<S> r = coupled_rates(c, s, input.torque, muscle);
+    const CoupledRates<S> r = coupled_rates(c, s, samples.torque.value, muscle);
     s.strap_torque = r.strap_torque;
     s.limb_acceleration = r.limb_acceleration;
     s.integral = clamp(s.integral + p.integral * period * r.strap_torque, -p.integral_limit, p.integral_limit);
@@ -338,7 +261,7 @@ S step(const ResidualCoefficients<S>& c, ResidualState<S>& s, const ResidualInpu
     const S driven = p.proportional * r.strap_torque + s.integral + p.derivative * rate;
     const S spring = carried + driven;
     wanted =
-        swing_gain(c, s.position, s.velocity) * (spring + (drag - s.slow) + p.torque_gain * (spring - input.torque));
+        swing_gain(c, s.position, s.velocity) * (spring + (drag - s.slow) + p.torque_gain * (spring - samples.torque.value));
 
     s.velocity = s.velocity + period * r.orthosis_acceleration;
     s.mismatch_rate = s.mismatch_rate + period * (r.limb_acceleration - r.orthosis_acceleration);
@@ -347,9 +270,31 @@ S step(const ResidualCoefficients<S>& c, ResidualState<S>& s, const ResidualInpu
   }
   const S sum = abs(s.position) + abs(s.velocity) + abs(s.mismatch) + abs(s.mismatch_rate) + abs(s.disturbance);
   if (!is_finite(sum) || !is_finite(s.integral) || !is_finite(s.slow)) forget(s);
-  ++s.sequence;
-  return step(c.gate, s.gate, {wanted, input.position, speed, input.time, s.sequence, measured});
+  return guard(c.gate, s.gate, wanted, speed, {encoder.value, encoder.time, encoder.sequence, measured});
 }
+
+template <class S> struct ResidualCompensator {
+  using Params = ResidualParams<S>;
+  using Coefficients = ResidualCoefficients<S>;
+  using State = ResidualState<S>;
+  static constexpr const char* name = "worn";
+  static constexpr const char* type = "ResidualCompensator";
+  static constexpr const char* title = "zero-impedance mode of a worn orthosis, with its residual compensated";
+  static constexpr SensorUse sensors[] = {{Quantity::position, true, 0.8, 4e-4},
+                                          {Quantity::torque, true, 0.5, 5e-3},
+                                          {Quantity::muscle, false, 4.0, 0.1}};
+  /// What it observes.
+  template <class V> static void estimates(const State& s, V&& visit) {
+    visit(s.position, {"position", unit::coordinate, {}, "of the orthosis"});
+    visit(s.velocity, {"velocity", unit::velocity, {}, "of the orthosis"});
+    visit(s.mismatch, {"mismatch", unit::coordinate, {}, "limb less orthosis"});
+    visit(s.mismatch_rate, {"mismatch_rate", unit::velocity, {}, "of the mismatch"});
+    visit(s.disturbance, {"disturbance", unit::effort, {}, "torque that EMG misses"});
+    visit(s.strap_torque, {"strap_torque", unit::effort, {}, "of the strap on the orthosis"});
+    visit(s.limb_acceleration, {"limb_acceleration", unit::acceleration, {}, "of the limb"});
+    visit(s.trust, {"trust", unit::one, {}, "in EMG"});
+  }
+};
 
 }  // namespace PELLUCID_ABI
 }  // namespace pellucid

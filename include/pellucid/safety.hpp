@@ -2,37 +2,37 @@
 //
 // Whatever comes in, what goes out is a finite effort within the limit. A fault latches: the output ramps to 0 and
 // stays there until reset. Comparisons are written !(x >= low && x <= high), which NaN cannot walk through.
-// Times are whole microseconds: seconds in float would stop telling milliseconds apart after a few hours.
 #pragma once
 
-#include "math.hpp"
+#include "fields.hpp"
+#include "sample.hpp"
 
 namespace pellucid {
 inline namespace PELLUCID_ABI {
 
 template <class S> struct SafetyParams {
-  S effort_limit{};               ///< of |effort| [N m], > 0
-  S rate_limit{};                 ///< of |d effort / dt| [N m/s], > 0
-  S velocity_limit{};             ///< of |velocity|; beyond is a fault [rad/s], > 0, infinite: none
-  S position_min{};               ///< lower stop [rad], -infinite: none
-  S position_max{};               ///< upper stop [rad], infinite: none
-  S stop_margin{};                ///< distance to a stop over which the effort into it falls to 0 [rad], >= 0
-  S max_age{};                    ///< of a sample, and of a gap between two; older is a fault [s], > 0, infinite: none
-  std::uint32_t max_repeats = 0;  ///< how often one sample may be seen again before that is a fault
-  S period{};                     ///< between two steps [s], > 0
-};
+  S effort_limit{}, rate_limit{}, velocity_limit{}, position_min{}, position_max{}, stop_margin{}, max_age{};
+  std::uint32_t max_repeats = 0;
+  S period{};
 
-/// Why a gate is shut.
-enum class SafetyFault : std::uint8_t {
-  none,           ///< it is open
-  configuration,  ///< its parameters make no sense
-  not_finite,     ///< the command, the position, the velocity or the time was NaN or infinite
-  stale,          ///< the sample was too old, seen too often, or came after too long a gap
-  out_of_order,   ///< the sequence number or the time went backwards
-  velocity,       ///< faster than velocity_limit
+  template <class P, class V> static constexpr void walk(P& p, V& visit) noexcept {
+    visit(p.effort_limit, {"effort_limit", unit::effort, above(0), "of |effort|"});
+    visit(p.rate_limit, {"rate_limit", unit::effort_rate, above(0), "of |d effort / dt|"});
+    visit(p.velocity_limit, {"velocity_limit", unit::velocity, above(0).or_infinite(),
+                             "of |velocity|; beyond is a fault; infinite: none"});
+    visit(p.position_min, {"position_min", unit::coordinate, any_number().or_infinite(),
+                           "lower stop; -infinite: none"});
+    visit(p.position_max, {"position_max", unit::coordinate, any_number().or_infinite(),
+                           "upper stop; infinite: none"});
+    visit(p.stop_margin, {"stop_margin", unit::coordinate, at_least(0),
+                          "distance to a stop over which the effort into it falls to 0"});
+    visit(p.max_age, {"max_age", unit::time, above(0).or_infinite(),
+                      "of a sample, and of a gap between two; older is a fault; infinite: none"});
+    visit(p.max_repeats, {"max_repeats", unit::one, at_least(0),
+                          "how often one sample may be seen again before that is a fault"});
+    visit(p.period, {"period", unit::time, above(0), "between two steps"});
+  }
 };
-constexpr const char* safety_fault_names[] = {"none",  "configuration", "not_finite",
-                                              "stale", "out_of_order",  "velocity"};
 
 /// What follows from SafetyParams once.
 template <class S> struct SafetyCoefficients {
@@ -40,19 +40,25 @@ template <class S> struct SafetyCoefficients {
   bool valid = false;        ///< whether they make sense
   S max_change{};            ///< of the effort in a period [N m]
   S inverse_margin{};        ///< 1 / stop_margin [1/rad], infinite for a margin of 0
-  std::int64_t max_gap = 0;  ///< max_age [us]
+  SampleRules rules{};       ///< when a sample is too old
 };
 
 template <class S> SafetyCoefficients<S> coefficients(const SafetyParams<S>& p) noexcept {
   SafetyCoefficients<S> c;
   c.params = p;
-  c.valid = p.effort_limit > S(0) && is_finite(p.effort_limit) && p.rate_limit > S(0) && is_finite(p.rate_limit) &&
-            p.velocity_limit > S(0) && p.position_min < p.position_max && p.stop_margin >= S(0) &&
-            is_finite(p.stop_margin) && p.max_age > S(0) && p.period > S(0) && is_finite(p.period);
+  c.valid = is_sound(p) && p.position_min < p.position_max;
   c.max_change = p.rate_limit * p.period;
   c.inverse_margin = p.stop_margin > S(0) ? S(1) / p.stop_margin : S(std::numeric_limits<S>::infinity());
   const bool bounded = p.max_age > S(0) && p.max_age < S(2000);  // what 32 bits of microseconds hold
-  c.max_gap = bounded ? static_cast<std::int32_t>(p.max_age * S(1e6)) : std::numeric_limits<std::int64_t>::max();
+  c.rules.max_age = bounded ? static_cast<std::int32_t>(p.max_age * S(1e6)) : std::numeric_limits<std::int64_t>::max();
+  c.rules.max_repeats = p.max_repeats;
+  // A sample seen n times again is n periods old.
+  const S most = p.max_age / p.period;
+  if (c.valid && most < static_cast<S>(p.max_repeats)) {
+    c.rules.max_repeats = static_cast<std::uint32_t>(most);
+    if (static_cast<S>(c.rules.max_repeats + 1) * p.period <= p.max_age) ++c.rules.max_repeats;
+    if (!(static_cast<S>(c.rules.max_repeats) * p.period <= p.max_age)) --c.rules.max_repeats;
+  }
   return c;
 }
 
@@ -71,43 +77,23 @@ template <class S> struct SafetyState {
   SafetyFault fault = SafetyFault::none;  ///< latched
   S output{};                             ///< the last one [N m]
   S position{};                           ///< the last one that was a number [rad]
-  std::int64_t time = 0;                  ///< of the last new sample [us]
-  std::uint32_t sequence = 0;             ///< of the last new sample
-  std::uint32_t repeats = 0;              ///< of it so far
-  bool started = false;                   ///< false until the first sample
+  SampleState sample{};                   ///< of the position
 };
 
 /// Opens a gate again. The output goes on from where it is, within the rate limit.
 template <class S> void reset(SafetyState<S>& state) noexcept {
   state.fault = SafetyFault::none;
-  state.repeats = 0;
-  state.started = false;
+  state.sample = {};
 }
 
-/// What is wrong with this sample after the last, if anything. Also takes note of it.
+/// What is wrong with this input after the last, if anything. Also takes note of it.
 template <class S>
 SafetyFault examine(const SafetyCoefficients<S>& c, SafetyState<S>& state, const SafetyInput<S>& input) noexcept {
   if (!(input.valid && is_finite(input.command) && is_finite(input.position) && is_finite(input.velocity)))
     return SafetyFault::not_finite;
-  const std::uint32_t ahead = input.sequence - state.sequence;
-  // Unsigned differences cannot overflow; an honest clock is never ahead by more than half its range.
-  const std::uint64_t gap = static_cast<std::uint64_t>(input.time) - static_cast<std::uint64_t>(state.time);
-  if (state.started) {
-    if (ahead > 0x7fffffffu || gap > 0x7fffffffffffffffu) return SafetyFault::out_of_order;
-    if (ahead == 0 || gap == 0) {
-      if (state.repeats < 0xffffffffu) ++state.repeats;
-      const S age = static_cast<S>(state.repeats) * c.params.period;
-      if (state.repeats > c.params.max_repeats || !(age <= c.params.max_age)) return SafetyFault::stale;
-    } else {
-      if (gap > static_cast<std::uint64_t>(c.max_gap)) return SafetyFault::stale;
-      state.repeats = 0;
-    }
-  }
-  state.started = true;
-  state.sequence = input.sequence;
-  if (state.repeats == 0) state.time = input.time;
-  if (!(abs(input.velocity) <= c.params.velocity_limit)) return SafetyFault::velocity;
-  return SafetyFault::none;
+  const SafetyFault found = examine(c.rules, state.sample, input.time, input.sequence);
+  if (found != SafetyFault::none) return found;
+  return abs(input.velocity) <= c.params.velocity_limit ? SafetyFault::none : SafetyFault::velocity;
 }
 
 /// How much of the effort limit may still push towards a stop at this distance: 1 far away, 0 at the stop and beyond.

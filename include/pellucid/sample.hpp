@@ -1,28 +1,41 @@
 // One sensor's reading as it reaches a controller, with what it takes to tell whether it may still be believed.
+//
+// Times are whole microseconds: seconds in float would stop telling milliseconds apart after a few hours.
 #pragma once
 
-#include "safety.hpp"
+#include "math.hpp"
 
 namespace pellucid {
 inline namespace PELLUCID_ABI {
 
 template <class S> struct Sample {
   S value{};                   ///< in the sensor's SI unit
-  std::int64_t time = 0;       ///< when it was measured [us]
+  std::int64_t time = 0;       ///< when it was measured, on any clock that only goes on [us]
   std::uint32_t sequence = 0;  ///< its number; may wrap around
   bool valid = false;          ///< false: the sensor itself says that this is no measurement
 };
+
+/// Whether it is a measurement.
+template <class S> bool is_heard(const Sample<S>& sample) noexcept { return sample.valid && is_finite(sample.value); }
+
+/// Why a gate is shut.
+enum class SafetyFault : std::uint8_t {
+  none,           ///< it is open
+  configuration,  ///< the parameters make no sense
+  not_finite,     ///< a command, a position, a velocity or a time was NaN or infinite
+  stale,          ///< a sample was too old, seen too often, or came after too long a gap
+  out_of_order,   ///< a sequence number or a time went backwards, or a sample came from the future
+  velocity,       ///< faster than velocity_limit
+  stopped,        ///< somebody asked for it
+};
+constexpr const char* safety_fault_names[] = {"none",         "configuration", "not_finite", "stale",
+                                              "out_of_order", "velocity",      "stopped"};
 
 /// What makes a sample too old.
 struct SampleRules {
   std::int64_t max_age = 0;       ///< between measurement and use, and between two samples [us]
   std::uint32_t max_repeats = 0;  ///< how often one sample may be seen again
 };
-
-/// The rules of a gate, for every sensor of its controller.
-template <class S> SampleRules sample_rules(const SafetyCoefficients<S>& gate) noexcept {
-  return {gate.max_gap, gate.params.max_repeats};
-}
 
 /// What is remembered of one sensor.
 struct SampleState {
@@ -32,28 +45,33 @@ struct SampleState {
   bool started = false;        ///< false until the first sample
 };
 
-/// What is wrong with this sample, if anything, seen at the time `now` [us] of its own clock. Also takes note of it.
-template <class S>
-SafetyFault examine(const SampleRules& rules, SampleState& state, const Sample<S>& sample, std::int64_t now) noexcept {
-  if (!(sample.valid && is_finite(sample.value))) return SafetyFault::not_finite;
-  const auto limit = static_cast<std::uint64_t>(rules.max_age);
-  // Unsigned differences cannot overflow; more than half their range is a step back, or a sample from the future.
-  constexpr std::uint64_t half = 0x7fffffffffffffffu;
-  const std::uint64_t age = static_cast<std::uint64_t>(now) - static_cast<std::uint64_t>(sample.time);
-  const std::uint64_t gap = static_cast<std::uint64_t>(sample.time) - static_cast<std::uint64_t>(state.time);
-  const std::uint32_t ahead = sample.sequence - state.sequence;
-  if (age > half) return SafetyFault::out_of_order;
-  if (age > limit) return SafetyFault::stale;
+/// What is wrong with a sample's time and number after the last, if anything. Also takes note of them.
+inline SafetyFault examine(const SampleRules& rules, SampleState& state, std::int64_t time,
+                           std::uint32_t sequence) noexcept {
+  // Unsigned differences cannot overflow; more than half their range is a step back.
+  const std::uint64_t gap = static_cast<std::uint64_t>(time) - static_cast<std::uint64_t>(state.time);
+  const std::uint32_t ahead = sequence - state.sequence;
   if (state.started) {
-    if (ahead > 0x7fffffffu || gap > half) return SafetyFault::out_of_order;
+    if (ahead > 0x7fffffffu || gap > 0x7fffffffffffffffu) return SafetyFault::out_of_order;
     if (ahead == 0 || gap == 0) {
       if (state.repeats < 0xffffffffu) ++state.repeats;
+      state.sequence = sequence;
       return state.repeats > rules.max_repeats ? SafetyFault::stale : SafetyFault::none;
     }
-    if (gap > limit) return SafetyFault::stale;
+    if (gap > static_cast<std::uint64_t>(rules.max_age)) return SafetyFault::stale;
   }
-  state = {sample.time, sample.sequence, 0, true};
+  state = {time, sequence, 0, true};
   return SafetyFault::none;
+}
+
+/// The same of a whole sample, seen at the time `now` [us] of its own clock.
+template <class S>
+SafetyFault examine(const SampleRules& rules, SampleState& state, const Sample<S>& sample, std::int64_t now) noexcept {
+  if (!is_heard(sample)) return SafetyFault::not_finite;
+  const std::uint64_t age = static_cast<std::uint64_t>(now) - static_cast<std::uint64_t>(sample.time);
+  if (age > 0x7fffffffffffffffu) return SafetyFault::out_of_order;
+  if (age > static_cast<std::uint64_t>(rules.max_age)) return SafetyFault::stale;
+  return examine(rules, state, sample.time, sample.sequence);
 }
 
 }  // namespace PELLUCID_ABI

@@ -5,17 +5,23 @@
 // proportion to the torque beyond what it holds. Slip is part of the state, an offset between limb and robot.
 #pragma once
 
-#include "math.hpp"
+#include "fields.hpp"
 
 namespace pellucid {
 inline namespace PELLUCID_ABI {
 
 template <class S> struct StrapParams {
-  S stiffness{};      ///< K [N m/rad], >= 0; 0 and no damping: nothing is strapped on
-  S damping{};        ///< D [N m s/rad], >= 0
-  S slack{};          ///< the whole gap [rad]; <= 0: none
-  S hold{};           ///< torque that it carries without slipping [N m]
-  S slip_mobility{};  ///< slip rate per torque beyond that [rad/(N m s)]; 0: it never creeps
+  S stiffness{}, damping{}, slack{}, hold{}, slip_mobility{};
+
+  template <class P, class V> static constexpr void walk(P& p, V& visit) noexcept {
+    visit(p.stiffness, {"strap_stiffness", unit::stiffness, at_least(0),
+                        "K of the strap; 0 and no damping: nothing is strapped on"});
+    visit(p.damping, {"strap_damping", unit::viscous, at_least(0), "D of the strap"});
+    visit(p.slack, {"strap_slack", unit::coordinate, any_number(), "the whole gap; <= 0: none"});
+    visit(p.hold, {"strap_hold", unit::effort, any_number(), "torque that it carries without slipping"});
+    visit(p.slip_mobility, {"strap_mobility", unit::mobility, at_least(0),
+                            "slip rate per torque beyond that; 0: it never creeps"});
+  }
 };
 
 /// What follows from StrapParams once.

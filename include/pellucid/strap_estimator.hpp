@@ -15,16 +15,23 @@ inline namespace PELLUCID_ABI {
 
 template <class S> struct StrapEstimatorParams {
   CoupledBodies<S> bodies{};  ///< what was identified: k and b are where the estimate starts
-  S bandwidth{};              ///< a, of the low-pass [rad/s], > 0
-  S slowest{};                ///< below it nothing is fitted [rad/s], > 0
-  S forgetting{};             ///< time over which the past is forgotten [s], > 0
-  S prior_mismatch{};         ///< RMS mismatch, over the forgetting time, that weighs as much as the start [rad], > 0
-  S excitation{};             ///< RMS mismatch below which nothing is learnt [rad], > 0
-  S stiffness_min{};          ///< bounds of k [N m/rad], > 0
-  S stiffness_max{};          ///< [N m/rad]
-  S damping_min{};            ///< bounds of b [N m s/rad], >= 0
-  S damping_max{};            ///< [N m s/rad]
-  S period{};                 ///< [s], > 0
+  S bandwidth{}, slowest{}, forgetting{}, prior_mismatch{}, excitation{}, stiffness_min{}, stiffness_max{},
+      damping_min{}, damping_max{}, period{};
+
+  template <class P, class V> static constexpr void walk(P& p, V& visit) noexcept {
+    pellucid::walk(p.bodies, visit);
+    visit(p.bandwidth, {"bandwidth", unit::velocity, above(0), "a, of the low-pass"});
+    visit(p.slowest, {"slowest", unit::velocity, above(0), "below it nothing is fitted"});
+    visit(p.forgetting, {"forgetting", unit::time, above(0), "over which the past is forgotten"});
+    visit(p.prior_mismatch, {"prior_mismatch", unit::coordinate, above(0),
+                             "RMS mismatch, over the forgetting time, that weighs as much as the start"});
+    visit(p.excitation, {"excitation", unit::coordinate, above(0), "RMS mismatch below which nothing is learnt"});
+    visit(p.stiffness_min, {"stiffness_min", unit::stiffness, above(0), "of k"});
+    visit(p.stiffness_max, {"stiffness_max", unit::stiffness, above(0), "of k"});
+    visit(p.damping_min, {"damping_min", unit::viscous, at_least(0), "of b"});
+    visit(p.damping_max, {"damping_max", unit::viscous, at_least(0), "of b"});
+    visit(p.period, {"period", unit::time, above(0), "between two steps"});
+  }
 };
 
 /// What follows from StrapEstimatorParams once.
@@ -40,12 +47,8 @@ template <class S> struct StrapEstimatorCoefficients {
 template <class S> StrapEstimatorCoefficients<S> coefficients(const StrapEstimatorParams<S>& p) noexcept {
   StrapEstimatorCoefficients<S> c;
   c.params = p;
-  c.valid = p.bandwidth > S(0) && p.slowest > S(0) && p.forgetting > S(0) && p.period > S(0) &&
-            p.prior_mismatch > S(0) && p.excitation > S(0) && p.stiffness_min > S(0) &&
-            p.stiffness_max >= p.stiffness_min && p.damping_min >= S(0) && p.damping_max >= p.damping_min &&
-            p.bandwidth * p.period < S(1) && p.slowest * p.period < S(1) && p.forgetting > p.period &&
-            p.bodies.orthosis_inertia > S(0) && p.bodies.limb_inertia > S(0) && p.bodies.friction_width > S(0) &&
-            is_finite(p.stiffness_max + p.damping_max + p.bodies.strap_stiffness + p.bodies.strap_damping);
+  c.valid = is_sound(p) && p.stiffness_max >= p.stiffness_min && p.damping_max >= p.damping_min &&
+            p.bandwidth * p.period < S(1) && p.slowest * p.period < S(1) && p.forgetting > p.period;
   c.smooth = p.bandwidth * p.period;
   c.drift = p.slowest * p.period;
   c.keep = S(1) - p.period / p.forgetting;
@@ -76,43 +79,43 @@ template <class S> struct StrapEstimatorState {
 
 /// One control period. Whatever comes in, k and b stay within their bounds.
 template <class S>
-void step(const StrapEstimatorCoefficients<S>& c, StrapEstimatorState<S>& s, const ResidualInput<S>& input) noexcept {
+void step(const StrapEstimatorCoefficients<S>& c, StrapEstimatorState<S>& s, const Samples<S>& samples) noexcept {
   const StrapEstimatorParams<S>& p = c.params;
   const CoupledBodies<S>& m = p.bodies;
   const S stiffness = clamp(m.strap_stiffness, p.stiffness_min, p.stiffness_max);
   const S damping = clamp(m.strap_damping, p.damping_min, p.damping_max);
-  const bool heard = input.emg_valid && is_finite(input.emg_torque);
+  const bool heard = is_heard(samples.muscle);
   if (!s.started || !c.valid) {
     s = {};
     s.stiffness = stiffness;
     s.damping = damping;
   }
   s.learns = false;
-  if (!c.valid || !is_finite(input.position) || !is_finite(input.torque)) return;
+  if (!c.valid || !is_finite(samples.position.value) || !is_finite(samples.torque.value)) return;
   if (!s.started) {
     s.started = true;
-    s.last_position = input.position;
-    s.limb_position = input.position;
+    s.last_position = samples.position.value;
+    s.limb_position = samples.position.value;
   }
-  const S velocity = (input.position - s.last_position) / p.period;
-  s.last_position = input.position;
+  const S velocity = (samples.position.value - s.last_position) / p.period;
+  s.last_position = samples.position.value;
 
   // The orthosis side: tau_x follows what the momentum gained beyond what is known.
-  const S known = input.torque - m.orthosis_viscous * velocity - m.orthosis_gravity * sin(input.position) -
+  const S known = samples.torque.value - m.orthosis_viscous * velocity - m.orthosis_gravity * sin(samples.position.value) -
                   m.coulomb * tanh(velocity / m.friction_width);
   s.momentum = s.momentum + p.period * (known + s.torque);
   s.torque = p.bandwidth * (m.orthosis_inertia * velocity - s.momentum);
 
   // The limb side: a pendulum under EMG torque, held to the orthosis over the slow part that is not fitted.
-  const S muscle = heard ? input.emg_torque : S(0);
+  const S muscle = heard ? samples.muscle.value : S(0);
   const S acceleration =
       (muscle - s.torque - m.limb_viscous * s.limb_velocity - m.limb_gravity * sin(s.limb_position)) / m.limb_inertia;
   s.limb_velocity = s.limb_velocity + p.period * acceleration;
   s.limb_position = s.limb_position + p.period * s.limb_velocity;
   s.limb_velocity = s.limb_velocity - c.drift * (s.limb_velocity - velocity);
-  s.limb_position = s.limb_position - c.drift * (s.limb_position - input.position);
+  s.limb_position = s.limb_position - c.drift * (s.limb_position - samples.position.value);
 
-  const S raw[2] = {s.limb_position - input.position, s.limb_velocity - velocity};
+  const S raw[2] = {s.limb_position - samples.position.value, s.limb_velocity - velocity};
   for (std::size_t i = 0; i < 2; ++i) s.smooth[i] = s.smooth[i] + c.smooth * (raw[i] - s.smooth[i]);
   const S signal[3] = {s.torque, s.smooth[0], s.smooth[1]};
   S x[3];

@@ -4,20 +4,24 @@
 // and fades out while the sensor says nothing.
 #pragma once
 
-#include "math.hpp"
+#include "fields.hpp"
 
 namespace pellucid {
 inline namespace PELLUCID_ABI {
 
 template <class S> struct TorqueFeedbackParams {
-  S proportional{};  ///< [1], >= 0
-  S integral{};      ///< [1/s], >= 0
-  S leak{};          ///< rate at which the integral forgets [1/s], >= 0
-  S lowpass{};       ///< of the sensor [rad/s], > 0
-  S drift{};         ///< rate below which a torque is the sensor's own [rad/s], >= 0
-  S limit{};         ///< of what feeds back [N m], >= 0
-};
+  S proportional{}, integral{}, leak{}, lowpass = S(100), drift{}, limit{};
 
+  template <class P, class V> static constexpr void walk(P& p, V& visit) noexcept {
+    visit(p.proportional, {"proportional", unit::one, at_least(0), "gain on the interaction torque"});
+    visit(p.integral, {"integral", unit::rate, at_least(0), "gain on its integral"});
+    visit(p.leak, {"leak", unit::rate, at_least(0).or_infinite(), "rate at which the integral forgets"});
+    visit(p.lowpass, {"sensor_lowpass", unit::velocity, above(0).or_infinite(), "of the force sensor"});
+    visit(p.drift, {"sensor_drift", unit::velocity, at_least(0).or_infinite(),
+                    "rate below which a torque is the sensor's own"});
+    visit(p.limit, {"feedback_limit", unit::effort, at_least(0), "of what feeds back"});
+  }
+};
 /// What follows from TorqueFeedbackParams and the period once.
 template <class S> struct TorqueFeedbackCoefficients {
   TorqueFeedbackParams<S> params{};  ///< as they are
@@ -36,8 +40,7 @@ TorqueFeedbackCoefficients<S> coefficients(const TorqueFeedbackParams<S>& p, con
   c.smoothing = S(1) - exp(-p.lowpass * period);
   c.slow = S(1) - exp(-p.drift * period);
   c.forgetting = exp(-p.leak * period);
-  c.valid = p.proportional >= S(0) && is_finite(p.proportional) && p.integral >= S(0) && is_finite(p.integral) &&
-            p.leak >= S(0) && p.lowpass > S(0) && p.drift >= S(0) && p.limit >= S(0) && is_finite(p.limit);
+  c.valid = is_sound(p);
   return c;
 }
 

@@ -7,7 +7,7 @@
 // desired torque counts as none, a measured one as the last, a command as 0. A gain that is none shows in every command.
 #pragma once
 
-#include "math.hpp"
+#include "fields.hpp"
 
 namespace pellucid {
 inline namespace PELLUCID_ABI {
@@ -16,15 +16,19 @@ inline namespace PELLUCID_ABI {
 constexpr std::uint32_t max_torque_span = 8;
 
 template <class S> struct TorqueLoopParams {
-  S kp{};                         ///< k_p [1]
-  S ki{};                         ///< k_i [1/s]
-  S kd{};                         ///< k_d [s]
-  S torque_limit{};               ///< of |tau_d| [N m]; <= 0: none
-  S motor_limit{};                ///< of |u| [N m]; <= 0: none
-  S stiffness{};                  ///< K as calibrated [N m/rad]
+  S kp{}, ki{}, kd{}, torque_limit{}, motor_limit{}, stiffness{};
   std::uint32_t delay = 0;        ///< samples from reading to motor, up to 7
   std::uint32_t torque_span = 1;  ///< samples that d tau/dt spans, 1 to 7
   S period{};                     ///< [s], > 0
+
+  template <class P, class V> static constexpr void gains(P& p, V& visit) noexcept {
+    visit(p.kp, {"torque_kp", unit::one, any_number(), "k_p"});
+    visit(p.ki, {"torque_ki", unit::rate, any_number(), "k_i"});
+    visit(p.kd, {"torque_kd", unit::time, any_number(), "k_d"});
+    visit(p.torque_limit, {"torque_limit", unit::effort, any_number(), "of |tau_d|; <= 0: none"});
+    visit(p.motor_limit, {"motor_limit", unit::effort, any_number(), "of |u|; <= 0: none"});
+    visit(p.stiffness, {"calibrated_stiffness", unit::stiffness, any_number(), "K as the controller knows it"});
+  }
 };
 
 /// What follows from TorqueLoopParams once.

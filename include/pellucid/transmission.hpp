@@ -4,15 +4,19 @@
 // hold the link back, which a flank cannot, so the torque is never against the stretch. It dissipates or stores, always.
 #pragma once
 
-#include "math.hpp"
+#include "fields.hpp"
 
 namespace pellucid {
 inline namespace PELLUCID_ABI {
 
 template <class S> struct TransmissionParams {
-  S stiffness{};  ///< K [N m/rad], > 0
-  S damping{};    ///< D, while flanks touch [N m s/rad], >= 0
-  S backlash{};   ///< b, the whole gap [rad]; <= 0: none
+  S stiffness{}, damping{}, backlash{};
+
+  template <class P, class V> static constexpr void walk(P& p, V& visit) noexcept {
+    visit(p.stiffness, {"stiffness", unit::stiffness, above(0), "K, of the transmission"});
+    visit(p.damping, {"damping", unit::viscous, at_least(0), "D, while flanks touch"});
+    visit(p.backlash, {"backlash", unit::coordinate, any_number(), "b, the whole gap; <= 0: none"});
+  }
 };
 
 /// What follows from TransmissionParams once.

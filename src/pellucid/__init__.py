@@ -17,6 +17,9 @@ if TYPE_CHECKING:
     from .assessment.comparison import compare_conditions as compare_conditions
     from .assessment.movement_indices import movement_indices as movement_indices
     from .assessment.power import power_curve as power_curve
+    from .controllers.controller import controller as controller
+    from .controllers.controller import controllers as controllers
+    from .controllers.limits import Limits as Limits
     from .demonstration.demo import demo as demo
     from .deployment.export import export as export
     from .estimators.torque_regressor import TorqueRegressor as TorqueRegressor
@@ -42,6 +45,9 @@ _WHERE = {
     "check": ("procedures.run", "check"),
     "calibrate": ("procedures.run", "calibrate"),
     "identify": ("procedures.run", "identify"),
+    "controller": ("controllers.controller", "controller"),
+    "controllers": ("controllers", None),
+    "Limits": ("controllers.limits", "Limits"),
     "compare": ("procedures.compare", "compare"),
     "report": ("procedures.run", "report"),
     "fit_joint": ("fit.joint.fit_joint", "fit_joint"),
@@ -62,6 +68,7 @@ _WHERE = {
 }
 
 __all__ = [
+    "Limits",
     "Muscle",
     "TorqueRegressor",
     "__version__",
@@ -70,6 +77,8 @@ __all__ = [
     "check",
     "compare",
     "compare_conditions",
+    "controller",
+    "controllers",
     "datasets",
     "demo",
     "envelope",

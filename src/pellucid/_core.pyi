@@ -2,12 +2,19 @@
 The core: every physical model once, in C++ (include/pellucid). SI units throughout.
 """
 
+from collections.abc import Sequence
+
 from numpy import float32, float64
 from numpy.typing import ArrayLike, NDArray
 
 PARAMETER_NAMES: tuple[str, ...]
 
 GEARED_PARAMETER_NAMES: tuple[str, ...]
+
+def model_fields() -> dict[str, list[dict]]:
+    """
+    What the core says of the parameters of its models: the fields of each, as in `laws`, in the order of its arrays.
+    """
 
 instructions: str
 
@@ -19,7 +26,7 @@ def inverse_dynamics(
 
     Parameters
     ----------
-    parameters : (13,)
+    parameters : (k,)
         In the order of PARAMETER_NAMES.
     position, velocity, acceleration : (n,)
         q [rad], v [rad/s], a [rad/s^2]; metres on a prismatic joint.
@@ -38,7 +45,7 @@ def inverse_dynamics_jacobian(
 
     Parameters
     ----------
-    parameters : (13,)
+    parameters : (k,)
         In the order of PARAMETER_NAMES.
     position, velocity, acceleration : (n,)
         q [rad], v [rad/s], a [rad/s^2].
@@ -61,7 +68,7 @@ def forward_dynamics(
 
     Parameters
     ----------
-    parameters : (13,)
+    parameters : (k,)
         In the order of PARAMETER_NAMES.
     position, velocity, effort : (n,)
         q [rad], v [rad/s], effort [N m].
@@ -78,7 +85,7 @@ def friction(parameters: ArrayLike, velocity: ArrayLike, load: ArrayLike) -> NDA
 
     Parameters
     ----------
-    parameters : (13,)
+    parameters : (k,)
         In the order of PARAMETER_NAMES.
     velocity, load : (n,)
         v [rad/s] and the load y that passes through the drive [N m].
@@ -95,7 +102,7 @@ def load(parameters: ArrayLike, position: ArrayLike, acceleration: ArrayLike) ->
 
     Parameters
     ----------
-    parameters : (13,)
+    parameters : (k,)
         In the order of PARAMETER_NAMES.
     position, acceleration : (n,)
         q [rad], a [rad/s^2].
@@ -136,7 +143,7 @@ def simulate(
 
     Parameters
     ----------
-    parameters : (13,)
+    parameters : (k,)
         In the order of PARAMETER_NAMES.
     reference : (n,)
         Of the loop [rad]; a velocity [rad/s] for "velocity_pi"; the command itself for "none".
@@ -211,7 +218,7 @@ def simulate_batch(
 
     Parameters
     ----------
-    parameters : (m, 13)
+    parameters : (m, k)
         A joint a row.
     reference, injected, disturbance, encoder_noise : (n,) or (m, n)
         Shared, or one a row.
@@ -435,121 +442,7 @@ class SafetyGate:
         Open the gate again; the output goes on from where it is, within the rate limit.
         """
 
-RESIDUAL_PARAMETER_NAMES: tuple[str, ...]
-
-class ResidualCompensator:
-    """
-    Carries the orthosis for its wearer in zero-impedance mode, from encoder, spring and EMG torque.
-
-    What goes out has passed the safety gate: finite and within the limits, whatever comes in. A fault latches and the
-    command ramps to 0, which is plain zero-impedance mode. EMG that is not valid or not finite fades out instead.
-
-    Parameters
-    ----------
-    parameters : (53,)
-        In the order of RESIDUAL_PARAMETER_NAMES; see include/pellucid/residual_compensator.hpp for their units.
-    """
-
-    def __init__(self, parameters: ArrayLike) -> None: ...
-    def step(self, time: float, position: float, torque: float, emg_torque: float, emg_valid: bool = True) -> float:
-        """
-        One control period: the torque wanted from the spring [N m].
-
-        Parameters
-        ----------
-        time : float
-            When position and torque were measured [s].
-        position, torque : float
-            Output encoder [rad] and measured spring torque [N m].
-        emg_torque : float
-            Torque of the wearer's muscles, estimated from EMG [N m].
-        emg_valid : bool
-            False: the electrodes say nothing.
-        """
-
-    def run(self, time: ArrayLike, position: ArrayLike, torque: ArrayLike, emg_torque: ArrayLike) -> NDArray[float64]:
-        """
-        step, one period after another.
-
-        Parameters
-        ----------
-        time, position, torque, emg_torque : (n,)
-            As `step` takes them; an EMG torque of NaN is not valid.
-
-        Returns
-        -------
-        (n,)
-            The commands [N m].
-        """
-
-    @property
-    def estimate(self, /) -> tuple[float, float, float, float, float, float, float, float]:
-        """
-        Observed: orthosis angle [rad] and velocity [rad/s], mismatch [rad] and its rate [rad/s], torque that EMG misses
-        [N m], strap torque [N m], limb acceleration [rad/s^2], trust in EMG [1].
-        """
-
-    def set_strap(self, stiffness: float, damping: float) -> None:
-        """Another strap [N m/rad, N m s/rad], from the next period on."""
-
-    @property
-    def fault(self) -> str:
-        """As of SafetyGate: 'none' while it is open."""
-
-    def reset(self) -> None:
-        """Open the gate again and start the observer from the next sample."""
-
-class ResidualCompensatorFloat:
-    """ResidualCompensator in float32, as on a microcontroller."""
-
-    def __init__(self, parameters: ArrayLike) -> None: ...
-    def step(self, time: float, position: float, torque: float, emg_torque: float, emg_valid: bool = True) -> float:
-        """
-        One control period: the torque wanted from the spring [N m].
-
-        Parameters
-        ----------
-        time : float
-            When position and torque were measured [s].
-        position, torque : float
-            Output encoder [rad] and measured spring torque [N m].
-        emg_torque : float
-            Torque of the wearer's muscles, estimated from EMG [N m].
-        emg_valid : bool
-            False: the electrodes say nothing.
-        """
-
-    def run(self, time: ArrayLike, position: ArrayLike, torque: ArrayLike, emg_torque: ArrayLike) -> NDArray[float64]:
-        """
-        step, one period after another.
-
-        Parameters
-        ----------
-        time, position, torque, emg_torque : (n,)
-            As `step` takes them; an EMG torque of NaN is not valid.
-
-        Returns
-        -------
-        (n,)
-            The commands [N m].
-        """
-
-    @property
-    def estimate(self, /) -> tuple[float, float, float, float, float, float, float, float]:
-        """
-        Observed: orthosis angle [rad] and velocity [rad/s], mismatch [rad] and its rate [rad/s], torque that EMG misses
-        [N m], strap torque [N m], limb acceleration [rad/s^2], trust in EMG [1].
-        """
-
-    def set_strap(self, stiffness: float, damping: float) -> None:
-        """Another strap [N m/rad, N m s/rad], from the next period on."""
-
-    @property
-    def fault(self) -> str:
-        """As of SafetyGate: 'none' while it is open."""
-
-    def reset(self) -> None:
-        """Open the gate again and start the observer from the next sample."""
+STRAP_ESTIMATOR_PARAMETER_NAMES: tuple[str, ...]
 
 class StrapEstimator:
     """
@@ -557,37 +450,11 @@ class StrapEstimator:
 
     Parameters
     ----------
-    bodies : (11,)
-        The first eleven of RESIDUAL_PARAMETER_NAMES; strap_stiffness and strap_damping are where the estimate starts.
-    bandwidth, slowest : float
-        The band in which is fitted [rad/s].
-    forgetting : float
-        Time over which the past is forgotten [s].
-    prior_mismatch : float
-        RMS mismatch that weighs as much as the start does [rad].
-    excitation : float
-        RMS mismatch below which nothing is learnt [rad].
-    stiffness_min, stiffness_max, damping_min, damping_max : float
-        Bounds [N m/rad, N m s/rad].
-    period : float
-        [s].
+    parameters : (21,)
+        In the order of STRAP_ESTIMATOR_PARAMETER_NAMES, SI; strap_stiffness and strap_damping are where it starts.
     """
 
-    def __init__(
-        self,
-        *,
-        bodies: ArrayLike,
-        bandwidth: float,
-        slowest: float,
-        forgetting: float,
-        prior_mismatch: float,
-        excitation: float,
-        stiffness_min: float,
-        stiffness_max: float,
-        damping_min: float,
-        damping_max: float,
-        period: float,
-    ) -> None: ...
+    def __init__(self, parameters: ArrayLike) -> None: ...
     def step(
         self, position: float, torque: float, emg_torque: float, emg_valid: bool = True
     ) -> tuple[float, float, bool]:
@@ -647,6 +514,160 @@ class EmgTorque:
 
     def reset(self) -> None:
         """Forget all samples."""
+
+class Law:
+    """
+    A control law behind the front that it has on a robot too: what may not be believed does not reach it.
+
+    What goes out has passed the safety gate: finite and within the limits, whatever comes in. A fault latches, and the
+    effort ramps to 0. Made by `law`.
+    """
+
+    @property
+    def name(self) -> str:
+        """Of `laws`."""
+
+    def step(self, time: float, *samples: float | None) -> float:
+        """
+        One control period: the effort for the drive [N m].
+
+        Parameters
+        ----------
+        time : float
+            When everything was measured [s].
+        *samples : float or None
+            In the order of the law's sensors, SI; None, NaN or left out: the sensor says nothing.
+        """
+
+    def run(self, time: ArrayLike, *samples: ArrayLike) -> NDArray[float64]:
+        """
+        step, one period after another.
+
+        Parameters
+        ----------
+        time, *samples : (n,)
+            As `step` takes them.
+
+        Returns
+        -------
+        (n,)
+            Efforts [N m].
+        """
+
+    def step_samples(self, now: int, samples: Sequence[tuple[float, int, int, bool]]) -> float:
+        """
+        One control period as on a robot, where each sample has its own age.
+
+        Parameters
+        ----------
+        now : int
+            The time of this step [us].
+        samples : sequence of (float, int, int, bool)
+            Value, sequence number, time [us] and whether its sensor vouches for it; in the order of the law's sensors.
+
+        Returns
+        -------
+        float
+            [N m].
+        """
+
+    def configure(self, parameters: ArrayLike) -> None:
+        """
+        Other numbers, from the next period on; what the law remembers stays.
+
+        Parameters
+        ----------
+        parameters : (k,)
+            As `law` takes them.
+        """
+
+    def reset(self) -> None:
+        """
+        Open the gate again and start from the next sample; the effort goes on from where it is.
+        """
+
+    def stop(self) -> None:
+        """
+        From the next step on the effort ramps to 0, and stays there until reset.
+        """
+
+    @property
+    def fault(self) -> str:
+        """
+        Why the effort is 0, or on its way there; 'none' while the gate is open.
+        """
+
+    @property
+    def estimates(self, /) -> dict[str, float]:
+        """What the law observes, by name, SI; empty where it observes nothing."""
+
+def law(name: str, parameters: ArrayLike, single: bool = False) -> Law:
+    """
+    A law of the list.
+
+    Parameters
+    ----------
+    name : str
+        Of `laws`.
+    parameters : (k,)
+        Its numbers, SI, in the order of its fields.
+    single : bool
+        In float32, as on a microcontroller.
+
+    Returns
+    -------
+    Law
+        At rest; its fault is "configuration" where the numbers make no sense.
+    """
+
+def laws() -> list[dict]:
+    """
+    Every law.
+
+    Returns
+    -------
+    list of dict
+        name, type (in C++), title; sensors: name, dimension, meaning, required, swing, noise of each; fields: name,
+        dimension (powers of effort, coordinate, time; or a unit), default, lower, upper, above, below (an end is
+        outside), infinite (infinity is allowed), count, sentence of each; storage [bytes] of it in float.
+    """
+
+def fuzz_law(
+    law: str, parameters: ArrayLike, cycles: int, seed: int, single: bool = False
+) -> tuple[int, int, int, int]:
+    """
+    A law among nonsense: NaN, infinities, jumps, frozen and repeated samples, clock jumps.
+
+    Parameters
+    ----------
+    law : str
+    parameters : (k,)
+    cycles, seed : int
+    single : bool
+        In float32, as on a microcontroller.
+
+    Returns
+    -------
+    tuple
+        Commands outside the limits (unsafe), faults, most cycles from a fault to a safe output, cycles with a torque.
+    """
+
+def time_law(law: str, parameters: ArrayLike, cycles: int, single: bool = False) -> NDArray[float64]:
+    """
+    Nanoseconds of single control steps of a law on a smooth motion, each timed by itself.
+
+    Parameters
+    ----------
+    law : str
+    parameters : (k,)
+    cycles : int
+    single : bool
+
+    Returns
+    -------
+    (cycles,)
+        [ns], the clock's own cost taken off.
+    """
 
 COUPLED_PARAMETER_NAMES: tuple[str, ...]
 
@@ -714,12 +735,6 @@ class CoupledPlant:
 
 REACHING_PARAMETER_NAMES: tuple[str, ...]
 
-POSITION_PREDICTION_PARAMETER_NAMES: tuple[str, ...]
-
-DIRECTIONAL_PARAMETER_NAMES: tuple[str, ...]
-
-TRANSPARENT_PARAMETER_NAMES: tuple[str, ...]
-
 class WornElbow:
     """
     A person's forearm, alone or strapped to a robot under a control law.
@@ -740,7 +755,7 @@ class WornElbow:
         Torque per ampere [N m/A], current limit [A], ripple amplitude [N m], its wave number [1/rad], and the encoder's
         quantum [rad].
     law : str
-        "none", "position_prediction", "directional" or "transparent".
+        "none", or a name of `laws`.
     law_parameters : (k,), optional
         In the order of the law's names, SI.
     emg_gains : (2,)
@@ -813,43 +828,6 @@ class WornElbow:
     @property
     def fault(self) -> str:
         """Of the law's gate, as of SafetyGate: 'none' while it is open."""
-
-def fuzz_law(
-    law: str, parameters: ArrayLike, cycles: int, seed: int, single: bool = False
-) -> tuple[int, int, int, int]:
-    """
-    A law among nonsense: NaN, infinities, jumps, frozen and repeated samples, clock jumps.
-
-    Parameters
-    ----------
-    law : str
-    parameters : (k,)
-    cycles, seed : int
-    single : bool
-        In float32, as on a microcontroller.
-
-    Returns
-    -------
-    tuple
-        Commands outside the limits (unsafe), faults, most cycles from a fault to a safe output, cycles with a torque.
-    """
-
-def time_law(law: str, parameters: ArrayLike, cycles: int, single: bool = False) -> NDArray[float64]:
-    """
-    Nanoseconds of single control steps of a law on a smooth motion, each timed by itself.
-
-    Parameters
-    ----------
-    law : str
-    parameters : (k,)
-    cycles : int
-    single : bool
-
-    Returns
-    -------
-    (cycles,)
-        [ns], the clock's own cost taken off.
-    """
 
 MUSCLE_PARAMETER_NAMES: tuple[str, ...]
 

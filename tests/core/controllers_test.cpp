@@ -32,6 +32,14 @@ template <class T> p::ResidualParams<T> example() {
   return r;
 }
 
+/// Encoder, spring and EMG of one period; what EMG says counts where it is `heard`.
+template <class T> p::Samples<T> samples(T position, T torque, T muscle, bool heard, std::int64_t time, std::uint32_t k) {
+  p::Samples<T> s = p::position_only(position, time, k);
+  s.torque = {torque, time, k, true};
+  s.muscle = {muscle, time, k, heard};
+  return s;
+}
+
 template <class T> T odd(Random& random, T usual) {
   const double chance = random.uniform();
   if (chance < 2e-3) return random.anything<T>();
@@ -52,12 +60,11 @@ template <class T> void nonsense() {
   for (long k = 0; k < 200000; ++k) {
     time += 2000;
     const T swing = T(0.6) + T(0.5) * p::sin(T(0.008) * T(static_cast<T>(k % 4000)));
-    p::ResidualInput<T> in;
-    in.position = odd(random, swing);
-    in.torque = odd(random, T(random.uniform(-3, 3)));
-    in.emg_torque = odd(random, T(random.uniform(-15, 15)));
-    in.emg_valid = random.uniform() > 1e-3;
-    in.time = random.uniform() < 1e-4 ? static_cast<std::int64_t>(random.bits()) : time;
+    const T position = odd(random, swing), torque = odd(random, T(random.uniform(-3, 3)));
+    const T muscle = odd(random, T(random.uniform(-15, 15)));
+    const bool heard = random.uniform() > 1e-3;
+    const std::int64_t at = random.uniform() < 1e-4 ? static_cast<std::int64_t>(random.bits()) : time;
+    const auto in = samples(position, torque, muscle, heard, at, static_cast<std::uint32_t>(k + 1));
     const T u = p::step(c, s, in);
     bool ok = u >= T(-10) && u <= T(10);
     if (std::fabs(u) > std::fabs(before)) ok = ok && std::fabs(u - before) <= most;
@@ -78,11 +85,11 @@ template <class T> void rests() {
   const auto c = p::coefficients(example<T>());
   p::ResidualState<T> s;
   T u = 1;
-  for (int k = 1; k <= 5000; ++k) u = p::step(c, s, p::ResidualInput<T>{T(0), T(0), T(0), true, 2000 * k});
+  for (int k = 1; k <= 5000; ++k) u = p::step(c, s, samples(T(0), T(0), T(0), true, 2000 * k, static_cast<std::uint32_t>(k)));
   check(u == T(0) && s.strap_torque == T(0), "at rest, hanging, nothing is asked for");
   check(std::fabs(s.trust - T(1)) < T(1e-3), "EMG has faded in");
   for (int k = 5001; k <= 5400; ++k)
-    u = p::step(c, s, p::ResidualInput<T>{T(0), T(0), std::numeric_limits<T>::quiet_NaN(), true, 2000 * k});
+    u = p::step(c, s, samples(T(0), T(0), std::numeric_limits<T>::quiet_NaN(), true, 2000 * k, static_cast<std::uint32_t>(k)));
   check(s.trust == T(0) && s.gate.fault == p::SafetyFault::none, "EMG that is no number fades out and is no fault");
 }
 
@@ -97,7 +104,7 @@ template <class T> void refuses() {
   params.torque_gain = std::numeric_limits<T>::quiet_NaN();
   const auto c = p::coefficients(params);
   p::ResidualState<T> s;
-  check(p::step(c, s, p::ResidualInput<T>{T(1), T(1), T(1), true, 2000}) == T(0), "gives 0");
+  check(p::step(c, s, samples(T(1), T(1), T(1), true, 2000, 1u)) == T(0), "gives 0");
   check(s.gate.fault == p::SafetyFault::configuration, "and says why");
 }
 
@@ -123,9 +130,9 @@ void float_follows_double() {
   for (int k = 0; k < 20000; ++k) {
     const double phase = 0.009 * k;
     const double q = 0.6 + 0.4 * std::sin(phase), u = 1.5 * std::cos(phase), e = 6 * std::sin(phase + 0.3);
-    const double wide = p::step(c, s, {q, u, e, true, 2000 * (k + 1)});
+    const double wide = p::step(c, s, samples(q, u, e, true, 2000 * (k + 1), static_cast<std::uint32_t>(k)));
     const float narrow =
-        p::step(f, t, {static_cast<float>(q), static_cast<float>(u), static_cast<float>(e), true, 2000 * (k + 1)});
+        p::step(f, t, samples(static_cast<float>(q), static_cast<float>(u), static_cast<float>(e), true, 2000 * (k + 1), static_cast<std::uint32_t>(k)));
     worst = std::fmax(worst, std::fabs(wide - static_cast<double>(narrow)));
     largest = std::fmax(largest, std::fabs(wide));
   }
@@ -154,8 +161,8 @@ template <class T> void strap_stays_bounded() {
   for (long k = 0; k < 200000; ++k) {
     const T swing = T(0.6) + T(0.5) * p::sin(T(0.008) * T(static_cast<T>(k % 4000)));
     p::step(c, s,
-            p::ResidualInput<T>{odd(random, swing), odd(random, T(random.uniform(-3, 3))),
-                                odd(random, T(random.uniform(-15, 15))), random.uniform() > 1e-3, 0});
+            samples(odd(random, swing), odd(random, T(random.uniform(-3, 3))), odd(random, T(random.uniform(-15, 15))),
+                    random.uniform() > 1e-3, 0, 0u));
     outside += !(s.stiffness >= T(7) && s.stiffness <= T(21) && s.damping >= T(0.2) && s.damping <= T(0.8));
     learnt += s.learns;
   }

@@ -46,7 +46,7 @@ int main() {
         values[9] = D(stribeck_velocity);
         for (std::size_t i = first; i < p::parameter_count && i < first + 8; ++i)
           values[i].derivative.set(i - first, 1.0);
-        const auto c = p::coefficients(p::joint_params(values));
+        const auto c = p::coefficients(p::from_numbers<p::JointParams<D>>(values));
         const D effort = p::inverse_dynamics(c, 0.3, velocity, 0.5);
         const D acceleration = p::forward_dynamics(c, 0.3, velocity, 0.4);
         for (std::size_t i = 0; i < 8; ++i)

@@ -24,7 +24,7 @@ template <class T> void carries(T speed) {
   T q = speed > T(0) ? T(-0.4) : T(1.2), u = T(0);
   for (std::uint32_t k = 1; k <= 400; ++k) {
     q += speed * T(1e-3);
-    u = p::step(c, s, p::JointCompensationInput<T>{q, std::int64_t(k) * 1000, k, true});
+    u = p::step(c, s, p::position_only<T>(q, std::int64_t(k) * 1000, k));
   }
   const double at = static_cast<double>(q), v = static_cast<double>(speed);
   const double weight = 1.5 * std::sin(at) + 0.2 * std::cos(at);
@@ -42,7 +42,7 @@ template <class T> void bears_lost_samples() {
   std::uint32_t number = 0;
   for (std::int64_t k = 1; k <= 800; k += 1 + k % 2) {
     const T q = T(0.001) * static_cast<T>(static_cast<std::int32_t>(k)) - T(0.4);
-    p::step(c, s, p::JointCompensationInput<T>{q, k * 1000, ++number, true});
+    p::step(c, s, p::position_only<T>(q, k * 1000, ++number));
   }
   check_close(static_cast<double>(s.velocity), 1.0, 2e-3, "the speed, with samples lost");
 }
@@ -53,7 +53,7 @@ template <class T> void refuses() {
     change(params);
     const auto c = p::coefficients(params);
     p::JointCompensationState<T> s;
-    const T u = p::step(c, s, p::JointCompensationInput<T>{T(0.5), 1000, 1, true});
+    const T u = p::step(c, s, p::position_only<T>(T(0.5), 1000, 1));
     return !c.gate.valid && u == T(0) && s.gate.fault == p::SafetyFault::configuration;
   };
   check(shut([](auto& x) { x.body.friction.coulomb_positive = T(-0.1); }), "friction that drives");
@@ -78,9 +78,10 @@ template <class T> void fuzz() {
     const T before = s.gate.output;
     const double kind = random.uniform();
     phase += 4e-3;
-    p::JointCompensationInput<T> input{static_cast<T>(0.7 + std::sin(phase)), time += 1000, ++number, true};
+    p::Samples<T> samples = p::position_only(static_cast<T>(0.7 + std::sin(phase)), time += 1000, ++number);
+    p::Sample<T>& input = samples.position;
     if (kind < 0.003)
-      input.position = random.anything<T>();
+      input.value = random.anything<T>();
     else if (kind < 0.005)
       input.time = static_cast<std::int64_t>(random.bits());
     else if (kind < 0.007)
@@ -89,7 +90,7 @@ template <class T> void fuzz() {
       input.sequence -= 1;
     else if (kind < 0.019)
       input.valid = false;
-    const T out = p::step(c, s, input);
+    const T out = p::step(c, s, samples);
     bool safe = std::isfinite(out) && std::fabs(out) <= params.gate.effort_limit;
     const bool grows = std::fabs(out) > std::fabs(before) || out * before < 0;
     if (grows) safe = safe && std::fabs(out - before) <= step;

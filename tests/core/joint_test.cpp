@@ -45,7 +45,7 @@ template <class T> void total() {
   for (int i = 0; i < 20000; ++i) {
     T values[p::parameter_count];
     for (T& value : values) value = random.anything<T>();
-    const auto c = p::coefficients(p::joint_params(values));
+    const auto c = p::coefficients(p::from_numbers<p::JointParams<T>>(values));
     sum += p::inverse_dynamics(c, random.anything<T>(), random.anything<T>(), random.anything<T>());
     sum += p::forward_dynamics(c, random.anything<T>(), random.anything<T>(), random.anything<T>());
   }

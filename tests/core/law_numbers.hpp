@@ -1,42 +1,46 @@
-// One sensible set of numbers for every control law, in the order of its array: what the fuzzer changes from.
+// Sensible numbers of any law, by the names that its walk gives them: what fuzzers change from. What is not here keeps
+// its default, so that a law whose numbers are known by name needs none of its own.
 #pragma once
 
-#include <pellucid/directional_compensation.hpp>
-#include <pellucid/joint_compensation.hpp>
-#include <pellucid/position_prediction.hpp>
-#include <pellucid/residual_compensator.hpp>
-#include <pellucid/transparent_compensation.hpp>
+#include <pellucid/fields.hpp>
 
-template <class S> constexpr S position_prediction_numbers[pellucid::position_prediction_parameter_count] = {
-    S(2), S(0.3), S(0.4), S(400), S(0.02), S(8),                                  // the law's own
-    S(10), S(1000), S(8), S(0), S(2.6), S(0.1), S(0.005), S(2), S(0.001)};        // of the gate
+#include <cstring>
 
-template <class S> constexpr S directional_numbers[pellucid::directional_parameter_count] = {
-    S(2.3), S(0.3), S(0.3), S(0.06), S(0.05), S(-1),                              // upwards
-    S(1.8), S(0.3), S(0.25), S(0.04), S(0.05), S(-1.9),                           // downwards
-    S(0.05), S(0.4), S(8),                                                        // rest, limit, speed
-    S(10), S(1000), S(8), S(0), S(2.6), S(0.1), S(0.005), S(2), S(0.001)};        // of the gate
+struct Typical {
+  const char* name;
+  double value;
+};
+constexpr Typical typical[] = {
+    {"inertia", 0.05},           {"gravity_sine", 2},          {"gravity_cosine", 0.3},      {"offset", 0.1},
+    {"coulomb_positive", 0.25},  {"coulomb_negative", 0.2},    {"viscous_positive", 0.05},   {"viscous_negative", 0.04},
+    {"load_motoring", 0.13},     {"load_generating", 0.11},    {"velocity_width", 0.06},     {"coulomb", 0.02},
+    {"stiffness", 400},          {"dead_band", 0.02},          {"speed_span", 8},            {"inertia_limit", 0.4},
+    {"gravity_sine_up", 2.3},    {"gravity_cosine_up", 0.3},   {"coulomb_up", 0.3},          {"viscous_up", 0.06},
+    {"inertia_up", 0.05},        {"exponent_up", -1},          {"gravity_sine_down", 1.8},   {"gravity_cosine_down", 0.3},
+    {"coulomb_down", 0.25},      {"viscous_down", 0.04},       {"inertia_down", 0.05},       {"exponent_down", -1.9},
+    {"friction_lead", 0.01},     {"energy_store", 0.2},        {"proportional", 1},          {"integral", 0.5},
+    {"leak", 0.5},               {"sensor_lowpass", 300},      {"sensor_drift", 0.02},       {"feedback_limit", 3},
+    {"limb_inertia", 0.33},      {"limb_gravity", 8.2},        {"limb_viscous", 0.2},        {"emg_limit", 25},
+    {"emg_share", 0.5},          {"oscillator_share", 0.5},    {"oscillator_lead", 0.02},    {"disturbance_share", 0.5},
+    {"disturbance_delay", 0.008}, {"disturbance_limit", 3},    {"dither", 0.5},              {"dither_frequency", 900},
+    {"orthosis_inertia", 0.048}, {"orthosis_viscous", 0.008},  {"orthosis_gravity", 1.56},   {"strap_stiffness", 14},
+    {"strap_damping", 0.4},      {"correct_position", 0.41},   {"correct_velocity", 52},     {"correct_mismatch", 4.5},
+    {"correct_mismatch_rate", 144}, {"correct_disturbance", 1367}, {"actuator_inertia", 0.055}, {"actuator_viscous", 0.1},
+    {"actuator_coulomb", 2.6},   {"actuator_leak", 1.7},       {"torque_gain", 0.3},         {"derivative", 0.01},
+    {"preview", 0.01},           {"swing_angle", 0.3},         {"effort_limit", 10},         {"rate_limit", 500},
+    {"velocity_limit", 8},       {"position_min", 0},          {"position_max", 2.6},        {"stop_margin", 0.1},
+    {"max_age", 0.005},          {"max_repeats", 2},           {"period", 0.001},
+};
 
-template <class S> constexpr S transparent_numbers[pellucid::transparent_parameter_count] = {
-    S(0.05), S(2), S(0.3), S(0),                                                  // body
-    S(0.25), S(0.2), S(0.05), S(0.04), S(0), S(0), S(0.13), S(0.11), S(0.06),     // friction
-    S(1), S(0.9), S(0.3), S(200), S(0.02), S(20), S(25), S(0.2),                  // shares, estimator, observer
-    S(1), S(5), S(0.5), S(300), S(0.02), S(3),                                    // force sensor
-    S(0.08), S(2.4), S(0.1), S(0.5), S(25), S(0.5),                               // EMG
-    S(4), S(1), S(16), S(8), S(8), S(2), S(0.02), S(0.5), S(0.02), S(0.01),       // oscillator, friction's lead
-    S(0.5), S(20), S(0.008), S(3), S(0.5), S(900),                                // disturbance observer, dither
-    S(10), S(1000), S(8), S(0), S(2.6), S(0.1), S(0.005), S(2), S(0.001)};        // of the gate
-
-template <class S> constexpr S joint_compensation_numbers[pellucid::joint_compensation_parameter_count] = {
-    S(0.05), S(1.5), S(0.2), S(0.1),                                              // body
-    S(0.3), S(0.25), S(0.1), S(0.08), S(0), S(0), S(0.15), S(0.1), S(0.06),       // friction
-    S(1), S(0.8), S(200),                                                         // shares, filter
-    S(5), S(250), S(8), S(0), S(2.6), S(0.05), S(0.005), S(2), S(0.001)};         // of the gate
-
-template <class S> constexpr S residual_numbers[pellucid::residual_parameter_count] = {
-    S(0.048), S(0.008), S(1.56), S(0.02), S(0.05), S(0.33), S(0.2), S(8.2), S(14), S(0.4), S(0),  // bodies
-    S(0.41), S(52), S(4.5), S(144), S(1367), S(0.05),                             // observer
-    S(0.8), S(0.8), S(0.5), S(0.6), S(0.7), S(0.055), S(0.1), S(2.6), S(1.7),     // shares, actuator
-    S(0.3), S(1), S(0.5), S(0.01), S(1), S(0.01), S(40), S(0.3), S(0.3), S(4.4),  // gains, EMG, swing
-    S(1), S(1), S(1), S(1), S(1), S(1), S(1), S(1),                               // by phase
-    S(10), S(300), S(15), S(-0.6), S(2.6), S(0.1), S(0.01), S(2), S(0.002)};      // of the gate
+/// A Params of typical numbers.
+template <class P> P typical_params() {
+  P params{};
+  pellucid::walk(params, [](auto& number, const pellucid::Field& f) {
+    using T = std::remove_reference_t<decltype(number)>;
+    char name[64] = {};
+    std::strcat(std::strcat(std::strcat(name, f.before), f.name), f.after);
+    for (const Typical& one : typical)
+      if (std::strcmp(one.name, name) == 0) number = static_cast<T>(one.value);
+  });
+  return params;
+}

@@ -2,6 +2,7 @@
 #include "check.hpp"
 
 #include <pellucid/directional_compensation.hpp>
+#include <pellucid/position_prediction.hpp>
 #include <pellucid/reaching.hpp>
 #include <pellucid/transparent_compensation.hpp>
 #include <pellucid/worn_geared_plant.hpp>
@@ -15,7 +16,7 @@ template <class S> p::SafetyParams<S> gate() {
 }
 
 template <class S> p::PositionPredictionParams<S> prediction() {
-  return {S(2), S(0.3), S(0.4), S(400), S(0.02), {8, S(0.001)}, gate<S>()};
+  return {S(2), S(0.3), S(0.4), S(400), S(0.02), {8}, gate<S>()};
 }
 
 template <class S> p::DirectionalCompensationParams<S> directional() {
@@ -24,7 +25,7 @@ template <class S> p::DirectionalCompensationParams<S> directional() {
   params.down = {S(1.8), S(0.3), S(0.25), S(0.04), S(0.05), S(-1.9)};
   params.dead_band = S(0.05);
   params.inertia_limit = S(0.4);
-  params.speed = {8, S(0.001)};
+  params.speed = {8};
   params.gate = gate<S>();
   return params;
 }
@@ -36,18 +37,25 @@ template <class S> p::TransparentCompensationParams<S> transparent() {
   t.friction_share = S(0.9);
   t.inertia_share = S(0.3);
   t.friction_lead = S(0.01);
-  t.estimator = {S(200), S(0.02), 20, S(0.001)};
+  t.estimator = {S(200), S(0.02), 20};
   t.acceleration_limit = S(25);
   t.energy_store = S(0.2);
   t.feedback = {S(1), S(5), S(0.5), S(300), S(0.02), S(3)};
   t.emg = {S(0.08), S(2.4), S(0.1), S(0.5), S(25), S(0.5)};
-  t.oscillator = {S(4), S(1), S(16), S(8), S(8), S(2), S(0.02), S(0.001)};
+  t.oscillator = {S(4), S(1), S(16), S(8), S(8), S(2), S(0.02)};
   t.oscillator_share = S(0.5);
   t.oscillator_lead = S(0.02);
   t.observer = {S(0.5), S(20), S(0.008), S(3)};
   t.dither = {S(0.5), S(900)};
   t.gate = gate<S>();
   return t;
+}
+
+/// The same with a force sensor that feels nothing.
+template <class S> p::Samples<S> with_sensor(p::Samples<S> samples) {
+  samples.interaction = samples.position;
+  samples.interaction.value = S(0);
+  return samples;
 }
 
 /// Whatever comes in, what goes out is within the limits, and after a fault it only falls.
@@ -62,20 +70,20 @@ template <class S, class C, class St> void survives(const C& c, St& state, long 
   for (long k = 0; k < cycles; ++k) {
     time += 1000;
     ++sequence;
-    p::LawInput<S> in;
-    in.position = S(1.4) + S(0.5) * p::sin(S(0.006) * S(static_cast<S>(k % 1047)));
-    in.interaction = S(random.uniform(-1, 1));
-    in.muscle = S(random.uniform(-10, 10));
-    in.has_interaction = in.has_muscle = random.uniform() < 0.9;
+    p::Samples<S> in;
+    in.position = {S(1.4) + S(0.5) * p::sin(S(0.006) * S(static_cast<S>(k % 1047))), 0, 0, true};
+    in.interaction.value = S(random.uniform(-1, 1));
+    in.muscle.value = S(random.uniform(-10, 10));
+    in.interaction.valid = in.muscle.valid = random.uniform() < 0.9;
     const double chance = random.uniform();
-    if (chance < 1e-3) in.position = random.anything<S>();
-    if (chance > 0.999) in.interaction = random.anything<S>();
-    if (chance > 0.4 && chance < 0.401) in.muscle = random.anything<S>();
+    if (chance < 1e-3) in.position.value = random.anything<S>();
+    if (chance > 0.999) in.interaction.value = random.anything<S>();
+    if (chance > 0.4 && chance < 0.401) in.muscle.value = random.anything<S>();
     if (chance > 0.5 && chance < 0.5003) time += static_cast<std::int64_t>(random.bits() >> 40);
     if (chance > 0.6 && chance < 0.6003) sequence += static_cast<std::uint32_t>(random.bits());
-    if (chance > 0.7 && chance < 0.7003) in.valid = false;
-    in.time = time;
-    in.sequence = sequence;
+    if (chance > 0.7 && chance < 0.7003) in.position.valid = false;
+    in.position.time = time;
+    in.position.sequence = sequence;
     const S out = p::step(c, state, in);
     const bool fault = state.gate.fault != p::SafetyFault::none;
     bool ok = out >= S(-10) && out <= S(10);
@@ -115,7 +123,7 @@ void equation_eight() {
     p::DirectionalCompensationState<double> s;
     double u = 0;
     for (std::uint32_t k = 0; k < 400; ++k)
-      u = p::step(c, s, {1.2 + rate * 0.001 * k, 0, 0, false, false, true, 1000 * k, k});
+      u = p::step(c, s, p::position_only<double>(1.2 + rate * 0.001 * k, 1000 * k, k));
     const double q = 1.2 + rate * 0.399;
     const double gravity = 1.8 * std::sin(q) + 0.3 * std::cos(q);
     const double expected = 0.04 * rate + (rate > 0 ? 1 : -1) * (0.25 + std::fmin(0.05 * std::pow(0.3, -1.9), 0.4));
@@ -125,7 +133,7 @@ void equation_eight() {
 
 /// The estimator follows a constant acceleration without error, and an outlier leaves no trace.
 template <class S> void estimator() {
-  const auto c = p::coefficients(p::MotionEstimatorParams<S>{S(200), S(0.02), 20, S(0.001)});
+  const auto c = p::coefficients(p::MotionEstimatorParams<S>{S(200), S(0.02), 20}, S(0.001));
   check(c.valid, "the estimator makes sense");
   p::MotionEstimatorState<S> s;
   const auto true_position = [](int k) { return S(0.1) + S(0.5) * S(2) * S(1e-6) * S(k) * S(k); };
@@ -152,7 +160,7 @@ void does_not_drive() {
     for (std::uint32_t k = 0; k < 20000; ++k) {
       const double phase = rate * 0.001 * k;
       const double q = 1.4 + 0.3 * std::sin(phase), v = 0.3 * rate * std::cos(phase);
-      const double u = p::step(law, state, {q, 0, 0, false, false, true, 1000 * k, k});
+      const double u = p::step(law, state, p::position_only<double>(q, 1000 * k, k));
       if (k < 20000 - 2 * 1257) continue;  // the last two turns, 1256.6 periods each
       work += 0.001 * v * (u - 2 * std::sin(q) - 0.3 * std::cos(q));
       friction += 0.001 * v * p::friction(law.body.friction, v, 2 * std::sin(q));
@@ -192,7 +200,7 @@ void never_drives() {
       const double q = 1.3 + size * (std::sin(at) + second * std::sin(2 * at + turn));
       const double v = size * rate * (std::cos(at) + 2 * second * std::cos(2 * at + turn));
       const double weight = body.gravity_sine * std::sin(q) + body.gravity_cosine * std::cos(q);
-      const double u = p::step(law, state, {q, 0, 0, false, false, true, 1000 * k, k});
+      const double u = p::step(law, state, p::position_only<double>(q, 1000 * k, k));
       if (std::fabs(u) < 9.9) work += 0.001 * v * (u - weight);
       friction += 0.001 * std::fabs(v * p::friction(law.body.friction, v, weight));
     }
@@ -215,7 +223,7 @@ template <class S> void rest() {
     p::TransparentCompensationState<S> s;
     S u{};
     for (std::uint32_t k = 0; k < 3000; ++k)
-      u = p::step(c, s, {S(1.2) + speed * S(static_cast<S>(k)), S(0), S(0), true, false, true, 1000 * k, k});
+      u = p::step(c, s, with_sensor(p::position_only(S(1.2) + speed * S(static_cast<S>(k)), 1000 * k, k)));
     check_close(u, wanted, tolerance, "gravity alone");
   }
 }
@@ -254,7 +262,7 @@ void dither() {
   p::WornGearedPlantParams<double> params;
   const double joint[p::geared_parameter_count] = {0.041, 2, 0.3, 0.0078, 600, 0.4, 0.0015, 0.22, 0.18, 0.06, 0.05,
                                                    0.05, 0.1, 0.14, 0.11, 0.3, 0.05, 6, 6, 0.02, 0.01};
-  params.robot.joint = p::geared_joint_params(joint);
+  params.robot.joint = p::from_numbers<p::GearedJointParams<double>>(joint);
   params.robot.drive = {1, 0, 0, 0, 0};
   params.robot.loop.period = 0.001;
   params.robot.substeps = 10;
@@ -295,7 +303,7 @@ void plant() {
   p::WornGearedPlantParams<double> params;
   const double joint[p::geared_parameter_count] = {0.041, 2, 0.3, 0.0078, 600, 0.4, 0.0015, 0.22, 0.18, 0.06, 0.05,
                                                    0.05, 0.1, 0.14, 0.11, 0.3, 0.05, 6, 6, 0.02, 0.01};
-  params.robot.joint = p::geared_joint_params(joint);
+  params.robot.joint = p::from_numbers<p::GearedJointParams<double>>(joint);
   params.robot.drive = {1.68, 0, 0, 0, 0};
   params.robot.loop.period = 0.001;
   params.strap = {120, 1.2, 0, 0, 0};
@@ -344,8 +352,8 @@ void person() {
 
 /// A sine is learnt: its frequency, and where it goes next.
 void oscillator() {
-  const p::AdaptiveOscillatorParams<double> params{4, 1, 16, 8, 8, 2, 0.02, 0.001};
-  const auto c = p::coefficients(params);
+  const p::AdaptiveOscillatorParams<double> params{4, 1, 16, 8, 8, 2, 0.02};
+  const auto c = p::coefficients(params, 0.001);
   p::AdaptiveOscillatorState<double> s;
   for (int k = 0; k < 40000; ++k) p::step(c, s, 1.0 + 0.4 * std::sin(5.5 * 0.001 * k));
   check_close(s.frequency, 5.5, 0.05, "frequency");

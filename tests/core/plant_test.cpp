@@ -106,7 +106,7 @@ template <class T> void total() {
     T values[p::parameter_count];
     for (T& value : values) value = random.anything<T>();
     const auto any = [&random] { return random.anything<T>(); };
-    params.joint = p::joint_params(values);
+    params.joint = p::from_numbers<p::JointParams<T>>(values);
     params.drive = {any(), any(), any(), any(), any()};
     params.loop = {static_cast<p::LoopKind>(random.bits() % 6), any(), any(), any(), any(), any(),
                    static_cast<std::uint32_t>(random.bits()),   any()};

@@ -8,6 +8,7 @@ import pytest
 import pellucid
 
 NAMES = [
+    "Limits",
     "Muscle",
     "TorqueRegressor",
     "__version__",
@@ -16,6 +17,8 @@ NAMES = [
     "check",
     "compare",
     "compare_conditions",
+    "controller",
+    "controllers",
     "datasets",
     "demo",
     "envelope",

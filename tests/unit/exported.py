@@ -6,8 +6,8 @@ from pathlib import Path
 
 import numpy as np
 
+from pellucid.controllers.control_law import LAWS
 from pellucid.deployment.controller_values import ControllerValues
-from pellucid.deployment.deployed_law import LAWS
 
 
 class Sample(ctypes.Structure):

@@ -5,9 +5,9 @@ import pytest
 
 from pellucid import _core
 from pellucid._errors import PellucidError
+from pellucid.controllers.control_law import LAWS
 from pellucid.controllers.elbow_controllers import ELBOW_CONTROLLERS
 from pellucid.controllers.elbow_laws import (
-    LAW_NAMES,
     full_compensation,
     partial_compensation,
     position_control,
@@ -135,7 +135,7 @@ def test_a_law_takes_the_card_it_was_made_for():
 @pytest.mark.parametrize("name", list(laws()))
 def test_nothing_unsafe_comes_out_of_nonsense(name, single):
     law = laws()[name]
-    assert len(law.parameters) == len(LAW_NAMES[law.kind])
+    assert len(law.parameters) == len(LAWS[law.kind].parameters)
     unsafe, faults, slowest, moving = _core.fuzz_law(law.kind, law.parameters, 200_000, 11, single)
     assert unsafe == 0
     assert faults > 30

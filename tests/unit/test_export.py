@@ -13,14 +13,13 @@ from exported import Loaded, Output, nonsense
 from typer.testing import CliRunner
 
 import pellucid
-from pellucid import _core
 from pellucid._errors import PellucidError
 from pellucid.cli import app
+from pellucid.controllers.control_law import LAWS, ControlLaw
 from pellucid.controllers.coupling import Coupling
 from pellucid.controllers.residual_compensator import design
 from pellucid.deployment.c_folder import core_headers, needed_headers, write_c_folder
 from pellucid.deployment.controller_values import ControllerValues
-from pellucid.deployment.deployed_law import LAWS
 from pellucid.deployment.joint_values import joint_values
 from pellucid.deployment.microcontroller import measure, missing_tools
 from pellucid.models.card import CardParameter, ModelCard, write_card
@@ -81,7 +80,7 @@ def study(tmp_path):
 def worn():
     """A worn orthosis, without a study's recordings."""
     coupling = Coupling(0.05, 0.02, 1.6, 0.05, 0.3, 0.1, 8.0, 14.0, 0.5, actuator_frequency=60.0, delay=0.002)
-    numbers = dict(zip(_core.RESIDUAL_PARAMETER_NAMES, map(float, design(coupling, 0.002).parameters()), strict=True))
+    numbers = design(coupling, 0.002).control_law().values
     return ControllerValues("worn", numbers, {}, ("orthosis.json",), {})
 
 
@@ -177,14 +176,14 @@ def test_what_is_carried_is_gravity_and_friction(joint):
 def test_the_worn_law_is_the_one_that_python_runs(tmp_path):
     values = worn()
     robot = Loaded(write_c_folder("bench", values, tmp_path / "c"), values)
-    here = _core.ResidualCompensator(np.array(list(values.numbers.values())))
+    here = ControlLaw(values.law, values.numbers)
     assert robot.init() == 0
     largest = 0.0
     for i in range(600):
         t = i * 0.002
         q, spring, muscle = 0.5 * np.sin(3 * t), 0.4 * np.cos(3 * t), 2 * np.sin(3 * t + 0.4)
         said = robot.step(q, spring, muscle)
-        expected = here.step(t, q, spring, muscle, True)
+        expected = here.step(t, q, spring, muscle)
         assert said.fault == 0
         largest = max(largest, abs(expected))
         assert said.effort == pytest.approx(expected, abs=5e-3)

@@ -7,8 +7,8 @@ import pytest
 
 import pellucid
 from pellucid._errors import PellucidError
+from pellucid.controllers.control_law import LAWS
 from pellucid.deployment import worn_values as module
-from pellucid.deployment.deployed_law import LAWS
 from pellucid.deployment.worn_values import worn_values
 from pellucid.models.card import CardParameter
 from pellucid.models.parameter_card import ParameterCard, write_parameter_card

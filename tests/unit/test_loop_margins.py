@@ -98,7 +98,7 @@ def test_a_margin_is_where_the_loop_begins_to_ring():
 def test_the_linear_controller_is_the_core_for_small_motions(rng):
     made = replace(design(KNEE, PERIOD, law=Law(0.8, 0.8, 0.5, 0.7, integral=0.4, derivative=0.01)), width=50.0)
     made = replace(made, assist_width=50.0)  # wide: friction is linear
-    linear, core = made.linear(1e-3), made.build()
+    linear, core = made.linear(1e-3), made.control_law().start()
     n = 600
     position = 1e-4 * np.sin(0.05 * np.arange(n)) * np.linspace(0, 1, n)
     torque = 1e-4 * rng.standard_normal(n)

@@ -12,7 +12,8 @@ from functools import partial
 from .._errors import PellucidError
 from ..models.anthropometry import Segment
 from ..models.slider_card import SliderCard
-from .elbow_laws import ElbowLaw, full_compensation, partial_compensation, position_control
+from .control_law import ControlLaw
+from .elbow_laws import full_compensation, partial_compensation, position_control
 from .transparent_laws import (
     sensitivity_amplification,
     transparent,
@@ -30,7 +31,7 @@ DITHERED_BODY: Mapping[str, float] = {
     "velocity_width": 0.15,
     "bandwidth": 128.0,
 }
-"""What of the body is compensated where the motor's tremble keeps it from sticking."""
+"""What of the body is compensated where the motor's dither keeps it from sticking."""
 
 SENSED_BODY: Mapping[str, float] = {
     "friction_share": 0.85,
@@ -40,7 +41,7 @@ SENSED_BODY: Mapping[str, float] = {
 }
 """What of the body is compensated where a force sensor sees to the rest."""
 
-TREMBLE = partial(with_dither, share=2.0, frequency=1000.0)
+DITHER = partial(with_dither, share=2.0, frequency=1000.0)
 SENSOR = partial(with_force_sensor, proportional=1.5, lowpass=550.0)
 OBSERVER = partial(with_disturbance_observer, share=0.5, lowpass=60.0)
 
@@ -59,7 +60,7 @@ class ElbowController:
     method : str
         Of the identification whose card it takes.
     build : callable
-        Takes the card, the place of the carriage [m] and settings of the law; gives an `ElbowLaw`.
+        Takes the card, the place of the carriage [m] and settings of the law; gives an `ControlLaw`.
     wearer : bool
         Whether `build` also needs the wearer's `limb`, a `Segment`.
     exponents : bool
@@ -68,7 +69,7 @@ class ElbowController:
 
     title: str
     method: str
-    build: Callable[..., ElbowLaw]
+    build: Callable[..., ControlLaw]
     wearer: bool = False
     exponents: bool = False
 
@@ -79,12 +80,12 @@ class ElbowController:
 
 
 def transparent_and(
-    *steps: Callable[[ElbowLaw], ElbowLaw], emg_share: float = 0.0, **body: float
-) -> Callable[..., ElbowLaw]:
+    *steps: Callable[[ControlLaw], ControlLaw], emg_share: float = 0.0, **body: float
+) -> Callable[..., ControlLaw]:
     """The transparent law and what is added to it.
 
-    The constants of the controllers with a tremble or a force sensor were chosen by the smallest interaction torque
-    of people and robots that they are judged on nowhere, among those that come to rest on each of ten robots and give
+    The constants of the controllers with dither or a force sensor were chosen by the smallest interaction torque
+    of people and robots that they are scored on nowhere, among those that come to rest on each of ten robots and give
     no energy over a movement there and back, nor more than 1 mJ with a quarter more gain, a tenth more friction and a
     fifth more inertia compensated.
 
@@ -108,7 +109,7 @@ def transparent_and(
         By what is returned, where EMG leads and there is no limb.
     """
 
-    def build(card: SliderCard, slider: float, *, limb: Segment | None = None, **settings) -> ElbowLaw:
+    def build(card: SliderCard, slider: float, *, limb: Segment | None = None, **settings) -> ControlLaw:
         law = transparent(card, slider, **{**body, **settings})
         for step in steps:
             law = step(law)
@@ -142,8 +143,8 @@ ELBOW_CONTROLLERS: Mapping[str, ElbowController] = {
         transparent_and(with_oscillator),
     ),
     "dithered": ElbowController(
-        "one coherent body compensated, kept from sticking by a tremble of its motor", "load",
-        transparent_and(TREMBLE, **DITHERED_BODY),
+        "one coherent body compensated, kept from sticking by dither of its motor", "load",
+        transparent_and(DITHER, **DITHERED_BODY),
     ),
     "force_sensor": ElbowController(
         "one coherent body compensated, and the measured interaction torque driven to zero", "load",

@@ -12,16 +12,13 @@ Of the published position control only the elbow is here: the shoulder, which it
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, replace
-
 import numpy as np
 
-from .. import _core
 from .._errors import PellucidError
 from ..models.directional_slider import FRICTION_TERMS, GRAVITY_TERMS, INERTIA_TERMS, DirectionalSliderModel
 from ..models.joint import GRAVITY
 from ..models.slider_card import SliderCard
+from .control_law import ControlLaw, gate_values
 from .limits import Limits
 
 PERIOD = 1e-3
@@ -31,60 +28,6 @@ ELBOW_LIMITS = Limits(effort=10.0, rate=1000.0, velocity=8.0, position=(0.0, 2.6
 
 PUBLISHED_EXPONENTS = (-1.0, -1.9)
 """k of equation 8, upwards and downwards, as five people chose it on the paper's robot."""
-
-LAW_NAMES: Mapping[str, tuple[str, ...]] = {
-    "position_prediction": tuple(_core.POSITION_PREDICTION_PARAMETER_NAMES),
-    "directional": tuple(_core.DIRECTIONAL_PARAMETER_NAMES),
-    "transparent": tuple(_core.TRANSPARENT_PARAMETER_NAMES),
-}
-"""Parameters of each law, in the core's order."""
-
-
-@dataclass(frozen=True)
-class ElbowLaw:
-    """A law as the core takes it.
-
-    Attributes
-    ----------
-    kind : str
-        One of `LAW_NAMES`.
-    values : mapping of str to float
-        By name, SI.
-    sensed, emg : bool
-        Whether it needs a force sensor, or EMG.
-    """
-
-    kind: str
-    values: Mapping[str, float]
-    sensed: bool = False
-    emg: bool = False
-
-    @property
-    def parameters(self) -> np.ndarray:
-        """Shape (k,), in the core's order."""
-        return np.array([self.values[name] for name in LAW_NAMES[self.kind]])
-
-    def changed(self, **values: float) -> ElbowLaw:
-        """The same law with some of its parameters changed.
-
-        Parameters
-        ----------
-        **values : float
-            By name, SI.
-
-        Returns
-        -------
-        ElbowLaw
-
-        Raises
-        ------
-        PellucidError
-            If the law has no such parameter.
-        """
-        unknown = [name for name in values if name not in self.values]
-        if unknown:
-            raise PellucidError(f"law {self.kind}: found no parameter {', '.join(unknown)}")
-        return replace(self, values={**self.values, **values})
 
 
 def position_control(
@@ -96,7 +39,7 @@ def position_control(
     dead_band: float = 0.02,
     limits: Limits = ELBOW_LIMITS,
     period: float = PERIOD,
-) -> ElbowLaw:
+) -> ControlLaw:
     """The constructor's closed-loop position control (CLPC): sent each period to where it would be in one.
 
     Parameters
@@ -117,7 +60,7 @@ def position_control(
 
     Returns
     -------
-    ElbowLaw
+    ControlLaw
 
     Raises
     ------
@@ -135,7 +78,7 @@ def position_control(
         "speed_span": float(speed_span),
         **gate_values(limits, period),
     }
-    return ElbowLaw("position_prediction", values)
+    return ControlLaw("position_prediction", values)
 
 
 def full_compensation(
@@ -148,7 +91,7 @@ def full_compensation(
     acceleration: float = 8.0,
     limits: Limits = ELBOW_LIMITS,
     period: float = PERIOD,
-) -> ElbowLaw:
+) -> ControlLaw:
     r"""Open-loop compensation by direction, with friction (FC).
 
     .. math::
@@ -174,7 +117,7 @@ def full_compensation(
 
     Returns
     -------
-    ElbowLaw
+    ControlLaw
 
     Raises
     ------
@@ -200,10 +143,10 @@ def full_compensation(
         "speed_span": float(speed_span),
         **gate_values(limits, period),
     }
-    return ElbowLaw("directional", values)
+    return ControlLaw("directional", values)
 
 
-def partial_compensation(card: SliderCard, slider: float, **settings) -> ElbowLaw:
+def partial_compensation(card: SliderCard, slider: float, **settings) -> ControlLaw:
     """Open-loop compensation by direction without friction (PCFr).
 
     Parameters
@@ -217,7 +160,7 @@ def partial_compensation(card: SliderCard, slider: float, **settings) -> ElbowLa
 
     Returns
     -------
-    ElbowLaw
+    ControlLaw
 
     Raises
     ------
@@ -226,33 +169,6 @@ def partial_compensation(card: SliderCard, slider: float, **settings) -> ElbowLa
     """
     law = full_compensation(card, slider, **settings)
     return law.changed(coulomb_up=0.0, coulomb_down=0.0, viscous_up=0.0, viscous_down=0.0)
-
-
-def gate_values(limits: Limits, period: float) -> dict[str, float]:
-    """The last nine parameters of every law: what the safety gate lets through.
-
-    Parameters
-    ----------
-    limits : Limits
-    period : float
-        [s]
-
-    Returns
-    -------
-    dict of str to float
-        By name, SI.
-    """
-    return {
-        "effort_limit": limits.effort,
-        "rate_limit": limits.rate,
-        "velocity_limit": limits.velocity,
-        "position_min": limits.position[0],
-        "position_max": limits.position[1],
-        "stop_margin": limits.stop_margin,
-        "max_age": 5.0 * period,
-        "max_repeats": 2.0,
-        "period": period,
-    }
 
 
 def _sets(card: SliderCard, families: tuple[str, ...]) -> tuple[np.ndarray, np.ndarray]:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from .. import _core
-from .elbow_laws import ElbowLaw
+from .control_law import ControlLaw
 
 
 @dataclass(frozen=True)
@@ -34,12 +34,12 @@ class Fuzzed:
     moving: int
 
 
-def fuzz(law: ElbowLaw, cycles: int, *, seed: int = 1, single: bool = False) -> Fuzzed:
+def fuzz(law: ControlLaw, cycles: int, *, seed: int = 1, single: bool = False) -> Fuzzed:
     """Give a law nonsense.
 
     Parameters
     ----------
-    law : ElbowLaw
+    law : ControlLaw
     cycles : int
     seed : int
     single : bool
@@ -52,12 +52,12 @@ def fuzz(law: ElbowLaw, cycles: int, *, seed: int = 1, single: bool = False) -> 
     return Fuzzed(cycles, *_core.fuzz_law(law.kind, law.parameters, cycles, seed, single))
 
 
-def step_times(law: ElbowLaw, cycles: int = 200_000, *, single: bool = False) -> np.ndarray:
+def step_times(law: ControlLaw, cycles: int = 200_000, *, single: bool = False) -> np.ndarray:
     """How long single steps of a law take here.
 
     Parameters
     ----------
-    law : ElbowLaw
+    law : ControlLaw
     cycles : int
     single : bool
         In float32.

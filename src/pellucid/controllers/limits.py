@@ -1,28 +1,32 @@
-"""What a controller of a worn orthosis may ask for, and the gate that sees to it."""
+"""What a controller may ask for."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
-from .. import _core
-
 
 @dataclass(frozen=True)
 class Limits:
-    """What the safety gate lets through, and what the inputs may be.
+    """What the safety gate of a control law lets through, and what an EMG torque may be.
 
     Attributes
     ----------
     effort, rate : float
-        Of the command [N m], [N m/s].
+        Of the command [N m], [N m/s]; N and N/s where a joint is prismatic.
     velocity : float
         Of the joint; beyond is a fault [rad/s].
     position : tuple of float
         The stops [rad].
     stop_margin : float
-        Over which the torque into a stop falls to 0 [rad].
+        Over which the effort into a stop falls to 0 [rad].
     emg_torque : float
         Largest believable muscle torque [N m].
+
+    Examples
+    --------
+    >>> import pellucid as pl
+    >>> pl.Limits(effort=5.0, velocity=10.0).rate
+    300.0
     """
 
     effort: float = 10.0
@@ -31,28 +35,3 @@ class Limits:
     position: tuple[float, float] = (-0.6, 2.2)
     stop_margin: float = 0.1
     emg_torque: float = 40.0
-
-    def gate(self, period: float) -> _core.SafetyGate:
-        """The last step of a controller.
-
-        Parameters
-        ----------
-        period : float
-            [s].
-
-        Returns
-        -------
-        _core.SafetyGate
-            Open.
-        """
-        return _core.SafetyGate(
-            effort_limit=self.effort,
-            rate_limit=self.rate,
-            velocity_limit=self.velocity,
-            position_min=self.position[0],
-            position_max=self.position[1],
-            stop_margin=self.stop_margin,
-            max_age=5 * period,
-            max_repeats=2,
-            period=period,
-        )

@@ -7,8 +7,8 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from .. import _core
 from .._errors import PellucidError
+from .control_law import LAWS, ControlLaw, gate_values
 from .coupling import Coupling, friction_slope
 from .limits import Limits
 from .stability import LinearSystem, Margins, bears, margins
@@ -109,61 +109,33 @@ class ResidualDesign:
         m = self.coupling
         return m.delay + 2 * m.actuator_damping / m.actuator_frequency + self.period / 2
 
-    def parameters(self) -> np.ndarray:
-        """The core's numbers.
-
-        Returns
-        -------
-        ndarray, shape (53,)
-            In the order of `_core.RESIDUAL_PARAMETER_NAMES`.
-        """
-        m, law, limits = self.coupling, self.law, self.limits
-        values = {
-            "orthosis_inertia": m.orthosis_inertia,
-            "orthosis_viscous": m.orthosis_viscous,
-            "orthosis_gravity": m.orthosis_gravity,
-            "coulomb": m.coulomb,
+    def control_law(self) -> ControlLaw:
+        """The core's law with its numbers."""
+        m, law = self.coupling, self.law
+        values = LAWS["worn"].defaults | {
+            name: value for name, value in vars(m).items() if name in LAWS["worn"].parameters
+        }
+        values |= {
             "friction_width": self.width,
             "assist_width": self.assist_width,
-            "limb_inertia": m.limb_inertia,
-            "limb_viscous": m.limb_viscous,
-            "limb_gravity": m.limb_gravity,
-            "strap_stiffness": m.strap_stiffness,
-            "strap_damping": m.strap_damping,
-            "slack": m.slack,
-            "innovation_limit": 0.05,
             "gravity_share": law.gravity,
             "viscous_share": law.viscous,
             "friction_share": law.friction,
             "inertia_share": law.inertia,
-            "actuator_inertia": m.actuator_inertia,
-            "actuator_viscous": m.actuator_viscous,
-            "actuator_coulomb": m.actuator_coulomb,
-            "actuator_leak": m.actuator_leak,
             "torque_gain": law.torque_gain,
             "proportional": law.proportional,
             "integral": law.integral,
             "derivative": law.derivative,
-            "integral_limit": 1.0,
             "preview": self.preview,
-            "emg_limit": limits.emg_torque,
-            "trust_time": 0.3,
+            "emg_limit": self.limits.emg_torque,
             "swing_angle": self.swing[0],
             "swing_rate": self.swing[1],
-            "effort_limit": limits.effort,
-            "rate_limit": limits.rate,
-            "velocity_limit": limits.velocity,
-            "position_min": limits.position[0],
-            "position_max": limits.position[1],
-            "stop_margin": limits.stop_margin,
-            "max_age": 5 * self.period,
-            "max_repeats": 2,
-            "period": self.period,
+            **gate_values(self.limits, self.period),
         }
         values |= {f"phase_gain_{i}": gain for i, gain in enumerate(law.phase_gain)}
         names = ("position", "velocity", "mismatch", "mismatch_rate", "disturbance")
         values |= {f"correct_{name}": gain for name, gain in zip(names, self.correction, strict=True)}
-        return np.array([values[name] for name in _core.RESIDUAL_PARAMETER_NAMES])
+        return ControlLaw("worn", values, frozenset({"muscle"}))
 
     def linear(self, speed: float = 1.0, trust: float = 1.0) -> LinearSystem:
         """The controller near the hanging place, without gate and limits: from encoder and spring to torque wanted.
@@ -238,16 +210,6 @@ class ResidualDesign:
         """
         plant = plant or self.coupling
         return margins(plant, self.linear(speed, trust), self.period, speed=speed)
-
-    def build(self) -> _core.ResidualCompensator:
-        """The core's controller.
-
-        Returns
-        -------
-        _core.ResidualCompensator
-            At rest, its gate open.
-        """
-        return _core.ResidualCompensator(self.parameters())
 
 
 def observer_gains(coupling: Coupling, noise: Noise, period: float, speed: float = 1.0, width: float = 0.05) -> tuple:

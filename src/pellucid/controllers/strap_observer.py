@@ -8,6 +8,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from .. import _core
+from .control_law import gate_values
 from .coupling import Coupling
 from .limits import Limits
 
@@ -104,7 +106,7 @@ class StrapLaw(ABC):
 
     def __post_init__(self):
         self.observer = StrapTorqueObserver(self.coupling, self.period)
-        self._gate = self.limits.gate(self.period)
+        self._gate = _core.SafetyGate(**gate_values(self.limits, self.period) | {"max_repeats": 2})
         self._count = 0
 
     @property

@@ -9,14 +9,14 @@ It takes a force sensor, EMG, an oscillator, a disturbance observer or dither, i
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 
 from .._errors import PellucidError
 from ..models.anthropometry import Segment
 from ..models.joint import NAMES
 from ..models.slider_card import SliderCard
 from ..models.slider_joint import SliderJointModel
-from .elbow_laws import ELBOW_LIMITS, PERIOD, ElbowLaw, gate_values
+from .control_law import LAWS, ControlLaw, gate_values
+from .elbow_laws import ELBOW_LIMITS, PERIOD
 from .limits import Limits
 
 
@@ -32,7 +32,7 @@ def transparent(
     acceleration: float = 25.0,
     limits: Limits = ELBOW_LIMITS,
     period: float = PERIOD,
-) -> ElbowLaw:
+) -> ControlLaw:
     """Compensation of one coherent body whose friction, by direction or by load, never drives.
 
     Of every friction parameter the lower end of its interval is compensated, so that what is left resists.
@@ -59,7 +59,7 @@ def transparent(
 
     Returns
     -------
-    ElbowLaw
+    ControlLaw
 
     Raises
     ------
@@ -76,6 +76,7 @@ def transparent(
     body = dict(zip(NAMES, model.vector(lower, slider, velocity_width), strict=True))
     speed = 2.0  # rad/s: as fast as the energy observer lets the robot's own inertia be sped up at once
     values = {
+        **LAWS["transparent"].defaults,
         **body,
         "gravity_share": 1.0,
         "friction_share": friction_share,
@@ -86,18 +87,13 @@ def transparent(
         "max_rejections": 20.0,
         "acceleration_limit": acceleration,
         "energy_store": 0.5 * body["inertia"] * speed**2,
-        **_no_feedback(),
-        **_no_emg(),
-        **_no_oscillator(),
-        **_no_observer(),
-        **_no_dither(),
         **gate_values(limits, period),
     }
-    return ElbowLaw("transparent", {name: float(value) for name, value in values.items()})
+    return ControlLaw("transparent", {name: float(value) for name, value in values.items()})
 
 
 def with_force_sensor(
-    law: ElbowLaw,
+    law: ControlLaw,
     *,
     proportional: float = 2.5,
     integral: float = 0.0,
@@ -105,12 +101,12 @@ def with_force_sensor(
     lowpass: float = 200.0,
     drift: float = 0.1,
     limit: float = 3.0,
-) -> ElbowLaw:
+) -> ControlLaw:
     """A transparent law that also drives the measured interaction torque to zero.
 
     Parameters
     ----------
-    law : ElbowLaw
+    law : ControlLaw
         From `transparent`.
     proportional, integral, leak : float
         Gains [1], [1/s] and the rate at which the integral forgets [1/s]. Where a robot sticks, an integral hunts.
@@ -123,21 +119,23 @@ def with_force_sensor(
 
     Returns
     -------
-    ElbowLaw
+    ControlLaw
     """
     gains = {"proportional": proportional, "integral": integral, "leak": leak, "sensor_lowpass": lowpass}
     # The store is what may be put in before it is taken back: amplified, the wearer's own work passes through it.
     store = law.values["energy_store"] * (2.0 + proportional)
     changed = law.changed(**gains, sensor_drift=drift, feedback_limit=limit, energy_store=store)
-    return replace(changed, sensed=True)
+    return changed.using("interaction")
 
 
-def with_emg(law: ElbowLaw, limb: Segment, *, share: float = 0.5, viscous: float = 0.1, slow: float = 0.5) -> ElbowLaw:
+def with_emg(
+    law: ControlLaw, limb: Segment, *, share: float = 0.5, viscous: float = 0.1, slow: float = 0.5
+) -> ControlLaw:
     """A transparent law whose inertia is led by EMG.
 
     Parameters
     ----------
-    law : ElbowLaw
+    law : ControlLaw
         From `transparent`.
     limb : Segment
         Of the wearer, from a tape and a scale.
@@ -150,22 +148,22 @@ def with_emg(law: ElbowLaw, limb: Segment, *, share: float = 0.5, viscous: float
 
     Returns
     -------
-    ElbowLaw
+    ControlLaw
     """
     left = (1.0 - law.values["inertia_share"]) * law.values["inertia"]
     changed = law.changed(
         limb_inertia=limb.inertia + left, limb_gravity=limb.gravity(), limb_viscous=viscous, emg_slow=slow,
         emg_limit=law.values["acceleration_limit"], emg_share=share,
     )  # fmt: skip
-    return replace(changed, emg=True)
+    return changed.using("muscle")
 
 
-def with_oscillator(law: ElbowLaw, *, share: float = 0.8, lead: float = 0.02, frequency: float = 4.0) -> ElbowLaw:
+def with_oscillator(law: ControlLaw, *, share: float = 0.8, lead: float = 0.02, frequency: float = 4.0) -> ControlLaw:
     """A transparent law whose inertia is led by an oscillator that learns periodic motions.
 
     Parameters
     ----------
-    law : ElbowLaw
+    law : ControlLaw
         From `transparent`.
     share : float
         Of the acceleration that is the oscillator's where the motion is periodic [1].
@@ -176,7 +174,7 @@ def with_oscillator(law: ElbowLaw, *, share: float = 0.8, lead: float = 0.02, fr
 
     Returns
     -------
-    ElbowLaw
+    ControlLaw
     """
     return law.changed(
         oscillator_share=share, oscillator_lead=lead, frequency=frequency, frequency_min=0.25 * frequency,
@@ -185,7 +183,7 @@ def with_oscillator(law: ElbowLaw, *, share: float = 0.8, lead: float = 0.02, fr
 
 
 def with_disturbance_observer(
-    law: ElbowLaw,
+    law: ControlLaw,
     *,
     share: float = 0.5,
     lowpass: float = 60.0,
@@ -193,7 +191,7 @@ def with_disturbance_observer(
     sensor_lowpass: float = 500.0,
     drift: float = 0.1,
     limit: float = 3.0,
-) -> ElbowLaw:
+) -> ControlLaw:
     r"""A transparent law that also feeds forward what resists the robot beyond its model, seen with a force sensor.
 
     .. math::
@@ -204,7 +202,7 @@ def with_disturbance_observer(
 
     Parameters
     ----------
-    law : ElbowLaw
+    law : ControlLaw
         From `transparent`.
     share : float
         Of the disturbance that is fed forward [1], below 1.
@@ -219,24 +217,24 @@ def with_disturbance_observer(
 
     Returns
     -------
-    ElbowLaw
+    ControlLaw
     """
     changed = law.changed(
         sensor_lowpass=sensor_lowpass, sensor_drift=drift, disturbance_share=share, disturbance_lowpass=lowpass,
         disturbance_delay=sensor_delay + 1.0 / sensor_lowpass, disturbance_limit=limit,
         energy_store=law.values["energy_store"] * (1.0 + 1.0 / (1.0 - share)),
     )  # fmt: skip
-    return replace(changed, sensed=True)
+    return changed.using("interaction")
 
 
-def with_dither(law: ElbowLaw, *, share: float = 2.0, frequency: float = 1000.0) -> ElbowLaw:
+def with_dither(law: ControlLaw, *, share: float = 2.0, frequency: float = 1000.0) -> ControlLaw:
     """A transparent law whose motor trembles, so that the robot does not stick and its encoder sees a wearer push.
 
     Never stronger than the gate's limit of the torque's rate lets it be at that frequency.
 
     Parameters
     ----------
-    law : ElbowLaw
+    law : ControlLaw
         From `transparent`.
     share : float
         The trembling's torque over what it takes to break the robot away where gravity loads it most [1].
@@ -245,21 +243,21 @@ def with_dither(law: ElbowLaw, *, share: float = 2.0, frequency: float = 1000.0)
 
     Returns
     -------
-    ElbowLaw
+    ControlLaw
     """
     period = law.values["period"]
     steepest = law.values["rate_limit"] * period / (2.0 * math.sin(0.5 * frequency * period))
     return law.changed(dither=min(share * breakaway(law), steepest), dither_frequency=frequency)
 
 
-def breakaway(law: ElbowLaw) -> float:
+def breakaway(law: ControlLaw) -> float:
     """Torque that it takes to move the robot of a transparent law from rest, where gravity loads it most [N m]."""
     v = law.values
     load = max(v["load_motoring"], v["load_generating"]) * math.hypot(v["gravity_sine"], v["gravity_cosine"])
     return max(v["coulomb_positive"], v["coulomb_negative"]) + v["stribeck"] + load
 
 
-def zero_impedance(card: SliderCard, slider: float, *, proportional: float = 1.5, **settings) -> ElbowLaw:
+def zero_impedance(card: SliderCard, slider: float, *, proportional: float = 1.5, **settings) -> ControlLaw:
     """The measured interaction torque driven to zero, and nothing else: the robot's weight is the loop's to carry.
 
     Where a robot has a series spring, zero-impedance mode drives the spring's torque to zero and leaves its wearer with
@@ -279,13 +277,13 @@ def zero_impedance(card: SliderCard, slider: float, *, proportional: float = 1.5
 
     Returns
     -------
-    ElbowLaw
+    ControlLaw
     """
     bare = transparent(card, slider, **{"friction_share": 0.0, "inertia_share": 0.0, **settings})
     return with_force_sensor(bare.changed(gravity_share=0.0), proportional=proportional)
 
 
-def sensitivity_amplification(card: SliderCard, slider: float, *, amplification: float = 2.0, **settings) -> ElbowLaw:
+def sensitivity_amplification(card: SliderCard, slider: float, *, amplification: float = 2.0, **settings) -> ControlLaw:
     r"""The wearer's torque amplified: of the whole inverse model all but one part in :math:`\alpha`.
 
     .. math::
@@ -307,7 +305,7 @@ def sensitivity_amplification(card: SliderCard, slider: float, *, amplification:
 
     Returns
     -------
-    ElbowLaw
+    ControlLaw
 
     Raises
     ------
@@ -318,28 +316,3 @@ def sensitivity_amplification(card: SliderCard, slider: float, *, amplification:
         raise PellucidError(f"amplification: found {amplification}, expected 1 or more")
     share = 1.0 - 1.0 / amplification
     return transparent(card, slider, **{"friction_share": share, "inertia_share": share, **settings})
-
-
-def _no_feedback() -> dict[str, float]:
-    return {"proportional": 0.0, "integral": 0.0, "leak": 0.0, "sensor_lowpass": 100.0, "sensor_drift": 0.0,
-            "feedback_limit": 0.0}  # fmt: skip
-
-
-def _no_emg() -> dict[str, float]:
-    return {"limb_inertia": 1.0, "limb_gravity": 0.0, "limb_viscous": 0.0, "emg_slow": 0.5, "emg_limit": 0.0,
-            "emg_share": 0.0}  # fmt: skip
-
-
-def _no_oscillator() -> dict[str, float]:
-    return {
-        **{"frequency": 4.0, "frequency_min": 1.0, "frequency_max": 16.0, "phase_rate": 8.0, "frequency_rate": 8.0},
-        **{"amplitude_rate": 2.0, "least_amplitude": 0.02, "oscillator_share": 0.0, "oscillator_lead": 0.0},
-    }
-
-
-def _no_observer() -> dict[str, float]:
-    return {"disturbance_share": 0.0, "disturbance_lowpass": 20.0, "disturbance_delay": 0.0, "disturbance_limit": 0.0}
-
-
-def _no_dither() -> dict[str, float]:
-    return {"dither": 0.0, "dither_frequency": 0.0}

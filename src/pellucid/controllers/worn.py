@@ -51,24 +51,26 @@ class WornCompensator:
         self, design: ResidualDesign, emg: _core.EmgTorque | None = None, learning: StrapLearning | None = None
     ):
         self.design = design
-        self.core = design.build()
+        self._law = design.control_law()
+        self.core = self._law.start()
         self._emg = emg
         self._strap = None
         if learning is not None:
-            m = design.coupling
-            self._strap = _core.StrapEstimator(
-                bodies=design.parameters()[:11],
-                bandwidth=learning.bandwidth,
-                slowest=learning.slowest,
-                forgetting=learning.forgetting,
-                prior_mismatch=learning.prior_mismatch,
-                excitation=learning.excitation,
-                stiffness_min=learning.stiffness[0] * m.strap_stiffness,
-                stiffness_max=learning.stiffness[1] * m.strap_stiffness,
-                damping_min=learning.damping[0] * m.strap_damping,
-                damping_max=learning.damping[1] * m.strap_damping,
-                period=design.period,
-            )
+            m, numbers = design.coupling, design.control_law().values
+            chosen = {
+                "bandwidth": learning.bandwidth,
+                "slowest": learning.slowest,
+                "forgetting": learning.forgetting,
+                "prior_mismatch": learning.prior_mismatch,
+                "excitation": learning.excitation,
+                "stiffness_min": learning.stiffness[0] * m.strap_stiffness,
+                "stiffness_max": learning.stiffness[1] * m.strap_stiffness,
+                "damping_min": learning.damping[0] * m.strap_damping,
+                "damping_max": learning.damping[1] * m.strap_damping,
+                "period": design.period,
+            }
+            names = _core.STRAP_ESTIMATOR_PARAMETER_NAMES
+            self._strap = _core.StrapEstimator([chosen[n] if n in chosen else numbers[n] for n in names])
         self.strap = (design.coupling.strap_stiffness, design.coupling.strap_damping)
 
     @property
@@ -119,5 +121,6 @@ class WornCompensator:
             stiffness, damping, learns = self._strap.step(position, torque, muscle, heard)
             if learns:
                 self.strap = (stiffness, damping)
-                self.core.set_strap(stiffness, damping)
-        return self.core.step(time, position, torque, muscle, heard)
+                self._law = self._law.changed(strap_stiffness=stiffness, strap_damping=damping)
+                self.core.configure(self._law.parameters)
+        return self.core.step(time, position, torque, muscle if heard else None)

@@ -12,8 +12,9 @@ import numpy as np
 
 from .._atomic import write_text_atomically
 from .._errors import PellucidError
+from ..controllers.control_law import LAWS, LawSensor
+from ..models.fields import COORDINATE, Field
 from .controller_values import ControllerValues
-from .deployed_law import LAWS
 from .replay_vector import replay_vector
 
 TEMPLATES = {
@@ -96,17 +97,13 @@ def write_c_folder(study: str, values: ControllerValues, out: Path) -> Path:
         The same. `test/vector_outputs.h` is there only if a compiler is.
     """
     law = LAWS[values.law]
-    headers = sorted({*needed_headers(law.header), *needed_headers("sample.hpp")})
+    headers = needed_headers(law.header)
     for name in headers:
         text = (core_headers() / "pellucid" / name).read_text(encoding="utf-8")
         write_text_atomically(out / "include" / "pellucid" / name, text)
-    coordinate = "rad" if values.motion == "rotary" else "m"
 
-    def unit(text: str) -> str:
-        if values.law == "joint":
-            text = text.replace("kg*m^2", "N*m*s^2/rad" if values.effort_unit != "N*m" else "kg*m^2")
-        text = text.replace("N*m", values.effort_unit)
-        return text if coordinate == "rad" else text.replace("rad", coordinate)
+    def unit(of: Field | LawSensor) -> str:
+        return of.unit(values.motion, values.effort_unit)
 
     vector = replay_vector(values)
     content = {
@@ -117,7 +114,7 @@ def write_c_folder(study: str, values: ControllerValues, out: Path) -> Path:
         "vector": vector,
         "headers": headers,
         "unit": unit,
-        "coordinate": coordinate,
+        "coordinate": COORDINATE[values.motion],
         "effort_unit": values.effort_unit,
         "literal": _literal,
     }

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 
 @dataclass(frozen=True)
 class ControllerValues:
-    """A law of `deployed_law.LAWS` with its parameters for one study.
+    """A law of `control_law.LAWS` with its parameters for one study.
 
     Attributes
     ----------

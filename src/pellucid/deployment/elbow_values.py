@@ -6,13 +6,15 @@ from collections.abc import Iterator, Mapping
 from hashlib import sha256
 
 from .._errors import PellucidError
+from ..controllers.control_law import ControlLaw
 from ..controllers.elbow_controllers import ELBOW_CONTROLLERS, ElbowController
-from ..controllers.elbow_laws import ELBOW_LIMITS, PUBLISHED_EXPONENTS, ElbowLaw
+from ..controllers.elbow_laws import ELBOW_LIMITS, PUBLISHED_EXPONENTS
+from ..controllers.joint_compensation import PERIOD, SLIDER_SPEED, identified_remarks, place_on_rail
 from ..models.anthropometry import Segment, forearm
 from ..models.slider_card import SliderCard, read_slider_card
 from ..recordings.study import Study
 from .controller_values import ControllerValues
-from .joint_values import PERIOD, SLIDER_SPEED, drive_notes, identified_remarks, place_on_rail
+from .joint_values import drive_notes
 from .study_limits import limits_of
 
 BY_CARD = ("inertia", "gravity", "coulomb", "viscous", "stribeck", "load", "offset", "stiffness", "energy_store")
@@ -80,7 +82,10 @@ def elbow_values(
             f"{path}: found efforts in {card.effort_unit}, expected N*m: this law's limits are torques; "
             "give [rig.drive] its torque_constant and identify again"
         )
-    place = place_on_rail(card, slider, path)
+    try:
+        place = place_on_rail(card, slider)
+    except PellucidError as error:
+        raise PellucidError(f"{path.name}: {error}") from None
     limits, notes = limits_of(study, ELBOW_LIMITS)
     settings: dict[str, object] = {"limits": limits, "period": PERIOD if period is None else period}
     if named.wearer or participant is not None:
@@ -99,7 +104,7 @@ def elbow_values(
     notes += tuple(_notes(law, named, card, controller, exponents, place))
     return ControllerValues(
         law=law.kind,
-        numbers={key: float(value) for key, value in law.values.items()},
+        numbers=law.values,
         remarks=remarks,
         cards=(named.card,),
         checksums={named.card: sha256(path.read_bytes()).hexdigest()},
@@ -127,7 +132,7 @@ def _limb(study: Study, controller: str, named: ElbowController, participant: st
     return {"limb": forearm(who.mass, who.height)}
 
 
-def _remarks(study: Study, law: ElbowLaw, card: str) -> Mapping[str, str]:
+def _remarks(study: Study, law: ControlLaw, card: str) -> Mapping[str, str]:
     given = study.rig.limits
     remarks = {}
     for name, value in law.values.items():
@@ -141,7 +146,7 @@ def _remarks(study: Study, law: ElbowLaw, card: str) -> Mapping[str, str]:
 
 
 def _notes(
-    law: ElbowLaw,
+    law: ControlLaw,
     named: ElbowController,
     card: SliderCard,
     controller: str,
@@ -151,13 +156,13 @@ def _notes(
     yield f"{controller}: {named.title}."
     yield f"The carriage is at {place:.4g} m: inertia and gravity hold there only."
     if law.kind == "transparent":
-        used = [name for name, has in (("interaction", law.sensed), ("muscle", law.emg)) if has]
-        yield f"Of its optional inputs it uses {' and '.join(used) or 'none'}; leave the others not valid."
+        used = " and ".join(name for name in law.sensors if name in law.uses)
+        yield f"Of its optional inputs it uses {used or 'none'}; leave the others not valid."
     if law.emg:
         yield "muscle is the output of your EMG chain: the torque of the wearer's muscles at the joint."
     if law.values.get("dither"):
         yield (
-            "The motor trembles against sticking, which is heard and warms it: begin with dither = 0, and watch what "
+            "The motor dithers against sticking, which is heard and warms it: begin with dither = 0, and watch what "
             "the drive makes of more."
         )
     if named.exponents and exponents is None:

@@ -121,7 +121,7 @@ def values_for(
         if any(given is not None for given in (card, slider, controller, exponents)):
             raise PellucidError(f"export of {study.name}: found a joint's card, carriage or controller, expected none")
         return worn_values(study, participant=participant, period=period)
-    if controller is not None:
+    if controller is not None and controller != "compensation":
         if card is not None:
             raise PellucidError(f"export of {study.name}: found a card and a controller, expected one of them")
         given = {"slider": slider, "participant": participant, "exponents": exponents}

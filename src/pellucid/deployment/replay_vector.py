@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..controllers.control_law import LAWS, LawSensor
 from .controller_values import ControllerValues
-from .deployed_law import LAWS, Sensor
 
 NOTHING, INIT, STOP = 0, 1, 2
 """What happens before a step."""
@@ -89,7 +89,7 @@ def replay_vector(values: ControllerValues, seed: int = 1) -> ReplayVector:
     return ReplayVector(tuple(rows), motion)
 
 
-def _signal(sensor: Sensor, values: ControllerValues, n: int, rng: np.random.Generator) -> np.ndarray:
+def _signal(sensor: LawSensor, values: ControllerValues, n: int, rng: np.random.Generator) -> np.ndarray:
     """Two sines and noise, shape (n,), no faster than the model knows, as float."""
     t = np.arange(n) * values.numbers["period"]
     # The motion's angular frequency, and the swing that goes with it.
@@ -103,7 +103,7 @@ def _signal(sensor: Sensor, values: ControllerValues, n: int, rng: np.random.Gen
     return (np.round((x + noise * rng.standard_normal(n)) / noise) * noise).astype(np.float32)
 
 
-def _faults(sensors: tuple[Sensor, ...], values: ControllerValues, period: int):
+def _faults(sensors: tuple[LawSensor, ...], values: ControllerValues, period: int):
     """Each takes the samples of one step and makes one thing wrong; returns what happens before it, and its time."""
     too_long = round(1e6 * values.numbers["max_age"]) + 10 * period
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 from hashlib import sha256
 
-from .. import _core
 from .._errors import PellucidError
 from ..controllers.coupling import Coupling
 from ..controllers.limits import Limits
@@ -72,7 +71,8 @@ def worn_values(study: Study, *, participant: str | None = None, period: float |
     limits, stops = limits_of(study, Limits())
     made = design(coupling, sampled if period is None else period, limits=limits)
     made = within(made, [coupling, *straps], gain_db=GAIN_DB, delay=DELAY)
-    remarks = {name: "chosen" for name in _core.RESIDUAL_PARAMETER_NAMES}
+    law = made.control_law()
+    remarks = {name: "chosen" for name in law.values}
     for name, (kind, parameter) in IDENTIFIED.items():
         if parameter in cards[kind].values:
             low, high = cards[kind][parameter].interval
@@ -83,12 +83,12 @@ def worn_values(study: Study, *, participant: str | None = None, period: float |
     notes = (
         f"For the wearer {wearer} alone: limb and strap are theirs.",
         f"The loop keeps {gain} and {delay} on straps {1 - UNCERTAIN[0]:.0%} softer and stiffer than identified.",
-        "emg_torque is the output of your EMG chain; without it (valid = 0) what needs no EMG goes on.",
+        "muscle is the output of your EMG chain; without it (valid = 0) what needs no EMG goes on.",
         "The effort is the torque wanted from the spring: your torque loop follows it.",
     )
     return ControllerValues(
-        law="worn",
-        numbers=dict(zip(_core.RESIDUAL_PARAMETER_NAMES, map(float, made.parameters()), strict=True)),
+        law=law.kind,
+        numbers=law.values,
         remarks=remarks,
         cards=tuple(names.values()),
         checksums={name: sha256(paths[kind].read_bytes()).hexdigest() for kind, name in names.items()},

@@ -6,8 +6,8 @@ The physics itself is the core's (``include/pellucid/joint.hpp``, ``friction.hpp
    y &= J\ddot q + g_s\sin q + g_c\cos q \\
    \tau &= y + f(\dot q, y) + \tau_0
 
-This file only says which of the core's parameters a model of a given family may use, which physical bounds they have,
-and how the names a report prints map to the core's flat parameter vector.
+This file only says which of the core's parameters a model of a given family may use, and how the names a report prints
+map to the core's flat parameter vector; units and physical bounds are the core's.
 """
 
 from __future__ import annotations
@@ -17,11 +17,14 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from .. import _core
 from .._errors import IdentificationError
+from .fields import COORDINATE, Field, model_fields
 from .filtered_dynamics import FilteredMotion, filtered_effort, filtered_jacobian
 
-NAMES: tuple[str, ...] = tuple(_core.PARAMETER_NAMES)
+FIELDS: Mapping[str, Field] = {field.name: field for field in model_fields("joint")}
+"""What the core says of its parameters, in its order."""
+
+NAMES: tuple[str, ...] = tuple(FIELDS)
 """The core's parameters, in its order."""
 
 INDEX: Mapping[str, int] = {name: i for i, name in enumerate(NAMES)}
@@ -37,46 +40,52 @@ class Symbol:
         The name in model cards, reports and figure ids.
     targets : tuple of str
         Core parameters that take this value (a symmetric Coulomb level drives both directions).
-    dimension : str
-        "inertia", "effort", "viscous", "velocity" or "ratio"; with the rig it gives the SI unit.
-    lower, upper : float
-        Physical bounds, in SI (or per ampere, per volt).
     linear : bool
         Whether effort is proportional to it, all else held.
     """
 
     name: str
     targets: tuple[str, ...]
-    dimension: str
-    lower: float = -np.inf
-    upper: float = np.inf
     linear: bool = True
 
+    @property
+    def lower(self) -> float:
+        """Physical bound, in SI (or per ampere, per volt): the tightest of its targets."""
+        return max(FIELDS[target].lower for target in self.targets)
+
+    @property
+    def upper(self) -> float:
+        """Physical bound, in SI (or per ampere, per volt): the tightest of its targets."""
+        return min(FIELDS[target].upper for target in self.targets)
+
+    def unit(self, motion: str = "rotary", effort_unit: str = "N*m") -> str:
+        """SI unit, as plain text."""
+        return FIELDS[self.targets[0]].unit(motion, effort_unit)
+
+
+NONLINEAR = frozenset({"stribeck_velocity", "load_motoring", "load_generating", "velocity_width"})
+"""Parameters of the core that effort is not proportional to."""
+
+TIED: Mapping[str, tuple[str, ...]] = {
+    "gravity": ("gravity_sine",),
+    "viscous": ("viscous_positive", "viscous_negative"),
+    "coulomb": ("coulomb_positive", "coulomb_negative"),
+    # Without a known payload only the sum of the two coefficients shows: one value then drives both.
+    "load_friction": ("load_motoring", "load_generating"),
+}
+"""Parameters that are reported under a name of their own."""
 
 SYMBOLS: Mapping[str, Symbol] = {
-    s.name: s
-    for s in (
-        Symbol("inertia", ("inertia",), "inertia", lower=0.0),
-        Symbol("gravity", ("gravity_sine",), "effort"),
-        Symbol("gravity_cosine", ("gravity_cosine",), "effort"),
-        Symbol("offset", ("offset",), "effort"),
-        Symbol("viscous", ("viscous_positive", "viscous_negative"), "viscous", lower=0.0),
-        Symbol("viscous_positive", ("viscous_positive",), "viscous", lower=0.0),
-        Symbol("viscous_negative", ("viscous_negative",), "viscous", lower=0.0),
-        Symbol("coulomb", ("coulomb_positive", "coulomb_negative"), "effort", lower=0.0),
-        Symbol("coulomb_positive", ("coulomb_positive",), "effort", lower=0.0),
-        Symbol("coulomb_negative", ("coulomb_negative",), "effort", lower=0.0),
-        Symbol("stribeck", ("stribeck",), "effort", lower=0.0),
-        Symbol("stribeck_velocity", ("stribeck_velocity",), "velocity", lower=0.0, linear=False),
-        # Without a known payload only the sum of the two coefficients shows: one value then drives both.
-        Symbol("load_friction", ("load_motoring", "load_generating"), "ratio", lower=0.0, upper=0.9, linear=False),
-        Symbol("load_motoring", ("load_motoring",), "ratio", lower=0.0, upper=5.0, linear=False),
-        Symbol("load_generating", ("load_generating",), "ratio", lower=0.0, upper=0.9, linear=False),
-    )
+    name: Symbol(name, targets, not NONLINEAR & set(targets))
+    for name, targets in ({name: (name,) for name in NAMES} | TIED).items()
 }
+"""Every parameter of the core as it is, and those that are tied."""
 
 STRIBECK_SHARE = 0.25
 GRAVITY = 9.80665  # m/s^2
+
+TERMS: Mapping[str, tuple[str, ...]] = {"stribeck": ("stribeck", "stribeck_velocity")}
+"""Symbols that a feature adds to a family; "directional" and "load" choose between symbols instead."""
 
 FAMILIES: Mapping[str, frozenset[str]] = {
     "symmetric": frozenset(),
@@ -87,39 +96,10 @@ FAMILIES: Mapping[str, frozenset[str]] = {
 }
 """Friction families, as the features each adds to symmetric Coulomb and viscous friction."""
 
+
 UNITS: Mapping[str, Mapping[str, str]] = {
-    "rotary": {"position": "rad", "velocity": "rad/s", "acceleration": "rad/s^2"},
-    "prismatic": {"position": "m", "velocity": "m/s", "acceleration": "m/s^2"},
+    motion: {"position": q, "velocity": f"{q}/s", "acceleration": f"{q}/s^2"} for motion, q in COORDINATE.items()
 }
-
-
-def unit_of(dimension: str, motion: str, effort_unit: str) -> str:
-    """SI unit, as plain text, of a parameter of `dimension` when efforts are in `effort_unit`.
-
-    A drive without a known constant keeps its own unit: an inertia is then in ``V*s^2/rad``, never silently in kg.
-
-    Parameters
-    ----------
-    dimension : str
-        As in `Symbol`.
-    motion : {"rotary", "prismatic"}
-    effort_unit : str
-
-    Returns
-    -------
-    str
-    """
-    q = UNITS[motion]["position"]
-    if dimension == "effort":
-        return effort_unit
-    if dimension == "velocity":
-        return f"{q}/s"
-    if dimension == "ratio":
-        return "1"
-    if dimension == "viscous":
-        return f"{effort_unit}*s/{q}"
-    known = {("N*m", "rad"): "kg*m^2", ("N", "m"): "kg"}
-    return known.get((effort_unit, q), f"{effort_unit}*s^2/{q}")
 
 
 @dataclass(frozen=True)
@@ -175,7 +155,7 @@ class JointModel:
 
     def unit(self, name: str) -> str:
         """SI unit of a symbol, as plain text."""
-        return unit_of(SYMBOLS[name].dimension, self.motion, self.effort_unit)
+        return SYMBOLS[name].unit(self.motion, self.effort_unit)
 
     @property
     def label(self) -> str:
@@ -191,7 +171,7 @@ class JointModel:
         return filtered_jacobian(self.loaded(self.vector(values), *motion.payload), self.selection(), motion)
 
     def selection(self) -> np.ndarray:
-        """Matrix S, shape (13, p), with core vector = S @ free values (+ known): chain rule for every Jacobian."""
+        """Matrix S, shape (k, p), with core vector = S @ free values (+ known): chain rule for every Jacobian."""
         matrix = np.zeros((len(NAMES), len(self.symbols)))
         for j, symbol in enumerate(self.symbols):
             for target in symbol.targets:
@@ -199,7 +179,7 @@ class JointModel:
         return matrix
 
     def vector(self, values: np.ndarray, velocity_width: float = 0.0) -> np.ndarray:
-        """The core's flat parameter vector, shape (13,), SI, for free `values`, shape (p,).
+        """The core's flat parameter vector, shape (k,), SI, for free `values`, shape (p,).
 
         `velocity_width` [rad/s or m/s] is the width of the smooth sign; 0 is the true sign.
         """
@@ -215,13 +195,13 @@ class JointModel:
 
         Parameters
         ----------
-        vector : ndarray, shape (13,)
+        vector : ndarray, shape (k,)
         mass, distance : float
             [kg]; from the axis [m], of no account on a slide.
 
         Returns
         -------
-        ndarray, shape (13,)
+        ndarray, shape (k,)
         """
         if not mass or not self.payload_scale:
             return vector
@@ -276,8 +256,8 @@ def joint_model(
         names += ["viscous_positive", "coulomb_positive", "viscous_negative", "coulomb_negative"]
     else:
         names += ["viscous", "coulomb", "offset"]
-    if "stribeck" in features:
-        names += ["stribeck", "stribeck_velocity"]
+    for feature, terms in TERMS.items():
+        names += terms if feature in features else ()
     if "load" in features:
         names += ["load_motoring", "load_generating"] if separate_load else ["load_friction"]
     known = dict(known or {})

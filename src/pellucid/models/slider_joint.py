@@ -76,7 +76,7 @@ class SliderJointModel:
         """SI unit of a parameter, as plain text."""
         if name in BODY:
             return BODY[name]
-        return {"effort": "N*m", "viscous": "N*m*s/rad", "ratio": "1"}[SYMBOLS[name].dimension]
+        return SYMBOLS[name].unit()
 
     @property
     def linear(self) -> bool:

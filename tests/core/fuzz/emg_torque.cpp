@@ -28,9 +28,10 @@ template <class S> void run(Bytes& bytes) {
   p::EmgTorqueState<S> state;
   Stream<S> stream(S(1e-3));
   while (stream.next(bytes)) {
-    const p::LawInput<S>& in = stream.sample();
-    p::listen(c, state, {in.muscle, in.interaction, in.muscle, in.interaction});
-    const S torque = p::emg_torque(c, state, in.position);
+    const p::Samples<S>& in = stream.sample();
+    const S one = in.muscle.value, other = in.interaction.value;
+    p::listen(c, state, {one, other, one, other});
+    const S torque = p::emg_torque(c, state, in.position.value);
     ++tally().cycles;
     tally().moving += torque != S(0);
     require(std::isfinite(torque), "the torque is a number");

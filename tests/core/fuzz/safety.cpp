@@ -1,7 +1,7 @@
 // The gate by itself, with any command and any velocity.
 #include "watch.hpp"
 
-#include <pellucid/position_prediction.hpp>
+#include <pellucid/safety.hpp>
 
 namespace p = pellucid;
 
@@ -9,7 +9,7 @@ template <class S> void run(Bytes& bytes) {
   const S sensible[] = {S(10), S(500), S(20), S(0), S(2.6), S(0.2), S(0.01), S(3), S(1e-3)};
   S numbers[sizeof sensible / sizeof *sensible];
   change(bytes, sensible, numbers);
-  const auto c = p::coefficients(p::gate_from(numbers));
+  const auto c = p::coefficients(p::from_numbers<p::SafetyParams<S>>(numbers));
   p::SafetyState<S> state;
   Stream<S> stream(c.params.period);
   Watch<S> watch(c.params, c.valid);
@@ -19,11 +19,11 @@ template <class S> void run(Bytes& bytes) {
       watch.reset();
     }
     // The two torques of a law's input stand for command and velocity.
-    const p::LawInput<S>& in = stream.sample();
-    const S command = S(4) * in.interaction, velocity = in.has_muscle ? in.muscle : S(0);
+    const p::Samples<S>& in = stream.sample();
+    const S command = S(4) * in.interaction.value, velocity = in.muscle.valid ? in.muscle.value : S(0);
     const bool sane = std::isfinite(command) && std::fabs(velocity) <= c.params.velocity_limit && std::isfinite(velocity);
     const S out =
-        p::step(c, state, p::SafetyInput<S>{command, in.position, velocity, in.time, in.sequence, in.valid});
+        p::step(c, state, p::SafetyInput<S>{command, in.position.value, velocity, in.position.time, in.position.sequence, in.position.valid});
     watch(in, out, state.fault, sane);
   }
 }

@@ -16,8 +16,8 @@ template <class S> void run(Bytes& bytes) {
   Stream<S> stream(numbers[6]);
   while (stream.next(bytes)) {
     if (stream.resets()) state = p::settled(S(0));
-    const p::LawInput<S>& in = stream.sample();
-    const S out = p::step(c, state, in.muscle, p::measured_torque(c, in.position, S(1.2) + in.interaction));
+    const p::Samples<S>& in = stream.sample();
+    const S out = p::step(c, state, in.muscle.value, p::measured_torque(c, in.position.value, S(1.2) + in.interaction.value));
     ++tally().cycles;
     tally().moving += out != S(0);
     if (!c.sound) continue;

@@ -32,8 +32,8 @@ template <class S> class Believed {
   void reset() { started_ = false; }
 
   /// False where a sample must shut the gate.
-  bool operator()(const pellucid::LawInput<S>& in) {
-    if (!(in.valid && std::isfinite(in.position))) return false;
+  bool operator()(const pellucid::Sample<S>& in) {
+    if (!pellucid::is_heard(in)) return false;
     const std::int64_t gap = in.time - time_;  // times are a quarter of what 64 bits hold
     const auto ahead = static_cast<std::int32_t>(in.sequence - sequence_);
     const double oldest = static_cast<double>(rules_.max_age);
@@ -69,7 +69,7 @@ template <class S> class Watch {
     fault_ = Fault::none;
   }
 
-  void operator()(const pellucid::LawInput<S>& in, S out, Fault fault, bool may_be_believed = true) {
+  void operator()(const pellucid::Samples<S>& in, S out, Fault fault, bool may_be_believed = true) {
     ++tally().cycles;
     tally().moving += out != S(0);
     require(std::isfinite(out), "the command is a number");
@@ -77,7 +77,7 @@ template <class S> class Watch {
       require(out == S(0) && fault == Fault::configuration, "nonsense is not run");
       return;
     }
-    if (std::isfinite(in.position)) place_ = in.position;
+    if (std::isfinite(in.position.value)) place_ = in.position.value;
     const S most = limits_.rate_limit * limits_.period;
     const S slack = S(4) * std::numeric_limits<S>::epsilon() * (limits_.effort_limit + std::fabs(most));
     require(std::fabs(out) <= limits_.effort_limit, "within the limit");
@@ -90,7 +90,7 @@ template <class S> class Watch {
                         : place_ - limits_.position_min < limits_.stop_margin * S(1.0001) + slack);
     require(taken_back || std::fabs(out - before_) <= most + slack, "within the rate");
 
-    if (!(may_be_believed && (fault_ != Fault::none || believed_(in))))
+    if (!(may_be_believed && (fault_ != Fault::none || believed_(in.position))))
       require(fault != Fault::none, "what may not be believed shuts the gate in its own cycle");
     if (fault_ != Fault::none) require(fault == fault_, "a fault latches");
     if (fault != Fault::none) {
@@ -109,20 +109,6 @@ template <class S> class Watch {
   Fault fault_ = Fault::none;
   S before_{}, place_{};
 };
-
-/// A controller whose every cycle takes a LawInput, from its coefficients and its state.
-template <class S, class C, class State> void watch_law(Bytes& bytes, const C& c, State& state) {
-  Stream<S> stream(c.gate.params.period);
-  Watch<S> watch(c.gate.params, c.gate.valid);
-  while (stream.next(bytes)) {
-    if (stream.resets()) {
-      reset(state);
-      watch.reset();
-    }
-    const S out = step(c, state, stream.sample());
-    watch(stream.sample(), out, state.gate.fault);
-  }
-}
 
 /// What a target is: a controller, its numbers and its samples from bytes, every command watched.
 template <class S> void run(Bytes& bytes);

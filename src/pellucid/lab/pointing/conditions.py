@@ -12,8 +12,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..._errors import StudyError
+from ...controllers.control_law import ControlLaw
 from ...controllers.elbow_controllers import ELBOW_CONTROLLERS
-from ...controllers.elbow_laws import ElbowLaw, full_compensation
+from ...controllers.elbow_laws import full_compensation
 from ...models.slider_card import SliderCard
 from ...procedures.slider.identify_slider import fit_slider
 from ...procedures.slider.slider_result import slider_card
@@ -49,14 +50,14 @@ def identified_cards(robot: ElbowRig, *, seed: int = 1) -> Cards:
 
 def condition_of(
     cards: Cards, controller: str, *, exponents: tuple[float, float] | None = None, **settings
-) -> Callable[[Person, float], ElbowLaw]:
+) -> Callable[[Person, float], ControlLaw]:
     """A controller of a robot for whoever wears it: takes a person and the place of the carriage [m]; exponents are of
     equation 8, settings as its law takes them."""
     named = ELBOW_CONTROLLERS[controller]
     if exponents is not None and named.exponents:
         settings["exponents"] = exponents
 
-    def build(person: Person, place: float) -> ElbowLaw:
+    def build(person: Person, place: float) -> ControlLaw:
         limb = {"limb": person.forearm} if named.wearer else {}
         return named.build(cards[named.method], place, **limb, **settings)
 

@@ -10,8 +10,8 @@ from typing import ClassVar
 
 import numpy as np
 
+from ...controllers.control_law import ControlLaw
 from ...controllers.elbow_controllers import ELBOW_CONTROLLERS
-from ...controllers.elbow_laws import ElbowLaw
 from ...fit.slider.slider_fit import METHODS, SliderFit
 from ...lab.elbow.protocol import excitation, trials
 from ...lab.elbow.rig import ElbowRig, able_elbow, drawn_rigs
@@ -154,7 +154,7 @@ class AblePaper(Paper):
         write_published_card(out / "table2-as-published.json", published_elbow())
 
 
-def _all_laws(people: PointingRig, cards: Cards, exponents: tuple[float, float]) -> dict[str, ElbowLaw]:
+def _all_laws(people: PointingRig, cards: Cards, exponents: tuple[float, float]) -> dict[str, ControlLaw]:
     one = draw_people(people, np.random.default_rng(0), count=1)[0]
     place = one.slider(people)
     return {name: condition_of(cards, name, exponents=exponents)(one, place) for name in ELBOW_CONTROLLERS}

@@ -7,7 +7,7 @@ from functools import partial
 
 import numpy as np
 
-from ...controllers.elbow_laws import ElbowLaw
+from ...controllers.control_law import ControlLaw
 from ...controllers.law_fuzz import fuzz
 from ..figure import Reproduced, figure
 from ..printed import PrintedPaper, PrintedTable
@@ -136,7 +136,7 @@ def _circumstances(made: Transparency, paper: PrintedPaper) -> list[Reproduced]:
     return rows
 
 
-def safety_rows(laws: Mapping[str, ElbowLaw], *, cycles: int, seed: int = 1) -> list[Reproduced]:
+def safety_rows(laws: Mapping[str, ControlLaw], *, cycles: int, seed: int = 1) -> list[Reproduced]:
     """Unsafe commands of all laws together among nonsense, and how late a fault is answered."""
     found = {name: fuzz(law, cycles, seed=seed) for name, law in laws.items()}
     note = f"{cycles} cycles of each of {', '.join(found)}; {sum(f.faults for f in found.values())} faults"

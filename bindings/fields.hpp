@@ -1,0 +1,59 @@
+// What a Params says of its numbers, for Python: names, descriptions, and a Params of an array.
+#pragma once
+
+#include "arrays.hpp"
+
+#include <pellucid/fields.hpp>
+
+#include <nanobind/stl/string.h>
+
+namespace bindings {
+
+/// effort, coordinate and time of a unit as powers, or the text of one that is no joint's.
+inline nb::object dimension_of(const pellucid::Unit& unit) {
+  if (unit.own != nullptr) return nb::str(unit.own);
+  return nb::make_tuple(static_cast<int>(unit.effort), static_cast<int>(unit.coordinate), static_cast<int>(unit.time));
+}
+
+inline std::string name_of(const pellucid::Field& f) { return std::string(f.before) + f.name + f.after; }
+
+/// Every number of a Params of doubles as a dictionary, in order.
+template <class P> nb::list fields_of() {
+  nb::list list;
+  P params{};
+  pellucid::walk(params, [&list](auto& number, const pellucid::Field& f) {
+    nb::dict one;
+    one["name"] = name_of(f);
+    one["dimension"] = dimension_of(f.unit);
+    one["default"] = static_cast<double>(number);
+    one["lower"] = f.bounds.lower;
+    one["upper"] = f.bounds.upper;
+    one["above"] = f.bounds.above;
+    one["below"] = f.bounds.below;
+    one["infinite"] = f.bounds.infinite;
+    one["count"] = std::is_integral<std::remove_reference_t<decltype(number)>>::value;
+    one["sentence"] = f.sentence;
+    list.append(one);
+  });
+  return list;
+}
+
+/// Their names alone.
+template <class P> nb::tuple names_of() {
+  nb::list list;
+  P params{};
+  pellucid::walk(params, [&list](auto&, const pellucid::Field& f) { list.append(name_of(f)); });
+  return nb::tuple(list);
+}
+
+/// A Params of scalar S of an array of its numbers.
+template <class P, class S> P read_params(const char* name, nb::handle numbers) {
+  constexpr std::size_t n = pellucid::field_count<P>;
+  const Array array = read_array(name, numbers);
+  array.expect(text({n}), {n});
+  S values[n];
+  for (std::size_t i = 0; i < n; ++i) values[i] = static_cast<S>(array.data[i]);
+  return pellucid::from_numbers<P>(values);
+}
+
+}  // namespace bindings

@@ -1,0 +1,51 @@
+// The core's list of control laws: by name, in either scalar, and as a Python class.
+#pragma once
+
+#include "fields.hpp"
+
+#include <pellucid/laws.hpp>
+
+#include <variant>
+
+namespace bindings {
+
+template <class... C> using OneOf = std::variant<std::monostate, C...>;
+/// Any law behind its front; none is there too.
+template <class S> using AnyLaw = pellucid::Laws::any<OneOf, pellucid::Controller, S>;
+
+/// A law of the list under its name, of its numbers. "none" is nothing.
+template <class S> AnyLaw<S> read_law(const std::string& name, nb::handle parameters) {
+  AnyLaw<S> found;
+  std::string known = "\"none\"";
+  bool is_known = name == "none";
+  pellucid::Laws::for_each([&](auto of) {
+    using L = typename decltype(of)::template law<S>;
+    known += std::string(", \"") + L::name + "\"";
+    if (name != L::name) return;
+    is_known = true;
+    pellucid::Controller<L> law;
+    pellucid::configure(law, read_params<typename L::Params, S>("law_parameters", parameters));
+    found = law;
+  });
+  if (!is_known) throw nb::value_error(("law: expected one of " + known).c_str());
+  return found;
+}
+
+/// f(controller) of whichever law it is; `otherwise` where there is none.
+template <class R, class Any, class F> R of_law(Any& any, R otherwise, F f) {
+  return std::visit(
+      [&](auto& law) -> R {
+        if constexpr (std::is_same<std::decay_t<decltype(law)>, std::monostate>::value) return otherwise;
+        else return f(law);
+      },
+      any);
+}
+
+inline const char* fault_name(pellucid::SafetyFault fault) {
+  return pellucid::safety_fault_names[static_cast<std::size_t>(fault)];
+}
+
+/// Law, law, laws, fuzz_law and time_law into the module.
+void add_laws(nb::module_& m);
+
+}  // namespace bindings

@@ -1,0 +1,218 @@
+"""A control law of the core with its numbers: stepped here as it is worn in the lab and exported to a robot."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from .. import _core
+from .._errors import PellucidError
+from ..models.fields import Field, described, unit_of
+
+
+@dataclass(frozen=True)
+class LawSensor:
+    """What a law reads each period: `required` or the law goes on with less; `swing`, `noise` are what tests play."""
+
+    name: str
+    dimension: tuple[int, int, int]
+    meaning: str
+    required: bool
+    swing: float
+    noise: float
+
+    def unit(self, motion: str = "rotary", effort_unit: str = "N*m") -> str:
+        """SI unit as plain text."""
+        return unit_of(self.dimension, motion, effort_unit)
+
+
+@dataclass(frozen=True)
+class LawKind:
+    """A law of the core's list as the core describes it: `type` in C++, `storage` [bytes] in float on any machine."""
+
+    name: str
+    type: str
+    title: str
+    sensors: tuple[LawSensor, ...]
+    fields: tuple[Field, ...]
+    storage: int
+
+    @property
+    def header(self) -> str:
+        """File name of the core's header that has it."""
+        return re.sub(r"(?<!^)(?=[A-Z])", "_", self.type).lower() + ".hpp"
+
+    @property
+    def parameters(self) -> tuple[str, ...]:
+        """Names of its numbers, in the core's order."""
+        return tuple(field.name for field in self.fields)
+
+    @property
+    def defaults(self) -> dict[str, float]:
+        """By name, SI: what holds where nothing else is said; 0 where something must be."""
+        return {field.name: field.default for field in self.fields}
+
+
+LAWS: Mapping[str, LawKind] = {
+    law["name"]: LawKind(
+        **law | {"sensors": tuple(LawSensor(**sensor) for sensor in law["sensors"]), "fields": described(law["fields"])}
+    )
+    for law in _core.laws()
+}
+"""Every law of the core, by name."""
+
+
+@dataclass(frozen=True)
+class ControlLaw:
+    """A law of the core with its numbers; what `controller` gives.
+
+    What goes out has passed the safety gate: finite and within its limits, whatever comes in. A fault latches, and the
+    effort ramps to 0 until `reset`.
+
+    Attributes
+    ----------
+    kind : str
+        One of `LAWS`.
+    values : mapping of str to float
+        Every number by name, SI.
+    uses : frozenset of str
+        Of its optional sensors, those that these numbers make use of.
+
+    Examples
+    --------
+    >>> from pellucid.controllers.control_law import LAWS, ControlLaw
+    >>> law = ControlLaw("joint", LAWS["joint"].defaults | {
+    ...     "gravity_sine": 1.5, "velocity_width": 0.1, "effort_limit": 5.0, "rate_limit": 500.0,
+    ...     "velocity_limit": 10.0, "position_min": -2.0, "position_max": 2.0, "max_age": 0.005, "period": 0.001})
+    >>> effort = [law.step(0.001 * i, 0.5) for i in range(100)]
+    >>> round(effort[-1], 3)
+    0.719
+    >>> law.fault
+    'none'
+    """
+
+    kind: str
+    values: Mapping[str, float]
+    uses: frozenset[str] = frozenset()
+
+    def __post_init__(self):
+        known = LAWS[self.kind].parameters
+        if set(self.values) != set(known):
+            wrong = sorted(set(self.values) ^ set(known))
+            raise PellucidError(f"law {self.kind}: found no number, or one too many, for {', '.join(wrong)}")
+
+    @property
+    def parameters(self) -> np.ndarray:
+        """Shape (k,), in the core's order."""
+        return np.array([self.values[name] for name in LAWS[self.kind].parameters])
+
+    @property
+    def sensors(self) -> tuple[str, ...]:
+        """Names of what `step` takes after the time, in order."""
+        return tuple(sensor.name for sensor in LAWS[self.kind].sensors)
+
+    @property
+    def sensed(self) -> bool:
+        """Whether it makes use of a force sensor."""
+        return "interaction" in self.uses
+
+    @property
+    def emg(self) -> bool:
+        """Whether it makes use of EMG."""
+        return "muscle" in self.uses
+
+    def changed(self, **values: float) -> ControlLaw:
+        """The same law with some of its numbers changed, at rest.
+
+        Parameters
+        ----------
+        **values : float
+            By name, SI.
+
+        Returns
+        -------
+        ControlLaw
+
+        Raises
+        ------
+        PellucidError
+            If the law has no such number.
+        """
+        unknown = [name for name in values if name not in self.values]
+        if unknown:
+            raise PellucidError(f"law {self.kind}: found no parameter {', '.join(unknown)}")
+        return replace(self, values={**self.values, **values})
+
+    def using(self, *sensors: str) -> ControlLaw:
+        """The same law, which makes use of more of its optional sensors."""
+        return replace(self, uses=self.uses | set(sensors))
+
+    def start(self, *, single: bool = False) -> _core.Law:
+        """One more of it at rest, to be stepped by itself; `single` in float32, as on a microcontroller."""
+        return _core.law(self.kind, self.parameters, single)
+
+    @cached_property
+    def _running(self) -> _core.Law:
+        return self.start()
+
+    def step(self, time: float, *samples: float | None) -> float:
+        """One control period.
+
+        Parameters
+        ----------
+        time : float
+            When everything was measured [s].
+        *samples : float or None
+            In the order of `sensors`, SI; None, NaN or left out: the sensor says nothing.
+
+        Returns
+        -------
+        float
+            Effort for the drive [N m, or N].
+        """
+        return self._running.step(time, *samples)
+
+    def run(self, time: np.ndarray, *samples: np.ndarray) -> np.ndarray:
+        """`step`, one period after another.
+
+        Parameters
+        ----------
+        time : ndarray, shape (n,)
+            [s]
+        *samples : ndarray, shape (n,)
+            In the order of `sensors`, SI; NaN where a sensor says nothing.
+
+        Returns
+        -------
+        ndarray, shape (n,)
+            Efforts for the drive [N m, or N].
+        """
+        return self._running.run(time, *samples)
+
+    def reset(self) -> None:
+        """Open the gate again and start from the next sample; the effort goes on from where it is."""
+        self._running.reset()
+
+    @property
+    def fault(self) -> str:
+        """Why the effort is 0, or on its way there; "none" while all is well."""
+        return self._running.fault
+
+
+def gate_values(limits, period: float) -> dict[str, float]:
+    """The numbers of the safety gate with which every law ends, by name, from `Limits` and the period [s]."""
+    return {
+        "effort_limit": limits.effort,
+        "rate_limit": limits.rate,
+        "velocity_limit": limits.velocity,
+        "position_min": limits.position[0],
+        "position_max": limits.position[1],
+        "stop_margin": limits.stop_margin,
+        "max_age": 5.0 * period,
+        "max_repeats": 2.0,
+        "period": period,
+    }

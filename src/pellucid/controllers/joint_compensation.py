@@ -1,0 +1,135 @@
+"""From the card of a joint to the law that carries its gravity and friction."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from .._errors import PellucidError
+from ..models.card import Card, CardParameter, ModelCard
+from ..models.joint import NAMES, SYMBOLS
+from ..models.slider_card import SliderCard
+from ..models.slider_joint import SliderJointModel
+from .control_law import LAWS, ControlLaw, gate_values
+from .limits import Limits
+
+WIDTH_SHARE = 0.02
+"""Velocity over which friction changes its sign, as a share of the largest speed seen [1]."""
+
+PERIOD = 1e-3
+"""Where nothing else is asked for [s]."""
+
+RISE = 0.02
+"""In which the effort may go from 0 to its limit [s]."""
+
+SLIDER_SPEED = 3.0
+"""Of a joint with a carriage, whose card names no range of speeds [rad/s]."""
+
+RESISTING = ("coulomb", "viscous", "stribeck", "load")
+"""What the names of friction begin with."""
+
+
+def compensation(
+    card: Card, *, slider: float | None = None, limits: Limits | None = None, period: float = PERIOD, **settings: float
+) -> ControlLaw:
+    """Gravity of a joint carried, and four fifths of its friction, so that nothing is driven.
+
+    `slider` is where a carriage is [m]; `limits` replace those that `card` suggests; `period` in [s]; `settings` are
+    numbers of the law.
+    """
+    body = carried_body(card, slider)
+    limits = suggested_limits(card, slider) if limits is None else limits
+    law = ControlLaw("joint", LAWS["joint"].defaults | body | gate_values(limits, period))
+    return law.changed(**settings)
+
+
+def carried_body(card: Card, slider: float | None = None) -> dict[str, float]:
+    """The core's parameters of the joint, SI, that are carried; a carriage is at `slider` [m], or amid its rail.
+
+    Raises
+    ------
+    PellucidError
+        If the card is of no coherent body, or the carriage is off its rail.
+    """
+    speed = known_speed(card)
+    if isinstance(card, SliderCard):
+        model = card.model()
+        if not isinstance(model, SliderJointModel):
+            raise PellucidError(
+                f"card {card.family}: found one set of parameters for each direction, which is no body; "
+                "expected slider.consistent.json or slider.load.json"
+            )
+        vector = model.vector(np.array([_carried(p) for p in card.parameters]), place_on_rail(card, slider), 1.0)
+        body = dict(zip(NAMES, map(float, vector), strict=True))
+    else:
+        if slider is not None:
+            raise PellucidError("found a place of a carriage, expected none: this joint has no carriage")
+        body = dict.fromkeys(NAMES, 0.0)
+        for name, value in (*card.known.items(), *((p.name, _carried(p)) for p in card.parameters)):
+            for target in SYMBOLS[name].targets:
+                body[target] = value
+    return body | {"velocity_width": WIDTH_SHARE * speed}
+
+
+def known_speed(card: Card) -> float:
+    """Largest speed that a card's model was fitted on [rad/s or m/s].
+
+    Raises
+    ------
+    PellucidError
+        If there is none.
+    """
+    speed = card.velocity_range if isinstance(card, ModelCard) else SLIDER_SPEED
+    if not speed > 0.0:
+        raise PellucidError(f"found a velocity range of {speed:g}, expected the speed it was fitted on")
+    return speed
+
+
+def suggested_limits(card: Card, slider: float | None = None) -> Limits:
+    """The most that compensation asks at a speed it knows, half more than that speed, and no stops."""
+    body, law, speed = carried_body(card, slider), LAWS["joint"].defaults, known_speed(card)
+    weight = float(np.hypot(body["gravity_sine"], body["gravity_cosine"]))
+    level = max(body["coulomb_positive"], body["coulomb_negative"]) + body["stribeck"]
+    slope = max(body["viscous_positive"], body["viscous_negative"])
+    load = max(body["load_motoring"], body["load_generating"])
+    friction = level + slope * speed + load * weight
+    effort = law["gravity_share"] * (weight + abs(body["offset"])) + law["friction_share"] * friction
+    return Limits(effort, effort / RISE, 1.5 * speed, (-np.inf, np.inf), 0.0)
+
+
+def place_on_rail(card: SliderCard, slider: float | None) -> float:
+    """Where the carriage is [m]: as asked for, or amid its rail.
+
+    Raises
+    ------
+    PellucidError
+        If it is off the rail.
+    """
+    low, high = card.rail
+    place = 0.5 * (low + high) if slider is None else slider
+    if not low <= place <= high:
+        raise PellucidError(f"found the carriage at {place:g} m, expected {low:g} to {high:g} m")
+    return place
+
+
+def _carried(parameter: CardParameter) -> float:
+    """Of friction the lower end of its interval, so that a wrong estimate does not drive; of all else the value."""
+    if not parameter.name.startswith(RESISTING) or parameter.name == "stribeck_velocity":
+        return parameter.value
+    return max(parameter.interval[0], 0.0)
+
+
+def identified_remarks(card: Card) -> Mapping[str, str]:
+    """What a card says of the parameters of a body, by the core's name; of what depends on a carriage only that."""
+    remarks = {}
+    for p in card.parameters:
+        low, high = p.interval
+        said = f"identified as {p.value:.6g}, {low:.6g} to {high:.6g}"
+        if _carried(p) != p.value:
+            said += "; the lower end is carried"
+        if isinstance(card, SliderCard) and not p.name.startswith(RESISTING):
+            said = "identified, at the place of the carriage"
+        for target in SYMBOLS[p.name].targets if p.name in SYMBOLS else ():
+            remarks[target] = said
+    return remarks

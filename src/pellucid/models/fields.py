@@ -1,0 +1,74 @@
+"""What the core says of its numbers: name, SI unit, default, bounds and a sentence of each parameter."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cache
+
+from .. import _core
+
+COORDINATE: Mapping[str, str] = {"rotary": "rad", "prismatic": "m"}
+
+
+@dataclass(frozen=True)
+class Field:
+    """One parameter of the core: `dimension` is powers of effort, coordinate and time, or a unit of its own."""
+
+    name: str
+    dimension: tuple[int, int, int] | str
+    default: float
+    lower: float
+    upper: float
+    above: bool
+    below: bool
+    infinite: bool
+    count: bool
+    sentence: str
+
+    def unit(self, motion: str = "rotary", effort_unit: str = "N*m") -> str:
+        """SI unit as plain text, "1" for none."""
+        return unit_of(self.dimension, motion, effort_unit)
+
+    @property
+    def range(self) -> str:
+        """Where it may lie, in words."""
+        low = f"{'>' if self.above else '>='} {self.lower:g}"
+        high = f"{'<' if self.below else '<='} {self.upper:g}"
+        ends = [text for text, end in ((low, self.lower), (high, self.upper)) if abs(end) != float("inf")]
+        return ", ".join(ends)
+
+
+def unit_of(dimension: tuple[int, int, int] | str, motion: str, effort_unit: str) -> str:
+    """SI unit, as plain text, of a `dimension` of a rotary or prismatic `motion` whose efforts are in `effort_unit`.
+
+    A drive without a known constant keeps its own unit: an inertia is then in ``V*s^2/rad``, never silently in kg.
+    """
+    if isinstance(dimension, str):
+        return dimension
+    q = COORDINATE[motion]
+    si = (effort_unit, q) in (("N*m", "rad"), ("N", "m"))
+    if si and dimension == (1, -1, 2):
+        return "kg*m^2" if q == "rad" else "kg"
+    if si and dimension == (1, 1, 0):
+        return "J"
+    powers = list(zip((effort_unit, "s", q), (dimension[0], dimension[2], dimension[1]), strict=True))
+    above = [_power(base, power) for base, power in powers if power > 0]
+    under = [_power(base, -power) for base, power in powers if power < 0]
+    below = under[0] if len(under) == 1 and "*" not in under[0] else f"({'*'.join(under)})"
+    return "*".join(above or ["1"]) + (f"/{below}" if under else "")
+
+
+def _power(base: str, power: int) -> str:
+    return base if power == 1 else f"{base}^{power}"
+
+
+def described(rows: list[dict]) -> tuple[Field, ...]:
+    """Fields of what the core says, in the order of its arrays."""
+    return tuple(Field(**row) for row in rows)
+
+
+@cache
+def model_fields(model: str) -> tuple[Field, ...]:
+    """Fields of a model of the core, by the name that `_core.model_fields` has for it."""
+    return described(_core.model_fields()[model])
