@@ -66,16 +66,23 @@ def test_header_is_freestanding(path):
 
 @pytest.mark.parametrize("path", HEADERS, ids=lambda path: path.name)
 def test_every_public_field_says_what_it_is(path):
-    depth, undocumented = 0, []
-    for number, line in enumerate(path.read_text(encoding="utf-8").splitlines(), 1):
-        if re.match(
-            r"(template .*> )?struct \w*(Params|Coefficients|State|Input|Output|Section|Resistance|SinCos)\b.*\{$", line
-        ):
-            depth = 1
-        elif depth and line.startswith("};"):
-            depth = 0
-        elif depth and not line.strip().startswith(("//", "using", "static")) and "///<" not in line and line.strip():
-            undocumented.append((number, line.strip()))
+    """Beside it, or, of a number of a Params, in the walk."""
+    text = path.read_text(encoding="utf-8")
+    undocumented = []
+    for struct in re.finditer(
+        r"^(?:template .*> )?struct \w*(?:Params|Coefficients|State|Input|Output|Section|Resistance|SinCos)\b[^;]*?\{$"
+        r"(.*?)^\};",
+        text,
+        re.M | re.S,
+    ):
+        fields, _, walk = struct[1].partition("template <class P, class V>")
+        said = re.sub(r"[^\n]*///[^\n]*", "", fields)
+        for statement in re.sub(r"//[^\n]*", "", said).split(";"):
+            names = re.findall(
+                r"(\w+)(?:\[\w+\])?\s*(?:=|\{|,|$)", re.sub(r"\([^)]*\)|\{[^}]*\}", "", statement.strip())
+            )
+            if statement.strip() and not statement.strip().startswith(("using", "static")):
+                undocumented += [name for name in names if not re.search(rf"\bp\.{name}\b", walk)]
     assert undocumented == []
 
 

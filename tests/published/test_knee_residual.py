@@ -121,7 +121,7 @@ def test_detached_electrodes_leave_what_needs_none(rig, worn):
     plain = root_mean_square(swing(worn.rig, worn.name, SEED, None, duration=14.0, session=session))[1]
     taken = swing(worn.rig, worn.name, SEED, controller, duration=14.0, session=session, faults=faults)
     assert controller.fault == "none"
-    assert controller.core.estimate[-1] == 0.0  # found by its hum, and faded out
+    assert controller.core.estimates["trust"] == 0.0  # found by its hum, and faded out
     assert np.abs(taken.command).max() < 10
     assert root_mean_square(taken)[1] < plain
 
