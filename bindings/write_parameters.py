@@ -1,0 +1,46 @@
+"""Write docs/parameters.md from what the core says of its numbers."""
+
+from collections.abc import Iterable
+from pathlib import Path
+
+from pellucid.controllers.control_law import LAWS
+from pellucid.models.fields import Field, model_fields
+
+MODELS = {
+    "joint": "A joint, as identification finds it",
+    "geared_joint": "A motor and a link behind a compliant transmission",
+    "coupled_plant": "A series-elastic orthosis, its strap and the limb in it",
+    "reaching": "A person who reaches",
+    "muscle": "A muscle from its EMG envelope on",
+    "strap_estimator": "A strap learnt while it is worn",
+}
+OUT = Path(__file__).parents[1] / "docs" / "parameters.md"
+
+
+def table(fields: Iterable[Field]) -> str:
+    rows = [
+        f"| `{f.name}` | {f.unit()} | {f.default:g} | {f.range} | {f.sentence.replace('|', chr(92) + '|')} |"
+        for f in fields
+    ]
+    return "\n".join(["| name | unit | default | range | |", "|---|---|---|---|---|", *rows])
+
+
+def text() -> str:
+    gate = {f.name for f in model_fields("gate")}
+    parts = [
+        "# Parameters\n\nMade by `python bindings/write_parameters.py` from the core's headers. Units are those of a "
+        "rotary joint whose efforts are torques: on a slide N m, rad and kg m^2 are N, m and kg. A default of 0 must "
+        "often be set."
+    ]
+    parts += [f"## {title}\n\n{table(model_fields(name))}" for name, title in MODELS.items()]
+    parts.append(f"## The safety gate, with which every law ends\n\n{table(model_fields('gate'))}")
+    for law in LAWS.values():
+        reads = ", ".join(f"`{s.name}` [{s.unit()}]{'' if s.required else ' (optional)'}" for s in law.sensors)
+        title = law.title[0].upper() + law.title[1:]
+        own = table(f for f in law.fields if f.name not in gate)
+        parts.append(f"## `{law.name}`: {title}\n\nReads {reads}. Then the gate's.\n\n{own}")
+    return "\n\n".join(parts) + "\n"
+
+
+if __name__ == "__main__":
+    OUT.write_text(text(), encoding="utf-8")

@@ -1,0 +1,142 @@
+"""Every law of the core's list: described, stepped in Python, worn in the lab, exported; the same bits everywhere."""
+
+import re
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import pellucid as pl
+from pellucid import _core
+from pellucid._errors import PellucidError
+from pellucid.controllers.control_law import LAWS, ControlLaw
+from pellucid.controllers.law_fuzz import fuzz
+from pellucid.deployment.c_folder import write_c_folder
+from pellucid.deployment.controller_values import ControllerValues
+from pellucid.deployment.replay_vector import INIT, STOP, replay_vector
+from pellucid.lab.pointing.people import draw_people, elbow_participants
+from pellucid.models.card import CardParameter, ModelCard
+from pellucid.models.fields import model_fields
+from pellucid.models.simulate import substeps_for
+
+NUMBERS = Path(__file__).parents[1] / "core" / "law_numbers.hpp"
+TYPICAL = {
+    name: float(value) for name, value in re.findall(r'\{"(\w+)", ([-\d.]+)\}', NUMBERS.read_text(encoding="utf-8"))
+}
+FAULTS = ("none", "configuration", "not_finite", "stale", "out_of_order", "velocity", "stopped")
+compiled = pytest.mark.skipif(not all(map(shutil.which, ("make", "cc", "c++"))), reason="make, cc or c++ is missing")
+
+
+def typical(name):
+    """A law with sensible numbers: typical where the tests of the core know one, its default elsewhere."""
+    values = LAWS[name].defaults
+    return ControlLaw(name, values | {key: TYPICAL[key] for key in values if key in TYPICAL})
+
+
+@pytest.mark.parametrize("name", LAWS)
+def test_every_number_is_described(name):
+    for field in LAWS[name].fields:
+        assert field.sentence
+        assert field.unit() == field.unit("rotary", "N*m") != ""
+        assert field.lower <= field.default <= field.upper or field.default == 0.0  # which must be set
+
+
+@compiled
+@pytest.mark.parametrize("name", LAWS)
+def test_python_answers_bit_by_bit_as_c(name, tmp_path):
+    law = typical(name)
+    values = ControllerValues(name, law.values, {}, ("a.json",), {})
+    folder = write_c_folder("bench", values, tmp_path / "c")
+    recorded = re.findall(r"\{ 0x(\w{8})u, (\d+)u\}", (folder / "test" / "vector_outputs.h").read_text())
+    rows = replay_vector(values).rows
+    assert len(rows) == len(recorded) > 400
+    running, moved = None, 0
+    for row, (bits, fault) in zip(rows, recorded, strict=True):
+        before, now = map(int, re.match(r"\{(\d)u, (-?\d+), ", row).groups())
+        if before == INIT:
+            running = law.start(single=True)
+        elif before == STOP:
+            running.stop()
+        samples = [
+            (np.uint32(int(value, 16)).view(np.float32).item(), int(number), int(time), valid == "1")
+            for value, number, time, valid in re.findall(r"\{0x(\w{8})u, (\d+)u, (-?\d+), (\d)u\}", row)
+        ]
+        effort = np.float32(running.step_samples(now, samples))
+        assert f"{effort.view(np.uint32):08x}" == bits
+        assert running.fault == FAULTS[int(fault)]
+        moved += effort != 0.0
+    assert moved > 100
+
+
+@pytest.mark.parametrize("name", LAWS)
+def test_it_is_worn_in_the_lab(name):
+    law, rig = typical(name), elbow_participants()
+    person, robot = draw_people(rig, np.random.default_rng(1), count=1)[0], rig.robot
+    here = rig["pointing"]["reference"]
+    arm = _core.WornElbow(
+        person.vector(rig), np.zeros(5), position0=here, robot=robot.plant(person.slider(rig)), strap=[120.0, 1.2],
+        drive=[robot.gain, robot["motor"]["current_limit"], 0.0, 0.0, robot.quantum], law=name,
+        law_parameters=law.parameters, emg_gains=[1.0, 1.0], substeps=substeps_for(rig.period),
+    )  # fmt: skip
+    moved = arm.move(
+        target=here, amplitude=0.05, duration=0.8, reaction=0.2, load=np.zeros(5), tolerance=0.0, hold=1e9,
+        noise=np.zeros((300, 5)), longest=300, sensor_error=np.zeros(300), emg=True,
+    )  # fmt: skip
+    assert np.abs(moved[5]).max() > 0.01
+    assert np.all(np.isfinite(moved))
+
+
+@pytest.mark.parametrize("single", [False, True])
+@pytest.mark.parametrize("name", LAWS)
+def test_nothing_unsafe_comes_out_of_nonsense(name, single):
+    found = fuzz(typical(name), 50_000, seed=3, single=single)
+    assert (found.unsafe, found.faults > 5, found.slowest <= 1) == (0, True, True)
+
+
+def test_a_run_is_its_steps():
+    law, other = typical("transparent"), typical("transparent")
+    t = 1e-3 * np.arange(400)
+    q, felt = 1.2 + 0.3 * np.sin(5 * t), 0.2 * np.cos(5 * t)
+    efforts = law.run(t, q, felt)
+    assert list(efforts) == [other.step(*now) for now in zip(t, q, felt, strict=True)]
+    assert np.abs(efforts).max() > 1.0
+    law.reset()
+    assert law.fault == "none"
+
+
+def test_what_is_no_law_is_refused():
+    with pytest.raises(PellucidError, match="found no number, or one too many, for bandwidth"):
+        ControlLaw("joint", {k: v for k, v in LAWS["joint"].defaults.items() if k != "bandwidth"})
+    with pytest.raises(PellucidError, match='found the controller "pid", expected one of compensation'):
+        pl.controller(None, "pid")
+    with pytest.raises(PellucidError, match="found NoneType, expected a joint's fit or its model card"):
+        pl.controller(None)
+    with pytest.raises(TypeError, match="more samples than the law has sensors"):
+        typical("joint").step(0.0, 1.0, 2.0)
+
+
+def test_units_follow_the_joint():
+    inertia, viscous = (next(f for f in model_fields("joint") if f.name == n) for n in ("inertia", "viscous_positive"))
+    assert [inertia.unit(), inertia.unit("prismatic", "N"), inertia.unit("rotary", "A")] == [
+        "kg*m^2", "kg", "A*s^2/rad",
+    ]  # fmt: skip
+    assert [viscous.unit(), viscous.unit("prismatic", "N"), viscous.unit("prismatic", "V")] == [
+        "N*m*s/rad", "N*s/m", "V*s/m",
+    ]  # fmt: skip
+
+
+def test_compensation_is_a_controller_by_name():
+    body = {"inertia": 0.05, "gravity": 1.5, "offset": 0.1, "coulomb": 0.3, "viscous": 0.08}
+    card = ModelCard(
+        study="", family="symmetric", method="ls", motion="rotary", effort_unit="N*m", lifts="",
+        parameters=tuple(CardParameter(n, "1", v, 0.0, (v, v)) for n, v in body.items()), covariance=(), known={},
+        velocity_range=4.0, drive={}, heldout_effort_error=None, processing="", confidence=0.95, checksums={},
+        pellucid="",
+    )  # fmt: skip
+    limits = pl.Limits(effort=5.0, rate=500.0, velocity=10.0, position=(-2.0, 2.0))
+    law = pl.controller(card, "compensation", limits=limits)
+    assert law.run(1e-3 * np.arange(100), np.full(100, 0.5))[-1] == pytest.approx(1.5 * np.sin(0.5) + 0.1, abs=1e-9)
+    assert pl.controller(card).values["effort_limit"] == pytest.approx(1.6 + 0.8 * (0.3 + 4.0 * 0.08))
+    with pytest.raises(PellucidError, match="found the card of a joint, expected one of a joint with a carriage"):
+        pl.controller(card, "transparent")
