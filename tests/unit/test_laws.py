@@ -15,7 +15,8 @@ from pellucid.controllers.law_fuzz import fuzz
 from pellucid.deployment.c_folder import write_c_folder
 from pellucid.deployment.controller_values import ControllerValues
 from pellucid.deployment.replay_vector import INIT, STOP, replay_vector
-from pellucid.lab.pointing.people import draw_people, elbow_participants
+from pellucid.lab.pointing.people import draw_people
+from pellucid.lab.pointing.rig import elbow_participants
 from pellucid.models.card import CardParameter, ModelCard
 from pellucid.models.fields import model_fields
 from pellucid.models.simulate import substeps_for
