@@ -4,10 +4,12 @@ import ast
 import importlib
 import re
 import shlex
+import tomllib
 from pathlib import Path
 
 import numpy as np
 import pytest
+from test_layers import ALLOWED
 
 import pellucid
 from pellucid.procedures.run import check, identify
@@ -17,7 +19,8 @@ PAGES = {
     path.relative_to(ROOT).as_posix(): path.read_text(encoding="utf-8")
     for path in (ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").glob("*.md")))
 }
-README, COMMANDS = PAGES["README.md"], PAGES["docs/commands.md"]
+README, COMMANDS, ARCHITECTURE = (PAGES[p] for p in ("README.md", "docs/commands.md", "docs/architecture.md"))
+BASES = (ROOT, ROOT / "src", ROOT / "src" / "pellucid")
 FIRST_PAGES = ("README.md", "CONTRIBUTING.md", "docs/architecture.md", "docs/theory.md", "docs/errata.md")
 
 
@@ -54,9 +57,16 @@ def test_files_and_folders_it_names_exist(page):
     rooms = [path.name for path in (ROOT / "src" / "pellucid").iterdir() if path.is_dir()]
     top = "|".join(("tests", "docs", "include", "src", "bindings", "benchmarks", "pellucid", *rooms))
     named = re.findall(rf"`((?:{top})/[\w./-]*)`", PAGES[page])
-    bases = (ROOT, ROOT / "src", ROOT / "src" / "pellucid")
-    missing = [n for n in named if not any((base / n).exists() for base in bases)]
+    missing = [n for n in named if not any((base / n).exists() for base in BASES)]
     assert not missing, missing
+
+
+@pytest.mark.parametrize("page", PAGES)
+def test_sources_it_names_exist(page):
+    """A header of the core may go by its name alone; `<...>` stands for any."""
+    named = re.findall(r"`([\w./-]+\.(?:py|hpp|cpp))`", PAGES[page])
+    bases = (*BASES, ROOT / "include" / "pellucid")
+    assert not [n for n in named if "/" in n or n.endswith("pp") if not any((base / n).exists() for base in bases)]
 
 
 @pytest.mark.parametrize("page", PAGES)
@@ -157,3 +167,32 @@ def test_the_notebook_runs_as_written(tmp_path, monkeypatch):
     names: dict = {}
     exec(compile(blocks("python", README)[0], "README.md", "exec"), names)
     assert names["low"] - 0.01 < 1.5 < names["high"] + 0.01
+
+
+def rooms() -> dict[str, int]:
+    """Every room of the drawing in the architecture, and its line from the bottom."""
+    drawn = next(b for b in blocks("", ARCHITECTURE) if "procedures" in b).splitlines()
+    return {room: height for height, line in enumerate(reversed(drawn)) for room in line.split()}
+
+
+def test_the_flow_is_drawn_as_it_is():
+    heights = rooms()
+    assert set(heights) == set(ALLOWED) | {"_core"}
+    upwards = [(a, b) for a, below in ALLOWED.items() for b in below if heights[b.split(".")[0]] >= heights[a]]
+    assert not upwards, upwards
+
+
+def test_every_room_is_described():
+    named = set(
+        re.findall(r"`(\w+)(?:/|\.py)`(?=[^|]*\|)", "\n".join(re.findall(r"^\| `.*", ARCHITECTURE, re.MULTILINE)))
+    )
+    assert set(ALLOWED) <= named
+
+
+def test_every_dependency_is_accounted_for():
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
+    asked = [*project["build-system"]["requires"], *project["project"]["dependencies"]]
+    asked += [each for extra in project["project"]["optional-dependencies"].values() for each in extra]
+    libraries = {re.match(r"[\w-]+", each)[0].lower() for each in asked} - {"pellucid"}
+    table = ARCHITECTURE.partition("## Dependencies")[2].lower()
+    assert not [name for name in sorted(libraries) if name not in table]
