@@ -1,5 +1,6 @@
 """docs/study-file.md says what is true of study.toml."""
 
+import json
 import re
 from pathlib import Path
 
@@ -80,3 +81,13 @@ def test_the_assessment_s_tutorial_is_a_valid_study(tmp_path):
     assert study.assessment.control == study.recordings[0].condition
     assert study.recordings[1].channels["interaction"].si_unit == "N*m"
     assert all(f"emg.{muscle}" in study.streams["emg"].channels for muscle in study.assessment.agonists)
+
+
+def test_the_schema_for_editors_has_every_table(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    exec(
+        compile(re.findall(r"```python\n(.*?)```", PAGE.read_text(encoding="utf-8"), re.DOTALL)[-1], PAGE.name, "exec"),
+        {},
+    )
+    known = json.loads((tmp_path / "study.schema.json").read_text(encoding="utf-8"))["properties"]
+    assert {"rig", "recordings", *(p.name for p in PROCEDURES if p.table is not None)} <= set(known)
