@@ -1,0 +1,115 @@
+"""A friction term is added in its header and in its family: what fits, steps and exports a joint then knows it."""
+
+import json
+import shutil
+import subprocess
+import sys
+import sysconfig
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+HEADER = {
+    "load_motoring{}, load_generating{}, velocity_width{};": "load_motoring{}, load_generating{}, velocity_width{}, "
+    "quadratic{};",
+    '"w, of the smooth sign tanh(v / w); below 1e-9: the true sign"});\n': '"w, of the smooth sign tanh(v / w); below '
+    '1e-9: the true sign"});\n    visit(p.quadratic, {"quadratic", {1, -2, 2}, at_least(0), "F_q, drag per v |v|"});\n',
+    "  S stribeck{};                   ///< F_s [N m], 0": "  S quadratic{};  ///< F_q [N m s^2/rad^2]\n"
+    "  S stribeck{};                   ///< F_s [N m], 0",
+    "  c.stribeck = select": "  c.quadratic = params.quadratic;\n  c.stribeck = select",
+    "viscous(c, direction) * velocity};": "viscous(c, direction) * velocity + c.quadratic * velocity * abs(velocity)};",
+}
+FAMILY = {
+    'str, ...]] = {"stribeck"': 'str, ...]] = {"drag": ("quadratic",), "stribeck"',
+    '    "combined": frozenset': '    "drag": frozenset({"drag"}),\n    "combined": frozenset',
+}
+DISPATCH = """
+#include "hill_kernels.hpp"
+#include "kernels.hpp"
+namespace bindings {
+namespace baseline {
+extern const Kernels kernels;
+extern const HillKernels hill_kernels;
+}
+const Kernels& best_kernels() { return baseline::kernels; }
+const HillKernels& best_hill_kernels() { return baseline::hill_kernels; }
+}
+"""
+USED = """
+import json, sys
+from pathlib import Path
+import numpy as np
+import pellucid as pl
+from pellucid.controllers.control_law import LAWS
+from pellucid.deployment.c_folder import check_here, write_c_folder
+from pellucid.deployment.controller_values import ControllerValues
+t = np.arange(0.0, 30.0, 5e-3)
+parts = [(0.5, 0.13, 0.0), (0.3, 0.47, 1.0), (0.15, 1.1, 2.0)]
+q = sum(a * np.sin(2 * np.pi * f * t + p) for a, f, p in parts)
+v = sum(a * 2 * np.pi * f * np.cos(2 * np.pi * f * t + p) for a, f, p in parts)
+acc = -sum(a * (2 * np.pi * f) ** 2 * np.sin(2 * np.pi * f * t + p) for a, f, p in parts)
+effort = 0.05 * acc + 1.5 * np.sin(q) + 0.3 * np.sign(v) + 0.08 * v + 0.07 * v * np.abs(v)
+fit = pl.fit_joint(t, q, effort, friction="drag", lowpass=10.0, decimate=5)
+law = pl.controller(fit, limits=pl.Limits(effort=5.0, rate=500.0, velocity=10.0, position=(-2.0, 2.0)))
+folder = write_c_folder("new", ControllerValues("joint", law.values, {}, ("joint.json",), {}), Path(sys.argv[1]))
+print(json.dumps({"value": fit["quadratic"].value, "unit": fit["quadratic"].unit, "carried": law.values["quadratic"],
+                  "header": "float quadratic;" in (folder / "pellucid_controller.h").read_text(),
+                  "exported": check_here(folder), "names": [f.name for f in LAWS["joint"].fields][:15]}))
+"""
+
+
+def replaced(path: Path, by: dict[str, str]) -> None:
+    """Each text of `by`, which must be there once, replaced in a file."""
+    text = path.read_text(encoding="utf-8")
+    for old, new in by.items():
+        assert text.count(old) == 1, old
+        text = text.replace(old, new)
+    path.write_text(text, encoding="utf-8")
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not all(map(shutil.which, ("make", "cc", "c++"))), reason="make, cc or c++ is not installed")
+def test_a_friction_term_is_its_header_and_its_family(tmp_path):
+    nanobind = pytest.importorskip("nanobind")
+    for part in ("include", "bindings", "src/pellucid"):
+        shutil.copytree(ROOT / part, tmp_path / part, ignore=shutil.ignore_patterns("__pycache__", "*.so"))
+    replaced(tmp_path / "include" / "pellucid" / "friction.hpp", HEADER)
+    replaced(tmp_path / "src" / "pellucid" / "models" / "joint.py", FAMILY)
+    touched = [p.relative_to(tmp_path) for p in tmp_path.rglob("*") if p.is_file()]
+    touched = sorted(p.as_posix() for p in touched if (tmp_path / p).read_bytes() != (ROOT / p).read_bytes())
+    assert touched == ["include/pellucid/friction.hpp", "src/pellucid/models/joint.py"]  # and a test
+
+    folder = Path(nanobind.__file__).parent
+    where = [
+        f"-I{tmp_path / 'include'}", f"-I{folder / 'include'}", f"-I{folder / 'ext' / 'robin_map' / 'include'}",
+        f"-I{sysconfig.get_paths()['include']}",
+    ]  # fmt: skip
+    # Plain kernels alone, not optimised: what is asked is whether all of it knows the term.
+    options = ["-std=c++17", "-O0", "-fPIC", "-fvisibility=hidden", "-ffp-contract=off"]
+    sources = sorted((tmp_path / "bindings").glob("*.cpp"))
+    (tmp_path / "bindings" / "dispatch.cpp").write_text(DISPATCH, encoding="utf-8")
+
+    def built(source: Path) -> Path:
+        plain = ["-DPELLUCID_ABI=baseline", '-DPELLUCID_INSTRUCTIONS="baseline"'] if "kernels" in source.stem else []
+        made = tmp_path / f"{source.stem}.o"
+        subprocess.run(["c++", *options, *plain, *where, "-c", str(source), "-o", str(made)], check=True)
+        return made
+
+    with ThreadPoolExecutor(2) as pool:
+        objects = list(pool.map(built, [*sources, folder / "src" / "nb_combined.cpp"]))
+    module = tmp_path / "src" / "pellucid" / f"_core{sysconfig.get_config_var('EXT_SUFFIX')}"
+    subprocess.run(["c++", "-shared", *map(str, objects), "-pthread", "-o", str(module)], check=True)
+    run = subprocess.run(
+        [sys.executable, "-c", USED, str(tmp_path / "out")],
+        env={"PYTHONPATH": str(tmp_path / "src"), "PATH": "/usr/bin:/bin"}, capture_output=True, text=True,
+    )  # fmt: skip
+    assert run.returncode == 0, run.stderr
+    said = json.loads(run.stdout.splitlines()[-1])
+    assert said["value"] == pytest.approx(0.07, rel=0.05)
+    assert said["unit"] == "N*m*s^2/rad^2"
+    assert 0.0 < said["carried"] <= said["value"]
+    assert said["header"]
+    assert said["exported"][1] == 0
+    assert "quadratic" in said["names"]
