@@ -18,11 +18,14 @@ template <class S> void run(Bytes& bytes) {
       p::reset(controller);
       watch.reset();
     }
-    const p::Samples<S>& in = stream.sample();
+    // Behind the front a law is watched by what reaches it.
+    p::Controller<L> other = controller;
+    const p::Samples<S>& read = stream.sample();
+    const p::Samples<S> in = front ? p::believed(other, read, read.position.time) : read;
     bool heard = true;
     for (const p::SensorUse& use : L::sensors)
       if (use.required && use.quantity != p::Quantity::position) heard = heard && p::is_heard(p::Samples<S>(in)[use.quantity]);
-    const S out = front ? p::step(controller, in, in.position.time) : p::step(controller.law, controller.state, in);
+    const S out = front ? p::step(controller, read, read.position.time) : p::step(controller.law, controller.state, in);
     if (!front) controller.fault = controller.state.gate.fault;
     watch(in, out, front ? controller.fault : controller.state.gate.fault, heard);
   }
