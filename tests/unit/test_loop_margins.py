@@ -7,7 +7,6 @@ import pytest
 
 from pellucid._errors import PellucidError
 from pellucid.controllers.coupling import Coupling, friction_slope
-from pellucid.controllers.pid_tuning import strap_torque_gain, tune_pid
 from pellucid.controllers.residual_compensator import Law, bears_all, design, within, worst_margins
 from pellucid.controllers.stability import (
     LinearSystem,
@@ -22,6 +21,7 @@ from pellucid.controllers.stability import (
 )
 from pellucid.models.card import CardParameter
 from pellucid.models.parameter_card import ParameterCard
+from pellucid.papers.knee.pid_tuning import strap_torque_gain, tune_pid
 
 PERIOD = 0.002
 KNEE = Coupling(

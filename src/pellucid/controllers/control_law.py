@@ -203,6 +203,11 @@ class ControlLaw:
         return self._running.fault
 
 
+def safety_gate(limits, period: float) -> _core.SafetyGate:
+    """That gate by itself, open."""
+    return _core.SafetyGate(**gate_values(limits, period) | {"max_repeats": 2})
+
+
 def gate_values(limits, period: float) -> dict[str, float]:
     """The numbers of the safety gate with which every law ends, by name, from `Limits` and the period [s]."""
     return {

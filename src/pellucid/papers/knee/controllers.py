@@ -12,10 +12,6 @@ from functools import cache
 from importlib.resources import files
 
 from ...controllers.coupling import Coupling
-from ...controllers.disturbance_observer import DisturbanceObserver
-from ...controllers.fuzzy import FuzzyCompensation
-from ...controllers.pid_tuning import tune_pid
-from ...controllers.rbf import RbfCompensation
 from ...controllers.residual_compensator import (
     Law,
     Noise,
@@ -31,6 +27,10 @@ from ...controllers.worn import StrapLearning, WornCompensator
 from ...estimators.causal_map import EmgSettings
 from ...lab.knee.trial import Controller
 from .cards import WearerCard
+from .fuzzy import FuzzyCompensation
+from .pid_tuning import tune_pid
+from .rbf import RbfCompensation
+from .strap_disturbance import StrapDisturbance
 
 SPEEDS = (0.1, 0.5, 1.5, 4.0)
 """At which friction is linearised for the margins [rad/s]."""
@@ -135,9 +135,9 @@ def by_phase(made: ResidualDesign, gains: Sequence[float], swing: tuple[float, f
     return replace(made, swing=swing, law=replace(made.law, phase_gain=lowered))
 
 
-def disturbance_observer(coupling: Coupling, period: float, constants: Chosen) -> DisturbanceObserver:
+def disturbance_observer(coupling: Coupling, period: float, constants: Chosen) -> StrapDisturbance:
     """The disturbance observer, its gain and its friction lowered until the margins are there; period [s]."""
-    wanted = DisturbanceObserver(coupling, period, **constants.observer)
+    wanted = StrapDisturbance(coupling, period, **constants.observer)
     cases = [(plant, speed) for speed in SPEEDS[::-1] for plant in uncertain_straps(coupling)]
     for rubbed, pulled in weakenings():
         weaker = replace(wanted, gain=pulled * wanted.gain, friction=rubbed * wanted.friction)
@@ -153,7 +153,7 @@ def disturbance_observer(coupling: Coupling, period: float, constants: Chosen) -
     return weaker
 
 
-def observer_margins(observer: DisturbanceObserver) -> Margins:
+def observer_margins(observer: StrapDisturbance) -> Margins:
     """Its smallest margins on the straps of `uncertain_straps`, over the speeds of friction."""
     return worst(
         [

@@ -6,13 +6,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .coupling import friction_slope
-from .stability import LinearSystem
-from .strap_observer import StrapLaw
+from ...controllers.coupling import friction_slope
+from ...controllers.stability import LinearSystem
+from .strap_law import StrapLaw
 
 
 @dataclass
-class DisturbanceObserver(StrapLaw):
+class StrapDisturbance(StrapLaw):
     """Carries gravity and friction by model and follows the observed strap torque.
 
     u = G sin q + s_f (F + F_a) tanh(v/w) + gain tau. No EMG and no limb: it answers only once the strap already pulls.

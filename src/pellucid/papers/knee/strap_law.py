@@ -8,10 +8,9 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from .. import _core
-from .control_law import gate_values
-from .coupling import Coupling
-from .limits import Limits
+from ...controllers.control_law import safety_gate
+from ...controllers.coupling import Coupling
+from ...controllers.limits import Limits
 
 
 @dataclass
@@ -106,7 +105,7 @@ class StrapLaw(ABC):
 
     def __post_init__(self):
         self.observer = StrapTorqueObserver(self.coupling, self.period)
-        self._gate = _core.SafetyGate(**gate_values(self.limits, self.period) | {"max_repeats": 2})
+        self._gate = safety_gate(self.limits, self.period)
         self._count = 0
 
     @property

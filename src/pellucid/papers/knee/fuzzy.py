@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .strap_observer import StrapLaw
+from .strap_law import StrapLaw
 
 # Rows: the strap pulls backwards, not at all, forwards; columns: the orthosis moves backwards, rests, moves forwards.
 # Entries: share of the largest torque. A pull with the motion is followed fully; one against it is a wish to stop.

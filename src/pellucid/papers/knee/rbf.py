@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .strap_observer import StrapLaw
+from .strap_law import StrapLaw
 
 
 @dataclass
