@@ -9,10 +9,10 @@ from __future__ import annotations
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from pellucid.controllers.control_law import LAWS
-from pellucid.controllers.coupling import Coupling
-from pellucid.controllers.elbow_controllers import ELBOW_CONTROLLERS
-from pellucid.controllers.residual_compensator import design
+from pellucid.control.control_law import LAWS
+from pellucid.control.coupling import Coupling
+from pellucid.control.elbow_controllers import ELBOW_CONTROLLERS
+from pellucid.control.residual_compensator import design
 from pellucid.deployment.c_folder import write_c_folder
 from pellucid.deployment.controller_values import ControllerValues
 from pellucid.deployment.microcontroller import measure, missing_tools

@@ -14,9 +14,9 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 
 from pellucid import _core
-from pellucid.controllers.control_law import ControlLaw
-from pellucid.controllers.elbow_controllers import ELBOW_CONTROLLERS
-from pellucid.controllers.law_fuzz import step_times
+from pellucid.control.control_law import ControlLaw
+from pellucid.control.elbow_controllers import ELBOW_CONTROLLERS
+from pellucid.control.law_fuzz import step_times
 from pellucid.lab.pointing.people import draw_people
 from pellucid.lab.pointing.rig import elbow_participants
 from pellucid.models.simulate import substeps_for

@@ -13,31 +13,31 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from .. import datasets
-    from ..assessment.comparison import compare_conditions as compare_conditions
-    from ..assessment.movement_indices import movement_indices as movement_indices
-    from ..assessment.power import power_curve as power_curve
-    from ..controllers.controller import controller as controller
-    from ..controllers.controller import controllers as controllers
-    from ..controllers.limits import Limits as Limits
-    from ..demonstration.demo import demo as demo
-    from ..deployment.export import export as export
-    from ..estimators.torque_regressor import TorqueRegressor as TorqueRegressor
-    from ..fit.joint.fit_joint import fit_joint as fit_joint
-    from ..fit.transfer.fit_transfer_function import fit_transfer_function as fit_transfer_function
-    from ..lab.init import init as init
-    from ..lab.simulate import simulate as simulate
-    from ..models.muscle import Muscle as Muscle
-    from ..papers.reproduce import reproduce as reproduce
-    from ..procedures.compare import compare as compare
-    from ..procedures.registry import open_study as open
-    from ..procedures.run import assess as assess
-    from ..procedures.run import calibrate as calibrate
-    from ..procedures.run import check as check
-    from ..procedures.run import identify as identify
-    from ..procedures.run import report as report
-    from ..recordings.readers import read_columns as read
-    from ..signals.envelope import envelope as envelope
+    from . import datasets
+    from .assessment.comparison import compare_conditions as compare_conditions
+    from .assessment.movement_indices import movement_indices as movement_indices
+    from .assessment.power import power_curve as power_curve
+    from .control.controller import controller as controller
+    from .control.controller import controllers as controllers
+    from .control.limits import Limits as Limits
+    from .demonstration.demo import demo as demo
+    from .deployment.export import export as export
+    from .estimators.torque_regressor import TorqueRegressor as TorqueRegressor
+    from .fit.joint.fit_joint import fit_joint as fit_joint
+    from .fit.transfer.fit_transfer_function import fit_transfer_function as fit_transfer_function
+    from .lab.init import init as init
+    from .lab.simulate import simulate as simulate
+    from .models.muscle import Muscle as Muscle
+    from .papers.reproduce import reproduce as reproduce
+    from .procedures.compare import compare as compare
+    from .procedures.registry import open_study as open
+    from .procedures.run import assess as assess
+    from .procedures.run import calibrate as calibrate
+    from .procedures.run import check as check
+    from .procedures.run import identify as identify
+    from .procedures.run import report as report
+    from .recordings.readers import read_columns as read
+    from .signals.envelope import envelope as envelope
 
 _WHERE = {
     "open": ("procedures.registry", "open_study"),
@@ -45,9 +45,9 @@ _WHERE = {
     "check": ("procedures.run", "check"),
     "calibrate": ("procedures.run", "calibrate"),
     "identify": ("procedures.run", "identify"),
-    "controller": ("controllers.controller", "controller"),
-    "controllers": ("controllers", None),
-    "Limits": ("controllers.limits", "Limits"),
+    "controller": ("control.controller", "controller"),
+    "controllers": ("control.controller", "controllers"),
+    "Limits": ("control.limits", "Limits"),
     "compare": ("procedures.compare", "compare"),
     "report": ("procedures.run", "report"),
     "fit_joint": ("fit.joint.fit_joint", "fit_joint"),

@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pellucid.controllers.elbow_controllers import BEST, BEST_SENSED
-from pellucid.controllers.transparent_laws import with_force_sensor
+from pellucid.control.elbow_controllers import BEST, BEST_SENSED
+from pellucid.control.transparent_laws import with_force_sensor
 from pellucid.lab.elbow.rig import able_elbow
 from pellucid.lab.pointing.conditions import condition_of, identified_cards, interaction_rms, published_laws
 from pellucid.lab.pointing.people import draw_people

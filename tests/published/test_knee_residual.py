@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from pellucid._errors import IdentificationError, PellucidError
-from pellucid.controllers.worn import WornCompensator
+from pellucid.control.worn import WornCompensator
 from pellucid.estimators.causal_map import EmgSettings, EmgTrial, fit_causal_map
 from pellucid.lab.knee.drawn import BODY, FACTORS, FITTED, drawn_rig
 from pellucid.lab.knee.protocol import Faults

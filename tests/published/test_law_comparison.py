@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from pellucid.controllers.elbow_controllers import BEST, BEST_SENSED
+from pellucid.control.elbow_controllers import BEST, BEST_SENSED
 from pellucid.lab.elbow.rig import able_elbow, drawn_rigs
 from pellucid.papers.able.law_comparison import (
     CONTROLLERS,

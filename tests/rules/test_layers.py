@@ -13,7 +13,7 @@ ROOT = Path(pellucid.__file__).parent
 BASE = {"_atomic", "_errors", "_processes", "units"}
 PHYSICS = BASE | {"models", "_core"}
 UP_TO_SIGNALS = BASE | {"recordings", "signals", "protocols"}
-JUDGING = {"fit", "controllers", "estimators", "assessment", "pages", "procedures"}
+JUDGING = {"fit", "control", "estimators", "assessment", "pages", "procedures"}
 EVERYTHING = UP_TO_SIGNALS | PHYSICS - {"_core"} | JUDGING | {"lab", "datasets"}
 # The order of the flow; a layer may import what its entry names, and itself.
 ALLOWED = {
@@ -21,25 +21,25 @@ ALLOWED = {
     "_errors": set(),
     "_processes": set(),
     "units": {"_errors"},
-    "recordings": BASE,
+    "recordings": BASE | {"models"},  # study.toml names their families
     "datasets": BASE | {"recordings", "procedures"},
     "signals": BASE | {"recordings", "_core"},
     "protocols": BASE | {"recordings", "signals"},
     "models": BASE | {"_core"},  # physics knows no data
     "fit": BASE | PHYSICS | {"recordings.recording", "signals", "protocols"},  # arrays in, estimates out: no study
-    "controllers": PHYSICS,
+    "control": PHYSICS,
     "estimators": BASE | PHYSICS | {"signals", "fit"},  # arrays; procedures read studies
     "assessment": BASE | {"signals"},  # arrays; procedures read studies
     "pages": BASE | {"models", "fit"},  # words, tables, drawings: of nobody's procedure
-    "procedures": UP_TO_SIGNALS | PHYSICS | {"fit", "controllers", "estimators", "assessment", "pages"},
-    "lab": UP_TO_SIGNALS | PHYSICS | {"fit", "controllers", "procedures", "datasets"},
-    "deployment": UP_TO_SIGNALS | PHYSICS | {"fit", "controllers", "procedures"},
+    "procedures": UP_TO_SIGNALS | PHYSICS | {"fit", "control", "estimators", "assessment", "pages"},
+    "lab": UP_TO_SIGNALS | PHYSICS | {"fit", "control", "procedures", "datasets"},
+    "deployment": UP_TO_SIGNALS | PHYSICS | {"fit", "control", "procedures"},
     "papers": EVERYTHING,
     "demonstration": EVERYTHING | {"deployment"},
     "cli": EVERYTHING | {"deployment", "papers", "demonstration"},
 }  # fmt: skip
 PLOTTING = {"pages"}
-CORE_USERS = {"models", "signals", "fit", "estimators", "procedures", "controllers", "lab", "deployment"}
+CORE_USERS = {"models", "signals", "fit", "estimators", "procedures", "control", "lab", "deployment"}
 DRAWER = re.compile(r"utils?|helpers?|misc|common|tools|stuff")
 
 

@@ -111,8 +111,8 @@ for name in ("Law", "law", "laws", "fuzz_law", "time_law", "WornElbow"):
 sys.path.insert(0, sys.argv[2])
 import test_laws
 from test_export_elbow import CARDS
-from pellucid.controllers.control_law import LAWS
-from pellucid.controllers.controller import controller, controllers
+from pellucid.control.control_law import LAWS
+from pellucid.control.controller import controller, controllers
 
 from pellucid.lab.pointing.people import draw_people
 from pellucid.lab.pointing.rig import elbow_participants
@@ -166,7 +166,7 @@ def test_a_law_is_a_header_a_line_and_a_builder(tmp_path):
     assert parts == [
         ["pellucid/gravity_share.hpp", "pellucid/laws.hpp"],
         [],
-        ["controllers/elbow_controllers.py"],
+        ["control/elbow_controllers.py"],
     ]
 
     folder = Path(nanobind.__file__).parent

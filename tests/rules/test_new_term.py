@@ -42,7 +42,7 @@ import json, sys
 from pathlib import Path
 import numpy as np
 import pellucid as pl
-from pellucid.controllers.control_law import LAWS
+from pellucid.control.control_law import LAWS
 from pellucid.deployment.c_folder import check_here, write_c_folder
 from pellucid.deployment.controller_values import ControllerValues
 t = np.arange(0.0, 30.0, 5e-3)

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from pellucid.controllers.control_law import LAWS
+from pellucid.control.control_law import LAWS
 from pellucid.deployment.controller_values import ControllerValues
 
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from pellucid._errors import DatasetError, PellucidError
-from pellucid.controllers.elbow_controllers import BEST_SENSED, ELBOW_CONTROLLERS
+from pellucid.control.elbow_controllers import BEST_SENSED, ELBOW_CONTROLLERS
 from pellucid.demonstration import demo as module
 from pellucid.demonstration.story import told
 from pellucid.lab.elbow.rig import able_elbow

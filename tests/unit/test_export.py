@@ -15,9 +15,9 @@ from typer.testing import CliRunner
 import pellucid
 from pellucid._errors import PellucidError
 from pellucid.cli import app
-from pellucid.controllers.control_law import LAWS, ControlLaw
-from pellucid.controllers.coupling import Coupling
-from pellucid.controllers.residual_compensator import design
+from pellucid.control.control_law import LAWS, ControlLaw
+from pellucid.control.coupling import Coupling
+from pellucid.control.residual_compensator import design
 from pellucid.deployment.c_folder import core_headers, needed_headers, write_c_folder
 from pellucid.deployment.controller_values import ControllerValues
 from pellucid.deployment.joint_values import joint_values

@@ -9,9 +9,9 @@ from exported import Loaded, nonsense
 
 import pellucid
 from pellucid._errors import PellucidError
-from pellucid.controllers.control_law import LAWS
-from pellucid.controllers.elbow_controllers import BEST, BEST_SENSED, ELBOW_CONTROLLERS
-from pellucid.controllers.elbow_laws import PUBLISHED_EXPONENTS
+from pellucid.control.control_law import LAWS
+from pellucid.control.elbow_controllers import BEST, BEST_SENSED, ELBOW_CONTROLLERS
+from pellucid.control.elbow_laws import PUBLISHED_EXPONENTS
 from pellucid.deployment.elbow_values import elbow_values
 from pellucid.deployment.microcontroller import measure, missing_tools
 from pellucid.lab.pointing.conditions import condition_of

@@ -7,7 +7,7 @@ import pytest
 
 import pellucid
 from pellucid._errors import PellucidError
-from pellucid.controllers.control_law import LAWS
+from pellucid.control.control_law import LAWS
 from pellucid.deployment import worn_values as module
 from pellucid.deployment.worn_values import worn_values
 from pellucid.models.card import CardParameter

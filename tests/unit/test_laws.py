@@ -10,8 +10,8 @@ import pytest
 import pellucid as pl
 from pellucid import _core
 from pellucid._errors import PellucidError
-from pellucid.controllers.control_law import LAWS, ControlLaw
-from pellucid.controllers.law_fuzz import fuzz
+from pellucid.control.control_law import LAWS, ControlLaw
+from pellucid.control.law_fuzz import fuzz
 from pellucid.deployment.c_folder import write_c_folder
 from pellucid.deployment.controller_values import ControllerValues
 from pellucid.deployment.replay_vector import INIT, STOP, replay_vector

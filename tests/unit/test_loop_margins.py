@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from pellucid._errors import PellucidError
-from pellucid.controllers.coupling import Coupling, friction_slope
-from pellucid.controllers.residual_compensator import Law, bears_all, design, within, worst_margins
-from pellucid.controllers.stability import (
+from pellucid.control.coupling import Coupling, friction_slope
+from pellucid.control.residual_compensator import Law, bears_all, design, within, worst_margins
+from pellucid.control.stability import (
     LinearSystem,
     bears,
     closed_loop,

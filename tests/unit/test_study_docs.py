@@ -17,7 +17,7 @@ TABLES = [
     study_file.RigJoint,
     study_file.Drive,
     study_file.Loop,
-    study_file.Limits,
+    study_file.JointLimits,
     study_file.Slider,
     study_file.Participant,
     study_file.ChannelSpec,

@@ -12,7 +12,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from .._errors import DatasetError, PellucidError
-from ..controllers.elbow_controllers import BEST, BEST_SENSED, ELBOW_CONTROLLERS
+from ..control.elbow_controllers import BEST, BEST_SENSED, ELBOW_CONTROLLERS
 from ..datasets import init
 from ..datasets.registry import names
 from ..deployment.c_folder import check_here

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ..controllers.elbow_controllers import BEST, BEST_SENSED, ELBOW_CONTROLLERS
+from ..control.elbow_controllers import BEST, BEST_SENSED, ELBOW_CONTROLLERS
 from ..pages.drawing import draw
 from ..pages.page import Page, Section, Tile, write_page
 from ..pages.quantities import number, parameter_interval, percent, prose, unit_text

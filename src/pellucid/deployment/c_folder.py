@@ -12,7 +12,7 @@ import numpy as np
 
 from .._atomic import write_text_atomically
 from .._errors import PellucidError
-from ..controllers.control_law import LAWS, LawSensor
+from ..control.control_law import LAWS, LawSensor
 from ..models.fields import COORDINATE, Field
 from .controller_values import ControllerValues
 from .replay_vector import replay_vector

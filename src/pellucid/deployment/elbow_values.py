@@ -6,10 +6,10 @@ from collections.abc import Iterator, Mapping
 from hashlib import sha256
 
 from .._errors import PellucidError
-from ..controllers.control_law import ControlLaw
-from ..controllers.elbow_controllers import ELBOW_CONTROLLERS, ElbowController
-from ..controllers.elbow_laws import ELBOW_LIMITS, PUBLISHED_EXPONENTS
-from ..controllers.joint_compensation import PERIOD, SLIDER_SPEED, identified_remarks, place_on_rail
+from ..control.control_law import ControlLaw
+from ..control.elbow_controllers import ELBOW_CONTROLLERS, ElbowController
+from ..control.elbow_laws import ELBOW_LIMITS, PUBLISHED_EXPONENTS
+from ..control.joint_compensation import PERIOD, SLIDER_SPEED, identified_remarks, place_on_rail
 from ..models.anthropometry import Segment, forearm
 from ..models.slider_card import SliderCard, read_slider_card
 from ..recordings.study import Study

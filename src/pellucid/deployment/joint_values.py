@@ -6,7 +6,7 @@ from dataclasses import replace
 from hashlib import sha256
 
 from .._errors import PellucidError
-from ..controllers.joint_compensation import (
+from ..control.joint_compensation import (
     PERIOD,
     RISE,
     WIDTH_SHARE,

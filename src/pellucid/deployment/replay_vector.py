@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..controllers.control_law import LAWS, LawSensor
+from ..control.control_law import LAWS, LawSensor
 from .controller_values import ControllerValues
 
 NOTHING, INIT, STOP = 0, 1, 2

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from ..controllers.limits import Limits
+from ..control.limits import Limits
 from ..recordings.study import Study
 
 

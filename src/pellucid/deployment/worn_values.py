@@ -6,9 +6,9 @@ from collections.abc import Mapping
 from hashlib import sha256
 
 from .._errors import PellucidError
-from ..controllers.coupling import Coupling
-from ..controllers.limits import Limits
-from ..controllers.residual_compensator import design, within
+from ..control.coupling import Coupling
+from ..control.limits import Limits
+from ..control.residual_compensator import design, within
 from ..models.parameter_card import read_parameter_card
 from ..procedures.coupling.actuator_card import CHANNELS, NAME, actuator_card
 from ..recordings.study import Study

@@ -18,13 +18,13 @@ DERIVED = "\0"
 """What the names of fields begin with that follow from others; no person can write such a key."""
 
 
-class Table(BaseModel):
+class StudyTable(BaseModel):
     """A table; quantities are SI once it is read."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False, hide_input_in_errors=True)
 
 
-class ProcedureTable(Table):
+class ProcedureTable(StudyTable):
     """A table of study.toml that asks for a procedure."""
 
     alone: ClassVar[bool] = False

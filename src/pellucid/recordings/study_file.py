@@ -23,13 +23,10 @@ from pydantic import (
 )
 
 from .._errors import StudyError
+from ..models.joint import FAMILIES
 from ..units import parse_quantity, si_text, to_si_factor
-from .study_fields import DERIVED, NAME, ProcedureTable, Table, quantity
+from .study_fields import DERIVED, NAME, ProcedureTable, StudyTable, quantity
 from .toml_place import explain
-
-FRICTION_FAMILIES = ("symmetric", "directional", "load", "stribeck", "combined")
-"""The friction models `identify` tries, in this order, where study.toml names none."""
-
 
 # Gains that a kind of loop needs, and those it may have.
 _GAINS = {
@@ -41,7 +38,7 @@ _GAINS = {
 }
 
 
-class Drive(Table):
+class Drive(StudyTable):
     """How the effort is known: ``[rig.drive]``.
 
     Attributes
@@ -88,7 +85,7 @@ class Drive(Table):
         return self
 
 
-class Loop(Table):
+class Loop(StudyTable):
     """The machine's own controller: ``[rig.loop]``. Gains are plain numbers in SI, in the drive's command unit.
 
     Attributes
@@ -130,7 +127,7 @@ class Loop(Table):
         return self
 
 
-class Limits(Table):
+class JointLimits(StudyTable):
     """What the joint may not pass: ``[rig.limits]``, each [rad] or [m], [rad/s] or [m/s], [N*m] or [N]."""
 
     position_min: quantity("<coordinate>") | None = None
@@ -139,14 +136,14 @@ class Limits(Table):
     effort: quantity("<effort>", gt=0) | None = None
 
     @model_validator(mode="after")
-    def _ordered(self) -> Limits:
+    def _ordered(self) -> JointLimits:
         low, high = self.position_min, self.position_max
         if low is not None and high is not None and low >= high:
             raise ValueError(f"found position_min = {low:g} not below position_max = {high:g}")
         return self
 
 
-class Slider(Table):
+class Slider(StudyTable):
     """A carriage that moves freely on a rail along the moving segment: ``[rig.slider]``.
 
     Attributes
@@ -172,7 +169,7 @@ class Slider(Table):
         return self
 
 
-class JointTable(Table):
+class JointTable(StudyTable):
     """One joint of the machine.
 
     Attributes
@@ -193,7 +190,7 @@ class JointTable(Table):
     moving_mass: quantity("kg", gt=0) | None = None
     drive: Drive | None = None
     loop: Loop | None = None
-    limits: Limits = Limits()
+    limits: JointLimits = JointLimits()
     slider: Slider | None = None
 
     @model_validator(mode="after")
@@ -237,7 +234,7 @@ class RigJoint(JointTable):
             units.update(before)
 
 
-class SeveralJoints(Table):
+class SeveralJoints(StudyTable):
     """The machine, joint by joint: ``[rig]`` with ``[[rig.joints]]``.
 
     Whoever asks it for what one joint has is told that there are several.
@@ -294,7 +291,7 @@ RigTable = Annotated[
 """``[rig]`` in either form."""
 
 
-class Participant(Table):
+class Participant(StudyTable):
     """Who wears it: ``[participants.NAME]``. Mass [kg], height [m], age [years], from the knee to the heel [m]."""
 
     mass: quantity("kg", gt=0) | None = None
@@ -304,7 +301,7 @@ class Participant(Table):
     shank_length: quantity("m", gt=0) | None = None
 
 
-class ChannelSpec(Table):
+class ChannelSpec(StudyTable):
     """Where a channel's numbers are and what they mean: one entry of ``[channels]``.
 
     In order: stored bits are signed, missing marks become NaN, a rolling encoder is unwrapped, then
@@ -388,7 +385,7 @@ class ChannelSpec(Table):
         return {**table, **{DERIVED + key: value for key, value in si.items()}}
 
 
-class Optical(Table):
+class Optical(StudyTable):
     """What the files of a motion capture hold, beside the machine's own: ``[optical]``.
 
     Attributes
@@ -470,7 +467,7 @@ class Optical(Table):
         return self.columns.replace("{marker}", marker).replace("{axis}", axis)
 
 
-class Stream(Table):
+class Stream(StudyTable):
     """Another instrument's files, beside the machine's own: ``[streams.NAME]``.
 
     Attributes
@@ -495,7 +492,7 @@ class Stream(Table):
         return self
 
 
-class Processing(Table):
+class Processing(StudyTable):
     """What is done to the samples before a regression: ``[processing]``.
 
     Attributes
@@ -522,7 +519,7 @@ class Processing(Table):
     trim: int = Field(0, ge=0)
 
 
-class Model(Table):
+class Model(StudyTable):
     """What is identified: ``[model]``.
 
     Attributes
@@ -537,7 +534,7 @@ class Model(Table):
         Of the intervals, in (0, 1).
     """
 
-    families: tuple[Literal[FRICTION_FAMILIES], ...] = FRICTION_FAMILIES
+    families: tuple[Literal[tuple(FAMILIES)], ...] = tuple(FAMILIES)
     gravity: Literal["none", "sine", "sine+cosine"]
     known: dict[str, float] = Field({})
     confidence: float = Field(0.95, gt=0, lt=1)
@@ -571,14 +568,14 @@ class Model(Table):
         return self
 
 
-class PayloadSpec(Table):
+class PayloadSpec(StudyTable):
     """A known mass on the moving segment: mass [kg], distance from the axis [m]."""
 
     mass: quantity("kg", gt=0)
     distance: quantity("m", ge=0) = 0.0
 
 
-class RecordingEntry(Table):
+class RecordingEntry(StudyTable):
     """One ``[[recordings]]``.
 
     Attributes
@@ -644,7 +641,7 @@ class RecordingEntry(Table):
         return self
 
 
-class StudyFile(Table):
+class StudyFile(StudyTable):
     """The whole of study.toml, in SI.
 
     Attributes

@@ -12,9 +12,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..._errors import StudyError
-from ...controllers.control_law import ControlLaw
-from ...controllers.elbow_controllers import ELBOW_CONTROLLERS
-from ...controllers.elbow_laws import full_compensation
+from ...control.control_law import ControlLaw
+from ...control.elbow_controllers import ELBOW_CONTROLLERS
+from ...control.elbow_laws import full_compensation
 from ...models.slider_card import SliderCard
 from ...procedures.slider.identify_slider import fit_slider
 from ...procedures.slider.slider_result import slider_card

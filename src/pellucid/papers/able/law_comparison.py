@@ -14,7 +14,7 @@ from functools import partial
 import numpy as np
 
 from ..._processes import in_order
-from ...controllers.elbow_controllers import BEST, BEST_SENSED, ELBOW_CONTROLLERS
+from ...control.elbow_controllers import BEST, BEST_SENSED, ELBOW_CONTROLLERS
 from ...lab.elbow.rig import ElbowRig, able_elbow, drawn_rigs
 from ...lab.pointing.conditions import TUNING_SEED, chosen_exponents, condition_of, identified_cards, interaction_rms
 from ...lab.pointing.people import Person, draw_people

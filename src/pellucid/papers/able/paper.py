@@ -10,8 +10,8 @@ from typing import ClassVar
 
 import numpy as np
 
-from ...controllers.control_law import ControlLaw
-from ...controllers.elbow_controllers import ELBOW_CONTROLLERS
+from ...control.control_law import ControlLaw
+from ...control.elbow_controllers import ELBOW_CONTROLLERS
 from ...fit.slider.slider_fit import METHODS, SliderFit
 from ...lab.elbow.protocol import excitation, trials
 from ...lab.elbow.rig import ElbowRig, able_elbow, drawn_rigs

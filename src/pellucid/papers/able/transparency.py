@@ -15,7 +15,7 @@ import numpy as np
 
 from ..._errors import RecordingError
 from ...assessment.indices import affine
-from ...controllers.elbow_controllers import BEST, BEST_SENSED
+from ...control.elbow_controllers import BEST, BEST_SENSED
 from ...lab.pointing.conditions import Cards, chosen_exponents, condition_of, published_laws
 from ...lab.pointing.movement_choice import preferred_duration
 from ...lab.pointing.people import Person, draw_people

@@ -7,8 +7,8 @@ from functools import partial
 
 import numpy as np
 
-from ...controllers.control_law import ControlLaw
-from ...controllers.law_fuzz import fuzz
+from ...control.control_law import ControlLaw
+from ...control.law_fuzz import fuzz
 from ..figure import Reproduced, figure
 from ..printed import PrintedPaper, PrintedTable
 from .transparency import CONTROL, FIRST_REST, LAWS, OWN_LAWS, PUBLISHED_RULE, Transparency

@@ -10,7 +10,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 from ..._errors import IdentificationError
-from ...controllers.coupling import Coupling
+from ...control.coupling import Coupling
 from ...estimators.causal_map import CausalMap, EmgSettings, EmgTrial, fit_causal_map
 from ...fit.joint.actuator_residual import actuator_residual
 from ...lab.knee.rig import KneeRig

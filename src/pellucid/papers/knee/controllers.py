@@ -11,8 +11,8 @@ from dataclasses import asdict, dataclass, field, replace
 from functools import cache
 from importlib.resources import files
 
-from ...controllers.coupling import Coupling
-from ...controllers.residual_compensator import (
+from ...control.coupling import Coupling
+from ...control.residual_compensator import (
     Law,
     Noise,
     ResidualDesign,
@@ -22,8 +22,8 @@ from ...controllers.residual_compensator import (
     worst,
     worst_margins,
 )
-from ...controllers.stability import Margins, bears, margins
-from ...controllers.worn import StrapLearning, WornCompensator
+from ...control.stability import Margins, bears, margins
+from ...control.worn import StrapLearning, WornCompensator
 from ...estimators.causal_map import EmgSettings
 from ...lab.knee.trial import Controller
 from .cards import WearerCard

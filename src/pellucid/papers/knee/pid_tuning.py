@@ -9,9 +9,9 @@ from itertools import product
 import numpy as np
 
 from ..._errors import PellucidError
-from ...controllers.coupling import Coupling
-from ...controllers.residual_compensator import Law, ResidualDesign, bears_all
-from ...controllers.stability import LinearSystem, sampled, worn_orthosis
+from ...control.coupling import Coupling
+from ...control.residual_compensator import Law, ResidualDesign, bears_all
+from ...control.stability import LinearSystem, sampled, worn_orthosis
 
 
 def strap_torque_gain(made: ResidualDesign, omega: Sequence[float], speed: float = 1.0) -> np.ndarray:

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...controllers.coupling import friction_slope
-from ...controllers.stability import LinearSystem
+from ...control.coupling import friction_slope
+from ...control.stability import LinearSystem
 from .strap_law import StrapLaw
 
 

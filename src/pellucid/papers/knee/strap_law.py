@@ -8,9 +8,9 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from ...controllers.control_law import safety_gate
-from ...controllers.coupling import Coupling
-from ...controllers.limits import Limits
+from ...control.control_law import safety_gate
+from ...control.coupling import Coupling
+from ...control.limits import Limits
 
 
 @dataclass

@@ -20,8 +20,8 @@ import numpy as np
 from ..._atomic import write_text_atomically
 from ..._errors import PellucidError
 from ..._processes import processes
-from ...controllers.residual_compensator import Law, Noise, ResidualDesign
-from ...controllers.worn import WornCompensator
+from ...control.residual_compensator import Law, Noise, ResidualDesign
+from ...control.worn import WornCompensator
 from ...estimators.causal_map import EmgSettings
 from ...lab.knee.rig import knee_orthosis
 from ...lab.knee.trial import KneeReadings
