@@ -8,25 +8,7 @@ from pathlib import Path
 
 
 def write_text_atomically(path: str | os.PathLike, text: str) -> Path:
-    """Write `text` as UTF-8 beside `path`, then rename it into place.
-
-    Parameters
-    ----------
-    path : path-like
-        File to write; missing parent folders are made.
-    text : str
-        Whole content.
-
-    Returns
-    -------
-    Path
-        The file.
-
-    Raises
-    ------
-    OSError
-        If the folder cannot be written; `path` is then as it was before.
-    """
+    """Write `text` as UTF-8 beside `path`, then rename it into place."""
     return write_bytes_atomically(path, text.encode("utf-8"))
 
 

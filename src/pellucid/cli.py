@@ -308,13 +308,7 @@ def datasets_path(name: Annotated[str, typer.Argument(metavar="NAME")]) -> None:
 
 
 def main() -> None:
-    """Run the command line; what a user can cause or mend ends as one message and exit status 2.
-
-    Raises
-    ------
-    SystemExit
-        Always: the command's exit status.
-    """
+    """Run the command line; what a user can cause or mend ends as one message and exit status 2."""
     # The matrices are small: threads over them would only wait for each other. Read once, when NumPy is loaded.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     try:

@@ -104,38 +104,12 @@ def parse_quantity(text: str | float, expected: str | tuple[str, ...] | None, wh
 
 
 def to_si_factor(unit: str, expected: str | tuple[str, ...] | None, where: str = "unit") -> tuple[float, float]:
-    """Factor and offset that turn values in `unit` into SI: ``si = value * factor + offset``.
-
-    Parameters
-    ----------
-    unit : str
-        Unit text such as ``"deg"``.
-    expected : str, tuple of str, or None
-        SI unit whose dimension `unit` must have; None for any.
-    where : str
-        What the unit belongs to, for the message.
-
-    Returns
-    -------
-    factor, offset : float
-        The offset is zero except for temperatures.
-
-    Raises
-    ------
-    StudyError
-        If the unit is absent, unknown, or of another dimension.
-    """
+    """Factor and offset that turn values in `unit` into SI: ``si = value * factor + offset``."""
     return _factor(unit, expected, where)
 
 
 def si_text(unit: str) -> str:
-    """SI unit in which values given in `unit` are kept, as plain text: ``si_text("mN*m")`` is ``"N*m"``.
-
-    Raises
-    ------
-    StudyError
-        If the unit is unknown.
-    """
+    """SI unit in which values given in `unit` are kept, as plain text: ``si_text("mN*m")`` is ``"N*m"``."""
     return _si_text(unit)
 
 

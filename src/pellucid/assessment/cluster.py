@@ -14,22 +14,7 @@ PATIENCE = 30
 
 @contextmanager
 def cluster(address: str) -> Iterator[Any]:
-    """The workers of a Dask scheduler as an executor of the standard library's kind.
-
-    Parameters
-    ----------
-    address : str
-        ``"tcp://host:8786"``. Its workers need pellucid, in the same version.
-
-    Yields
-    ------
-    concurrent.futures.Executor
-
-    Raises
-    ------
-    PellucidError
-        If the package distributed is not installed, or nobody answers.
-    """
+    """The workers of a Dask scheduler as an executor of the standard library's kind."""
     try:
         from distributed import Client
     except ImportError:

@@ -34,37 +34,18 @@ RESAMPLES = 10_000
 
 @dataclass(frozen=True)
 class AgainstControl:
-    """One condition against the control.
-
-    Attributes
-    ----------
-    condition : str
-    change : float
-        Mean over participants of the difference from control, in the index's unit.
-    interval : tuple of float
-        Of `change`; NaN with fewer than 3 participants.
-    relative : float or None
-        Change of the mean, as a share of control's mean; None where that mean is 0 or below.
-    p_value, holm : float
-        Of the signed ranks, counted, alone and corrected.
-    rank_biserial, cliff : float
-        -1 to 1.
-    standardised : float
-        Mean over standard deviation of the differences (Cohen's d of pairs).
-    deviation : float
-        Standard deviation of the differences, n - 1.
-    """
+    """One condition against the control."""
 
     condition: str
-    change: float
-    interval: tuple[float, float]
-    relative: float | None
-    p_value: float
+    change: float  # Mean over participants of the difference from control, in the index's unit
+    interval: tuple[float, float]  # Of `change`; NaN with fewer than 3 participants
+    relative: float | None  # Change of the mean, as a share of control's mean; None where that mean is 0 or below
+    p_value: float  # p_value, holm: Of the signed ranks, counted, alone and corrected
     holm: float
-    rank_biserial: float
+    rank_biserial: float  # rank_biserial, cliff: -1 to 1
     cliff: float
-    standardised: float
-    deviation: float
+    standardised: float  # Mean over standard deviation of the differences (Cohen's d of pairs)
+    deviation: float  # Standard deviation of the differences, n - 1
 
     @property
     def p(self) -> float:

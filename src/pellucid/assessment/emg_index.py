@@ -25,21 +25,12 @@ from .._errors import RecordingError
 
 @dataclass(frozen=True, eq=False)
 class Activity:
-    """Rectified EMG of one recording, advanced.
+    """Rectified EMG of one recording, advanced."""
 
-    Attributes
-    ----------
-    time : ndarray, shape (m,)
-        [s]
-    rectified : Mapping[str, ndarray of shape (m,)]
-        By muscle, as many times the amplifier's unit; sample at t is what the motion at t follows.
-    largest : Mapping[str, float]
-        By muscle.
-    """
-
-    time: np.ndarray
+    time: np.ndarray  # (m,) [s]
+    # (m,) By muscle, as many times the amplifier's unit; sample at t is what the motion at t follows
     rectified: Mapping[str, np.ndarray]
-    largest: Mapping[str, float]
+    largest: Mapping[str, float]  # By muscle
 
     def later(self, seconds: float) -> Activity:
         """The same, by so much later."""
@@ -63,21 +54,7 @@ class Activity:
 
 
 def maxima(activities: Sequence[Activity]) -> dict[str, float]:
-    """Largest activity of every muscle over all recordings of a participant.
-
-    Parameters
-    ----------
-    activities : sequence of Activity
-
-    Returns
-    -------
-    dict of str to float
-
-    Raises
-    ------
-    RecordingError
-        If a muscle is silent throughout.
-    """
+    """Largest activity of every muscle over all recordings of a participant."""
     found = {m: max(each.largest[m] for each in activities) for m in activities[0].largest} if activities else {}
     silent = [muscle for muscle, top in found.items() if not top > 0.0]
     if silent:

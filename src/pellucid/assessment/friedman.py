@@ -42,30 +42,14 @@ LARGEST_TABLE = 5_000_000
 
 @dataclass(frozen=True)
 class FriedmanTest:
-    """The outcome of a Friedman test.
+    """The outcome of a Friedman test."""
 
-    Parameters
-    ----------
-    statistic : float
-        Chi-squared, corrected for ties.
-    degrees_of_freedom : int
-        k - 1.
-    p_value : float
-        From the chi-squared distribution: for many participants.
-    exact_p_value : float or None
-        Counted over all orders of each participant's ranks; None where it was not asked for.
-    rank_sums : tuple of float
-        R_j, one a condition; the smallest values have the lowest ranks.
-    participants : int
-        n.
-    """
-
-    statistic: float
-    degrees_of_freedom: int
-    p_value: float
-    exact_p_value: float | None
-    rank_sums: tuple[float, ...]
-    participants: int
+    statistic: float  # Chi-squared, corrected for ties
+    degrees_of_freedom: int  # k - 1
+    p_value: float  # From the chi-squared distribution: for many participants
+    exact_p_value: float | None  # Counted over all orders of each participant's ranks; None where it was not asked for
+    rank_sums: tuple[float, ...]  # R_j, one a condition; the smallest values have the lowest ranks
+    participants: int  # n
 
     @property
     def p(self) -> float:
@@ -74,25 +58,7 @@ class FriedmanTest:
 
 
 def friedman(data: np.ndarray, *, exact: bool = False) -> FriedmanTest:
-    """Friedman's test on participants' values.
-
-    Parameters
-    ----------
-    data : ndarray, shape (n, k)
-        One row a participant, one column a condition, in any one unit.
-    exact : bool
-        Also count the exact p.
-
-    Returns
-    -------
-    FriedmanTest
-
-    Raises
-    ------
-    PellucidError
-        If `data` is not a finite table of at least 2 rows and 2 columns, if every row is all ties, or if the exact
-        distribution is too large to list.
-    """
+    """Friedman's test on participants' values. `data` (n, k)."""
     ranks = _ranks(data)
     n, k = ranks.shape
     sums = ranks.sum(axis=0)
@@ -105,26 +71,7 @@ def friedman(data: np.ndarray, *, exact: bool = False) -> FriedmanTest:
 
 
 def friedman_from_rank_sums(rank_sums: Sequence[float], participants: int, *, exact: bool = False) -> FriedmanTest:
-    """Friedman's test where only the rank sums are known, and no participant had ties.
-
-    Parameters
-    ----------
-    rank_sums : sequence of float
-        R_j, one a condition.
-    participants : int
-        n.
-    exact : bool
-        Also count the exact p.
-
-    Returns
-    -------
-    FriedmanTest
-
-    Raises
-    ------
-    PellucidError
-        If the sums cannot come from `participants` rankings, or the exact distribution is too large to list.
-    """
+    """Friedman's test where only the rank sums are known, and no participant had ties."""
     sums = _checked_sums(rank_sums, participants)
     k = len(sums)
     statistic = 12.0 / (participants * k * (k + 1)) * float(np.sum((sums - 0.5 * participants * (k + 1)) ** 2))
@@ -135,47 +82,13 @@ def friedman_from_rank_sums(rank_sums: Sequence[float], participants: int, *, ex
 
 
 def nemenyi(data: np.ndarray) -> np.ndarray:
-    """Nemenyi's p of every pair of conditions.
-
-    Parameters
-    ----------
-    data : ndarray, shape (n, k)
-        One row a participant, one column a condition, in any one unit.
-
-    Returns
-    -------
-    ndarray, shape (k, k)
-        Symmetric, 1 on the diagonal.
-
-    Raises
-    ------
-    PellucidError
-        If `data` is not a finite table of at least 2 rows and 2 columns.
-    """
+    """Nemenyi's p of every pair of conditions. `data` (n, k); gives (k, k)."""
     ranks = _ranks(data)
     return _nemenyi(ranks.sum(axis=0), len(ranks))
 
 
 def nemenyi_from_rank_sums(rank_sums: Sequence[float], participants: int) -> np.ndarray:
-    """Nemenyi's p of every pair of conditions where only the rank sums are known.
-
-    Parameters
-    ----------
-    rank_sums : sequence of float
-        R_j, one a condition.
-    participants : int
-        n.
-
-    Returns
-    -------
-    ndarray, shape (k, k)
-        Symmetric, 1 on the diagonal.
-
-    Raises
-    ------
-    PellucidError
-        If the sums cannot come from `participants` rankings.
-    """
+    """Nemenyi's p of every pair of conditions where only the rank sums are known. Gives (k, k)."""
     return _nemenyi(_checked_sums(rank_sums, participants), participants)
 
 

@@ -16,32 +16,16 @@ from .measured import DOWN, UP, Measured
 
 @dataclass(frozen=True)
 class Index:
-    """One index.
+    """One index."""
 
-    Attributes
-    ----------
-    name : str
-        In ids.
-    words, short, unit : str
-        What it is, in full and as narrow tables call it.
-    of : str
-        Which of a movement's values.
-    direction : str
-        ``"up"`` or ``"down"``; ``""`` for both.
-    over_control : bool
-        Whether it is a share of control's ratio less 1, and thus 0 for control.
-    spread : bool
-        Whether it is the standard deviation of movements that are alike, in place of their mean.
-    """
-
-    name: str
-    words: str
+    name: str  # In ids
+    words: str  # words, short, unit: What it is, in full and as narrow tables call it
     short: str
     unit: str
-    of: str
-    direction: str = ""
-    over_control: bool = False
-    spread: bool = False
+    of: str  # Which of a movement's values
+    direction: str = ""  # ``"up"`` or ``"down"``; ``""`` for both
+    over_control: bool = False  # Whether it is a share of control's ratio less 1, and thus 0 for control
+    spread: bool = False  # Whether it is the standard deviation of movements that are alike, in place of their mean
 
     @property
     def scaled(self) -> bool:
@@ -80,20 +64,12 @@ INDICES = {
 
 @dataclass(frozen=True, eq=False)
 class IndexTable:
-    """Values of one index.
-
-    Attributes
-    ----------
-    index : Index
-    participants, conditions : tuple of str
-        Participants with a value in all of these conditions.
-    values : ndarray, shape (n, k)
-    """
+    """Values of one index."""
 
     index: Index
-    participants: tuple[str, ...]
+    participants: tuple[str, ...]  # participants, conditions: Participants with a value in all of these conditions
     conditions: tuple[str, ...]
-    values: np.ndarray
+    values: np.ndarray  # (n, k)
 
     def column(self, condition: str) -> np.ndarray:
         """Values in one condition, shape (n,)."""
@@ -150,39 +126,21 @@ def index_table(
 
 @dataclass(frozen=True)
 class Isochrony:
-    """Straight lines through amplitude and mean velocity, and through amplitude and duration.
-
-    Attributes
-    ----------
-    condition, direction : str
-    participants : tuple of str
-    velocity_r2 : tuple of float
-        Of each participant's own line, over the means of each amplitude.
-    velocity_slope, velocity_intercept : float
-        Of the line through the means over participants [1/s], [rad/s].
-    group_r2 : float
-        Of that line.
-    duration_r2 : tuple of float
-    duration_slope, duration_intercept : float
-        [s/rad], [s].
-    points : tuple of (amplitude [rad], mean velocity [rad/s], duration [s])
-        Means over participants.
-    people : tuple of tuple
-        Each participant's own points.
-    """
+    """Straight lines through amplitude and mean velocity, and through amplitude and duration."""
 
     condition: str
     direction: str
     participants: tuple[str, ...]
-    velocity_r2: tuple[float, ...]
+    velocity_r2: tuple[float, ...]  # Of each participant's own line, over the means of each amplitude
+    # velocity_slope, velocity_intercept: Of the line through the means over participants [1/s], [rad/s]
     velocity_slope: float
     velocity_intercept: float
-    group_r2: float
+    group_r2: float  # Of that line
     duration_r2: tuple[float, ...]
-    duration_slope: float
+    duration_slope: float  # duration_slope, duration_intercept: [s/rad], [s]
     duration_intercept: float
-    points: tuple[tuple[float, float, float], ...]
-    people: tuple[tuple[tuple[float, float, float], ...], ...]
+    points: tuple[tuple[float, float, float], ...]  # Means over participants
+    people: tuple[tuple[tuple[float, float, float], ...], ...]  # Each participant's own points
 
 
 def isochrony(

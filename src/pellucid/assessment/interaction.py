@@ -15,45 +15,16 @@ from .._errors import RecordingError
 
 @dataclass(frozen=True)
 class Interaction:
-    """Torque between robot and person over one movement.
+    """Torque between robot and person over one movement."""
 
-    Attributes
-    ----------
-    rms, peak : float
-        [N m]
-    resisted : float
-        Work the person did against the robot [J].
-    assisted : float
-        Work the robot did on the person [J].
-    """
-
-    rms: float
+    rms: float  # rms, peak: [N m]
     peak: float
-    resisted: float
-    assisted: float
+    resisted: float  # Work the person did against the robot [J]
+    assisted: float  # Work the robot did on the person [J]
 
 
 def interaction(torque: np.ndarray, velocity: np.ndarray, fs: float) -> Interaction:
-    """Interaction over one movement.
-
-    Parameters
-    ----------
-    torque : ndarray, shape (n,)
-        Of the robot on the person, positive along the angle [N m].
-    velocity : ndarray, shape (n,)
-        [rad/s]
-    fs : float
-        Their rate [Hz].
-
-    Returns
-    -------
-    Interaction
-
-    Raises
-    ------
-    RecordingError
-        If a sample is missing or the shapes differ.
-    """
+    """Interaction over one movement. `torque` (n,) [N m]; `velocity` (n,) [rad/s]; `fs` [Hz]."""
     torque, velocity = np.asarray(torque, float), np.asarray(velocity, float)
     if torque.shape != velocity.shape or torque.ndim != 1 or not len(torque) or not np.isfinite(torque).all():
         raise RecordingError(

@@ -13,21 +13,12 @@ UP, DOWN = "up", "down"
 
 @dataclass(frozen=True)
 class Measured:
-    """One movement and its indices.
-
-    Attributes
-    ----------
-    participant, condition, recording : str
-    movement : Movement
-    cell : tuple
-        Labelled amplitude in degrees (None where there is none, or too many) and direction: movements that are alike.
-    values : Mapping[str, float]
-        By index, in SI; NaN where it could not be had.
-    """
+    """One movement and its indices."""
 
     participant: str
     condition: str
     recording: str
     movement: Movement
+    # Labelled amplitude in degrees (None where there is none, or too many) and direction: movements that are alike
     cell: tuple[float | None, str]
-    values: Mapping[str, float]
+    values: Mapping[str, float]  # By index, in SI; NaN where it could not be had

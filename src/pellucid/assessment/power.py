@@ -160,22 +160,7 @@ EFFECTS = (0.5, 0.8, 1.0, 1.25, 1.5, 2.0, 3.0)
 
 
 def participants_needed(pilot: np.ndarray, *, power: float = 0.8, **options) -> int | None:
-    """The fewest participants with whom a test has enough power.
-
-    Parameters
-    ----------
-    pilot : ndarray, shape (n, k)
-        As for `power_curve`.
-    power : float
-        That is to be reached.
-    **options
-        As for `power_curve`.
-
-    Returns
-    -------
-    int or None
-        None where not even the largest of `SIZES` is enough.
-    """
+    """The fewest participants with whom a test has enough power. `pilot` (n, k)."""
 
     def enough(n: int) -> bool:
         return power_curve(pilot, (n,), **options).power[0] >= power
@@ -204,25 +189,6 @@ def needed_for_effects(
     """The fewest participants in whom signed ranks find effects of these sizes in 8 of 10 studies.
 
     How much people differ and how large the change is enter together, as their ratio.
-
-    Parameters
-    ----------
-    effects : sequence of float
-        Mean over standard deviation of the differences from control (d of pairs), not 0.
-    comparisons : int
-        Among which `alpha` is divided.
-    alpha : float
-        Chance of a false alarm.
-    studies : int
-        Drawn for each number of participants.
-    seed : int
-    executor : object, optional
-        As for `power_curve`; each effect is one task.
-
-    Returns
-    -------
-    list of int or None
-        None where more than the largest of `SIZES` are needed.
     """
     arguments = [(abs(effect), comparisons, alpha, studies, seed) for effect in effects]
     return _run(_needed_for, arguments, executor, TRIED * studies * len(effects))

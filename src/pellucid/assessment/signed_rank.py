@@ -31,23 +31,7 @@ class SignedRankTest:
 
 
 def signed_rank(differences: np.ndarray) -> SignedRankTest:
-    """Do paired differences lean to one side?
-
-    Parameters
-    ----------
-    differences : ndarray, shape (n,)
-        One a participant, in any unit.
-
-    Returns
-    -------
-    SignedRankTest
-        p is 1 where no pair differs.
-
-    Raises
-    ------
-    PellucidError
-        If a difference is missing, or there is none.
-    """
+    """Do paired differences lean to one side?. `differences` (n,)."""
     d = np.asarray(differences, float)
     if d.ndim != 1 or not len(d) or not np.isfinite(d).all():
         raise PellucidError(f"signed ranks: found differences of shape {d.shape}, expected (n,) finite numbers")

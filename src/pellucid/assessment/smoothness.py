@@ -30,29 +30,7 @@ FINENESS = 4
 
 
 def spectral_arc_length(speed: np.ndarray, fs: float, *, highest: float = 10.0, least: float = 0.05) -> float:
-    """SPARC of one movement.
-
-    Parameters
-    ----------
-    speed : ndarray, shape (n,)
-        From its start to its end, in any unit.
-    fs : float
-        Sampling rate [Hz].
-    highest : float
-        Frequency beyond which nothing counts [Hz].
-    least : float
-        Share of the spectrum at 0 Hz below which it has ended.
-
-    Returns
-    -------
-    float
-        Below 0; the higher, the smoother.
-
-    Raises
-    ------
-    RecordingError
-        If there are fewer than 4 samples, or they are all 0.
-    """
+    """SPARC of one movement. `speed` (n,); `fs` [Hz]; `highest` [Hz]."""
     speed = _checked(speed)
     n = 2 ** (int(np.ceil(np.log2(len(speed)))) + FINENESS)
     spectrum = np.abs(np.fft.rfft(speed, n))
@@ -64,25 +42,7 @@ def spectral_arc_length(speed: np.ndarray, fs: float, *, highest: float = 10.0, 
 
 
 def log_dimensionless_jerk(speed: np.ndarray, fs: float) -> float:
-    """LDLJ of one movement.
-
-    Parameters
-    ----------
-    speed : ndarray, shape (n,)
-        From its start to its end, in any unit.
-    fs : float
-        Sampling rate [Hz].
-
-    Returns
-    -------
-    float
-        The higher, the smoother.
-
-    Raises
-    ------
-    RecordingError
-        If there are fewer than 4 samples, or they are all 0 or without any jerk.
-    """
+    """LDLJ of one movement. `speed` (n,); `fs` [Hz]."""
     speed = _checked(speed)
     duration = (len(speed) - 1) / fs
     jerk = np.diff(speed, 2) * fs**2

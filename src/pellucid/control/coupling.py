@@ -25,47 +25,30 @@ ON_CARDS: Mapping[str, Mapping[str, str]] = {
 
 @dataclass(frozen=True)
 class Coupling:
-    """An orthosis, the limb in it, the strap between them and the torque loop that moves the orthosis.
+    """An orthosis, the limb in it, the strap between them and the torque loop that moves the orthosis."""
 
-    Attributes
-    ----------
-    orthosis_inertia, orthosis_viscous, orthosis_gravity : float
-        I_e [kg m^2], b_e [N m s/rad], G_e = m g l [N m].
-    coulomb : float
-        Coulomb friction between spring and orthosis [N m].
-    limb_inertia, limb_viscous, limb_gravity : float
-        I_k [kg m^2], b_k [N m s/rad], G_k = m g l [N m].
-    strap_stiffness, strap_damping : float
-        k [N m/rad], b [N m s/rad].
-    actuator_frequency, actuator_damping : float
-        Second-order lag from the torque wanted to the spring's torque: natural frequency [rad/s], damping ratio [1].
-    delay : float
-        Dead time before that lag [s]; the loop's own sample and hold is not part of it.
-    slack : float
-        Half the gap in which the strap's spring is slack [rad].
-    actuator_inertia, actuator_viscous, actuator_coulomb : float
-        What the torque loop does not cancel of motor and gear [kg m^2], [N m s/rad], [N m].
-    actuator_leak : float
-        Rate at which the torque loop's integral cancels it after all [1/s].
-    """
-
+    # orthosis_inertia, orthosis_viscous, orthosis_gravity: I_e [kg m^2], b_e [N m s/rad], G_e = m g l [N m]
     orthosis_inertia: float
     orthosis_viscous: float
     orthosis_gravity: float
-    coulomb: float
-    limb_inertia: float
+    coulomb: float  # Coulomb friction between spring and orthosis [N m]
+    limb_inertia: float  # limb_inertia, limb_viscous, limb_gravity: I_k [kg m^2], b_k [N m s/rad], G_k = m g l [N m]
     limb_viscous: float
     limb_gravity: float
-    strap_stiffness: float
+    strap_stiffness: float  # strap_stiffness, strap_damping: k [N m/rad], b [N m s/rad]
     strap_damping: float
+    # actuator_frequency, actuator_damping: Second-order lag from the torque wanted to the spring's torque: natural
+    # frequency [rad/s], damping ratio [1]
     actuator_frequency: float
     actuator_damping: float = 1.0
-    delay: float = 0.0
-    slack: float = 0.0
+    delay: float = 0.0  # Dead time before that lag [s]; the loop's own sample and hold is not part of it
+    slack: float = 0.0  # Half the gap in which the strap's spring is slack [rad]
+    # actuator_inertia, actuator_viscous, actuator_coulomb: What the torque loop does not cancel of motor and gear [kg
+    # m^2], [N m s/rad], [N m]
     actuator_inertia: float = 0.0
     actuator_viscous: float = 0.0
     actuator_coulomb: float = 0.0
-    actuator_leak: float = 0.0
+    actuator_leak: float = 0.0  # Rate at which the torque loop's integral cancels it after all [1/s]
 
     def __post_init__(self):
         for field in fields(self):
@@ -76,23 +59,7 @@ class Coupling:
 
     @classmethod
     def from_cards(cls, *cards: Mapping[str, float]) -> Coupling:
-        """From the parameters of several cards.
-
-        Parameters
-        ----------
-        *cards : mapping of str to float
-            SI numbers by this class's names; what two cards name must agree, what none names has its default.
-
-        Returns
-        -------
-        Coupling
-            Of all of them.
-
-        Raises
-        ------
-        PellucidError
-            If cards contradict each other or a parameter is missing.
-        """
+        """From the parameters of several cards."""
         known = {field.name for field in fields(cls)}
         merged: dict[str, float] = {}
         for card in cards:
@@ -110,25 +77,7 @@ class Coupling:
     def of_cards(
         cls, orthosis: ParameterCard, limb: ParameterCard, strap: ParameterCard, actuator: Mapping[str, float]
     ) -> Coupling:
-        """From the cards that `identify` writes for an orthosis and its wearer.
-
-        Parameters
-        ----------
-        orthosis, limb, strap : ParameterCard
-            Of the kinds ``"orthosis"``, ``"limb"`` and ``"coupling"``.
-        actuator : mapping of str to float
-            By this class's names.
-
-        Returns
-        -------
-        Coupling
-            Of all of them.
-
-        Raises
-        ------
-        PellucidError
-            If a card is of another kind, or a parameter is missing.
-        """
+        """From the cards that `identify` writes for an orthosis and its wearer."""
         named = []
         for card, kind in ((orthosis, "orthosis"), (limb, "limb"), (strap, "coupling")):
             if card.kind != kind:
@@ -137,18 +86,7 @@ class Coupling:
         return cls.from_cards(*named, actuator)
 
     def scaled(self, **factors: float) -> Coupling:
-        """The same with some parameters multiplied.
-
-        Parameters
-        ----------
-        **factors : float
-            By parameter name.
-
-        Returns
-        -------
-        Coupling
-            A new one.
-        """
+        """The same with some parameters multiplied."""
         return replace(self, **{name: getattr(self, name) * factor for name, factor in factors.items()})
 
 
@@ -163,19 +101,7 @@ def friction_slope(amplitude: float, coulomb: float, width: float = 0.0) -> floa
 
     N(A) = 2/(pi A) int_0^pi F tanh(A sin x / w) sin x dx, which is 4 F/(pi A) for a true sign.
 
-    Parameters
-    ----------
-    amplitude : float
-        Of the velocity [rad/s], > 0.
-    coulomb : float
-        Level [N m].
-    width : float
-        Velocity over which the sign changes [rad/s]; 0: a true sign.
-
-    Returns
-    -------
-    float
-        [N m s/rad].
+    `amplitude` [rad/s]; `coulomb` [N m]; `width` [rad/s]; gives [N m s/rad].
     """
     if width <= 0:
         return 4 * coulomb / (np.pi * amplitude)

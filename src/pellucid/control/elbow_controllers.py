@@ -51,27 +51,14 @@ BEST, BEST_SENSED = "dithered", "force_sensor"
 
 @dataclass(frozen=True)
 class ElbowController:
-    """A law with its settings, under a name.
+    """A law with its settings, under a name."""
 
-    Attributes
-    ----------
-    title : str
-        What it does, in a few words.
-    method : str
-        Of the identification whose card it takes.
-    build : callable
-        Takes the card, the place of the carriage [m] and settings of the law; gives an `ControlLaw`.
-    wearer : bool
-        Whether `build` also needs the wearer's `limb`, a `Segment`.
-    exponents : bool
-        Whether it has those of equation 8, which are chosen on a robot.
-    """
-
-    title: str
-    method: str
+    title: str  # What it does, in a few words
+    method: str  # Of the identification whose card it takes
+    # Takes the card, the place of the carriage [m] and settings of the law; gives an `ControlLaw`
     build: Callable[..., ControlLaw]
-    wearer: bool = False
-    exponents: bool = False
+    wearer: bool = False  # Whether `build` also needs the wearer's `limb`, a `Segment`
+    exponents: bool = False  # Whether it has those of equation 8, which are chosen on a robot
 
     @property
     def card(self) -> str:
@@ -89,24 +76,7 @@ def transparent_and(
     no energy over a movement there and back, nor more than 1 mJ with a quarter more gain, a tenth more friction and a
     fifth more inertia compensated.
 
-    Parameters
-    ----------
-    *steps : callable
-        Each takes the law so far and gives it with something added.
-    emg_share : float
-        Of the acceleration that is EMG's; above 0 the law needs the wearer's limb.
-    **body : float
-        Settings of `transparent`.
-
-    Returns
-    -------
-    callable
-        Takes a card, the place of the carriage [m], `limb` where EMG leads, and settings of `transparent` that differ.
-
-    Raises
-    ------
-    PellucidError
-        By what is returned, where EMG leads and there is no limb.
+    Gives [m].
     """
 
     def build(card: SliderCard, slider: float, *, limb: Segment | None = None, **settings) -> ControlLaw:

@@ -40,33 +40,8 @@ def position_control(
     limits: Limits = ELBOW_LIMITS,
     period: float = PERIOD,
 ) -> ControlLaw:
-    """The constructor's closed-loop position control (CLPC): sent each period to where it would be in one.
-
-    Parameters
-    ----------
-    card : SliderCard
-        "pooled": one set for both directions. Its gravity and Coulomb friction are compensated, nothing else.
-    slider : float
-        Where the carriage is [m].
-    bandwidth : float
-        Of the loop, stiffness over inertia to the half [rad/s]; the paper gives no gain.
-    speed_span : int
-        Samples that the velocity's difference reaches back.
-    dead_band : float
-        Speeds below are rest [rad/s].
-    limits : Limits
-    period : float
-        [s]
-
-    Returns
-    -------
-    ControlLaw
-
-    Raises
-    ------
-    PellucidError
-        If the card is of another family.
-    """
+    """The constructor's closed-loop position control (CLPC): sent each period to where it would be in one. `slider`
+    [m]; `bandwidth` [rad/s]; `dead_band` [rad/s]; `period` [s]."""
     up = _sets(card, ("pooled", "pooled_at_once"))[0]
     sine, cosine = _gravity(up, slider)
     values = {
@@ -95,34 +70,9 @@ def full_compensation(
     r"""Open-loop compensation by direction, with friction (FC).
 
     .. math::
-        \tau = g[(s_1 x + s_0)\sin q + c\cos q] + \nu\dot q + \mathrm{sign}(\dot q)\,(\tau_{dry} + J |\dot q|^k)
+        \tau = g[(s_1 x + s_0)\sin q + c\cos q] + \nu\dot q + \mathrm{sign}(\dot q)\,(\tau_{dry} + J |\dot q|^k).
 
-    Parameters
-    ----------
-    card : SliderCard
-        "dissociated": one set for each direction.
-    slider : float
-        Where the carriage is [m].
-    exponents : tuple of float
-        k of equation 8, upwards and downwards.
-    speed_span : int
-        Samples that the velocity's difference reaches back.
-    dead_band : float
-        Speeds below are rest [rad/s].
-    acceleration : float
-        The inertia's term is never more than the inertia takes at this [rad/s^2].
-    limits : Limits
-    period : float
-        [s]
-
-    Returns
-    -------
-    ControlLaw
-
-    Raises
-    ------
-    PellucidError
-        If the card is of another family.
+    `slider` [m]; `dead_band` [rad/s]; `acceleration` [rad/s^2]; `period` [s].
     """
     values: dict[str, float] = {}
     largest = 0.0
@@ -147,26 +97,7 @@ def full_compensation(
 
 
 def partial_compensation(card: SliderCard, slider: float, **settings) -> ControlLaw:
-    """Open-loop compensation by direction without friction (PCFr).
-
-    Parameters
-    ----------
-    card : SliderCard
-        "dissociated".
-    slider : float
-        Where the carriage is [m].
-    **settings
-        As `full_compensation` takes them.
-
-    Returns
-    -------
-    ControlLaw
-
-    Raises
-    ------
-    PellucidError
-        If the card is of another family.
-    """
+    """Open-loop compensation by direction without friction (PCFr). `slider` [m]."""
     law = full_compensation(card, slider, **settings)
     return law.changed(coulomb_up=0.0, coulomb_down=0.0, viscous_up=0.0, viscous_down=0.0)
 

@@ -45,13 +45,7 @@ def compensation(
 
 
 def carried_body(card: Card, slider: float | None = None) -> dict[str, float]:
-    """The core's parameters of the joint, SI, that are carried; a carriage is at `slider` [m], or amid its rail.
-
-    Raises
-    ------
-    PellucidError
-        If the card is of no coherent body, or the carriage is off its rail.
-    """
+    """The core's parameters of the joint, SI, that are carried; a carriage is at `slider` [m], or amid its rail."""
     speed = known_speed(card)
     if isinstance(card, SliderCard):
         model = card.model()
@@ -73,13 +67,7 @@ def carried_body(card: Card, slider: float | None = None) -> dict[str, float]:
 
 
 def known_speed(card: Card) -> float:
-    """Largest speed that a card's model was fitted on [rad/s or m/s].
-
-    Raises
-    ------
-    PellucidError
-        If there is none.
-    """
+    """Largest speed that a card's model was fitted on [rad/s or m/s]."""
     speed = card.velocity_range if isinstance(card, ModelCard) else SLIDER_SPEED
     if not speed > 0.0:
         raise PellucidError(f"found a velocity range of {speed:g}, expected the speed it was fitted on")
@@ -99,13 +87,7 @@ def suggested_limits(card: Card, slider: float | None = None) -> Limits:
 
 
 def place_on_rail(card: SliderCard, slider: float | None) -> float:
-    """Where the carriage is [m]: as asked for, or amid its rail.
-
-    Raises
-    ------
-    PellucidError
-        If it is off the rail.
-    """
+    """Where the carriage is [m]: as asked for, or amid its rail."""
     low, high = card.rail
     place = 0.5 * (low + high) if slider is None else slider
     if not low <= place <= high:

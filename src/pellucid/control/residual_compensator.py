@@ -16,89 +16,48 @@ from .stability import LinearSystem, Margins, bears, margins
 
 @dataclass(frozen=True)
 class Noise:
-    """How far each thing is to be believed, from which the observer's gains follow.
+    """How far each thing is to be believed, from which the observer's gains follow."""
 
-    Attributes
-    ----------
-    encoder : float
-        Standard deviation of the encoder's angle [rad].
-    orthosis_torque : float
-        Of what the orthosis's model misses, white over a period [N m].
-    limb_torque : float
-        Of what the limb's model misses, white over a period [N m].
-    emg_drift : float
-        How fast the error of the EMG torque wanders [N m/sqrt(s)].
-    """
-
-    encoder: float = 2e-4
-    orthosis_torque: float = 0.2
-    limb_torque: float = 1.0
-    emg_drift: float = 8.0
+    encoder: float = 2e-4  # Standard deviation of the encoder's angle [rad]
+    orthosis_torque: float = 0.2  # Of what the orthosis's model misses, white over a period [N m]
+    limb_torque: float = 1.0  # Of what the limb's model misses, white over a period [N m]
+    emg_drift: float = 8.0  # How fast the error of the EMG torque wanders [N m/sqrt(s)]
 
 
 @dataclass(frozen=True)
 class Law:
-    """What is carried and how hard the rest is driven to zero.
+    """What is carried and how hard the rest is driven to zero."""
 
-    Attributes
-    ----------
-    gravity, viscous, friction, inertia : float
-        Shares of the orthosis's own gravity, viscous and Coulomb friction, and of its inertia times the limb's
-        acceleration, that are carried for the wearer [1].
-    proportional, integral, derivative : float
-        On the estimated strap torque [1], [1/s], [s].
-    torque_gain : float
-        On how far the spring is from the torque wanted [1].
-    phase_gain : tuple of 8 float
-        Factors over a swing: 0 its flexed end, 2 the middle on the way there, 4 the other end, 6 the way back [1].
-    preview : float or None
-        How far ahead the motion is predicted [s]; None: the actuator's delay and lag and half a period.
-    """
-
+    # gravity, viscous, friction, inertia: Shares of the orthosis's own gravity, viscous and Coulomb friction, and of
+    # its inertia times the limb's acceleration, that are carried for the wearer [1]
     gravity: float = 0.8
     viscous: float = 0.8
     friction: float = 0.5
     inertia: float = 0.7
-    proportional: float = 1.0
+    proportional: float = 1.0  # proportional, integral, derivative: On the estimated strap torque [1], [1/s], [s]
     integral: float = 0.0
     derivative: float = 0.0
-    torque_gain: float = 0.3
+    torque_gain: float = 0.3  # On how far the spring is from the torque wanted [1]
+    # Factors over a swing: 0 its flexed end, 2 the middle on the way there, 4 the other end, 6 the way back [1]
     phase_gain: tuple[float, ...] = (1.0,) * 8
+    # How far ahead the motion is predicted [s]; None: the actuator's delay and lag and half a period
     preview: float | None = None
 
 
 @dataclass(frozen=True)
 class ResidualDesign:
-    """A residual compensator before it runs: numbers only.
+    """A residual compensator before it runs: numbers only."""
 
-    Attributes
-    ----------
-    coupling : Coupling
-        What it was built for.
-    period : float
-        [s].
-    law : Law
-        Its shares and gains.
-    noise : Noise
-        From which the observer follows.
-    limits : Limits
-        Of the gate.
-    correction : tuple of 5 float
-        The observer's gains.
-    width, assist_width : float
-        Velocity over which friction changes its sign, in the observer and in what is carried [rad/s].
-    swing : tuple of float
-        Middle [rad] and angular frequency [rad/s] of a swing, for the gain by phase.
-    """
-
-    coupling: Coupling
-    period: float
-    law: Law = field(default_factory=Law)
-    noise: Noise = field(default_factory=Noise)
-    limits: Limits = field(default_factory=Limits)
-    correction: tuple[float, ...] = ()
+    coupling: Coupling  # What it was built for
+    period: float  # [s]
+    law: Law = field(default_factory=Law)  # Its shares and gains
+    noise: Noise = field(default_factory=Noise)  # From which the observer follows
+    limits: Limits = field(default_factory=Limits)  # Of the gate
+    correction: tuple[float, ...] = ()  # The observer's gains
+    # width, assist_width: Velocity over which friction changes its sign, in the observer and in what is carried [rad/s]
     width: float = 0.05
     assist_width: float = 0.6
+    # Middle [rad] and angular frequency [rad/s] of a swing, for the gain by phase
     swing: tuple[float, float] = (0.0, 4.4)
 
     @property
@@ -139,20 +98,7 @@ class ResidualDesign:
 
     def linear(self, speed: float = 1.0, trust: float = 1.0) -> LinearSystem:
         """The controller near the hanging place, without gate and limits: from encoder and spring to torque wanted.
-
-        Parameters
-        ----------
-        speed : float
-            Amplitude of the velocity at which friction is linearised [rad/s].
-        trust : float
-            In EMG, from 0 to 1.
-
-        Returns
-        -------
-        LinearSystem
-            Sampled at `period`; states q_e, v_e, D, dD, d, and the actuator's slow part and the integral where
-            there is one.
-        """
+        `speed` [rad/s]."""
         m, law, step = self.coupling, self.law, self.period
         slope = friction_slope(speed, m.coulomb, self.width)
         row = np.eye(7)
@@ -192,50 +138,14 @@ class ResidualDesign:
         )  # fmt: skip
 
     def margins(self, plant: Coupling | None = None, speed: float = 1.0, trust: float = 1.0) -> Margins:
-        """Gain and delay margin, at one speed of the friction.
-
-        Parameters
-        ----------
-        plant : Coupling, optional
-            The true one; the one it was built for if None.
-        speed : float
-            Amplitude of the velocity at which friction is linearised, in plant and controller [rad/s].
-        trust : float
-            In EMG.
-
-        Returns
-        -------
-        Margins
-            Of this loop.
-        """
+        """Gain and delay margin, at one speed of the friction. `speed` [rad/s]."""
         plant = plant or self.coupling
         return margins(plant, self.linear(speed, trust), self.period, speed=speed)
 
 
 def observer_gains(coupling: Coupling, noise: Noise, period: float, speed: float = 1.0, width: float = 0.05) -> tuple:
-    """The steady-state Kalman filter of q_e, v_e, D, dD and d on the encoder alone.
-
-    Parameters
-    ----------
-    coupling : Coupling
-        The model.
-    noise : Noise
-        What it misses.
-    period : float
-        [s].
-    speed, width : float
-        Amplitude of the velocity at which friction is linearised, and where it changes its sign [rad/s].
-
-    Returns
-    -------
-    tuple of 5 float
-        Corrections per angle that the encoder is off [1, 1/s, 1, 1/s, N m/rad].
-
-    Raises
-    ------
-    PellucidError
-        If there is no such filter.
-    """
+    """The steady-state Kalman filter of q_e, v_e, D, dD and d on the encoder alone. `period` [s]; `speed`, `width`
+    [rad/s]; gives [1, 1/s, 1, 1/s, N m/rad]."""
     from scipy.linalg import solve_discrete_are
 
     bare = ResidualDesign(coupling, period, law=Law(preview=0.0), correction=(0.0,) * 5, width=width)
@@ -269,26 +179,8 @@ def design(
     assist_width: float = 0.6,
     swing: tuple[float, float] = (0.0, 4.4),
 ) -> ResidualDesign:
-    """A residual compensator for an identified coupling.
-
-    Parameters
-    ----------
-    coupling : Coupling
-        What was identified.
-    period : float
-        [s].
-    law, noise, limits : optional
-        The class's defaults if None.
-    width, assist_width : float
-        Velocity over which friction changes its sign, in the observer and in what is carried [rad/s].
-    swing : tuple of float
-        Middle [rad] and angular frequency [rad/s] of a swing.
-
-    Returns
-    -------
-    ResidualDesign
-        With the observer's gains.
-    """
+    """A residual compensator for an identified coupling. `period` [s]; `width`, `assist_width` [rad/s]; `swing`
+    [rad], [rad/s]."""
     law, noise, limits = law or Law(), noise or Noise(), limits or Limits()
     gains = observer_gains(coupling, noise, period, width=width)
     return ResidualDesign(coupling, period, law, noise, limits, gains, width, assist_width, swing)
@@ -297,36 +189,12 @@ def design(
 def worst_margins(
     made: ResidualDesign, plants: Sequence[Coupling], speeds: Sequence[float] = (0.1, 0.5, 1.5, 4.0)
 ) -> Margins:
-    """The smallest margins over plants that differ from the one designed for, and over speeds.
-
-    Parameters
-    ----------
-    made : ResidualDesign
-        The controller.
-    plants : sequence of Coupling
-        Couplings that may be the true one.
-    speeds : sequence of float
-        Amplitudes of the velocity, from creeping to the fastest swing [rad/s].
-
-    Returns
-    -------
-    Margins
-        Each the smallest of all, with and without EMG.
-    """
+    """The smallest margins over plants that differ from the one designed for, and over speeds. `speeds` [rad/s]."""
     return worst([made.margins(p, s, trust) for p in plants for s in speeds for trust in (0.0, 1.0)])
 
 
 def worst(found: Sequence[Margins]) -> Margins:
-    """The smallest of several margins.
-
-    Parameters
-    ----------
-    found : sequence of Margins
-
-    Returns
-    -------
-    Margins
-    """
+    """The smallest of several margins."""
     return Margins(
         all(f.stable for f in found),
         min(f.gain_db for f in found),
@@ -343,23 +211,8 @@ def bears_all(
     delay: float,
     speeds: Sequence[float] = (0.1, 0.5, 1.5, 4.0),
 ) -> bool:
-    """Whether margins hold on every plant, at every speed, with and without EMG.
-
-    Parameters
-    ----------
-    made : ResidualDesign
-        The controller.
-    plants : sequence of Coupling
-        As in `worst_margins`.
-    gain_db, delay : float
-        Margins wanted [dB], [s].
-    speeds : sequence of float
-        As in `worst_margins` [rad/s].
-
-    Returns
-    -------
-    bool
-    """
+    """Whether margins hold on every plant, at every speed, with and without EMG. `gain_db`, `delay` [dB], [s];
+    `speeds` [rad/s]."""
     cases = [(plant, speed, trust) for speed in speeds for trust in (0.0, 1.0) for plant in plants]
     return first_failing(made, cases, gain_db=gain_db, delay=delay) is None
 
@@ -367,21 +220,7 @@ def bears_all(
 def first_failing(
     made: ResidualDesign, cases: Sequence[tuple[Coupling, float, float]], *, gain_db: float, delay: float
 ) -> int | None:
-    """Which case does not bear the margins wanted.
-
-    Parameters
-    ----------
-    made : ResidualDesign
-    cases : sequence of (Coupling, float, float)
-        Plant, speed [rad/s] and trust in EMG.
-    gain_db, delay : float
-        [dB], [s].
-
-    Returns
-    -------
-    int or None
-        Its place; None where all bear them.
-    """
+    """Which case does not bear the margins wanted. `cases` [rad/s]; `gain_db`, `delay` [dB], [s]."""
     loops: dict[tuple[float, float], LinearSystem] = {}
     for i, (plant, *at) in enumerate(cases):
         if tuple(at) not in loops:
@@ -392,18 +231,7 @@ def first_failing(
 
 
 def weakenings(count: int = 5) -> list[tuple[float, float]]:
-    """Factors on the friction carried and on the gains of the strap, from none to all taken away [1].
-
-    Parameters
-    ----------
-    count : int
-        Steps of each.
-
-    Returns
-    -------
-    list of tuple of float
-        Friction and strap; the least taken away in all first, and of the same in all, of the friction.
-    """
+    """Factors on the friction carried and on the gains of the strap, from none to all taken away [1]."""
     left = [1.0 - i / count for i in range(count + 1)]
     return sorted(((f, s) for f in left for s in left), key=lambda pair: (round(-sum(pair), 6), pair[0]))
 
@@ -417,28 +245,7 @@ def within(
     speeds: Sequence[float] = (0.1, 0.5, 1.5, 4.0),
 ) -> ResidualDesign:
     """A law weakened as little as these margins ask, in its gains on the strap and in the friction that it carries.
-
-    Parameters
-    ----------
-    made : ResidualDesign
-        With the law wanted.
-    plants : sequence of Coupling
-        On each of which the margins must hold.
-    gain_db, delay : float
-        Margins wanted [dB], [s].
-    speeds : sequence of float
-        As in `worst_margins` [rad/s].
-
-    Returns
-    -------
-    ResidualDesign
-        The first along `weakenings` that has them.
-
-    Raises
-    ------
-    PellucidError
-        If none has.
-    """
+    `gain_db`, `delay` [dB], [s]; `speeds` [rad/s]."""
     law = made.law
     cases = [(plant, speed, trust) for speed in speeds for trust in (0.0, 1.0) for plant in plants]
     for rubbed, pulled in weakenings():

@@ -19,15 +19,9 @@ from .coupling import Coupling, friction_slope
 
 @dataclass(frozen=True)
 class LinearSystem:
-    """x' = A x + B u, y = C x + D u: continuous, or sampled (x' the next state).
+    """x' = A x + B u, y = C x + D u: continuous, or sampled (x' the next state)."""
 
-    Attributes
-    ----------
-    a, b, c, d : ndarray
-        Shapes (n, n), (n, m), (p, n), (p, m).
-    """
-
-    a: np.ndarray
+    a: np.ndarray  # a, b, c, d: Shapes (n, n), (n, m), (p, n), (p, m)
     b: np.ndarray
     c: np.ndarray
     d: np.ndarray
@@ -35,24 +29,12 @@ class LinearSystem:
 
 @dataclass(frozen=True)
 class Margins:
-    """What a loop bears.
+    """What a loop bears."""
 
-    Attributes
-    ----------
-    stable : bool
-        Whether the loop is stable as it is; the margins are 0 where it is not.
-    gain_db : float
-        Largest factor on the command [dB]; infinite where none up to 40 dB destabilises.
-    delay : float
-        Largest added dead time [s]; infinite where none up to the search's end destabilises.
-    radius : float
-        Largest magnitude of the closed loop's eigenvalues [1].
-    """
-
-    stable: bool
-    gain_db: float
-    delay: float
-    radius: float
+    stable: bool  # Whether the loop is stable as it is; the margins are 0 where it is not
+    gain_db: float  # Largest factor on the command [dB]; infinite where none up to 40 dB destabilises
+    delay: float  # Largest added dead time [s]; infinite where none up to the search's end destabilises
+    radius: float  # Largest magnitude of the closed loop's eigenvalues [1]
 
 
 def worn_orthosis(coupling: Coupling, speed: float = 1.0) -> LinearSystem:
@@ -61,18 +43,7 @@ def worn_orthosis(coupling: Coupling, speed: float = 1.0) -> LinearSystem:
     tau_e" + (2 zeta w + N/J_a) tau_e' + w^2 tau_e = w^2 (u - (b_a + N) v - J_a a + i), i' = leak (u - tau_e), N the
     describing function of the actuator's Coulomb friction.
 
-    Parameters
-    ----------
-    coupling : Coupling
-        The plant; its dead time is not in here.
-    speed : float
-        Amplitude of the velocity at which Coulomb friction is linearised, see `friction_slope` [rad/s].
-
-    Returns
-    -------
-    LinearSystem
-        Continuous; states q_e, v_e, D, dD, tau_e, its rate, and i where there is a leak; input the torque wanted [N m]
-        and the limb's own [N m]; outputs q_e [rad], tau_e [N m], tau_c [N m], D [rad].
+    `speed` [rad/s]; gives [N m], [rad].
     """
     m, wn = coupling, coupling.actuator_frequency
     viscous = m.orthosis_viscous + friction_slope(speed, m.coulomb)
@@ -104,19 +75,7 @@ def sampled(system: LinearSystem, period: float, delay: float = 0.0) -> LinearSy
 
     x[k+1] = Phi x[k] + Gamma_0 u[k-n] + Gamma_1 u[k-n-1], where delay = (n + f) period.
 
-    Parameters
-    ----------
-    system : LinearSystem
-        Continuous, without feedthrough.
-    period : float
-        [s].
-    delay : float
-        Dead time at the input [s], >= 0.
-
-    Returns
-    -------
-    LinearSystem
-        Sampled; the inputs still under way are states.
+    `period` [s]; `delay` [s].
     """
     from scipy.linalg import expm
 
@@ -147,60 +106,20 @@ def sampled(system: LinearSystem, period: float, delay: float = 0.0) -> LinearSy
 
 
 def closed_loop(plant: LinearSystem, controller: LinearSystem, gain: float = 1.0) -> np.ndarray:
-    """The closed loop's matrix: the plant's first input is `gain` times the controller's output.
-
-    Parameters
-    ----------
-    plant : LinearSystem
-        Sampled, without feedthrough.
-    controller : LinearSystem
-        Sampled; its inputs are the plant's first outputs.
-    gain : float
-        Factor on its output.
-
-    Returns
-    -------
-    ndarray, shape (n, n)
-        Of both systems' states.
-    """
+    """The closed loop's matrix: the plant's first input is `gain` times the controller's output. Gives (n, n)."""
     inputs = controller.b.shape[1]
     b, c = gain * plant.b[:, :1], plant.c[:inputs]
     return np.block([[plant.a + b @ controller.d @ c, b @ controller.c], [controller.b @ c, controller.a]])
 
 
 def radius(matrix: np.ndarray) -> float:
-    """Largest magnitude of a matrix's eigenvalues [1].
-
-    Parameters
-    ----------
-    matrix : ndarray, shape (n, n)
-        Of a sampled system.
-
-    Returns
-    -------
-    float
-        Below 1: stable.
-    """
+    """Largest magnitude of a matrix's eigenvalues [1]. `matrix` (n, n)."""
     return float(np.abs(np.linalg.eigvals(matrix)).max())
 
 
 def loop_response(plant: LinearSystem, controller: LinearSystem, omega: np.ndarray, period: float) -> np.ndarray:
-    """The open loop at some frequencies, L = -C P, so that 1 + L = 0 is the verge of stability.
-
-    Parameters
-    ----------
-    plant, controller : LinearSystem
-        Sampled, as `closed_loop` takes them.
-    omega : ndarray, shape (n,)
-        [rad/s].
-    period : float
-        [s].
-
-    Returns
-    -------
-    ndarray of complex, shape (n,)
-        L.
-    """
+    """The open loop at some frequencies, L = -C P, so that 1 + L = 0 is the verge of stability. `omega` (n,)
+    [rad/s]; `period` [s]; gives (n,)."""
 
     def at(system: LinearSystem, z: complex) -> np.ndarray:
         return system.c @ np.linalg.solve(z * np.eye(len(system.a)) - system.a, system.b) + system.d
@@ -211,21 +130,8 @@ def loop_response(plant: LinearSystem, controller: LinearSystem, omega: np.ndarr
 
 
 def crossings(omega: np.ndarray, response: np.ndarray) -> tuple[float, float]:
-    """Gain and delay margin read off an open loop's frequency response, for a loop that is stable as it is.
-
-    Parameters
-    ----------
-    omega : ndarray, shape (n,)
-        Rising [rad/s]; dense enough that the phase turns by less than half a turn between two.
-    response : ndarray of complex, shape (n,)
-        L, where 1 + L = 0 is the verge of stability.
-
-    Returns
-    -------
-    gain, delay : float
-        Smallest factor above 1 at which L passes -1 [1] and smallest dead time that takes |L| = 1 there [s]; infinite
-        where there is none.
-    """
+    """Gain and delay margin read off an open loop's frequency response, for a loop that is stable as it is. `omega`
+    (n,) [rad/s]; `response` (n,); gives `gain`, `delay` [s]."""
     phase = np.unwrap(np.angle(response))
     size = np.log(np.abs(response))
     gain = delay = np.inf
@@ -252,26 +158,8 @@ def margins(
     speed: float = 1.0,
     most_delay: float = 0.1,
 ) -> Margins:
-    """Gain and delay margin of a controller on a worn orthosis, from the closed loop's eigenvalues.
-
-    Parameters
-    ----------
-    coupling : Coupling
-        The plant, which need not be the one that the controller was built for.
-    controller : LinearSystem
-        Sampled; from encoder and spring to the torque wanted.
-    period : float
-        [s].
-    speed : float
-        Amplitude of the velocity at which the plant's Coulomb friction is linearised [rad/s].
-    most_delay : float
-        Where the search for a delay margin ends [s].
-
-    Returns
-    -------
-    Margins
-        At the joint's hanging place.
-    """
+    """Gain and delay margin of a controller on a worn orthosis, from the closed loop's eigenvalues. `period` [s];
+    `speed` [rad/s]; `most_delay` [s]."""
     plant = _seen_by_controller(coupling, speed)
     held = sampled(plant, period, coupling.delay)
     own = radius(closed_loop(held, controller))
@@ -292,20 +180,12 @@ def margins(
 def bears(
     coupling: Coupling, controller: LinearSystem, period: float, *, gain_db: float, delay: float, speed: float = 1.0
 ) -> bool:
-    """Whether a loop is stable as it is, and with the factor and with the added dead time asked for, and half of each.
+    """Whether a loop is stable as it is, and with the factor and with the added dead time asked for, and half of
+    each.
 
     What `margins` says of both, unless a loop is unstable for a narrow range in between alone; in a tenth of its time.
 
-    Parameters
-    ----------
-    coupling, controller, period, speed
-        As `margins` takes them.
-    gain_db, delay : float
-        Asked for [dB], [s].
-
-    Returns
-    -------
-    bool
+    `gain_db`, `delay` [dB], [s].
     """
     held = _held(coupling, speed, period, 0.0)
     if any(radius(closed_loop(held, controller, 10 ** (decibel / 20))) >= 1 for decibel in (gain_db, 0.0, gain_db / 2)):

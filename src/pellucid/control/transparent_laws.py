@@ -37,34 +37,8 @@ def transparent(
 
     Of every friction parameter the lower end of its interval is compensated, so that what is left resists.
 
-    Parameters
-    ----------
-    card : SliderCard
-        "consistent" or "load".
-    slider : float
-        Where the carriage is [m].
-    friction_share, inertia_share : float
-        Of friction and of inertia times acceleration that are compensated [1].
-    velocity_width : float
-        Over which friction changes its sign [rad/s].
-    friction_lead : float
-        How far ahead the velocity is foreseen whose friction is compensated [s].
-    bandwidth : float
-        Of the Kalman estimator [rad/s].
-    acceleration : float
-        Largest that is fed forward [rad/s^2].
-    limits : Limits
-    period : float
-        [s]
-
-    Returns
-    -------
-    ControlLaw
-
-    Raises
-    ------
-    PellucidError
-        If the card is of another family.
+    `slider` [m]; `velocity_width` [rad/s]; `friction_lead` [s]; `bandwidth` [rad/s]; `acceleration` [rad/s^2];
+    `period` [s].
     """
     model = card.model()
     if not isinstance(model, SliderJointModel):
@@ -102,25 +76,8 @@ def with_force_sensor(
     drift: float = 0.1,
     limit: float = 3.0,
 ) -> ControlLaw:
-    """A transparent law that also drives the measured interaction torque to zero.
-
-    Parameters
-    ----------
-    law : ControlLaw
-        From `transparent`.
-    proportional, integral, leak : float
-        Gains [1], [1/s] and the rate at which the integral forgets [1/s]. Where a robot sticks, an integral hunts.
-    lowpass : float
-        Of the sensor [rad/s].
-    drift : float
-        Rate below which a torque is the sensor's own [rad/s].
-    limit : float
-        Of what feeds back [N m].
-
-    Returns
-    -------
-    ControlLaw
-    """
+    """A transparent law that also drives the measured interaction torque to zero. `proportional`, `integral`, `leak`
+    [1/s]; `lowpass` [rad/s]; `drift` [rad/s]; `limit` [N m]."""
     gains = {"proportional": proportional, "integral": integral, "leak": leak, "sensor_lowpass": lowpass}
     # The store is what may be put in before it is taken back: amplified, the wearer's own work passes through it.
     store = law.values["energy_store"] * (2.0 + proportional)
@@ -131,25 +88,7 @@ def with_force_sensor(
 def with_emg(
     law: ControlLaw, limb: Segment, *, share: float = 0.5, viscous: float = 0.1, slow: float = 0.5
 ) -> ControlLaw:
-    """A transparent law whose inertia is led by EMG.
-
-    Parameters
-    ----------
-    law : ControlLaw
-        From `transparent`.
-    limb : Segment
-        Of the wearer, from a tape and a scale.
-    share : float
-        Of the acceleration that is EMG's [1].
-    viscous : float
-        Of the wearer's joint [N m s/rad].
-    slow : float
-        Rate below which EMG's torque is an error [rad/s].
-
-    Returns
-    -------
-    ControlLaw
-    """
+    """A transparent law whose inertia is led by EMG. `viscous` [N m s/rad]; `slow` [rad/s]."""
     left = (1.0 - law.values["inertia_share"]) * law.values["inertia"]
     changed = law.changed(
         limb_inertia=limb.inertia + left, limb_gravity=limb.gravity(), limb_viscous=viscous, emg_slow=slow,
@@ -159,23 +98,8 @@ def with_emg(
 
 
 def with_oscillator(law: ControlLaw, *, share: float = 0.8, lead: float = 0.02, frequency: float = 4.0) -> ControlLaw:
-    """A transparent law whose inertia is led by an oscillator that learns periodic motions.
-
-    Parameters
-    ----------
-    law : ControlLaw
-        From `transparent`.
-    share : float
-        Of the acceleration that is the oscillator's where the motion is periodic [1].
-    lead : float
-        How far ahead it looks [s].
-    frequency : float
-        Where it starts [rad/s]; it follows from a quarter to four times that.
-
-    Returns
-    -------
-    ControlLaw
-    """
+    """A transparent law whose inertia is led by an oscillator that learns periodic motions. `lead` [s]; `frequency`
+    [rad/s]."""
     return law.changed(
         oscillator_share=share, oscillator_lead=lead, frequency=frequency, frequency_min=0.25 * frequency,
         frequency_max=4.0 * frequency,
@@ -200,24 +124,7 @@ def with_disturbance_observer(
     with the sensor's delay and the lag of its filter in :math:`\delta`. Where the robot sticks, :math:`\hat d` is what
     the wearer pushes with, and a share of 1 would push harder for as long as it lasts: it is below 1.
 
-    Parameters
-    ----------
-    law : ControlLaw
-        From `transparent`.
-    share : float
-        Of the disturbance that is fed forward [1], below 1.
-    lowpass : float
-        Of the disturbance [rad/s].
-    sensor_delay : float
-        [s]
-    sensor_lowpass, drift : float
-        Of the sensor [rad/s], as `with_force_sensor` takes them.
-    limit : float
-        Of what is fed forward [N m].
-
-    Returns
-    -------
-    ControlLaw
+    `lowpass` [rad/s]; `sensor_delay` [s]; `sensor_lowpass`, `drift` [rad/s]; `limit` [N m].
     """
     changed = law.changed(
         sensor_lowpass=sensor_lowpass, sensor_drift=drift, disturbance_share=share, disturbance_lowpass=lowpass,
@@ -232,18 +139,7 @@ def with_dither(law: ControlLaw, *, share: float = 2.0, frequency: float = 1000.
 
     Never stronger than the gate's limit of the torque's rate lets it be at that frequency.
 
-    Parameters
-    ----------
-    law : ControlLaw
-        From `transparent`.
-    share : float
-        The trembling's torque over what it takes to break the robot away where gravity loads it most [1].
-    frequency : float
-        [rad/s]; far above what robot and strap follow, and below what the motor's amplifier does.
-
-    Returns
-    -------
-    ControlLaw
+    `frequency` [rad/s].
     """
     period = law.values["period"]
     steepest = law.values["rate_limit"] * period / (2.0 * math.sin(0.5 * frequency * period))
@@ -264,20 +160,7 @@ def zero_impedance(card: SliderCard, slider: float, *, proportional: float = 1.5
     what lies behind it. This one has none: its torque loop closes on the force sensor, and what lies behind that is the
     splint alone.
 
-    Parameters
-    ----------
-    card : SliderCard
-        "consistent" or "load"; for the energy observer, which must know what friction takes.
-    slider : float
-        Where the carriage is [m].
-    proportional : float
-        Gain on the sensor [1].
-    **settings
-        As `transparent` takes them.
-
-    Returns
-    -------
-    ControlLaw
+    `slider` [m].
     """
     bare = transparent(card, slider, **{"friction_share": 0.0, "inertia_share": 0.0, **settings})
     return with_force_sensor(bare.changed(gravity_share=0.0), proportional=proportional)
@@ -292,25 +175,7 @@ def sensitivity_amplification(card: SliderCard, slider: float, *, amplification:
     H. Kazerooni, R. Steger, L. Huang, "Hybrid control of the Berkeley lower extremity exoskeleton (BLEEX)",
     International Journal of Robotics Research 25(5-6), 2006.
 
-    Parameters
-    ----------
-    card : SliderCard
-        "consistent" or "load".
-    slider : float
-        Where the carriage is [m].
-    amplification : float
-        alpha, >= 1.
-    **settings
-        As `transparent` takes them.
-
-    Returns
-    -------
-    ControlLaw
-
-    Raises
-    ------
-    PellucidError
-        If the amplification is below 1.
+    `slider` [m].
     """
     if not amplification >= 1.0:
         raise PellucidError(f"amplification: found {amplification}, expected 1 or more")

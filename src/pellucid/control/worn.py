@@ -11,41 +11,20 @@ from .residual_compensator import ResidualDesign
 
 @dataclass(frozen=True)
 class StrapLearning:
-    """How the strap is estimated while it is worn; bounds are factors on what was identified, where margins hold.
+    """How the strap is estimated while it is worn; bounds are factors on what was identified, where margins hold."""
 
-    Attributes
-    ----------
-    bandwidth, slowest : float
-        The band that is fitted [rad/s].
-    forgetting : float
-        [s].
-    prior_mismatch, excitation : float
-        RMS mismatch that weighs as much as the start, and below which nothing is learnt [rad].
-    stiffness, damping : tuple of float
-        Bounds [1].
-    """
-
-    bandwidth: float = 100.0
+    bandwidth: float = 100.0  # bandwidth, slowest: The band that is fitted [rad/s]
     slowest: float = 1.0
-    forgetting: float = 10.0
+    forgetting: float = 10.0  # [s]
+    # prior_mismatch, excitation: RMS mismatch that weighs as much as the start, and below which nothing is learnt [rad]
     prior_mismatch: float = 0.1
     excitation: float = 0.01
-    stiffness: tuple[float, float] = (0.7, 1.3)
+    stiffness: tuple[float, float] = (0.7, 1.3)  # stiffness, damping: Bounds [1]
     damping: tuple[float, float] = (0.7, 1.3)
 
 
 class WornCompensator:
-    """A residual compensator with its EMG chain, called once a period.
-
-    Parameters
-    ----------
-    design : ResidualDesign
-        The controller.
-    emg : _core.EmgTorque, optional
-        At rest, of this controller alone. None: without EMG, only what needs none.
-    learning : StrapLearning, optional
-        None: the strap as identified.
-    """
+    """A residual compensator with its EMG chain, called once a period."""
 
     def __init__(
         self, design: ResidualDesign, emg: _core.EmgTorque | None = None, learning: StrapLearning | None = None
@@ -79,20 +58,7 @@ class WornCompensator:
         return self.core.fault
 
     def step(self, time: float, position: float, torque: float, emg: Sequence[tuple[float, float]] = ()) -> float:
-        """One control period.
-
-        Parameters
-        ----------
-        time, position, torque : float
-            [s], output encoder [rad], spring [N m].
-        emg : sequence of (rectus femoris, lateral hamstring)
-            Raw samples since the last call [V].
-
-        Returns
-        -------
-        float
-            Torque wanted from the spring [N m].
-        """
+        """One control period. `time`, `position`, `torque` [s], [rad], [N m]; `emg` [V]; gives [N m]."""
         muscle, heard = 0.0, False
         if self._emg is not None:
             if len(emg):
@@ -101,22 +67,8 @@ class WornCompensator:
         return self.step_with_torque(time, position, torque, muscle, heard)
 
     def step_with_torque(self, time: float, position: float, torque: float, muscle: float, heard: bool = True) -> float:
-        """One control period, with the muscles' torque already estimated.
-
-        Parameters
-        ----------
-        time, position, torque : float
-            [s], output encoder [rad], spring [N m].
-        muscle : float
-            [N m].
-        heard : bool
-            Whether it can be believed.
-
-        Returns
-        -------
-        float
-            Torque wanted from the spring [N m].
-        """
+        """One control period, with the muscles' torque already estimated. `time`, `position`, `torque` [s], [rad],
+        [N m]; `muscle` [N m]; gives [N m]."""
         if self._strap is not None:
             stiffness, damping, learns = self._strap.step(position, torque, muscle, heard)
             if learns:

@@ -16,22 +16,7 @@ CACHE_VARIABLE = "PELLUCID_CACHE"
 
 
 def path(name: str) -> Path:
-    """Folder with the files of a data set: below ``PELLUCID_DATA`` if they are there, else where downloads are kept.
-
-    Parameters
-    ----------
-    name : str
-        Data set.
-
-    Returns
-    -------
-    Path
-
-    Raises
-    ------
-    DatasetError
-        If there is no such data set, or its files are in neither place; says how to get them.
-    """
+    """Folder with the files of a data set: below ``PELLUCID_DATA`` if they are there, else where downloads are kept."""
     dataset = info(name)
     for folder in [*_given(dataset), _cache(dataset)]:
         if all((folder / file).is_file() for file in dataset.files):
@@ -40,27 +25,7 @@ def path(name: str) -> Path:
 
 
 def fetch(name: str, base_url: str | None = None, progress: bool = False) -> Path:
-    """Download what is missing of a data set, and check every file against its checksum.
-
-    Parameters
-    ----------
-    name : str
-        Data set.
-    base_url : str or None
-        Mirror to take the files from; None for the origin the registry names.
-    progress : bool
-        Show a progress bar on a terminal.
-
-    Returns
-    -------
-    Path
-        Folder with its files.
-
-    Raises
-    ------
-    DatasetError
-        If a download fails, or gives a file with another checksum; nothing of it is kept then.
-    """
+    """Download what is missing of a data set, and check every file against its checksum."""
     import logging
 
     import pooch
@@ -88,23 +53,7 @@ def fetch(name: str, base_url: str | None = None, progress: bool = False) -> Pat
 
 
 def notes(name: str) -> tuple[str, ...]:
-    """What is remarkable about the files in use: each whose checksum differs from the published one.
-
-    Parameters
-    ----------
-    name : str
-        Data set.
-
-    Returns
-    -------
-    tuple of str
-        Empty where all files are as published.
-
-    Raises
-    ------
-    DatasetError
-        If its files are not on this machine.
-    """
+    """What is remarkable about the files in use: each whose checksum differs from the published one."""
     from ..recordings.study import checksum
 
     dataset, folder = info(name), path(name)

@@ -21,25 +21,6 @@ def init(folder: str | os.PathLike, dataset: str, progress: bool = False) -> Stu
     """Make a study of a public data set: its raw files as they are, and a commented study.toml.
 
     Files are taken from ``PELLUCID_DATA`` or the download folder, and downloaded if they are in neither.
-
-    Parameters
-    ----------
-    folder : path-like
-        Folder to make; it may exist if it is empty.
-    dataset : str
-        Name of the data set.
-    progress : bool
-        Show a progress bar while downloading.
-
-    Returns
-    -------
-    Study
-        Its `notes` name files that differ from the published ones.
-
-    Raises
-    ------
-    DatasetError
-        If the folder is not empty, there is no such data set, or its files cannot be had. No folder is left then.
     """
     from ..procedures.registry import open_study
     from ..recordings.study import STUDY_FILE

@@ -4,13 +4,7 @@ from __future__ import annotations
 
 
 class Bar:
-    """Progress bar with the few methods Pooch calls.
-
-    Parameters
-    ----------
-    title : str
-        What is downloaded.
-    """
+    """Progress bar with the few methods Pooch calls."""
 
     def __init__(self, title: str):
         from rich.progress import BarColumn, DownloadColumn, Progress, TextColumn

@@ -14,29 +14,16 @@ _HERE = Path(__file__).parent
 
 @dataclass(frozen=True)
 class Dataset:
-    """One public data set.
+    """One public data set."""
 
-    Attributes
-    ----------
-    name : str
-        As ``init`` and ``fetch`` take it.
-    title, citation, licence : str
-        What it is, what to cite, under which terms it is published.
-    origin : str
-        URL the files' names are appended to, at a fixed commit.
-    folders : tuple of str
-        Names its folder may have below ``PELLUCID_DATA``.
-    files : Mapping[str, str]
-        Path below the origin, with its subfolders -> SHA-256, hexadecimal. A study has each at the same path below its
-        folder of recordings.
-    """
-
-    name: str
-    title: str
+    name: str  # As ``init`` and ``fetch`` take it
+    title: str  # title, citation, licence: What it is, what to cite, under which terms it is published
     citation: str
     licence: str
-    origin: str
-    folders: tuple[str, ...]
+    origin: str  # URL the files' names are appended to, at a fixed commit
+    folders: tuple[str, ...]  # Names its folder may have below ``PELLUCID_DATA``
+    # Path below the origin, with its subfolders -> SHA-256, hexadecimal. A study has each at the same path below its
+    # folder of recordings
     files: Mapping[str, str]
 
 
@@ -46,13 +33,7 @@ def names() -> tuple[str, ...]:
 
 
 def info(name: str) -> Dataset:
-    """What is known of a data set.
-
-    Raises
-    ------
-    DatasetError
-        If there is none of that name; names the nearest.
-    """
+    """What is known of a data set."""
     import difflib
 
     try:
@@ -64,13 +45,7 @@ def info(name: str) -> Dataset:
 
 
 def template(name: str) -> Path:
-    """Path of the study.toml a study of this data set begins with.
-
-    Raises
-    ------
-    DatasetError
-        If there is no data set of that name.
-    """
+    """Path of the study.toml a study of this data set begins with."""
     return _HERE / f"{info(name).name}.toml"
 
 

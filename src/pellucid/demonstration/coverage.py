@@ -38,20 +38,7 @@ class Coverage:
 
 
 def coverage(joint: BenchRig, colour: str, *, repetitions: int = 200, seed: int = 2) -> Coverage:
-    """Identify a matched virtual joint again and again, with new noise each time and a new motion now and then.
-
-    Parameters
-    ----------
-    joint : BenchRig
-        Made to match the symmetric model first.
-    colour : {"white", "coloured"}
-        Of the current sensor's noise.
-    repetitions, seed : int
-
-    Returns
-    -------
-    Coverage
-    """
+    """Identify a matched virtual joint again and again, with new noise each time and a new motion now and then."""
     rng = np.random.default_rng(seed)
     memory = 0.0 if colour == "white" else COLOURED_MEMORY
     plant = matched(joint).changed({"drive.current_noise_memory": memory})

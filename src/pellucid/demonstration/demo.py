@@ -122,16 +122,7 @@ def demo(out: Path | str, *, on_progress: Tell | None = None) -> Demonstration:
 
 
 def elbow_trials(robot: ElbowRig) -> tuple[ElbowTrial, ...]:
-    """What the robot is asked to do: constant velocities and sweeps to fit; both and slow movements to judge.
-
-    Parameters
-    ----------
-    robot : ElbowRig
-
-    Returns
-    -------
-    tuple of ElbowTrial
-    """
+    """What the robot is asked to do: constant velocities and sweeps to fit; both and slow movements to judge."""
     made = [trial for trial in trials(robot) if trial.protocol in ("constant_velocity", "swept_sine", "slow")]
     unseen = [t for t in made if t.name.startswith("unseen")]
     places = sorted({t.slider for t in unseen})[:: -(-len({t.slider for t in unseen}) // JUDGED_PLACES)]
@@ -139,17 +130,7 @@ def elbow_trials(robot: ElbowRig) -> tuple[ElbowTrial, ...]:
 
 
 def few_people(robot: ElbowRig) -> PointingRig:
-    """The virtual people, fewer of them and with fewer repetitions; nothing that moves them is another.
-
-    Parameters
-    ----------
-    robot : ElbowRig
-        That they wear.
-
-    Returns
-    -------
-    PointingRig
-    """
+    """The virtual people, fewer of them and with fewer repetitions; nothing that moves them is another."""
     return elbow_participants(robot).changed({"people.count": COUNT, "pointing.repetitions": REPETITIONS})
 
 

@@ -26,18 +26,7 @@ SHOWN = ("duration", "torque_rms", "emg_level")
 
 
 def write_story(out: Path, made: Demonstration) -> Path:
-    """Write index.html and its figures.
-
-    Parameters
-    ----------
-    out : Path
-    made : Demonstration
-
-    Returns
-    -------
-    Path
-        The page.
-    """
+    """Write index.html and its figures."""
     sections = [_identified(made), _controllers(made), _people(made), _exported(made), _coverage(made)]
     if made.real_fit is not None:
         sections.append(_real(made))
@@ -57,17 +46,7 @@ def write_story(out: Path, made: Demonstration) -> Path:
 
 
 def told(made: Demonstration) -> list[tuple[str, str]]:
-    """The story in a sentence a chapter, as page and command line tell it.
-
-    Parameters
-    ----------
-    made : Demonstration
-
-    Returns
-    -------
-    list of (str, str)
-        Chapter and sentence.
-    """
+    """The story in a sentence a chapter, as page and command line tell it."""
     off, error = percent(100.0 * _gravity_error(made)), 1e3 * made.fit.judged_error("load") * made.fit.gain
     found = (
         f"A virtual elbow exoskeleton was identified from {_minutes(made):.0f} minutes of recordings: its gravity to "

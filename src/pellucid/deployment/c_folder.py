@@ -39,18 +39,7 @@ LARGEST = "3.40282347e+38f"
 
 
 def core_headers() -> Path:
-    """Where the core's headers are: beside the sources in a checkout, inside the package where it is installed.
-
-    Returns
-    -------
-    Path
-        The folder that holds `pellucid/math.hpp`.
-
-    Raises
-    ------
-    PellucidError
-        If they are in neither.
-    """
+    """Where the core's headers are: beside the sources in a checkout, inside the package where it is installed."""
     package = Path(__file__).parents[1]
     for folder in (package / "include", package.parents[1] / "include"):
         if (folder / "pellucid" / "math.hpp").is_file():
@@ -59,18 +48,7 @@ def core_headers() -> Path:
 
 
 def needed_headers(header: str) -> list[str]:
-    """A header of the core, and all that it includes.
-
-    Parameters
-    ----------
-    header : str
-        File name.
-
-    Returns
-    -------
-    list of str
-        File names, sorted.
-    """
+    """A header of the core, and all that it includes."""
     folder, found, waiting = core_headers() / "pellucid", set(), [header]
     while waiting:
         name = waiting.pop()
@@ -81,21 +59,7 @@ def needed_headers(header: str) -> list[str]:
 
 
 def write_c_folder(study: str, values: ControllerValues, out: Path) -> Path:
-    """Write the folder; files that it has from before are replaced, all others stay.
-
-    Parameters
-    ----------
-    study : str
-        Name of the study that it was made from.
-    values : ControllerValues
-    out : Path
-        The folder.
-
-    Returns
-    -------
-    Path
-        The same. `test/vector_outputs.h` is there only if a compiler is.
-    """
+    """Write the folder; files that it has from before are replaced, all others stay."""
     law = LAWS[values.law]
     headers = needed_headers(law.header)
     for name in headers:
@@ -126,25 +90,7 @@ def write_c_folder(study: str, values: ControllerValues, out: Path) -> Path:
 
 
 def record(folder: Path, motion: int = 0) -> bool:
-    """Let this machine answer the test vector, and write the answers down.
-
-    Parameters
-    ----------
-    folder : Path
-        From `write_c_folder`.
-    motion : int
-        How many of the first steps must be without a fault.
-
-    Returns
-    -------
-    bool
-        Whether it could: it needs make, a C and a C++ compiler.
-
-    Raises
-    ------
-    PellucidError
-        If they are there and the folder does not compile, or the motion meets a fault.
-    """
+    """Let this machine answer the test vector, and write the answers down."""
     if not all(map(shutil.which, COMPILERS)):
         return False
     run = subprocess.run(["make", "-s", "record"], cwd=folder, capture_output=True, text=True)
@@ -160,23 +106,7 @@ def record(folder: Path, motion: int = 0) -> bool:
 
 
 def check_here(folder: Path) -> tuple[int, int] | None:
-    """Play the test vector on this machine, as ``make check`` does.
-
-    Parameters
-    ----------
-    folder : Path
-        From `write_c_folder`. Its `build` is gone afterwards.
-
-    Returns
-    -------
-    tuple of int, or None
-        Steps, and those whose answer is not the recorded one; None where there is no compiler.
-
-    Raises
-    ------
-    PellucidError
-        If it does not compile, or says nothing.
-    """
+    """Play the test vector on this machine, as ``make check`` does."""
     if not (folder / "test" / "vector_outputs.h").is_file() or not all(map(shutil.which, COMPILERS)):
         return None
     run = subprocess.run(["make", "-s", "check"], cwd=folder, capture_output=True, text=True)

@@ -38,33 +38,7 @@ def elbow_values(
     exponents: tuple[float, float] | None = None,
     period: float | None = None,
 ) -> ControllerValues:
-    """A law of a worn elbow robot for one study.
-
-    Parameters
-    ----------
-    study : Study
-        Identified, of a joint with a carriage.
-    controller : str
-        A name of `ELBOW_CONTROLLERS`.
-    slider : float or None
-        Where the carriage is [m]; None: the middle of its rail.
-    participant : str or None
-        Who wears it, for a law that is led by EMG: study.toml says mass and height.
-    exponents : tuple of float or None
-        k of equation 8, upwards and downwards, for laws that have them; None: the paper's.
-    period : float or None
-        Of the controller [s]; None: 1 ms.
-
-    Returns
-    -------
-    ControllerValues
-
-    Raises
-    ------
-    PellucidError
-        If there is no such controller or card, the carriage is off its rail, the card's efforts are no torques, or the
-        law lacks what it needs or is given what it does not take.
-    """
+    """A law of a worn elbow robot for one study. `slider` [m]; `period` [s]."""
     if controller not in ELBOW_CONTROLLERS:
         known = ", ".join(ELBOW_CONTROLLERS)
         raise PellucidError(f'export of {study.name}: found the controller "{controller}", expected one of {known}')

@@ -91,22 +91,7 @@ def values_for(
     exponents: tuple[float, float] | None = None,
     period: float | None = None,
 ) -> ControllerValues:
-    """The numbers that `export` writes.
-
-    Parameters
-    ----------
-    study, to, card, slider, participant, controller, exponents, period
-        As `export` takes them.
-
-    Returns
-    -------
-    ControllerValues
-
-    Raises
-    ------
-    PellucidError
-        As `export` does.
-    """
+    """The numbers that `export` writes."""
     if to not in LANGUAGES:
         raise PellucidError(f'export: found to = "{to}", expected "{LANGUAGES[0]}"')
     if period is not None and not 0.0 < period <= 0.1:

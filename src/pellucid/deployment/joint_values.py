@@ -32,11 +32,6 @@ def joint_values(
 
     `card` is its file name in the models folder of `study`, or the first of `CARDS` that is there; `slider` where a
     carriage is, or amid its rail [m]; `period` in [s].
-
-    Raises
-    ------
-    PellucidError
-        If there is no such card, it is of a model that is no coherent body, or the carriage is off its rail.
     """
     name = card or next((n for n in CARDS if (study.models_dir / n).is_file()), CARDS[study.rig.slider is not None])
     path = study.models_dir / name

@@ -22,29 +22,15 @@ TOOLS = ("make", "cc", "arm-none-eabi-g++", "arm-none-eabi-size", "qemu-system-a
 
 @dataclass(frozen=True)
 class OnCortexM4:
-    """Figures of one controller on a Cortex-M4F.
+    """Figures of one controller on a Cortex-M4F."""
 
-    Attributes
-    ----------
-    steps, wrong : int
-        Of the test vector, and how many of them differ in a bit from the host's.
-    instructions : float
-        A step, mean over the vector's motion.
-    most : int
-        The costliest step, within 40.
-    code, constants : int
-        Text and initialised data of the interface with the law, and the configuration [bytes].
-    memory : int
-        A context [bytes].
-    """
-
-    steps: int
+    steps: int  # steps, wrong: Of the test vector, and how many of them differ in a bit from the host's
     wrong: int
-    instructions: float
-    most: int
-    code: int
+    instructions: float  # A step, mean over the vector's motion
+    most: int  # The costliest step, within 40
+    code: int  # code, constants: Text and initialised data of the interface with the law, and the configuration [bytes]
     constants: int
-    memory: int
+    memory: int  # A context [bytes]
 
     @property
     def bytes(self) -> int:
@@ -62,32 +48,12 @@ class OnCortexM4:
 
 
 def missing_tools() -> list[str]:
-    """Which of `TOOLS` are not installed.
-
-    Returns
-    -------
-    list of str
-    """
+    """Which of `TOOLS` are not installed."""
     return [tool for tool in TOOLS if shutil.which(tool) is None]
 
 
 def measure(folder: Path) -> OnCortexM4:
-    """Compile an exported controller for a Cortex-M4F, play its test vector in QEMU, and count.
-
-    Parameters
-    ----------
-    folder : Path
-        The exported one, with `test/vector_outputs.h`. Its `build` is there afterwards as it was before.
-
-    Returns
-    -------
-    OnCortexM4
-
-    Raises
-    ------
-    PellucidError
-        If a tool is missing or fails.
-    """
+    """Compile an exported controller for a Cortex-M4F, play its test vector in QEMU, and count."""
     absent = missing_tools()
     if absent:
         raise PellucidError(f"{folder}: found no {', '.join(absent)}, expected the tools for a Cortex-M4 and QEMU")
@@ -109,22 +75,7 @@ def measure(folder: Path) -> OnCortexM4:
 def save_measured(
     study: Study, folder: Path, found: OnCortexM4 | None, *, controller: str | None = None
 ) -> list[ResultRow]:
-    """Write the figures to results.json, in place of those of an earlier export.
-
-    Parameters
-    ----------
-    study : Study
-    folder : Path
-        The exported controller.
-    found : OnCortexM4 or None
-        None where it could not be measured: no figures then.
-    controller : str or None
-        Which was asked for, if one was.
-
-    Returns
-    -------
-    list of ResultRow
-    """
+    """Write the figures to results.json, in place of those of an earlier export."""
     checksum = sha256((folder / "pellucid_constants.h").read_bytes()).hexdigest()
     rows = [] if found is None else list(_rows(study.name, found, checksum, controller))
     if rows or study.results_path.exists():

@@ -21,18 +21,10 @@ FAULT = 12
 
 @dataclass(frozen=True)
 class ReplayVector:
-    """Rows as C initialisers.
+    """Rows as C initialisers."""
 
-    Attributes
-    ----------
-    rows : tuple of str
-        One a step.
-    motion : int
-        How many of the first are the motion.
-    """
-
-    rows: tuple[str, ...]
-    motion: int
+    rows: tuple[str, ...]  # One a step
+    motion: int  # How many of the first are the motion
 
 
 @dataclass
@@ -44,19 +36,7 @@ class _Sample:
 
 
 def replay_vector(values: ControllerValues, seed: int = 1) -> ReplayVector:
-    """A motion with a repeated and a lost sample and optional sensors that come and go; then every fault.
-
-    Parameters
-    ----------
-    values : ControllerValues
-        Of the controller.
-    seed : int
-        Of the noise.
-
-    Returns
-    -------
-    ReplayVector
-    """
+    """A motion with a repeated and a lost sample and optional sensors that come and go; then every fault."""
     sensors = LAWS[values.law].sensors
     period = round(1e6 * values.numbers["period"])
     rng = np.random.default_rng(seed)

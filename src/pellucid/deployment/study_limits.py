@@ -7,21 +7,7 @@ from ..recordings.study import Study
 
 
 def limits_of(study: Study, otherwise: Limits) -> tuple[Limits, tuple[str, ...]]:
-    """Limits of the gate.
-
-    Parameters
-    ----------
-    study : Study
-        Its [rig.limits] come first; an effort above `otherwise`'s is not let through.
-    otherwise : Limits
-        What holds where it says nothing.
-
-    Returns
-    -------
-    Limits
-    tuple of str
-        What an engineer must set, if anything.
-    """
+    """Limits of the gate."""
     given = study.rig.limits
     stops = zip((given.position_min, given.position_max), otherwise.position, strict=True)
     limits = Limits(

@@ -39,28 +39,8 @@ IDENTIFIED: Mapping[str, tuple[str, str]] = {
 
 
 def worn_values(study: Study, *, participant: str | None = None, period: float | None = None) -> ControllerValues:
-    """The residual compensator for one wearer, weakened until its margins hold on every strap that may be the true one.
-
-    Parameters
-    ----------
-    study : Study
-        Identified, with recordings of the orthosis alone from which its actuator's lag is taken.
-    participant : str or None
-        Whose cards; None where there is one only.
-    period : float or None
-        Of the controller [s]; None: that of the recordings.
-
-    Returns
-    -------
-    ControllerValues
-
-    Raises
-    ------
-    PellucidError
-        If a card is missing, or there are several participants and none is named.
-    IdentificationError
-        If the recordings do not show the actuator.
-    """
+    """The residual compensator for one wearer, weakened until its margins hold on every strap that may be the true
+    one. `period` [s]."""
     wearer = _wearer(study, participant)
     names = {"orthosis": "orthosis.json", "limb": f"{wearer}.limb.json", "coupling": f"{wearer}.coupling.json"}
     paths = {kind: study.models_dir / name for kind, name in names.items()}

@@ -34,25 +34,13 @@ NOISES = (0.03, 0.1, 0.3, 1.0)
 
 @dataclass(frozen=True, eq=False)
 class AdaptiveCorrection:
-    """What the correction knows before it begins.
+    """What the correction knows before it begins."""
 
-    Attributes
-    ----------
-    centre, scale : ndarray, shape (k,)
-        Of the features.
-    length : float
-        Of the kernel, in standardised features.
-    noise : float
-        nu.
-    window, spacing : float
-        [s]
-    """
-
-    centre: np.ndarray
+    centre: np.ndarray  # centre, scale: (k,) Of the features
     scale: np.ndarray
-    length: float
-    noise: float
-    window: float = WINDOW
+    length: float  # Of the kernel, in standardised features
+    noise: float  # nu
+    window: float = WINDOW  # window, spacing: [s]
     spacing: float = SPACING
 
     def correct(self, x: np.ndarray, predicted: np.ndarray, reference: np.ndarray, fs: float) -> np.ndarray:
@@ -80,24 +68,7 @@ class AdaptiveCorrection:
 
 
 def adaptive_correction(parts: Sequence[tuple[np.ndarray, np.ndarray]], *, most: int = 400) -> AdaptiveCorrection:
-    """Choose length and noise by the likelihood of errors made on what was fitted.
-
-    Parameters
-    ----------
-    parts : sequence of (ndarray of shape (n, k), ndarray of shape (n,))
-        Features and errors [N m], trial by trial.
-    most : int
-        Samples looked at, evenly thinned.
-
-    Returns
-    -------
-    AdaptiveCorrection
-
-    Raises
-    ------
-    IdentificationError
-        If there are fewer than ten samples.
-    """
+    """Choose length and noise by the likelihood of errors made on what was fitted. `parts` (n, k) [N m]."""
     x, error = np.concatenate([p[0] for p in parts]), np.concatenate([p[1] for p in parts])
     if len(x) < 10:
         raise IdentificationError(f"adaptive correction: found {len(x)} samples, expected at least 10")

@@ -53,80 +53,40 @@ PATIENCE = 400
 
 @dataclass(frozen=True)
 class EmgSettings:
-    """Free constants of the chain.
+    """Free constants of the chain."""
 
-    Attributes
-    ----------
-    corner : float
-        Of the low-pass after rectification, order 2 [Hz]. At 4 Hz it is 56 ms late, as muscles are some 50 ms.
-    ceiling : float
-        Times the largest envelope of the trials: what is above is no muscle's [1].
-    floor : float
-        Times the smallest: what is below is none either [1].
-    """
-
+    # Of the low-pass after rectification, order 2 [Hz]. At 4 Hz it is 56 ms late, as muscles are some 50 ms
     corner: float = 4.0
-    ceiling: float = 2.0
-    floor: float = 0.2
+    ceiling: float = 2.0  # Times the largest envelope of the trials: what is above is no muscle's [1]
+    floor: float = 0.2  # Times the smallest: what is below is none either [1]
 
 
 @dataclass(frozen=True, eq=False)
 class EmgTrial:
-    """One recording that a map is fitted to.
+    """One recording that a map is fitted to."""
 
-    Attributes
-    ----------
-    repetition : str
-        Trials of one repetition are left out together.
-    time, position, torque : ndarray, shape (n,)
-        [s], [rad], of the joint [N m].
-    emg_time : ndarray, shape (k,)
-        [s].
-    emg : ndarray, shape (k, muscles)
-        Raw [V].
-    """
-
-    repetition: str
-    time: np.ndarray
+    repetition: str  # Trials of one repetition are left out together
+    time: np.ndarray  # time, position, torque: (n,) [s], [rad], of the joint [N m]
     position: np.ndarray
     torque: np.ndarray
-    emg_time: np.ndarray
-    emg: np.ndarray
+    emg_time: np.ndarray  # (k,) [s]
+    emg: np.ndarray  # (k, muscles) Raw [V]
 
 
 @dataclass(frozen=True, eq=False)
 class CausalMap:
-    """A causal chain and an identified map, as the core takes them.
+    """A causal chain and an identified map, as the core takes them."""
 
-    Attributes
-    ----------
-    fs : float
-        Of the EMG [Hz].
-    corner : float
-        Of the low-pass after rectification [Hz].
-    weights : ndarray, shape (muscles + 1, powers)
-        Of the angle's powers: row 0 without EMG [N m/rad^p], then by muscle [N m/(V rad^p)].
-    floor, ceiling : ndarray, shape (muscles,)
-        Envelopes outside are no muscle's [V].
-    torque_limit : float
-        More than was ever seen is an electrode that comes off [N m].
-    rmse : float
-        On repetitions that the map was not fitted to [N m].
-    muscles : tuple of str
-        Channels, in the order of the samples.
-    patience : int
-        Samples in a row outside before EMG is not valid.
-    """
-
-    fs: float
-    corner: float
+    fs: float  # Of the EMG [Hz]
+    corner: float  # Of the low-pass after rectification [Hz]
+    # (muscles + 1, powers) Of the angle's powers: row 0 without EMG [N m/rad^p], then by muscle [N m/(V rad^p)]
     weights: np.ndarray
-    floor: np.ndarray
+    floor: np.ndarray  # floor, ceiling: (muscles,) Envelopes outside are no muscle's [V]
     ceiling: np.ndarray
-    torque_limit: float
-    rmse: float = nan
-    muscles: tuple[str, ...] = field(default=())
-    patience: int = PATIENCE
+    torque_limit: float  # More than was ever seen is an electrode that comes off [N m]
+    rmse: float = nan  # On repetitions that the map was not fitted to [N m]
+    muscles: tuple[str, ...] = field(default=())  # Channels, in the order of the samples
+    patience: int = PATIENCE  # Samples in a row outside before EMG is not valid
 
     def parameters(self) -> dict[str, np.ndarray | float | int]:
         """What the core's chain takes, by name: its filters as second-order sections, then weights and limits."""
@@ -146,22 +106,7 @@ class CausalMap:
         return _core.EmgTorque(**self.parameters())
 
     def card(self, study: str, name: str, checksums: Mapping[str, str] | None = None, **settings: str) -> ParameterCard:
-        """The map as a card that `of_card` reads again.
-
-        Parameters
-        ----------
-        study, name : str
-            Of the study, and of the card's file.
-        checksums : mapping of str to str, optional
-            Of the recordings, by name.
-        **settings : str
-            What else a reader should know: the participant.
-
-        Returns
-        -------
-        ParameterCard
-            Without intervals: a penalised coefficient is biased, and none would hold the truth.
-        """
+        """The map as a card that `of_card` reads again."""
         muscles = self.muscles or tuple(f"emg{m}" for m in range(len(self.floor)))
         parameters = [
             CardParameter(_term(muscle, power), _unit(muscle, power), float(w), nan, (nan, nan))
@@ -188,21 +133,7 @@ class CausalMap:
 
     @classmethod
     def of_card(cls, card: ParameterCard) -> CausalMap:
-        """The map of a card.
-
-        Parameters
-        ----------
-        card : ParameterCard
-
-        Returns
-        -------
-        CausalMap
-
-        Raises
-        ------
-        PellucidError
-            If the card is of another kind, or lacks a number.
-        """
+        """The map of a card."""
         if card.kind != KIND:
             raise PellucidError(f'the card {card.name} is of kind "{card.kind}", expected "{KIND}"')
         settings, values = card.settings, card.values
@@ -223,25 +154,7 @@ class CausalMap:
 def fit_causal_map(
     trials: Sequence[EmgTrial], settings: EmgSettings | None = None, *, muscles: Sequence[str] = ()
 ) -> CausalMap:
-    """Fit a map, linear in envelopes and in envelopes times angle.
-
-    Parameters
-    ----------
-    trials : sequence of EmgTrial
-        Of one participant; electrodes stay on.
-    settings : EmgSettings, optional
-    muscles : sequence of str
-        Names of the channels.
-
-    Returns
-    -------
-    CausalMap
-
-    Raises
-    ------
-    IdentificationError
-        If there are not at least two repetitions in which the joint was held.
-    """
+    """Fit a map, linear in envelopes and in envelopes times angle."""
     from scipy.signal import sosfilt
 
     settings = settings or EmgSettings()

@@ -19,22 +19,7 @@ Fold = tuple[np.ndarray, np.ndarray]
 
 
 def grouped_folds(groups: Sequence[str] | np.ndarray) -> list[Fold]:
-    """One fold for each group, which is left out whole.
-
-    Parameters
-    ----------
-    groups : array of shape (n,)
-        Trial, repetition or person of each sample.
-
-    Returns
-    -------
-    list of Fold
-
-    Raises
-    ------
-    IdentificationError
-        If there are fewer than two groups.
-    """
+    """One fold for each group, which is left out whole. `groups` (n,)."""
     groups = np.asarray(groups)
     names = list(dict.fromkeys(groups.tolist()))
     if len(names) < 2:
@@ -43,26 +28,7 @@ def grouped_folds(groups: Sequence[str] | np.ndarray) -> list[Fold]:
 
 
 def block_folds(time: np.ndarray, blocks: int, gap: float) -> list[Fold]:
-    """Consecutive blocks of one recording, each left out with a gap on either side.
-
-    Parameters
-    ----------
-    time : ndarray, shape (n,)
-        [s], increasing.
-    blocks : int
-        At least 2.
-    gap : float
-        Samples this close to a scored block are not fitted [s]: as long as filters and lags remember.
-
-    Returns
-    -------
-    list of Fold
-
-    Raises
-    ------
-    IdentificationError
-        If a fold has nothing left to fit.
-    """
+    """Consecutive blocks of one recording, each left out with a gap on either side. `time` (n,) [s]; `gap` [s]."""
     time = np.asarray(time, float)
     edges = np.linspace(0, len(time), blocks + 1).astype(int)
     folds = []

@@ -22,25 +22,14 @@ LAGS = (0.05, 0.1)
 
 @dataclass(frozen=True)
 class FeatureSet:
-    """Which features a map uses.
+    """Which features a map uses."""
 
-    Parameters
-    ----------
-    neighbours : bool
-        The other joints' angles too: muscles cross two joints, and moments pass from one to the next.
-    velocities, accelerations : bool
-        Of every joint seen.
-    lags : tuple of float
-        How much earlier envelopes are seen, beside the present ones [s].
-    muscles : bool
-        False: none, which shows what motion alone tells.
-    """
-
+    # The other joints' angles too: muscles cross two joints, and moments pass from one to the next
     neighbours: bool = False
-    velocities: bool = False
+    velocities: bool = False  # velocities, accelerations: Of every joint seen
     accelerations: bool = False
-    lags: tuple[float, ...] = ()
-    muscles: bool = True
+    lags: tuple[float, ...] = ()  # How much earlier envelopes are seen, beside the present ones [s]
+    muscles: bool = True  # False: none, which shows what motion alone tells
 
     def __str__(self) -> str:
         parts = ["EMG"] if self.muscles else []
@@ -64,20 +53,11 @@ def feature_sets(*, neighbours: bool, lags: bool | None = None, muscles: bool = 
 
 @dataclass(frozen=True, eq=False)
 class Features:
-    """A trial's features.
+    """A trial's features."""
 
-    Attributes
-    ----------
-    x : ndarray, shape (n, k)
-    names : tuple of str
-        Of the columns.
-    motion : tuple of int
-        Columns that are angles or their derivatives.
-    """
-
-    x: np.ndarray
-    names: tuple[str, ...]
-    motion: tuple[int, ...]
+    x: np.ndarray  # (n, k)
+    names: tuple[str, ...]  # Of the columns
+    motion: tuple[int, ...]  # Columns that are angles or their derivatives
 
 
 def features(trial: TorqueTrial, chosen: FeatureSet, *, causal: bool = False) -> Features:

@@ -32,49 +32,25 @@ GAP = 0.15
 
 @dataclass(frozen=True)
 class HillChoice:
-    """What cross-validation chose.
+    """What cross-validation chose."""
 
-    Attributes
-    ----------
-    weight : float
-        Of anatomy.
-    words : str
-    score : Score or None
-        Out of fold; None where nothing was to be chosen.
-    tried : Mapping[float, float]
-        RMSE [N m] by weight.
-    """
-
-    weight: float
+    weight: float  # Of anatomy
     words: str
-    score: Score | None
-    tried: Mapping[float, float] = field(repr=False)
+    score: Score | None  # Out of fold; None where nothing was to be chosen
+    tried: Mapping[float, float] = field(repr=False)  # RMSE [N m] by weight
 
 
 @dataclass(frozen=True, eq=False)
 class HillMap:
-    """Calibrated muscles that predict a joint's torque.
+    """Calibrated muscles that predict a joint's torque."""
 
-    Attributes
-    ----------
-    name : str
-        Of the estimator.
-    muscles : tuple of str
-    choice : HillChoice
-    fit : MuscleFit
-    residual_sd : float
-        Of predictions on samples that were not fitted, while choosing; of the fit where nothing was chosen [N m].
-    effort : float
-        Share of a maximal contraction that an envelope of 1 stands for.
-    causal : bool
-    """
-
-    name: str
+    name: str  # Of the estimator
     muscles: tuple[str, ...]
     choice: HillChoice
     fit: MuscleFit
+    # Of predictions on samples that were not fitted, while choosing; of the fit where nothing was chosen [N m]
     residual_sd: float
-    effort: float = 1.0
+    effort: float = 1.0  # Share of a maximal contraction that an envelope of 1 stands for
     causal: bool = False
 
     def predict(self, trial: TorqueTrial) -> np.ndarray:
@@ -114,32 +90,7 @@ def fit_hill(
     quantities: Sequence[str] = USUAL,
     method: str = "least_squares",
 ) -> HillMap:
-    """Calibrate muscles on trials; the weight of anatomy is chosen by cross-validation within them.
-
-    Parameters
-    ----------
-    trials : sequence of TorqueTrial
-        Of one joint, none held out.
-    name : str
-        Of the estimator.
-    causal : bool
-        Angles filtered and differentiated from the past alone.
-    weights : sequence of float
-        To choose from; with one there is nothing to choose, and nothing is left out.
-    quantities : sequence of str
-        What is free.
-    method : str
-        See `pellucid.fit.muscles.muscle_calibration.METHODS`.
-
-    Returns
-    -------
-    HillMap
-
-    Raises
-    ------
-    IdentificationError
-        If there is no trial to fit, one is held out, or their muscles are not known.
-    """
+    """Calibrate muscles on trials; the weight of anatomy is chosen by cross-validation within them."""
     if not trials or any(trial.heldout for trial in trials):
         found = "no trial" if not trials else f"the held-out trial {next(t.name for t in trials if t.heldout)}"
         raise IdentificationError(f"muscles: found {found}, expected trials to fit")

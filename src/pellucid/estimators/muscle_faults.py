@@ -26,19 +26,7 @@ ALIKE = 1e-3
 
 
 def refuse_unfit(trials: Sequence[TorqueTrial]) -> None:
-    """Refuse trials that no muscle could have made.
-
-    Parameters
-    ----------
-    trials : sequence of TorqueTrial
-        Of one joint.
-
-    Raises
-    ------
-    RecordingError
-        If an envelope is negative, silent, or not relative to a contraction; if envelopes were normalised trial by
-        trial instead of by participant; if an angle is in degrees; or if flexors and extensors are swapped.
-    """
+    """Refuse trials that no muscle could have made."""
     for trial in trials:
         for joint, angle in trial.angles.items():
             if np.abs(angle).max() > DEGREES:

@@ -42,30 +42,17 @@ STANDING = {"hip": 0.0, "ankle": 0.0}
 
 @dataclass(frozen=True, eq=False)
 class MuscleSource:
-    """What is known of the muscles across a joint.
+    """What is known of the muscles across a joint."""
 
-    Attributes
-    ----------
-    constants : Mapping of str to HillMuscle
-        Anatomical values, by muscle.
-    recorded : Mapping of str to tuple of ndarray, each of shape (n,)
-        Length [m], rate [m/s] and moment arm [m] by muscle, where the study has them; empty: from the angles.
-    sign : float
-        -1 where the study's knee angle grows with flexion: the geometry's grows with extension.
-    posture : Mapping of str to float
-        Angles of joints that the trial lacks [rad].
-    maximal : bool
-        Whether envelopes are relative to a maximal contraction; False: to the largest seen, which may be little effort.
-    relative : bool
-        Whether they are relative at all.
-    """
-
-    constants: Mapping[str, HillMuscle]
+    constants: Mapping[str, HillMuscle]  # Anatomical values, by muscle
+    # (n,) Length [m], rate [m/s] and moment arm [m] by muscle, where the study has them; empty: from the angles
     recorded: Mapping[str, tuple[np.ndarray, np.ndarray, np.ndarray]] = field(default_factory=dict, repr=False)
-    sign: float = 1.0
+    sign: float = 1.0  # -1 where the study's knee angle grows with flexion: the geometry's grows with extension
+    # Angles of joints that the trial lacks [rad]
     posture: Mapping[str, float] = field(default_factory=lambda: dict(STANDING))
+    # Whether envelopes are relative to a maximal contraction; False: to the largest seen, which may be little effort
     maximal: bool = True
-    relative: bool = True
+    relative: bool = True  # Whether they are relative at all
 
     def driven(self, joint: str, envelopes: Mapping[str, np.ndarray]) -> dict[str, tuple[str, ...]]:
         """Muscles across a joint that some EMG drives, each with the channels whose mean it is."""

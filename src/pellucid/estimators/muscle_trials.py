@@ -18,25 +18,7 @@ WARM = 0.3
 
 
 def driven_muscles(trials: Sequence[TorqueTrial]) -> tuple[HillMuscle, ...]:
-    """Muscles of the trials' joint that EMG drives, with their anatomical values.
-
-    Parameters
-    ----------
-    trials : sequence of TorqueTrial
-        Of one joint.
-
-    Returns
-    -------
-    tuple of HillMuscle
-
-    Raises
-    ------
-    IdentificationError
-        If the trials' muscles are not known, differ between trials, none crosses the joint, or envelopes are not
-        relative.
-    RecordingError
-        If no muscle could have made these trials.
-    """
+    """Muscles of the trials' joint that EMG drives, with their anatomical values."""
     first = trials[0]
     if first.muscles is None:
         raise IdentificationError(
@@ -61,30 +43,7 @@ def driven_muscles(trials: Sequence[TorqueTrial]) -> tuple[HillMuscle, ...]:
 def muscle_samples(
     trials: Sequence[TorqueTrial], *, muscles: Sequence[str], effort: float = 1.0, causal: bool = False
 ) -> tuple[MuscleSamples, list[slice]]:
-    """Samples of several trials, and where each trial's own lie in them.
-
-    Parameters
-    ----------
-    trials : sequence of TorqueTrial
-        Of one joint.
-    muscles : sequence of str
-        In the order of the rows.
-    effort : float
-        Share of a maximal contraction that an envelope of 1 stands for.
-    causal : bool
-        Angles filtered and differentiated from the past alone.
-
-    Returns
-    -------
-    samples : MuscleSamples
-        What came before a trial is among them with a weight of 0, as is a beginning without it.
-    own : list of slice
-
-    Raises
-    ------
-    IdentificationError
-        If the trials' rates differ.
-    """
+    """Samples of several trials, and where each trial's own lie in them."""
     fs = float(np.mean([t.fs for t in trials]))
     worst = max(trials, key=lambda t: abs(t.fs - fs))
     # A lag is in seconds: a few percent of another rate are a few percent of it, less than what is known.

@@ -17,13 +17,7 @@ HIDDEN = 10
 
 
 class NeuralNetwork(RegressorMixin, BaseEstimator):
-    """One hidden layer of tanh neurons on standardised features, as a scikit-learn estimator.
-
-    Parameters
-    ----------
-    penalty : float
-        On squared weights.
-    """
+    """One hidden layer of tanh neurons on standardised features, as a scikit-learn estimator."""
 
     def __init__(self, penalty: float = 1e-2):
         self.penalty = penalty

@@ -34,15 +34,7 @@ LOOSE = 1e-3
 
 @dataclass(frozen=True, eq=False)
 class CorrectedMap:
-    """An estimator whose errors are learnt online.
-
-    Attributes
-    ----------
-    name : str
-    base : HillMap
-    correction : AdaptiveCorrection
-    causal : bool
-    """
+    """An estimator whose errors are learnt online."""
 
     name: str
     base: HillMap
@@ -62,13 +54,7 @@ class CorrectedMap:
 
 @dataclass(frozen=True, eq=False)
 class UncoupledMap:
-    """Muscles that know nothing of neighbouring joints.
-
-    Attributes
-    ----------
-    name : str
-    base : HillMap
-    """
+    """Muscles that know nothing of neighbouring joints."""
 
     name: str
     base: HillMap

@@ -20,28 +20,14 @@ DEPENDENT = 1e-10
 
 
 class Ridge(RegressorMixin, BaseEstimator):
-    """Least squares with a penalty on the standardised coefficients, as a scikit-learn estimator.
-
-    Parameters
-    ----------
-    alpha : float
-        Penalty, >= 0: on the sum of squared coefficients beside the sum of squared errors; 0 is linear regression.
-    products : tuple of int
-        Columns whose squares and products are added as features; empty: none.
-    """
+    """Least squares with a penalty on the standardised coefficients, as a scikit-learn estimator."""
 
     def __init__(self, alpha: float = 1.0, products: tuple[int, ...] = ()):
         self.alpha = alpha
         self.products = products
 
     def fit(self, X: np.ndarray, y: np.ndarray) -> Ridge:
-        """Find the coefficients of `X`, shape (n, k), for `y`, shape (n,).
-
-        Raises
-        ------
-        IdentificationError
-            If the penalty is below 0.
-        """
+        """Find the coefficients of `X`, shape (n, k), for `y`, shape (n,)."""
         if not self.alpha >= 0.0:
             raise IdentificationError(f"ridge: found the penalty {self.alpha:g}, expected at least 0")
         X, y = validate_data(self, X, y, dtype=np.float64, y_numeric=True)

@@ -28,24 +28,8 @@ def strapped_torque(
     damping: float,
     lowpass: float,
 ) -> np.ndarray:
-    """Torque of the wearer about the joint.
-
-    Parameters
-    ----------
-    time, position, torque : ndarray, shape (n,)
-        Of the actuator, evenly sampled [s]; of the orthosis [rad]; of its spring [N m].
-    orthosis : Orthosis
-    limb : Limb
-    stiffness, damping : float
-        Of the strap [N m/rad], [N m s/rad].
-    lowpass : float
-        Cut-off of the zero-phase low-pass that the result passes (order 4) [Hz].
-
-    Returns
-    -------
-    ndarray, shape (n,)
-        [N m], positive along the angle.
-    """
+    """Torque of the wearer about the joint. `time`, `position`, `torque` (n,) [s], [rad], [N m]; `stiffness`,
+    `damping` [N m/rad], [N m s/rad]; `lowpass` [Hz]; gives (n,) [N m]."""
     nowhere = np.zeros(0)
     trial = StrappedSwing("", "fitted", time, position, torque, nowhere, nowhere)
     strap = from_orthosis(trial, orthosis).torque

@@ -54,22 +54,12 @@ class Choice:
 
 @dataclass(frozen=True, eq=False)
 class TorqueMap:
-    """A fitted map from EMG and motion to a joint's torque.
+    """A fitted map from EMG and motion to a joint's torque."""
 
-    Parameters
-    ----------
-    name : str
-        Of the estimator, in `ESTIMATORS`.
-    choice : Choice
-    regressor : Regressor
-    causal : bool
-        Whether features and smoothing use the past alone.
-    """
-
-    name: str
+    name: str  # Of the estimator, in `ESTIMATORS`
     choice: Choice
     regressor: Regressor = field(repr=False)
-    causal: bool = False
+    causal: bool = False  # Whether features and smoothing use the past alone
 
     def predict(self, trial: TorqueTrial) -> np.ndarray:
         """Torque of a trial, shape (n,) [N m]; its own torque is not looked at."""
@@ -79,27 +69,7 @@ class TorqueMap:
 
 
 def fit_torque_map(trials: Sequence[TorqueTrial], name: str, *, causal: bool = False) -> TorqueMap:
-    """Choose features and settings by cross-validation within the trials, and fit to all of them.
-
-    Parameters
-    ----------
-    trials : sequence of TorqueTrial
-        Of one joint; none held out. Trials of more than one group are left out group by group; those of one, in
-        blocks of time with gaps.
-    name : str
-        Of the estimator.
-    causal : bool
-        Features and smoothing from the past alone.
-
-    Returns
-    -------
-    TorqueMap
-
-    Raises
-    ------
-    IdentificationError
-        If there is no trial to fit, one is held out, or there is no such estimator.
-    """
+    """Choose features and settings by cross-validation within the trials, and fit to all of them."""
     name, family = family_of(name)
     if not trials or any(trial.heldout for trial in trials):
         found = "no trial" if not trials else f"the held-out trial {next(t.name for t in trials if t.heldout)}"
@@ -115,23 +85,12 @@ def fit_torque_map(trials: Sequence[TorqueTrial], name: str, *, causal: bool = F
 
 @dataclass(frozen=True, eq=False)
 class CrossValidated:
-    """An estimator scored on trials it did not see.
+    """An estimator scored on trials it did not see."""
 
-    Attributes
-    ----------
-    score : Score
-        Over all samples of all trials.
-    by_trial : Mapping[str, Score]
-    predicted : Mapping[str, ndarray of shape (n,)]
-        Torque by trial [N m], each from a map fitted without its group.
-    choices : tuple of Choice
-        Of every outer fold.
-    """
-
-    score: Score
+    score: Score  # Over all samples of all trials
     by_trial: Mapping[str, Score]
-    predicted: Mapping[str, np.ndarray]
-    choices: tuple[Choice, ...]
+    predicted: Mapping[str, np.ndarray]  # (n,) Torque by trial [N m], each from a map fitted without its group
+    choices: tuple[Choice, ...]  # Of every outer fold
 
 
 def torque_map_cv(
@@ -141,28 +100,7 @@ def torque_map_cv(
     causal: bool = False,
     on_progress: Callable[[str, float], None] | None = None,
 ) -> dict[str, CrossValidated]:
-    """Score estimators group by group, features and settings chosen anew within the other groups each time.
-
-    Parameters
-    ----------
-    trials : sequence of TorqueTrial
-        Of one joint and one person, in at least three groups, so that two are left to choose with.
-    estimators : sequence of str
-        Names in `ESTIMATORS`.
-    causal : bool
-        Features and smoothing from the past alone.
-    on_progress : callable, optional
-        Called with a text and the share done, 0 to 1.
-
-    Returns
-    -------
-    dict of str to CrossValidated
-
-    Raises
-    ------
-    IdentificationError
-        If there are too few groups, or there is no such estimator.
-    """
+    """Score estimators group by group, features and settings chosen anew within the other groups each time."""
     tell = on_progress or (lambda text, share: None)
     groups = list(dict.fromkeys(trial.group for trial in trials))
     if len(groups) < 3:

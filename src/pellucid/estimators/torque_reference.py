@@ -19,27 +19,13 @@ from ..signals.filters import central_difference, zero_phase_lowpass
 
 @dataclass(frozen=True)
 class MovedBody:
-    """What is moved: limb and orthosis together, or one of them.
+    """What is moved: limb and orthosis together, or one of them."""
 
-    Parameters
-    ----------
-    gravity : float
-        Torque at 90 deg from where it hangs [N m].
-    inertia : float
-        [kg m²]
-    viscous : float
-        [N m s/rad]
-    zero : float
-        Angle at which it hangs [rad].
-    offset : float
-        What the spring shows without load [N m].
-    """
-
-    gravity: float
-    inertia: float = 0.0
-    viscous: float = 0.0
-    zero: float = 0.0
-    offset: float = 0.0
+    gravity: float  # Torque at 90 deg from where it hangs [N m]
+    inertia: float = 0.0  # [kg m²]
+    viscous: float = 0.0  # [N m s/rad]
+    zero: float = 0.0  # Angle at which it hangs [rad]
+    offset: float = 0.0  # What the spring shows without load [N m]
 
     def __add__(self, other: MovedBody) -> MovedBody:
         # Two sines of one angle are one.

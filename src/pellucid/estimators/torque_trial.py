@@ -13,51 +13,22 @@ from .muscle_source import MuscleSource
 
 @dataclass(frozen=True, eq=False)
 class TorqueTrial:
-    """What a torque map is fitted to and scored on.
+    """What a torque map is fitted to and scored on."""
 
-    Parameters
-    ----------
-    name : str
-        The recording's.
-    joint : str
-        Whose torque it is.
-    time : ndarray, shape (n,)
-        [s]
-    envelopes : Mapping of str to ndarray, shape (n,)
-        By muscle: relative [1], or in V.
-    angles : Mapping of str to ndarray, shape (n,)
-        By joint [rad]; the joint itself must be among them, the others are its neighbours.
-    torque : ndarray, shape (n,)
-        The reference [N m].
-    group : str
-        What is left out together in cross-validation: a repetition.
-    heldout : bool
-        Never fitted.
-    participant : str or None
-    checksum : str
-        SHA-256 of the file.
-    muscles : MuscleSource or None
-        Where lengths, moment arms and constants of muscles come from; None where they are not known.
-    lead : Mapping of str to ndarray, shape (k,)
-        Envelopes of the same muscles before the first sample, at the same rate; empty where there are none.
-
-    Raises
-    ------
-    RecordingError
-        If lengths differ, a sample is missing, or the joint's own angle is not there.
-    """
-
-    name: str
-    joint: str
-    time: np.ndarray
-    envelopes: Mapping[str, np.ndarray] = field(repr=False)
+    name: str  # The recording's
+    joint: str  # Whose torque it is
+    time: np.ndarray  # (n,) [s]
+    envelopes: Mapping[str, np.ndarray] = field(repr=False)  # (n,) By muscle: relative [1], or in V
+    # (n,) By joint [rad]; the joint itself must be among them, the others are its neighbours
     angles: Mapping[str, np.ndarray] = field(repr=False)
-    torque: np.ndarray = field(repr=False)
-    group: str = ""
-    heldout: bool = False
+    torque: np.ndarray = field(repr=False)  # (n,) The reference [N m]
+    group: str = ""  # What is left out together in cross-validation: a repetition
+    heldout: bool = False  # Never fitted
     participant: str | None = None
-    checksum: str = ""
+    checksum: str = ""  # SHA-256 of the file
+    # Where lengths, moment arms and constants of muscles come from; None where they are not known
     muscles: MuscleSource | None = field(default=None, repr=False)
+    # (k,) Envelopes of the same muscles before the first sample, at the same rate; empty where there are none
     lead: Mapping[str, np.ndarray] = field(default_factory=dict, repr=False)
 
     def __post_init__(self):

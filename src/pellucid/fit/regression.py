@@ -74,13 +74,7 @@ class Stack:
 
 
 def stack(motions: Sequence[FittedMotion]) -> Stack:
-    """Reduce the effort of every motion.
-
-    Raises
-    ------
-    IdentificationError
-        If there is no motion, or nothing in them is faster than the dead band.
-    """
+    """Reduce the effort of every motion."""
     if not motions:
         raise IdentificationError('no recording is marked use = "fit"; at least one must be')
     targets = tuple(m.rows(m.effort) for m in motions)
@@ -138,30 +132,8 @@ def solve(
     start: np.ndarray | None = None,
     after: Solution | None = None,
 ) -> Solution:
-    """Minimise the weighted sum of squared effort residuals within the model's bounds.
-
-    Parameters
-    ----------
-    model : ForceModel
-    data : Stack
-    weights : ndarray, shape (m,), optional
-        Factors on residuals (1 / standard deviation); all 1 if left out.
-    bounds : tuple of ndarray, each shape (p,), optional
-        In place of the model's own.
-    start : ndarray, shape (p,), optional
-        Where what is not linear starts.
-    after : Solution, optional
-        An earlier solution on the same data: a linear model reuses its regressor, another starts there.
-
-    Returns
-    -------
-    Solution
-
-    Raises
-    ------
-    IdentificationError
-        If the regressor is singular: the message names the parameters that cannot be told apart.
-    """
+    """Minimise the weighted sum of squared effort residuals within the model's bounds. `weights` (m,); `bounds`
+    (p,); `start` (p,)."""
     w = np.ones(len(data.target)) if weights is None else np.asarray(weights, float)
     lower, upper = model.bounds() if bounds is None else bounds
     if model.linear:
@@ -281,13 +253,7 @@ def at_bounds(
 
 def require_full_rank(names: Sequence[str], jacobian: np.ndarray, where: str) -> None:
     """Refuse a regressor, `jacobian`, (m, p), of parameters `names`, that is singular to working precision; `where`
-    stands in messages.
-
-    Raises
-    ------
-    IdentificationError
-        Naming each parameter whose column is zero, or the parameters whose columns are collinear.
-    """
+    stands in messages."""
     if len(jacobian) <= jacobian.shape[1]:
         raise IdentificationError(
             f"{where}: {len(jacobian)} usable samples for {jacobian.shape[1]} parameters; expected many more: lengthen "

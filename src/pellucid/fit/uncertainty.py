@@ -26,19 +26,7 @@ PREWHITENING_LIMIT = 0.97
 
 
 def long_run_covariance(scores: np.ndarray, lengths: Sequence[int]) -> np.ndarray:
-    """Sum of all autocovariances of the scores, times their number.
-
-    Parameters
-    ----------
-    scores : ndarray, shape (m, p)
-        Instrument times residual, stretch after stretch.
-    lengths : sequence of int
-        Samples of each stretch: scores of different stretches are independent.
-
-    Returns
-    -------
-    ndarray, shape (p, p)
-    """
+    """Sum of all autocovariances of the scores, times their number. `scores` (m, p); gives (p, p)."""
     ends = np.cumsum(lengths)
     parts = [scores[e - n : e] for e, n in zip(ends, lengths, strict=True) if n > 8]
     before = np.concatenate([p[:-1] for p in parts])
@@ -83,25 +71,8 @@ def sandwich(
     instruments: np.ndarray | None = None,
     free: np.ndarray | None = None,
 ) -> np.ndarray:
-    """Covariance of an estimate that solves Z^T rho = 0.
-
-    Parameters
-    ----------
-    jacobian : ndarray, shape (m, p)
-        W, already weighted.
-    residual : ndarray, shape (m,)
-        rho, already weighted.
-    lengths : sequence of int
-        Samples of each stretch.
-    instruments : ndarray, shape (m, p), optional
-        Z; W itself if left out.
-    free : ndarray of bool, shape (p,), optional
-        Parameters not held by a bound; the others get variance 0 here.
-
-    Returns
-    -------
-    ndarray, shape (p, p)
-    """
+    """Covariance of an estimate that solves Z^T rho = 0. `jacobian` (m, p); `residual` (m,); `instruments` (m, p);
+    `free` (p,); gives (p, p)."""
     p = jacobian.shape[1]
     free = np.ones(p, bool) if free is None else free
     w = jacobian[:, free]
@@ -125,25 +96,8 @@ def block_bootstrap(
     repetitions: int = 400,
     level: float = 0.95,
 ) -> np.ndarray:
-    """Percentile intervals from resampled blocks of rows, on the model linearised at the solution.
-
-    Parameters
-    ----------
-    jacobian : ndarray, shape (m, p)
-    residual : ndarray, shape (m,)
-    values : ndarray, shape (p,)
-        The solution.
-    block : int
-        Rows of one block: longer than its residuals are correlated.
-    rng : numpy.random.Generator
-    repetitions : int
-    level : float
-
-    Returns
-    -------
-    ndarray, shape (p, 2)
-        Lower and upper ends, in the values' units.
-    """
+    """Percentile intervals from resampled blocks of rows, on the model linearised at the solution. `jacobian` (m,
+    p); `residual` (m,); `values` (p,); gives (p, 2)."""
     scale = np.linalg.norm(jacobian, axis=0)
     w = jacobian / scale
     starts = np.arange(0, len(w) - block + 1, max(1, block // 2))
@@ -167,18 +121,7 @@ def decorrelation_lag(residual: np.ndarray) -> int:
 
 
 def whiteness(residual: np.ndarray, lengths: Sequence[int], lags: int = 20) -> Whiteness:
-    """Ljung-Box test of the residual, pooled over stretches.
-
-    Parameters
-    ----------
-    residual : ndarray, shape (m,)
-    lengths : sequence of int
-    lags : int
-
-    Returns
-    -------
-    Whiteness
-    """
+    """Ljung-Box test of the residual, pooled over stretches. `residual` (m,)."""
     from scipy.special import chdtrc
 
     ends = np.cumsum(lengths)

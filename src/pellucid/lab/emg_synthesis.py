@@ -17,28 +17,15 @@ PIECE = 1 << 14
 
 @dataclass(frozen=True)
 class Electrodes:
-    """Channels of one amplifier, and what is wrong with them.
+    """Channels of one amplifier, and what is wrong with them."""
 
-    Parameters
-    ----------
-    gains : tuple of float
-        Of each channel: RMS at full excitation [V].
-    table : mapping
-        A rig's ``[emg]``: rate, band, median_frequency, baseline, hum, hum_frequency, harmonics, artefact,
-        artefact_band, crosstalk, quantum, full_range; SI.
-    rate : float, optional
-        [Hz]; the table's if left out.
-    detached : mapping of int to float
-        By channel, from when its electrode is off [s].
-    clipped : mapping of int to float
-        By channel, a range below the converter's [V].
-    """
-
-    gains: tuple[float, ...]
+    gains: tuple[float, ...]  # Of each channel: RMS at full excitation [V]
+    # A rig's ``[emg]``: rate, band, median_frequency, baseline, hum, hum_frequency, harmonics, artefact, artefact_band,
+    # crosstalk, quantum, full_range; SI
     table: Mapping
-    rate: float | None = None
-    detached: Mapping[int, float] = field(default_factory=dict)
-    clipped: Mapping[int, float] = field(default_factory=dict)
+    rate: float | None = None  # [Hz]; the table's if left out
+    detached: Mapping[int, float] = field(default_factory=dict)  # By channel, from when its electrode is off [s]
+    clipped: Mapping[int, float] = field(default_factory=dict)  # By channel, a range below the converter's [V]
 
     @property
     def fs(self) -> float:
@@ -52,18 +39,7 @@ def motor_unit_noise(n: int, channels: int, fs: float, table: Mapping, rng: np.r
     The power is :math:`f^2 / ((f^2 + f_l^2)(f^2 + f_h^2)^2)` with :math:`f_h = 2 f_l`, scaled to the median frequency,
     between the amplifier's corners [1]_.
 
-    Parameters
-    ----------
-    n, channels : int
-    fs : float
-        [Hz]
-    table : mapping
-        band [Hz], median_frequency [Hz].
-    rng : numpy.random.Generator
-
-    Returns
-    -------
-    ndarray, shape (channels, n)
+    `fs` [Hz]; `table` [Hz]; gives (channels, n).
 
     References
     ----------
@@ -103,24 +79,7 @@ def _pieces(n: int) -> Iterator[slice]:
 
 class EmgSynthesis:
     """EMG of one trial, period by period as a controller gets it, or all of it at once; both give the same samples.
-
-    Parameters
-    ----------
-    electrodes : Electrodes
-    periods : int
-        Of control, in the trial.
-    period : float
-        [s]
-    rng : numpy.random.Generator
-        Draws all noise.
-
-    Attributes
-    ----------
-    time : ndarray, shape (k,)
-        Of the samples, on the amplifier's clock [s]; 0 is the trial's start.
-    quantum : float
-        Of the converter [V].
-    """
+    `time` (k,) [s]; `quantum` [V]; `period` [s]."""
 
     def __init__(self, electrodes: Electrodes, periods: int, period: float, rng: np.random.Generator) -> None:
         table, fs = electrodes.table, electrodes.fs
@@ -166,21 +125,7 @@ class EmgSynthesis:
         self._samples: list | None = None
 
     def period(self, k: int, amplitude: Sequence[float], acceleration: float) -> list[tuple[float, ...]]:
-        """Samples taken during period `k`; periods one after another.
-
-        Parameters
-        ----------
-        k : int
-        amplitude : sequence of float
-            Of each muscle, 1 at full excitation.
-        acceleration : float
-            Of the limb [rad/s^2], which swings the cables.
-
-        Returns
-        -------
-        list of tuple of float
-            [V], one tuple of all channels per sample.
-        """
+        """Samples taken during period `k`; periods one after another. `acceleration` [rad/s^2]; gives [V]."""
         if self._samples is None:
             self._first = np.searchsorted(self._of_period, np.arange(self._periods + 1)).tolist()
             self._samples = list(zip(*(x.T.tolist() for x in self._ingredients), strict=True))
@@ -199,20 +144,8 @@ class EmgSynthesis:
         return made
 
     def whole(self, amplitude: np.ndarray, acceleration: np.ndarray) -> np.ndarray:
-        """All samples of the trial.
-
-        Parameters
-        ----------
-        amplitude : ndarray, shape (periods, channels)
-            Of each muscle, 1 at full excitation.
-        acceleration : ndarray, shape (periods,)
-            Of the limb [rad/s^2].
-
-        Returns
-        -------
-        ndarray, shape (k, channels)
-            Counts of the converter, whole numbers.
-        """
+        """All samples of the trial. `amplitude` (periods, channels); `acceleration` (periods,) [rad/s^2]; gives (k,
+        channels)."""
         from scipy.signal import lfilter
 
         swing = lfilter([self._pole], [1.0, self._pole - 1.0], acceleration)

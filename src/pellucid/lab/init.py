@@ -62,13 +62,7 @@ def init(
 
 
 def init_rig(folder: str | os.PathLike, rig: str) -> Path:
-    """Make a folder with a copy of a virtual rig's file, ``lab/rig.toml``, that may be edited.
-
-    Raises
-    ------
-    StudyError
-        If there is no such `rig`, or `folder` is not empty.
-    """
+    """Make a folder with a copy of a virtual rig's file, ``lab/rig.toml``, that may be edited."""
     folder, text = Path(folder), rig_text(rig)
     if folder.is_file() or (folder.is_dir() and any(folder.iterdir())):
         found = "a file" if folder.is_file() else f"a folder that holds {', '.join(sorted(os.listdir(folder))[:5])}"

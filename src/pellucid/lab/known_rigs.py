@@ -27,24 +27,7 @@ def kind_of(kind: str) -> type[Rig] | None:
 
 
 def parse_rig(text: str, name: str) -> Rig:
-    """A rig of whatever kind its file is.
-
-    Parameters
-    ----------
-    text : str
-        TOML, SI.
-    name : str
-        For messages, and of the rig.
-
-    Returns
-    -------
-    Rig
-
-    Raises
-    ------
-    StudyError
-        If it is not TOML, its kind is not known, or something is missing.
-    """
+    """A rig of whatever kind its file is."""
     kind = parse_tables(text, f"rig {name}").get("kind", BENCH)
     found = kind_of(kind)
     if found is None:
@@ -64,42 +47,12 @@ def rig_names() -> tuple[str, ...]:
 
 
 def load_rig(name: str | Path) -> Rig:
-    """A virtual rig by name, or from a file of one's own.
-
-    Parameters
-    ----------
-    name : str or Path
-        One of `rig_names`, or a file that ends in .toml.
-
-    Returns
-    -------
-    Rig
-
-    Raises
-    ------
-    StudyError
-        If there is no such rig, or its file cannot be understood.
-    """
+    """A virtual rig by name, or from a file of one's own."""
     return parse_rig(rig_text(name), Path(name).stem if str(name).endswith(".toml") else str(name))
 
 
 def rig_text(name: str | Path) -> str:
-    """The text of a rig's file; a drawn rig's is its model's with the drawn values in their places.
-
-    Parameters
-    ----------
-    name : str or Path
-        As `load_rig` takes it.
-
-    Returns
-    -------
-    str
-
-    Raises
-    ------
-    StudyError
-        If there is no such rig.
-    """
+    """The text of a rig's file; a drawn rig's is its model's with the drawn values in their places."""
     if str(name).endswith(".toml") and Path(name).is_file():
         return Path(name).read_text(encoding="utf-8")
     if name not in rig_names():

@@ -7,21 +7,7 @@ import numpy as np
 
 def noise(shape: tuple[int, ...], sd: float, memory: float, fs: float, rng: np.random.Generator) -> np.ndarray:
     """Gaussian noise, white or first-order coloured, of standard deviation `sd` along the last axis of `shape`.
-
-    Parameters
-    ----------
-    shape : tuple of int
-    sd : float
-    memory : float
-        Time constant [s]; 0 is white.
-    fs : float
-        [Hz]
-    rng : numpy.random.Generator
-
-    Returns
-    -------
-    ndarray, shape `shape`
-    """
+    `memory` [s]; `fs` [Hz]."""
     white = rng.standard_normal(shape)
     if memory <= 0.0:
         return sd * white
@@ -33,20 +19,7 @@ def noise(shape: tuple[int, ...], sd: float, memory: float, fs: float, rng: np.r
 
 
 def wander(n: int, memory: float, fs: float, rng: np.random.Generator) -> np.ndarray:
-    """A smooth random path, uniform over 0 to 1 in the long run.
-
-    Parameters
-    ----------
-    n : int
-    memory, fs : float
-        How long it remembers where it was [s], and its rate [Hz].
-    rng : numpy.random.Generator
-
-    Returns
-    -------
-    ndarray, shape (n,)
-        [1]
-    """
+    """A smooth random path, uniform over 0 to 1 in the long run. `memory`, `fs` [s], [Hz]; gives (n,)."""
     from scipy.signal import oaconvolve
     from scipy.special import ndtr
 

@@ -14,25 +14,13 @@ MAIN, MARKERS = "main", "markers"
 
 @dataclass(frozen=True)
 class Column:
-    """One column of a file, and the channel that study.toml makes of it.
+    """One column of a file, and the channel that study.toml makes of it."""
 
-    Parameters
-    ----------
-    channel, name : str
-        The channel, and what the file calls the column.
-    unit : str
-        Of the stored numbers times `scale`.
-    scale : float
-        `unit` per stored number.
-    text : str
-        How a number is written, as the % operator takes it.
-    """
-
-    channel: str
+    channel: str  # channel, name: The channel, and what the file calls the column
     name: str
-    unit: str
-    scale: float = 1.0
-    text: str = "%d"
+    unit: str  # Of the stored numbers times `scale`
+    scale: float = 1.0  # `unit` per stored number
+    text: str = "%d"  # How a number is written, as the % operator takes it
 
     @property
     def spec(self) -> dict[str, str | float]:
@@ -43,20 +31,11 @@ class Column:
 
 @dataclass(frozen=True, eq=False)
 class Stored:
-    """One file's numbers as an instrument wrote them.
-
-    Parameters
-    ----------
-    columns : tuple of Column
-    values : ndarray, shape (n, columns)
-        Counts, or numbers in the columns' units; NaN where a sample is missing.
-    comment : str
-        First line of the file, if it has one before its header.
-    """
+    """One file's numbers as an instrument wrote them."""
 
     columns: tuple[Column, ...]
-    values: np.ndarray
-    comment: str = ""
+    values: np.ndarray  # (n, columns) Counts, or numbers in the columns' units; NaN where a sample is missing
+    comment: str = ""  # First line of the file, if it has one before its header
 
     @classmethod
     def of(cls, columns: Sequence[Column], *values: np.ndarray, comment: str = "") -> Stored:

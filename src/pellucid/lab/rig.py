@@ -30,51 +30,29 @@ KINDS: dict[str, type[Rig]] = {}
 
 @dataclass(frozen=True)
 class Trial:
-    """One trial of a rig's protocol.
-
-    Parameters
-    ----------
-    name : str
-    protocol : str or None
-        As in study.toml.
-    use : {"fit", "validate"}
-    participant, condition : str or None
-        Who, and under which condition.
-    reference : ndarray, shape (n,), or None
-        What is to be followed, one sample per period, where something is; which quantity, the rig's own trials say.
-    """
+    """One trial of a rig's protocol."""
 
     name: str
-    protocol: str | None = None
+    protocol: str | None = None  # As in study.toml
     use: str = "fit"
-    participant: str | None = None
+    participant: str | None = None  # participant, condition: Who, and under which condition
     condition: str | None = None
+    # (n,) What is to be followed, one sample per period, where something is; which quantity, the rig's own trials say
     reference: np.ndarray | None = field(default=None, repr=False)
 
 
 @dataclass(frozen=True, eq=False)
 class Taken:
-    """What a trial left: files as the instruments wrote them, and the truth beside them.
-
-    Parameters
-    ----------
-    trial : Trial
-    files : mapping of str to mapping of str to Stored
-        By recording, then by stream: "main", "markers", or a stream of study.toml. One recording of the trial's name,
-        or several where pauses divide it.
-    entry : mapping
-        What its entry in study.toml says beyond what follows from trial and files.
-    truth : mapping
-        In few numbers, SI.
-    inside : object
-        Every sample of what no instrument shows, as the rig gives it.
-    """
+    """What a trial left: files as the instruments wrote them, and the truth beside them."""
 
     trial: Trial
+    # By recording, then by stream: "main", "markers", or a stream of study.toml. One recording of the trial's name, or
+    # several where pauses divide it
     files: Mapping[str, Mapping[str, Stored]] = field(repr=False)
+    # What its entry in study.toml says beyond what follows from trial and files
     entry: Mapping[str, Any] = field(default_factory=dict)
-    truth: Mapping[str, Any] = field(default_factory=dict)
-    inside: Any = field(default=None, repr=False)
+    truth: Mapping[str, Any] = field(default_factory=dict)  # In few numbers, SI
+    inside: Any = field(default=None, repr=False)  # Every sample of what no instrument shows, as the rig gives it
 
     @property
     def duration(self) -> float:
@@ -115,33 +93,18 @@ class Rig(ABC):
     """Everything a virtual rig is made of: the tables of its file, SI.
 
     A class that names its `kind` is found by it; `streams`, `trials`, `record`, `study` and `truth` are its own.
-
-    Parameters
-    ----------
-    name : str
-    tables : mapping of str to mapping
-        As in a file of ``lab/rigs``.
-
-    Attributes
-    ----------
-    kind : str
-        What the file calls itself.
-    needed : mapping of str to tuple of str
-        What each table of the file must say: ``""`` is its head, ``"subjects.*"`` every table below ``[subjects]``, at
-        least one.
-    comments : mapping of str to str
-        What its study.toml says beside a table or a key, by dotted path; ``""`` is the head.
-    parallel : bool
-        Whether trials side by side in threads take less time.
     """
 
     name: str
-    tables: Mapping[str, Mapping]
+    tables: Mapping[str, Mapping]  # As in a file of ``lab/rigs``
 
-    kind: ClassVar[str]
+    kind: ClassVar[str]  # What the file calls itself
+    # What each table of the file must say: ``""`` is its head, ``"subjects.*"`` every table below ``[subjects]``, at
+    # least one
     needed: ClassVar[Mapping[str, tuple[str, ...]]] = {}
+    # What its study.toml says beside a table or a key, by dotted path; ``""`` is the head
     comments: ClassVar[Mapping[str, str]] = {}
-    parallel: ClassVar[bool] = False
+    parallel: ClassVar[bool] = False  # Whether trials side by side in threads take less time
 
     def __init_subclass__(cls, **settings: Any) -> None:
         super().__init_subclass__(**settings)
@@ -153,36 +116,12 @@ class Rig(ABC):
 
     @classmethod
     def parse(cls, text: str, name: str) -> Self:
-        """The rig a file describes.
-
-        Parameters
-        ----------
-        text : str
-            TOML, SI.
-        name : str
-            For messages, and of the rig.
-
-        Returns
-        -------
-        Rig
-            Of this class.
-
-        Raises
-        ------
-        StudyError
-            If it is not TOML, is of another kind, or lacks a table or a constant.
-        """
+        """The rig a file describes."""
         return cls(name, cls.checked(parse_tables(text, f"rig {name}"), name))
 
     @classmethod
     def checked(cls, tables: dict, name: str) -> dict:
-        """The tables of a rig's file, with nothing missing.
-
-        Raises
-        ------
-        StudyError
-            If `tables`, of a rig of that `name`, are of another kind, or lack a table or a constant.
-        """
+        """The tables of a rig's file, with nothing missing."""
         if tables.get("kind", BENCH) != cls.kind:
             raise StudyError(f"rig {name}: found kind = {tables.get('kind')!r}, expected {cls.kind!r}")
         for table, keys in cls.needed.items():
@@ -198,25 +137,7 @@ class Rig(ABC):
         return tables
 
     def changed(self, values: Mapping[str, object], name: str | None = None) -> Self:
-        """The same rig with some constants changed.
-
-        Parameters
-        ----------
-        values : mapping of str to float
-            By dotted path, ``"imu.magnetometer"`` or ``"subjects.S1.strap.stiffness"``, SI.
-        name : str, optional
-            Of the new rig; the old one's if left out.
-
-        Returns
-        -------
-        Rig
-            Of the same kind.
-
-        Raises
-        ------
-        StudyError
-            If the rig has no such constant.
-        """
+        """The same rig with some constants changed."""
         tables = _copied(self.tables)
         for path, value in values.items():
             *parts, key = path.split(".")
@@ -238,39 +159,14 @@ class Rig(ABC):
 
     @abstractmethod
     def record(self, trial: Trial, rng: np.random.Generator, controller: Any = None) -> Taken:
-        """Do one trial.
-
-        Parameters
-        ----------
-        trial : Trial
-            One of `trials`, or one like them.
-        rng : numpy.random.Generator
-            Draws all noise; the same state makes the same recording.
-        controller : optional
-            In place of what drives the rig in this trial, where somebody wears it.
-
-        Returns
-        -------
-        Taken
-        """
+        """Do one trial."""
 
     @abstractmethod
     def truth(self, seed: int = 1) -> dict[str, Any]:
         """What only tests, benchmarks and papers may read, SI; `seed` as the recordings were made with."""
 
     def study(self, made: Sequence[Taken]) -> dict[str, Any]:
-        """What study.toml says: here what follows from trials and files; a rig adds its own tables.
-
-        Parameters
-        ----------
-        made : sequence of Taken
-            What was recorded; samples are not needed.
-
-        Returns
-        -------
-        dict
-            As `tomllib` would read it.
-        """
+        """What study.toml says: here what follows from trials and files; a rig adds its own tables."""
         streams = self.streams()
         said: dict[str, Any] = {"name": self.name, "channels": {c.channel: c.spec for c in streams[MAIN]}}
         beside = {
@@ -292,23 +188,7 @@ class Rig(ABC):
         return said
 
     def prepared(self, controllers: Sequence[str] | None = None, seed: int = 1) -> Self:
-        """The rig with all that has to be known before its first trial.
-
-        Parameters
-        ----------
-        controllers : sequence of str, optional
-            That are worn, by their names in `export`, on a rig of people who wear them.
-        seed : int
-
-        Returns
-        -------
-        Rig
-
-        Raises
-        ------
-        StudyError
-            If controllers are named and nobody wears them.
-        """
+        """The rig with all that has to be known before its first trial."""
         if controllers:
             raise StudyError(
                 f"rig {self.name}: found controllers {', '.join(controllers)}, expected them with people who wear them"
@@ -328,24 +208,7 @@ class Rig(ABC):
         threads: int = 1,
         on_progress: Tell | None = None,
     ) -> Iterator[Outcome]:
-        """Do trials one after another.
-
-        Parameters
-        ----------
-        trials : sequence of Trial
-        seed : int
-            Of every random draw.
-        then : callable
-            What to make of each at once, since all of them may be gigabytes; may run in one of the threads.
-        threads : int
-        on_progress : callable, optional
-            Called with a text and the share done, 0 to 1.
-
-        Yields
-        ------
-        object
-            What `then` returned, in the order of `trials`.
-        """
+        """Do trials one after another."""
         tell = on_progress or (lambda text, share: None)
 
         def one(trial: Trial, drawn: dict[str, Any]) -> Outcome:
@@ -364,13 +227,7 @@ class Rig(ABC):
 
 
 def parse_tables(text: str, where: str) -> dict:
-    """The tables of a rig's file, unchecked.
-
-    Raises
-    ------
-    StudyError
-        If `text` is not TOML; the message begins with `where`.
-    """
+    """The tables of a rig's file, unchecked."""
     try:
         return tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:

@@ -44,27 +44,7 @@ def write_study(
     on_progress: Tell | None = None,
 ) -> Study:
     """Record trials on a rig and write them as a lab would: study.toml and CSV files; the truth stands apart, in
-    ``lab/truth.json``.
-
-    Parameters
-    ----------
-    folder : Path
-        Made if it is not there.
-    rig : Rig
-    name : str
-        The study's.
-    seed : int
-        Of every random draw.
-    trials : sequence of Trial, optional
-        The full protocol if left out.
-    threads : int
-    on_progress : callable, optional
-        Called with a text and the share done, 0 to 1.
-
-    Returns
-    -------
-    Study
-    """
+    ``lab/truth.json``."""
     return _written(folder, rig, name, seed, trials, threads, on_progress)[0]
 
 
@@ -99,27 +79,7 @@ def record_in_memory(
     threads: int = 1,
     keep: Callable[[Taken], Any] = lambda taken: taken.inside,
 ) -> tuple[StudyFile, tuple[Recording, ...], list[Taken]]:
-    """What the study of a rig and a seed would hold, without writing it.
-
-    Parameters
-    ----------
-    rig : Rig
-    trials : sequence of Trial
-        Of its protocol, or a part of it.
-    seed : int
-        Of every random draw.
-    threads : int
-    keep : callable
-        What to keep, as `inside`, of what no instrument shows; all of it if left out.
-
-    Returns
-    -------
-    config : StudyFile
-        What study.toml would say.
-    recordings : tuple of Recording
-    taken : list of Taken
-        What also knows the truth; without the files that the recordings hold.
-    """
+    """What the study of a rig and a seed would hold, without writing it."""
 
     def kept(taken: Taken) -> Taken:
         return replace(taken, inside=keep(taken))

@@ -14,19 +14,7 @@ COMMENT_COLUMN = 32
 
 
 def study_text(said: Mapping[str, Any], comments: Mapping[str, str]) -> str:
-    """The text of a study.toml.
-
-    Parameters
-    ----------
-    said : mapping
-        As `tomllib` would read it, or with the names of channels in one piece.
-    comments : mapping of str to str
-        Beside a table or a key, by dotted path; ``""`` is the head, whose lines may be several.
-
-    Returns
-    -------
-    str
-    """
+    """The text of a study.toml."""
     keys = [key for key in ORDER if key in said]
     keys += [key for key in said if key not in (*ORDER, "recordings")]
     lines = [f"# {line}" for line in comments.get("", "").splitlines()]

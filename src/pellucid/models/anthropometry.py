@@ -44,26 +44,15 @@ HEEL_TO_ANKLE = 0.25
 
 @dataclass(frozen=True)
 class Shares:
-    """One sex's row of de Leva's table, the shank from knee to ankle centre.
+    """One sex's row of de Leva's table, the shank from knee to ankle centre."""
 
-    Attributes
-    ----------
-    shank_length, foot_length : float
-        Shares of the standing height.
-    shank_mass, foot_mass : float
-        Shares of the body's mass.
-    shank_centre, foot_centre : float
-        From the knee and from the heel, shares of the segment's length.
-    shank_gyration, foot_gyration : float
-        About the transverse axis through the centre, shares of the segment's length.
-    """
-
-    shank_length: float
+    shank_length: float  # shank_length, foot_length: Shares of the standing height
     foot_length: float
-    shank_mass: float
+    shank_mass: float  # shank_mass, foot_mass: Shares of the body's mass
     foot_mass: float
-    shank_centre: float
+    shank_centre: float  # shank_centre, foot_centre: From the knee and from the heel, shares of the segment's length
     foot_centre: float
+    # shank_gyration, foot_gyration: About the transverse axis through the centre, shares of the segment's length
     shank_gyration: float
     foot_gyration: float
 
@@ -78,21 +67,11 @@ DE_LEVA: Mapping[str, Shares] = MappingProxyType(
 
 @dataclass(frozen=True)
 class Segment:
-    """A body that swings about a joint.
+    """A body that swings about a joint."""
 
-    Attributes
-    ----------
-    mass : float
-        [kg]
-    centre : float
-        From the joint's axis to the centre of mass [m].
-    inertia : float
-        About the joint's axis [kg m^2].
-    """
-
-    mass: float
-    centre: float
-    inertia: float
+    mass: float  # [kg]
+    centre: float  # From the joint's axis to the centre of mass [m]
+    inertia: float  # About the joint's axis [kg m^2]
 
     def gravity(self, acceleration: float = GRAVITY) -> float:
         """Gravity torque held out horizontally, m g l [N m], at an `acceleration` of gravity [m/s^2]."""
@@ -100,25 +79,7 @@ class Segment:
 
 
 def shank_length(height: float, *, to: str = "ankle") -> float:
-    """Length of the shank where it was not measured.
-
-    Parameters
-    ----------
-    height : float
-        Of the standing person [m].
-    to : {"ankle", "sole"}
-        Where it ends; tables of shares go with the ankle, a tape usually reaches the heel.
-
-    Returns
-    -------
-    float
-        [m]
-
-    Raises
-    ------
-    ValueError
-        If the height is not positive or the end is neither.
-    """
+    """Length of the shank where it was not measured. `height` [m]; gives [m]."""
     shares = {"ankle": KNEE_TO_ANKLE, "sole": KNEE_TO_SOLE}
     if to not in shares:
         raise ValueError(f'to: found {to!r}, expected "ankle" or "sole"')
@@ -129,23 +90,9 @@ def winter(mass: float, length: float) -> Segment:
     r"""Shank with foot by Winter's shares.
 
     .. math::
-        m = 0.061\,M, \qquad l = 0.606\,L, \qquad I = m\,(0.416^2 + 0.606^2)\,L^2
+        m = 0.061\,M, \qquad l = 0.606\,L, \qquad I = m\,(0.416^2 + 0.606^2)\,L^2.
 
-    Parameters
-    ----------
-    mass : float
-        Of the whole body, M [kg].
-    length : float
-        From knee to ankle, L [m]. The thesis puts the length from knee to heel here, which is longer.
-
-    Returns
-    -------
-    Segment
-
-    Raises
-    ------
-    ValueError
-        If a quantity is not positive.
+    `mass` [kg]; `length` [m].
     """
     m, reach = WINTER_MASS * _positive(mass, "mass"), _positive(length, "length")
     return Segment(m, WINTER_CENTRE * reach, m * (WINTER_GYRATION**2 + WINTER_CENTRE**2) * reach**2)
@@ -155,25 +102,9 @@ def forearm(mass: float, height: float, *, length: float | None = None) -> Segme
     r"""Forearm with hand by Winter's shares.
 
     .. math::
-        m = 0.022\,M, \qquad l = 0.682\,L, \qquad I = m\,(0.468^2 + 0.682^2)\,L^2
+        m = 0.022\,M, \qquad l = 0.682\,L, \qquad I = m\,(0.468^2 + 0.682^2)\,L^2.
 
-    Parameters
-    ----------
-    mass : float
-        Of the whole body, M [kg].
-    height : float
-        Of the standing person [m].
-    length : float, optional
-        From elbow to wrist, L [m]; left out, 0.146 of the height.
-
-    Returns
-    -------
-    Segment
-
-    Raises
-    ------
-    ValueError
-        If a quantity is not positive.
+    `mass` [kg]; `height` [m]; `length` [m].
     """
     m = FOREARM_MASS * _positive(mass, "mass")
     reach = ELBOW_TO_WRIST * _positive(height, "height") if length is None else _positive(length, "length")
@@ -181,29 +112,7 @@ def forearm(mass: float, height: float, *, length: float | None = None) -> Segme
 
 
 def de_leva(mass: float, height: float, sex: str, *, length: float | None = None) -> Segment:
-    """Shank and foot by de Leva's shares, the foot at a right angle.
-
-    Parameters
-    ----------
-    mass : float
-        Of the whole body [kg].
-    height : float
-        [m]
-    sex : {"female", "male"}
-    length : float, optional
-        From knee to ankle [m]; left out, its share of the height.
-
-    Returns
-    -------
-    Segment
-        Its centre is that along the shank: the foot's reach forwards turns the angle of rest, and counts in the
-        inertia only.
-
-    Raises
-    ------
-    ValueError
-        If a quantity is not positive, or the sex has no row.
-    """
+    """Shank and foot by de Leva's shares, the foot at a right angle. `mass` [kg]; `height` [m]; `length` [m]."""
     if sex not in DE_LEVA:
         raise ValueError(f'sex: found {sex!r}, expected "female" or "male", as the table has them')
     row, tall = DE_LEVA[sex], _positive(height, "height")
@@ -220,23 +129,7 @@ def de_leva(mass: float, height: float, sex: str, *, length: float | None = None
 
 def rod(mass: float, length: float) -> Segment:
     """A uniform rod that turns about one end: the thesis's picture of the orthosis's lower shaft (its equation 3.1).
-
-    Parameters
-    ----------
-    mass : float
-        [kg]
-    length : float
-        Of the whole rod [m]; its centre lies half-way.
-
-    Returns
-    -------
-    Segment
-
-    Raises
-    ------
-    ValueError
-        If a quantity is not positive.
-    """
+    `mass` [kg]; `length` [m]."""
     m, reach = _positive(mass, "mass"), _positive(length, "length")
     return Segment(m, 0.5 * reach, m * reach**2 / 3.0)
 

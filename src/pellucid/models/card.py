@@ -32,13 +32,7 @@ class CardParameter:
 
 
 def named(parameters: Iterable[Any], name: str, where: str) -> Any:
-    """Which of `parameters` has this `name`; messages say `where` they are.
-
-    Raises
-    ------
-    KeyError
-        If none has it, with the names that there are.
-    """
+    """Which of `parameters` has this `name`; messages say `where` they are."""
     known = {parameter.name: parameter for parameter in parameters}
     if name not in known:
         raise KeyError(f"{where} has no parameter {name!r}; it has {', '.join(known)}")
@@ -47,54 +41,21 @@ def named(parameters: Iterable[Any], name: str, where: str) -> Any:
 
 @dataclass(frozen=True)
 class Card:
-    """What every card says first, of whatever kind of joint.
-
-    Parameters
-    ----------
-    study, family, method : str
-    motion : {"rotary", "prismatic"}
-    effort_unit : str
-        "N*m", "N", "A" or "V".
-    lifts : str
-        What positive motion does.
-    parameters : tuple of CardParameter
-    covariance : tuple of tuple of float
-        In the order of the parameters, SI.
-    known : mapping of str to float
-        Parameters that were fixed beforehand, SI.
-    """
+    """What every card says first, of whatever kind of joint."""
 
     study: str
     family: str
     method: str
     motion: str
-    effort_unit: str
-    lifts: str
+    effort_unit: str  # "N*m", "N", "A" or "V"
+    lifts: str  # What positive motion does
     parameters: tuple[CardParameter, ...]
-    covariance: tuple[tuple[float, ...], ...]
-    known: Mapping[str, float]
+    covariance: tuple[tuple[float, ...], ...]  # In the order of the parameters, SI
+    known: Mapping[str, float]  # Parameters that were fixed beforehand, SI
 
     @classmethod
     def from_table(cls, table: Mapping, path: Path) -> Self:
-        """The card that a file's table holds.
-
-        Parameters
-        ----------
-        table : mapping
-            From `read_table`.
-        path : Path
-            The file, for messages.
-
-        Returns
-        -------
-        Card
-            Of this kind, the file's lists as tuples.
-
-        Raises
-        ------
-        PellucidError
-            If the table lacks one of this kind's fields, or has another.
-        """
+        """The card that a file's table holds."""
         try:
             parameters = tuple(CardParameter(**(p | {"interval": tuple(p["interval"])})) for p in table["parameters"])
             covariance = tuple(tuple(row) for row in table["covariance"])
@@ -152,32 +113,12 @@ class ModelCard(Card):
 
 
 def write_card(path: Path, card: Card) -> None:
-    """Write a card as JSON, atomically.
-
-    Parameters
-    ----------
-    path : Path
-    card : Card
-    """
+    """Write a card as JSON, atomically."""
     write_text_atomically(path, json.dumps(asdict(card), indent=2, allow_nan=False) + "\n")
 
 
 def read_card(path: Path) -> ModelCard:
-    """Read a card.
-
-    Parameters
-    ----------
-    path : Path
-
-    Returns
-    -------
-    ModelCard
-
-    Raises
-    ------
-    PellucidError
-        If the file is missing, is not a model card, or was written by a newer version.
-    """
+    """Read a card."""
     card = ModelCard.from_table(read_table(path), path)
     unknown = [p.name for p in card.parameters if p.name not in SYMBOLS]
     if unknown:
@@ -186,21 +127,7 @@ def read_card(path: Path) -> ModelCard:
 
 
 def read_table(path: Path) -> dict:
-    """What a card's file says, of whatever kind the card is.
-
-    Parameters
-    ----------
-    path : Path
-
-    Returns
-    -------
-    dict
-
-    Raises
-    ------
-    PellucidError
-        If the file is missing, is not a model card, or was written by a newer version.
-    """
+    """What a card's file says, of whatever kind the card is."""
     try:
         table = json.loads(Path(path).read_text(encoding="utf-8"))
     except FileNotFoundError:

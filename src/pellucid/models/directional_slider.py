@@ -66,48 +66,19 @@ def columns(position: np.ndarray, velocity: np.ndarray, acceleration: np.ndarray
 
 @dataclass(frozen=True)
 class DirectionalSliderModel:
-    """Two sets of parameters, or twice the same.
+    """Two sets of parameters, or twice the same."""
 
-    Parameters
-    ----------
-    up, down : ndarray, shape (8,)
-        While the velocity is positive (lifts) and negative; SI, in the order of `UNITS`.
-    """
-
-    up: np.ndarray
+    up: np.ndarray  # up, down: (8,) While the velocity is positive (lifts) and negative; SI, in the order of `UNITS`
     down: np.ndarray
 
     def torque(self, position: np.ndarray, velocity: np.ndarray, acceleration: np.ndarray, slider: float) -> np.ndarray:
-        """Torque at the joint, shape (n,) [N*m]; it jumps where the velocity changes sign.
-
-        Parameters
-        ----------
-        position, velocity, acceleration : ndarray, shape (n,)
-            [rad], [rad/s], [rad/s^2].
-        slider : float
-            x [m].
-
-        Returns
-        -------
-        ndarray, shape (n,)
-        """
+        """Torque at the joint, shape (n,) [N*m]; it jumps where the velocity changes sign. `position`, `velocity`,
+        `acceleration` (n,) [rad], [rad/s], [rad/s^2]; `slider` [m]; gives (n,)."""
         terms = columns(position, velocity, acceleration, slider)
         return np.where(velocity > 0.0, terms @ self.up, terms @ self.down)
 
     def gravity(self, direction: str, slider: np.ndarray, position: np.ndarray) -> np.ndarray:
-        """The set's gravity torque.
-
-        Parameters
-        ----------
-        direction : {"up", "down"}
-        slider, position : ndarray, any shapes that go together
-            x [m], q [rad].
-
-        Returns
-        -------
-        ndarray, the common shape
-            [N*m]
-        """
+        """The set's gravity torque. `slider`, `position` [m], [rad]; gives [N*m]."""
         s1, s0, c = (self.up if direction == "up" else self.down)[GRAVITY_TERMS]
         return GRAVITY * ((s1 * slider + s0) * np.sin(position) + c * np.cos(position))
 

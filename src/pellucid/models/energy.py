@@ -21,20 +21,8 @@ SAMPLES = 4096
 
 
 def net_energy(torque: np.ndarray, velocity: np.ndarray, period: float) -> float:
-    """Work of a torque over one period sampled evenly without its last point; the trapezoid sum of a periodic motion.
-
-    Parameters
-    ----------
-    torque, velocity : ndarray, shape (n,)
-        [N*m], [rad/s].
-    period : float
-        [s]
-
-    Returns
-    -------
-    float
-        [J] per cycle; positive goes into the joint.
-    """
+    """Work of a torque over one period sampled evenly without its last point; the trapezoid sum of a periodic
+    motion. `torque`, `velocity` (n,) [N*m], [rad/s]; `period` [s]; gives [J]."""
     return float(np.mean(np.asarray(torque, float) * np.asarray(velocity, float)) * period)
 
 
@@ -44,22 +32,8 @@ def cycle_energy(
     centre: float,
     frequency: float,
 ) -> float:
-    """Work of a torque over one sine of position.
-
-    Parameters
-    ----------
-    torque_of : callable
-        Torque, shape (n,) [N*m], of position, velocity and acceleration, each shape (n,), SI.
-    amplitude, centre : float
-        Of the position [rad].
-    frequency : float
-        [Hz]
-
-    Returns
-    -------
-    float
-        [J] per cycle; positive goes into the joint.
-    """
+    """Work of a torque over one sine of position. `torque_of` (n,) [N*m]; `amplitude`, `centre` [rad]; `frequency`
+    [Hz]; gives [J]."""
     w = 2.0 * np.pi * frequency
     phase = 2.0 * np.pi * np.arange(SAMPLES) / SAMPLES
     q = centre + amplitude * np.sin(phase)

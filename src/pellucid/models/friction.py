@@ -12,45 +12,19 @@ from .joint import JointModel
 
 @dataclass(frozen=True)
 class FrictionCurve:
-    """Friction of one joint over a range of velocities, at one load.
+    """Friction of one joint over a range of velocities, at one load."""
 
-    Parameters
-    ----------
-    velocity : ndarray, shape (n,)
-        [rad/s or m/s].
-    load : float
-        What the joint carries besides friction: gravity and inertia, in the effort's unit.
-    friction, standard_error : ndarray, shape (n,)
-        In the effort's unit; positive opposes positive velocity.
-    """
-
-    velocity: np.ndarray
-    load: float
-    friction: np.ndarray
+    velocity: np.ndarray  # (n,) [rad/s or m/s]
+    load: float  # What the joint carries besides friction: gravity and inertia, in the effort's unit
+    friction: np.ndarray  # friction, standard_error: (n,) In the effort's unit; positive opposes positive velocity
     standard_error: np.ndarray
 
 
 def friction_curve(
     model: JointModel, values: np.ndarray, covariance: np.ndarray, velocity: np.ndarray, load: float = 0.0
 ) -> FrictionCurve:
-    """The core's friction over `velocity`, with its standard error by the delta method.
-
-    Parameters
-    ----------
-    model : JointModel
-    values : ndarray, shape (p,)
-        Free parameters in the order of `model.symbols`, SI.
-    covariance : ndarray, shape (p, p)
-        Of `values`.
-    velocity : ndarray, shape (n,)
-        [rad/s or m/s].
-    load : float
-        Load the joint carries, in the effort's unit.
-
-    Returns
-    -------
-    FrictionCurve
-    """
+    """The core's friction over `velocity`, with its standard error by the delta method. `values` (p,); `covariance`
+    (p, p); `velocity` (n,) [rad/s or m/s]."""
     velocity = np.ascontiguousarray(velocity, float)
     values = np.asarray(values, float)
     carried = np.full_like(velocity, load)

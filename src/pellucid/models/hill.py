@@ -35,59 +35,26 @@ TWINS: Mapping[str, tuple[str, ...]] = {"time_constant": ("time_constant_1", "ti
 
 @dataclass(frozen=True)
 class HillMuscle:
-    """One muscle.
-
-    Attributes
-    ----------
-    name : str
-    optimal_fibre_length, tendon_slack_length : float
-        l_o and l_ts [m].
-    max_isometric_force : float
-        F_0 [N].
-    pennation : float
-        phi_o, at l_o [rad].
-    shape : float
-        A, from -3 to 0 [1].
-    time_constant_1, time_constant_2 : float
-        T_1 and T_2 of the two lags [s].
-    delay : float
-        Electromechanical, d [s].
-    strength : float
-        s [1].
-    optimal_length_shift : float
-        lambda [1].
-    max_velocity : float
-        v_max, in l_o per second [1/s].
-    force_length_width : float
-        gamma of f_l [1].
-    passive_scale : float
-        k_p [1].
-    damping : float
-        beta [1].
-    curvature, eccentric_force : float
-        A_f and g of f_v [1].
-    passive_strain, passive_shape : float
-        e_0 and k of f_p [1].
-    """
+    """One muscle."""
 
     name: str
-    optimal_fibre_length: float
+    optimal_fibre_length: float  # optimal_fibre_length, tendon_slack_length: l_o and l_ts [m]
     tendon_slack_length: float
-    max_isometric_force: float
-    pennation: float = 0.0
-    shape: float = -1.0
-    time_constant_1: float = 0.02
+    max_isometric_force: float  # F_0 [N]
+    pennation: float = 0.0  # phi_o, at l_o [rad]
+    shape: float = -1.0  # A, from -3 to 0 [1]
+    time_constant_1: float = 0.02  # time_constant_1, time_constant_2: T_1 and T_2 of the two lags [s]
     time_constant_2: float = 0.02
-    delay: float = 0.02
-    strength: float = 1.0
-    optimal_length_shift: float = 0.15
-    max_velocity: float = 10.0
-    force_length_width: float = 0.45
-    passive_scale: float = 1.0
-    damping: float = 0.0
-    curvature: float = 0.25
+    delay: float = 0.02  # Electromechanical, d [s]
+    strength: float = 1.0  # s [1]
+    optimal_length_shift: float = 0.15  # lambda [1]
+    max_velocity: float = 10.0  # v_max, in l_o per second [1/s]
+    force_length_width: float = 0.45  # gamma of f_l [1]
+    passive_scale: float = 1.0  # k_p [1]
+    damping: float = 0.0  # beta [1]
+    curvature: float = 0.25  # curvature, eccentric_force: A_f and g of f_v [1]
     eccentric_force: float = 1.5
-    passive_strain: float = 0.6
+    passive_strain: float = 0.6  # passive_strain, passive_shape: e_0 and k of f_p [1]
     passive_shape: float = 4.0
 
     def vector(self) -> np.ndarray:
@@ -97,51 +64,29 @@ class HillMuscle:
 
 @dataclass(frozen=True)
 class FreeParameter:
-    """A number that identification may change, and what it drives.
-
-    Attributes
-    ----------
-    name : str
-    quantity : str
-        One of `FREE`, or of `TWINS`.
-    muscles : tuple of str
-        Whose quantity it is; several share it.
-    lower, upper : float
-        Bounds of the number.
-    relative : bool
-        Whether the number multiplies what each muscle has (a share of 1), or is the quantity itself (SI).
-    """
+    """A number that identification may change, and what it drives."""
 
     name: str
-    quantity: str
-    muscles: tuple[str, ...]
-    lower: float
+    quantity: str  # One of `FREE`, or of `TWINS`
+    muscles: tuple[str, ...]  # Whose quantity it is; several share it
+    lower: float  # lower, upper: Bounds of the number
     upper: float
+    # Whether the number multiplies what each muscle has (a share of 1), or is the quantity itself (SI)
     relative: bool = False
 
 
 @dataclass(frozen=True, eq=False)
 class HillData:
-    """What is known at every sample, a row per muscle.
+    """What is known at every sample, a row per muscle."""
 
-    Attributes
-    ----------
-    excitation : ndarray, shape (m, n)
-        Envelopes relative to maximal effort [1].
-    length, rate, moment_arm : ndarray, shape (m, n)
-        Musculotendon lengths [m], how fast they grow [m/s], moment arms about the joint [m].
-    period : float
-        From one sample to the next [s].
-    starts : tuple of int
-        First sample of each recording.
-    """
-
-    excitation: np.ndarray
+    excitation: np.ndarray  # (m, n) Envelopes relative to maximal effort [1]
+    # length, rate, moment_arm: (m, n) Musculotendon lengths [m], how fast they grow [m/s], moment arms about the joint
+    # [m]
     length: np.ndarray
     rate: np.ndarray
     moment_arm: np.ndarray
-    period: float
-    starts: tuple[int, ...] = (0,)
+    period: float  # From one sample to the next [s]
+    starts: tuple[int, ...] = (0,)  # First sample of each recording
 
     def __post_init__(self):
         for name in ("excitation", "length", "rate", "moment_arm"):
@@ -154,20 +99,7 @@ class HillData:
 
 
 class HillModel:
-    """Muscles of one joint, some of whose numbers are free.
-
-    Parameters
-    ----------
-    muscles : sequence of HillMuscle
-        In the order of every row.
-    free : sequence of FreeParameter
-        In the order of every vector of values, Jacobian and covariance.
-
-    Raises
-    ------
-    ValueError
-        If names of muscles repeat, a free parameter drives what is not there or not free, or two drive the same.
-    """
+    """Muscles of one joint, some of whose numbers are free."""
 
     def __init__(self, muscles: Sequence[HillMuscle], free: Sequence[FreeParameter] = ()):
         self.muscles, self.free = tuple(muscles), tuple(free)
@@ -237,20 +169,7 @@ class HillModel:
         return _core.hill_torque(self.parameters(values), *data.arrays, period=data.period, starts=data.starts)
 
     def jacobian(self, data: HillData, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Torque and its exact derivatives.
-
-        Parameters
-        ----------
-        data : HillData
-        values : ndarray, shape (k,)
-
-        Returns
-        -------
-        torque : ndarray, shape (n,)
-            [N m]
-        jacobian : ndarray, shape (k, n)
-            A row per free parameter.
-        """
+        """Torque and its exact derivatives. `values` (k,); gives `torque` (n,) [N m], `jacobian` (k, n)."""
         return _core.hill_jacobian(
             self.parameters(values), *data.arrays, self._column, self._gain, period=data.period, starts=data.starts
         )
@@ -258,41 +177,15 @@ class HillModel:
     def normal(
         self, data: HillData, values: np.ndarray, measured: np.ndarray, weight: np.ndarray | None = None
     ) -> tuple[float, np.ndarray, np.ndarray]:
-        """What a least-squares step needs, in one pass: half the sum of squares, its gradient, and J'J.
-
-        Parameters
-        ----------
-        data : HillData
-        values : ndarray, shape (k,)
-        measured : ndarray, shape (n,)
-            [N m]
-        weight : ndarray, shape (n,), optional
-            By which every residual is multiplied; 0 leaves a sample out, and its envelope stays in the lags.
-
-        Returns
-        -------
-        cost : float
-        gradient : ndarray, shape (k,)
-        normal : ndarray, shape (k, k)
-        """
+        """What a least-squares step needs, in one pass: half the sum of squares, its gradient, and J'J. `values`
+        (k,); `measured` (n,) [N m]; `weight` (n,); gives `gradient` (k,), `normal` (k, k)."""
         return _core.hill_normal(
             self.parameters(values), *data.arrays, self._column, self._gain, measured,
             period=data.period, starts=data.starts, weight=weight,
         )  # fmt: skip
 
     def states(self, data: HillData, values: np.ndarray | None = None) -> Mapping[str, np.ndarray]:
-        """What each muscle does.
-
-        Parameters
-        ----------
-        data : HillData
-        values : ndarray, shape (k,), optional
-
-        Returns
-        -------
-        mapping of str to ndarray, each of shape (m, n)
-            activation [1], force [N], fibre_length [m], fibre_velocity [1, in v_max l_o].
-        """
+        """What each muscle does. `values` (k,); gives (m, n) [N], [m], [1, in v_max l_o]."""
         found = _core.hill_states(self.parameters(values), *data.arrays[:3], period=data.period, starts=data.starts)
         return dict(zip(("activation", "force", "fibre_length", "fibre_velocity"), found, strict=True))
 

@@ -36,15 +36,10 @@ GAMMAS = (0.5, 0.5)
 
 @dataclass(frozen=True)
 class PublishedParameters:
-    """The five numbers that the paper identifies for a person, shared by all muscles.
+    """The five numbers that the paper identifies for a person, shared by all muscles."""
 
-    Attributes
-    ----------
-    A, k_r, lambda_, k_s, k_v : float
-        Shape of activation, share of the largest neural activation, shift of the optimal length, scale of the fibre's
-        length, scale of the largest speed [1].
-    """
-
+    # A, k_r, lambda_, k_s, k_v: Shape of activation, share of the largest neural activation, shift of the optimal
+    # length, scale of the fibre's length, scale of the largest speed [1]
     A: float
     k_r: float
     lambda_: float
@@ -54,47 +49,21 @@ class PublishedParameters:
 
 @dataclass(frozen=True)
 class PublishedMuscle:
-    """One muscle with its fibre's length as a straight line over the knee's angle (eq. 22).
-
-    Attributes
-    ----------
-    name : str
-    max_isometric_force : float
-        [N]
-    optimal_fibre_length : float
-        [m]
-    pennation : float
-        [rad]
-    intercept, slope : float
-        l_f = intercept + slope theta [m], [m/rad].
-    """
+    """One muscle with its fibre's length as a straight line over the knee's angle (eq. 22)."""
 
     name: str
-    max_isometric_force: float
-    optimal_fibre_length: float
-    pennation: float
-    intercept: float
+    max_isometric_force: float  # [N]
+    optimal_fibre_length: float  # [m]
+    pennation: float  # [rad]
+    intercept: float  # intercept, slope: l_f = intercept + slope theta [m], [m/rad]
     slope: float
 
 
 def fibre_line(
     muscle: HillMuscle, geometry: MuscleGeometry, *, others: Mapping[str, float], low: float, high: float
 ) -> PublishedMuscle:
-    """The straight line through a rigid-tendon fibre's length over the knee's angle.
-
-    Parameters
-    ----------
-    muscle : HillMuscle
-    geometry : MuscleGeometry
-    others : mapping of str to float
-        The other joints' angles [rad].
-    low, high : float
-        Of the knee's angle [rad], in the geometry's sign.
-
-    Returns
-    -------
-    PublishedMuscle
-    """
+    """The straight line through a rigid-tendon fibre's length over the knee's angle. `others` [rad]; `low`, `high`
+    [rad]."""
     knee = np.linspace(low, high, 161)
     angles = {name: np.full_like(knee, value) for name, value in others.items()} | {"knee": knee}
     along = geometry.length(angles) - muscle.tendon_slack_length
@@ -118,22 +87,7 @@ def neural_activation(envelope: np.ndarray, gammas: Sequence[float] = GAMMAS) ->
 
 
 def activation(neural: np.ndarray, shape: float, largest: float) -> np.ndarray:
-    """Activation a(u) (eq. 18).
-
-    Parameters
-    ----------
-    neural : ndarray, shape (n,)
-        u [1].
-    shape : float
-        A [1].
-    largest : float
-        R [1].
-
-    Returns
-    -------
-    ndarray, shape (n,)
-        [1]; nothing keeps it below 1.
-    """
+    """Activation a(u) (eq. 18). `neural` (n,); gives (n,)."""
     return np.expm1(shape * np.asarray(neural, float) / largest) / np.expm1(shape)
 
 
@@ -146,20 +100,7 @@ def force_velocity(velocity: np.ndarray) -> np.ndarray:
 
 
 def moment_arm(muscle: PublishedMuscle, fibre: np.ndarray, k_s: float) -> np.ndarray:
-    """r of eq. 37.
-
-    Parameters
-    ----------
-    muscle : PublishedMuscle
-    fibre : ndarray, shape (n,)
-        l^m, scaled by k_s already [m].
-    k_s : float
-
-    Returns
-    -------
-    ndarray, shape (n,)
-        [m]
-    """
+    """r of eq. 37. `fibre` (n,) [m]; gives (n,) [m]."""
     height = muscle.optimal_fibre_length * np.sin(muscle.pennation)
     sine = height / fibre
     cosine = np.sqrt(1.0 - sine**2)
@@ -174,24 +115,8 @@ def torque(
     angle: np.ndarray,
     velocity: np.ndarray,
 ) -> np.ndarray:
-    """The sum of r F over muscles (eq. 38).
-
-    Parameters
-    ----------
-    muscles : sequence of PublishedMuscle
-    parameters : PublishedParameters
-    neural : ndarray, shape (m, n)
-        u [1].
-    largest : ndarray, shape (m,)
-        u_max [1].
-    angle, velocity : ndarray, shape (n,)
-        Of the knee, 0 straight and flexion negative [rad], [rad/s].
-
-    Returns
-    -------
-    ndarray, shape (n,)
-        [N m]
-    """
+    """The sum of r F over muscles (eq. 38). `neural` (m, n); `largest` (m,); `angle`, `velocity` (n,) [rad],
+    [rad/s]; gives (n,) [N m]."""
     p, total = parameters, np.zeros(np.shape(angle))
     for muscle, u, most in zip(muscles, np.atleast_2d(neural), np.atleast_1d(largest), strict=True):
         a = activation(u, p.A, p.k_r * most)

@@ -32,21 +32,11 @@ INDEX: Mapping[str, int] = {name: i for i, name in enumerate(NAMES)}
 
 @dataclass(frozen=True)
 class Symbol:
-    """A reported parameter: the core's parameters it drives, and where it may lie.
+    """A reported parameter: the core's parameters it drives, and where it may lie."""
 
-    Parameters
-    ----------
-    name : str
-        The name in model cards, reports and figure ids.
-    targets : tuple of str
-        Core parameters that take this value (a symmetric Coulomb level drives both directions).
-    linear : bool
-        Whether effort is proportional to it, all else held.
-    """
-
-    name: str
-    targets: tuple[str, ...]
-    linear: bool = True
+    name: str  # The name in model cards, reports and figure ids
+    targets: tuple[str, ...]  # Core parameters that take this value (a symmetric Coulomb level drives both directions)
+    linear: bool = True  # Whether effort is proportional to it, all else held
 
     @property
     def lower(self) -> float:
@@ -104,31 +94,16 @@ UNITS: Mapping[str, Mapping[str, str]] = {
 
 @dataclass(frozen=True)
 class JointModel:
-    """A friction family of a joint: the free symbols, and the values that are known beforehand.
+    """A friction family of a joint: the free symbols, and the values that are known beforehand."""
 
-    Parameters
-    ----------
-    family : str
-        One of `FAMILIES`.
-    symbols : tuple of Symbol
-        Free parameters, in the order of every covariance and Jacobian.
-    known : mapping of str to float
-        Symbols fixed to a value, SI.
-    motion, effort_unit : str
-        "rotary" or "prismatic"; "N*m", "N", "A" or "V".
-    velocity_range : float
-        Largest speed the model is fitted on [rad/s or m/s].
-    payload_scale : float
-        `effort_unit` per SI unit of effort: 1 in SI, one over the drive constant per ampere or volt, 0 where that is
-        not known and payloads therefore count as part of the joint.
-    """
-
-    family: str
-    symbols: tuple[Symbol, ...]
-    motion: str
+    family: str  # One of `FAMILIES`
+    symbols: tuple[Symbol, ...]  # Free parameters, in the order of every covariance and Jacobian
+    motion: str  # motion, effort_unit: "rotary" or "prismatic"; "N*m", "N", "A" or "V"
     effort_unit: str
-    known: Mapping[str, float] = field(default_factory=dict)
-    velocity_range: float = np.inf
+    known: Mapping[str, float] = field(default_factory=dict)  # Symbols fixed to a value, SI
+    velocity_range: float = np.inf  # Largest speed the model is fitted on [rad/s or m/s]
+    # `effort_unit` per SI unit of effort: 1 in SI, one over the drive constant per ampere or volt, 0 where that is not
+    # known and payloads therefore count as part of the joint
     payload_scale: float = 1.0
 
     def bounds(self) -> tuple[np.ndarray, np.ndarray]:
@@ -191,18 +166,8 @@ class JointModel:
         return vector
 
     def loaded(self, vector: np.ndarray, mass: float, distance: float) -> np.ndarray:
-        """A core vector with a payload on the moving segment: its inertia and its gravity are known.
-
-        Parameters
-        ----------
-        vector : ndarray, shape (k,)
-        mass, distance : float
-            [kg]; from the axis [m], of no account on a slide.
-
-        Returns
-        -------
-        ndarray, shape (k,)
-        """
+        """A core vector with a payload on the moving segment: its inertia and its gravity are known. `vector` (k,);
+        `mass`, `distance` [kg], [m]; gives (k,)."""
         if not mass or not self.payload_scale:
             return vector
         vector = vector.copy()
@@ -222,28 +187,7 @@ def joint_model(
     separate_load: bool = False,
     velocity_range: float = np.inf,
 ) -> JointModel:
-    """The symbols a family frees on a joint.
-
-    Parameters
-    ----------
-    family : str
-        One of `FAMILIES`.
-    motion : {"rotary", "prismatic"}
-    effort_unit : str
-        "N*m", "N", "A" or "V".
-    gravity : {"none", "sine", "sine+cosine"}
-    known : mapping of str to float, optional
-        Symbols fixed beforehand, SI.
-    separate_load : bool
-        Whether a known payload lets motoring and generating coefficients be told apart.
-    velocity_range : float
-        Largest speed the model will be fitted on [rad/s or m/s].
-
-    Raises
-    ------
-    IdentificationError
-        If the family or the gravity term is unknown.
-    """
+    """The symbols a family frees on a joint. `velocity_range` [rad/s or m/s]."""
     if family not in FAMILIES:
         raise IdentificationError(f"unknown friction family {family!r}; known: {', '.join(FAMILIES)}")
     terms = {"none": [], "sine": ["gravity"], "sine+cosine": ["gravity", "gravity_cosine"]}

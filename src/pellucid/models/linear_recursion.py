@@ -14,21 +14,8 @@ from scipy.linalg.blas import dtbsv
 
 
 def march(transition: np.ndarray, forcing: np.ndarray, initial: np.ndarray) -> np.ndarray:
-    """States of a linear recursion at every sample.
-
-    Parameters
-    ----------
-    transition : ndarray, shape (n - 1, d, d) or (d, d)
-        Phi, one for each step or one for all.
-    forcing : ndarray, shape (n - 1, d, r)
-        v of r recursions that share their transitions.
-    initial : ndarray, shape (d, r)
-        x at the first sample.
-
-    Returns
-    -------
-    ndarray, shape (n, d, r)
-    """
+    """States of a linear recursion at every sample. `transition` (n - 1, d, d); `forcing` (n - 1, d, r); `initial`
+    (d, r); gives (n, d, r)."""
     steps, d, r = forcing.shape
     band = np.zeros((2 * d, (steps + 1) * d), order="F")
     band[0] = 1.0

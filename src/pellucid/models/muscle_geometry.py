@@ -28,23 +28,12 @@ _DATA = Path(__file__).parent / "data"
 
 @dataclass(frozen=True, eq=False)
 class MuscleGeometry:
-    """Path of one muscle.
-
-    Attributes
-    ----------
-    muscle : str
-    angles : tuple of str
-        Joints it crosses.
-    knots : tuple of ndarray, each of shape (k + 4,)
-        Of cubic splines, per angle [rad].
-    coefficients : ndarray, shape (k,) or (k, m)
-        [m]
-    """
+    """Path of one muscle."""
 
     muscle: str
-    angles: tuple[str, ...]
-    knots: tuple[np.ndarray, ...]
-    coefficients: np.ndarray
+    angles: tuple[str, ...]  # Joints it crosses
+    knots: tuple[np.ndarray, ...]  # (k + 4,) Of cubic splines, per angle [rad]
+    coefficients: np.ndarray  # (k,) [m]
 
     def range(self, angle: str) -> tuple[float, float]:
         """First and last angle of the table, of one of its angles [rad]."""
@@ -52,18 +41,7 @@ class MuscleGeometry:
         return float(knots[0]), float(knots[-1])
 
     def length(self, angles: Mapping[str, np.ndarray]) -> np.ndarray:
-        """Of muscle and tendon.
-
-        Parameters
-        ----------
-        angles : mapping of str to ndarray, each of shape (n,)
-            At least those that the muscle crosses [rad].
-
-        Returns
-        -------
-        ndarray, shape (n,)
-            [m]
-        """
+        """Of muscle and tendon. `angles` (n,) [rad]; gives (n,) [m]."""
         inside, beyond = self._split(angles)
         result = self._spline(inside)
         for k in range(len(self.angles)):
@@ -72,20 +50,8 @@ class MuscleGeometry:
         return result
 
     def moment_arm(self, joint: str, angles: Mapping[str, np.ndarray]) -> np.ndarray:
-        """About a joint, positive where the muscle pulls towards positive angles.
-
-        Parameters
-        ----------
-        joint : str
-            One that the muscle does not cross has none.
-        angles : mapping of str to ndarray, each of shape (n,)
-            [rad]
-
-        Returns
-        -------
-        ndarray, shape (n,)
-            [m]
-        """
+        """About a joint, positive where the muscle pulls towards positive angles. `angles` (n,) [rad]; gives (n,)
+        [m]."""
         inside, beyond = self._split(angles)
         if joint not in self.angles:
             return np.zeros(len(inside))
@@ -99,18 +65,7 @@ class MuscleGeometry:
         return result
 
     def rate(self, angles: Mapping[str, np.ndarray], rates: Mapping[str, np.ndarray]) -> np.ndarray:
-        """How fast the length grows.
-
-        Parameters
-        ----------
-        angles, rates : mapping of str to ndarray, each of shape (n,)
-            [rad] and [rad/s].
-
-        Returns
-        -------
-        ndarray, shape (n,)
-            [m/s]
-        """
+        """How fast the length grows. `angles`, `rates` (n,) [rad], [rad/s]; gives (n,) [m/s]."""
         return -sum(self.moment_arm(a, angles) * np.asarray(rates[a], float) for a in self.angles)
 
     def _split(self, angles: Mapping[str, np.ndarray]) -> tuple[np.ndarray, list[np.ndarray]]:
@@ -131,34 +86,18 @@ class MuscleGeometry:
 
 @dataclass(frozen=True, eq=False)
 class MuscleTable:
-    """Muscles of a musculoskeletal model.
+    """Muscles of a musculoskeletal model."""
 
-    Attributes
-    ----------
-    source, licence, citation : str
-        Where it is from, under which terms, and what to cite.
-    geometry : mapping of str to MuscleGeometry
-        By muscle.
-    constants : mapping of str to HillMuscle
-        The model's anatomical constants; everything else is `HillMuscle`'s own.
-    """
-
-    source: str
+    source: str  # source, licence, citation: Where it is from, under which terms, and what to cite
     licence: str
     citation: str
-    geometry: Mapping[str, MuscleGeometry]
-    constants: Mapping[str, HillMuscle]
+    geometry: Mapping[str, MuscleGeometry]  # By muscle
+    constants: Mapping[str, HillMuscle]  # The model's anatomical constants; everything else is `HillMuscle`'s own
 
 
 @lru_cache(maxsize=4)
 def muscle_table(model: str = "gait2392") -> MuscleTable:
-    """Muscles of one of the models that ship with the package.
-
-    Raises
-    ------
-    ValueError
-        If there is none of that name.
-    """
+    """Muscles of one of the models that ship with the package."""
     path = _DATA / f"{model}.json"
     if not path.is_file():
         known = ", ".join(sorted(p.stem for p in _DATA.glob("*.json")))

@@ -66,38 +66,13 @@ class ParameterCard:
 
 
 def write_parameter_card(path: Path, card: ParameterCard) -> Path:
-    """Write a card, whole or not at all; a number that is not finite becomes null.
-
-    Parameters
-    ----------
-    path : Path
-    card : ParameterCard
-
-    Returns
-    -------
-    Path
-    """
+    """Write a card, whole or not at all; a number that is not finite becomes null."""
     text = json.dumps(_plain({"format": FORMAT, **asdict(card)}), indent=1, ensure_ascii=False)
     return write_text_atomically(path, text + "\n")
 
 
 def read_parameter_card(path: Path) -> ParameterCard:
-    """Read a card again.
-
-    Parameters
-    ----------
-    path : Path
-
-    Returns
-    -------
-    ParameterCard
-        A null is NaN again.
-
-    Raises
-    ------
-    PellucidError
-        If the file is missing, is no such card, or was written by a newer version.
-    """
+    """Read a card again."""
     table = read_table(path)
     try:
         rows = [{**row, "interval": tuple(_number(x) for x in row["interval"])} for row in table["parameters"]]

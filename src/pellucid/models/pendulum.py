@@ -46,71 +46,28 @@ that, as after turns over the top, nothing can be fitted to it."""
 
 @dataclass(frozen=True)
 class PendulumMotion:
-    """A simulated motion and its derivatives at the samples.
+    """A simulated motion and its derivatives at the samples."""
 
-    Attributes
-    ----------
-    position, velocity : ndarray, shape (n,)
-        [rad], [rad/s].
-    jacobian : ndarray, shape (n, 8)
-        Of the position, by the six parameters, then by the initial position and velocity.
-    states : ndarray, shape (m, 2)
-        Position and velocity at every step, for the next simulation to start from.
-    """
-
-    position: np.ndarray
+    position: np.ndarray  # position, velocity: (n,) [rad], [rad/s]
     velocity: np.ndarray
-    jacobian: np.ndarray
-    states: np.ndarray
+    jacobian: np.ndarray  # (n, 8) Of the position, by the six parameters, then by the initial position and velocity
+    states: np.ndarray  # (m, 2) Position and velocity at every step, for the next simulation to start from
 
 
 @dataclass(frozen=True)
 class PendulumDrive:
-    """A record's torque, ready for simulation.
+    """A record's torque, ready for simulation."""
 
-    Attributes
-    ----------
-    steps : ndarray, shape (m,)
-        [s]
-    torque : ndarray, shape (m, 3)
-        At the start, the middle and the end of every step [N*m].
-    substeps : int
-        Steps between samples.
-    width : float
-        Of the smooth sign of velocity [rad/s].
-    """
-
-    steps: np.ndarray
-    torque: np.ndarray
-    substeps: int
-    width: float
+    steps: np.ndarray  # (m,) [s]
+    torque: np.ndarray  # (m, 3) At the start, the middle and the end of every step [N*m]
+    substeps: int  # Steps between samples
+    width: float  # Of the smooth sign of velocity [rad/s]
 
 
 def pendulum_drive(
     time: np.ndarray, torque: np.ndarray, *, hold: str, width: float, substeps: int = 1
 ) -> PendulumDrive:
-    """Torque at the instants that the integration needs.
-
-    Parameters
-    ----------
-    time, torque : ndarray, shape (n,)
-        Increasing [s]; [N*m].
-    hold : {"zero", "first"}
-        What the torque does between samples.
-    width : float
-        Of the smooth sign of velocity [rad/s], > 0.
-    substeps : int
-        Steps between samples.
-
-    Returns
-    -------
-    PendulumDrive
-
-    Raises
-    ------
-    IdentificationError
-        If time does not increase, the hold is unknown, or the width is not positive.
-    """
+    """Torque at the instants that the integration needs. `time`, `torque` (n,) [s], [N*m]; `width` [rad/s]."""
     if hold not in HOLDS:
         raise IdentificationError(f"hold: found {hold!r}, expected one of {', '.join(HOLDS)}")
     if not width > 0.0:
@@ -126,27 +83,7 @@ def pendulum_drive(
 def simulate_pendulum(
     values: np.ndarray, initial: np.ndarray, drive: PendulumDrive, guess: np.ndarray
 ) -> PendulumMotion:
-    """Simulate a motion from its initial state.
-
-    Parameters
-    ----------
-    values : ndarray, shape (6,)
-        As `NAMES`, SI.
-    initial : ndarray, shape (2,)
-        Position and velocity at the first sample.
-    drive : PendulumDrive
-    guess : ndarray, shape (m + 1, 2)
-        States at every step to start Newton's method from: measured ones, or those of a motion nearby.
-
-    Returns
-    -------
-    PendulumMotion
-
-    Raises
-    ------
-    IdentificationError
-        If the motion diverges.
-    """
+    """Simulate a motion from its initial state. `values` (6,); `initial` (2,); `guess` (m + 1, 2)."""
     states = _newton(values, initial, drive, guess)
     if states is None:
         states = _piecewise(values, initial, drive)

@@ -60,37 +60,9 @@ def simulate(
     stiction: bool = True,
     active: np.ndarray | None = None,
 ) -> JointTrace:
-    """Simulate a joint, with true stiction, or with smooth friction and exact Jacobians.
-
-    Parameters
-    ----------
-    vector : ndarray, shape (13,)
-        The core's parameters, SI.
-    reference : ndarray, shape (n,)
-        What the controller follows [rad or m], or the command itself where `loop.kind` is "none".
-    period : float
-        Sampling period of the recording and of the controller [s].
-    loop : LoopSetting
-    gain, back_emf : float
-        tau = gain * command - back_emf * velocity, in effort per command unit and per velocity.
-    injected : ndarray, shape (n,), optional
-        Added to the command after the controller's limit, in its unit.
-    position0, velocity0 : float
-        Initial state [rad or m; per second].
-    stiction : bool
-        True stiction; smooth friction otherwise (`vector` then needs a velocity width).
-    active : ndarray of int, shape (k,), optional
-        Core parameters to differentiate with respect to; needs smooth friction.
-
-    Returns
-    -------
-    JointTrace
-
-    Raises
-    ------
-    ValueError
-        If shapes or settings do not fit together.
-    """
+    """Simulate a joint, with true stiction, or with smooth friction and exact Jacobians. `vector` (13,); `reference`
+    (n,) [rad or m]; `period` [s]; `injected` (n,); `position0`, `velocity0` [rad or m; per second]; `active`
+    (k,)."""
     settings = dict(
         reference=np.ascontiguousarray(reference, float),
         period=period,

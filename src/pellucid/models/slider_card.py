@@ -19,39 +19,18 @@ class SliderCard(Card):
     """An identified joint with a carriage: what `Card` says, and these.
 
     `family` is the method that identified it; `method` says it in words.
-
-    Parameters
-    ----------
-    rail : tuple of float
-        Ends of the rail, from the axis [m]: beyond them the model is a guess.
-    drive : mapping of str to float
-        `gain`, torque at the joint per ampere [N*m/A].
-    heldout_error : float or None
-        Mean absolute current error over the trials held out [A].
-    residual_sd : float
-        [N*m]
-    processing : str
-    confidence : float
-        Of the intervals.
-    notes : tuple of str
-    checksums : mapping of str to str
-        SHA-256 of the files it came from, by recording.
-    pellucid : str
-        Version that wrote it.
-    joint : str
-        What study.toml calls it.
     """
 
-    rail: tuple[float, float]
-    drive: Mapping[str, float]
-    heldout_error: float | None
-    residual_sd: float
+    rail: tuple[float, float]  # Ends of the rail, from the axis [m]: beyond them the model is a guess
+    drive: Mapping[str, float]  # `gain`, torque at the joint per ampere [N*m/A]
+    heldout_error: float | None  # Mean absolute current error over the trials held out [A]
+    residual_sd: float  # [N*m]
     processing: str
-    confidence: float
+    confidence: float  # Of the intervals
     notes: tuple[str, ...]
-    checksums: Mapping[str, str]
-    pellucid: str
-    joint: str = "joint"
+    checksums: Mapping[str, str]  # SHA-256 of the files it came from, by recording
+    pellucid: str  # Version that wrote it
+    joint: str = "joint"  # What study.toml calls it
     kind: str = field(default="slider")
     format: int = field(default=FORMAT)
 
@@ -63,21 +42,7 @@ class SliderCard(Card):
 
 
 def read_slider_card(path: Path) -> SliderCard:
-    """Read a card.
-
-    Parameters
-    ----------
-    path : Path
-
-    Returns
-    -------
-    SliderCard
-
-    Raises
-    ------
-    PellucidError
-        If the file is missing, is not the card of a joint with a carriage, or was written by a newer version.
-    """
+    """Read a card."""
     table = read_table(path)
     if table.get("kind") != "slider":
         raise PellucidError(f"{path}: not the model card of a joint with a carriage")

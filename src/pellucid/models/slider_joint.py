@@ -47,16 +47,10 @@ FRICTIONS: Mapping[str, tuple[str, ...]] = {
 
 @dataclass(frozen=True)
 class SliderJointModel:
-    """A family of the joint with a carriage.
-
-    Parameters
-    ----------
-    family : {"consistent", "load"}
-    known : mapping of str to float
-        Parameters that are known beforehand, SI: a weighed carriage's `carriage_mass`.
-    """
+    """A family of the joint with a carriage."""
 
     family: str
+    # Parameters that are known beforehand, SI: a weighed carriage's `carriage_mass`
     known: Mapping[str, float] = field(default_factory=dict)
 
     def __post_init__(self):
@@ -106,34 +100,12 @@ class SliderJointModel:
         return filtered_jacobian(vector, self.selection(motion.slider), motion, BODY_TERMS)
 
     def selection(self, slider: float) -> np.ndarray:
-        """Matrix S(x), shape (13, p), with core vector = S(x) @ values + known(x).
-
-        Parameters
-        ----------
-        slider : float
-            x [m].
-
-        Returns
-        -------
-        ndarray, shape (13, p)
-        """
+        """Matrix S(x), shape (13, p), with core vector = S(x) @ values + known(x). `slider` [m]; gives (13, p)."""
         return np.column_stack([_column(name, slider) for name in self.names])
 
     def vector(self, values: np.ndarray, slider: float, velocity_width: float = 0.0) -> np.ndarray:
-        """The core's joint parameters, shape (13,), SI.
-
-        Parameters
-        ----------
-        values : ndarray, shape (p,)
-        slider : float
-            x [m].
-        velocity_width : float
-            Of the smooth sign [rad/s]; 0 is the true sign.
-
-        Returns
-        -------
-        ndarray, shape (13,)
-        """
+        """The core's joint parameters, shape (13,), SI. `values` (p,); `slider` [m]; `velocity_width` [rad/s]; gives
+        (13,)."""
         vector = self.selection(slider) @ np.asarray(values, float)
         for name, value in self.known.items():
             vector += value * _column(name, slider)
@@ -150,19 +122,7 @@ class SliderJointModel:
         return j + 2.0 * h * slider + m * slider**2
 
     def gravity(self, values: np.ndarray, slider: np.ndarray, position: np.ndarray) -> np.ndarray:
-        """Gravity torque.
-
-        Parameters
-        ----------
-        values : ndarray, shape (p,)
-        slider, position : ndarray, any shapes that go together
-            x [m], q [rad].
-
-        Returns
-        -------
-        ndarray, the common shape
-            [N*m]
-        """
+        """Gravity torque. `values` (p,); `slider`, `position` [m], [rad]; gives [N*m]."""
         g, c, m = (self.value(values, n) for n in ("gravity", "gravity_cosine", "carriage_mass"))
         return (g + GRAVITY * m * slider) * np.sin(position) + c * np.cos(position)
 
@@ -172,38 +132,14 @@ class SliderJointModel:
         The carriage alone has :math:`J_0 m \ge h^2`; the whole body, of mass at most M, the planar pseudo-inertia
         condition :math:`J(x) \ge (g_s(x)^2 + g_c^2) / (M g^2)` at every x of the rail.
 
-        Parameters
-        ----------
-        values : ndarray, shape (p,)
-        rail : tuple of float
-            Ends of the rail [m].
-        mass : float or None
-            M [kg]; None leaves the second condition out.
-
-        Returns
-        -------
-        ndarray, shape (1,) or (6,)
-            Each divided by its own size, dimensionless.
+        `values` (p,); `rail` [m]; `mass` [kg]; gives (1,).
         """
         room, size = self._conditions(values, rail, mass)
         return room / (size + 1e-12)
 
     def room(self, values: np.ndarray, rail: tuple[float, float], mass: float | None) -> np.ndarray:
-        """The conditions of `gaps` undivided: smooth, and of any size where a body is far from possible.
-
-        Parameters
-        ----------
-        values : ndarray, shape (p,)
-        rail : tuple of float
-            Ends of the rail [m].
-        mass : float or None
-            M [kg].
-
-        Returns
-        -------
-        ndarray, shape (k,)
-            >= 0 where they hold; kg^2*m^2 the first, kg*m^2 the others.
-        """
+        """The conditions of `gaps` undivided: smooth, and of any size where a body is far from possible. `values`
+        (p,); `rail` [m]; `mass` [kg]; gives (k,)."""
         return self._conditions(values, rail, mass)[0]
 
     def _conditions(self, values, rail, mass) -> tuple[np.ndarray, np.ndarray]:

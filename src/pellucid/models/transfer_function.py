@@ -36,42 +36,20 @@ TERMS = 14
 
 @dataclass(frozen=True)
 class Sensitivities:
-    """A response and its derivatives at the samples.
+    """A response and its derivatives at the samples."""
 
-    Attributes
-    ----------
-    output : ndarray, shape (n,)
-        The response, in the output's unit.
-    denominator : ndarray, shape (n, order)
-        By a_{order-1} ... a_0.
-    numerator : ndarray, shape (n, m + 1)
-        By b_m ... b_0.
-    initial : ndarray, shape (n, order)
-        By the coefficients of Q, highest power first.
-    """
-
-    output: np.ndarray
-    denominator: np.ndarray
-    numerator: np.ndarray
-    initial: np.ndarray
+    output: np.ndarray  # (n,) The response, in the output's unit
+    denominator: np.ndarray  # (n, order) By a_{order-1} ... a_0
+    numerator: np.ndarray  # (n, m + 1) By b_m ... b_0
+    initial: np.ndarray  # (n, order) By the coefficients of Q, highest power first
 
 
 @dataclass(frozen=True)
 class TransferFunction:
-    """B(s)/A(s), proper, of any order.
+    """B(s)/A(s), proper, of any order."""
 
-    Attributes
-    ----------
-    numerator, denominator : tuple of float
-        Coefficients, highest power first, as SciPy writes them; the denominator is scaled to start with 1. Powers of s
-        in 1/s, the whole in output unit per input unit.
-
-    Raises
-    ------
-    IdentificationError
-        If coefficients are missing or not finite, the denominator starts with 0, or the numerator has more of them.
-    """
-
+    # numerator, denominator: Coefficients, highest power first, as SciPy writes them; the denominator is scaled to
+    # start with 1. Powers of s in 1/s, the whole in output unit per input unit
     numerator: tuple[float, ...]
     denominator: tuple[float, ...]
 
@@ -135,27 +113,8 @@ class TransferFunction:
     def simulate(
         self, time: np.ndarray, signal: np.ndarray, *, hold: str, initial: Sequence[float] | None = None
     ) -> np.ndarray:
-        """The response to a sampled input, exact for the stated inter-sample behaviour.
-
-        Parameters
-        ----------
-        time : ndarray, shape (n,)
-            Increasing, evenly spaced or not [s].
-        signal : ndarray, shape (n,)
-            The input.
-        hold : {"zero", "first"}
-        initial : sequence of float, optional
-            Coefficients of Q, highest power first; rest where left out.
-
-        Returns
-        -------
-        ndarray, shape (n,)
-
-        Raises
-        ------
-        IdentificationError
-            If time does not increase, shapes differ, a sample is missing, or the hold is unknown.
-        """
+        """The response to a sampled input, exact for the stated inter-sample behaviour. `time` (n,) [s]; `signal`
+        (n,); gives (n,)."""
         chain = _Chain(self.denominator, time, hold)
         forced = chain.powers(np.asarray(signal, float)[:, None])[:, -len(self.numerator) :, 0]
         output = forced @ np.asarray(self.numerator)
@@ -166,27 +125,8 @@ class TransferFunction:
     def sensitivities(
         self, time: np.ndarray, signal: np.ndarray, *, hold: str, initial: Sequence[float] | None = None
     ) -> Sensitivities:
-        """The response and its exact derivatives by every coefficient and by the initial state.
-
-        Parameters
-        ----------
-        time : ndarray, shape (n,)
-            Increasing [s].
-        signal : ndarray, shape (n,)
-            The input.
-        hold : {"zero", "first"}
-        initial : sequence of float, optional
-            Coefficients of Q, highest power first; rest where left out.
-
-        Returns
-        -------
-        Sensitivities
-
-        Raises
-        ------
-        IdentificationError
-            As `simulate`.
-        """
+        """The response and its exact derivatives by every coefficient and by the initial state. `time` (n,) [s];
+        `signal` (n,)."""
         q = np.zeros(self.order) if initial is None else np.asarray(initial, float)
         basis = response_basis(self.denominator, len(self.numerator) - 1, time, signal, hold=hold)
         b = np.asarray(self.numerator)
@@ -196,21 +136,11 @@ class TransferFunction:
 
 @dataclass(frozen=True)
 class ResponseBasis:
-    """What a denominator and an input make possible: the response is linear in all other coefficients.
+    """What a denominator and an input make possible: the response is linear in all other coefficients."""
 
-    Attributes
-    ----------
-    numerator : ndarray, shape (n, m + 1)
-        s^m/A u ... u/A: the response's derivatives by b_m ... b_0.
-    initial : ndarray, shape (n, order)
-        s^{order-1}/A ... 1/A of an impulse: its derivatives by Q's coefficients.
-    squared : ndarray, shape (n, 2 order, 2)
-        s^{2 order-1}/A^2 ... 1/A^2 of the input and of the impulse.
-    """
-
-    numerator: np.ndarray
-    initial: np.ndarray
-    squared: np.ndarray
+    numerator: np.ndarray  # (n, m + 1) s^m/A u ... u/A: the response's derivatives by b_m ... b_0
+    initial: np.ndarray  # (n, order) s^{order-1}/A ... 1/A of an impulse: its derivatives by Q's coefficients
+    squared: np.ndarray  # (n, 2 order, 2) s^{2 order-1}/A^2 ... 1/A^2 of the input and of the impulse
 
     def by_denominator(self, numerator: np.ndarray, initial: np.ndarray) -> np.ndarray:
         """The response's derivatives by a_{order-1} ... a_0, shape (n, order), for b and q, highest power first."""
@@ -227,77 +157,22 @@ class ResponseBasis:
 def response_basis(
     denominator: Sequence[float], zeros: int, time: np.ndarray, signal: np.ndarray, *, hold: str
 ) -> ResponseBasis:
-    """The responses from which every transfer function with this denominator is put together.
-
-    Parameters
-    ----------
-    denominator : sequence of float
-        A, highest power first, starting with 1.
-    zeros : int
-        m, at most the number of poles.
-    time : ndarray, shape (n,)
-        Increasing [s].
-    signal : ndarray, shape (n,)
-        The input.
-    hold : {"zero", "first"}
-
-    Returns
-    -------
-    ResponseBasis
-
-    Raises
-    ------
-    IdentificationError
-        As `TransferFunction.simulate`.
-    """
+    """The responses from which every transfer function with this denominator is put together. `time` (n,) [s];
+    `signal` (n,)."""
     n = len(denominator) - 1
     once, twice = _Chain(denominator, time, hold, double=True).both(np.asarray(signal, float))
     return ResponseBasis(once[:, n - zeros :, 0], once[:, 1:, 1], twice)
 
 
 def filtered_powers(denominator: Sequence[float], time: np.ndarray, signals: np.ndarray, *, hold: str) -> np.ndarray:
-    """Signals through a state-variable filter: s^n/A x, ..., s/A x, x/A, each from rest.
-
-    Parameters
-    ----------
-    denominator : sequence of float
-        A, highest power first.
-    time : ndarray, shape (k,)
-        Increasing [s].
-    signals : ndarray, shape (k, r)
-    hold : {"zero", "first"}
-        What they do between samples.
-
-    Returns
-    -------
-    ndarray, shape (k, n + 1, r)
-        Highest power first.
-
-    Raises
-    ------
-    IdentificationError
-        As `TransferFunction.simulate`.
-    """
+    """Signals through a state-variable filter: s^n/A x, ..., s/A x, x/A, each from rest. `time` (k,) [s]; `signals`
+    (k, r); gives (k, n + 1, r)."""
     return _Chain(denominator, time, hold).powers(np.asarray(signals, float))
 
 
 def time_steps(time: np.ndarray) -> np.ndarray:
-    """Steps of a time axis, shape (n - 1,) [s], equal ones made equal to the last bit.
-
-    Parameters
-    ----------
-    time : ndarray, shape (n,)
-        [s]
-
-    Returns
-    -------
-    ndarray, shape (n - 1,)
-
-    Raises
-    ------
-    IdentificationError
-        If there are fewer than two samples, or time does not increase.
-    """
+    """Steps of a time axis, shape (n - 1,) [s], equal ones made equal to the last bit. `time` (n,) [s]; gives (n -
+    1,)."""
     time = np.asarray(time, float)
     if time.ndim != 1 or len(time) < 2:
         raise IdentificationError(f"time: found shape {time.shape}, expected (n,) with at least two samples")

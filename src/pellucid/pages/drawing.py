@@ -34,20 +34,11 @@ _NUMBER = re.compile(r"-?\d+\.\d{3,}")
 
 @dataclass(frozen=True)
 class Drawing:
-    """A figure and what is said of it.
+    """A figure and what is said of it."""
 
-    Parameters
-    ----------
-    name : str
-        File name without suffix, and prefix of every id in the inline SVG.
-    figure : matplotlib.figure.Figure
-    caption : str
-        Plain text below the figure: what is drawn, and how to read it.
-    """
-
-    name: str
+    name: str  # File name without suffix, and prefix of every id in the inline SVG
     figure: Figure
-    caption: str
+    caption: str  # Plain text below the figure: what is drawn, and how to read it
 
     @cached_property
     def svg(self) -> str:
@@ -105,19 +96,7 @@ def _rounded(svg: str) -> str:
 
 
 def draw(make: Callable[..., Drawing], *args, **options) -> Drawing:
-    """Call a figure's function under the report's style.
-
-    Parameters
-    ----------
-    make : callable
-        One of the functions of `figures`.
-    *args, **options
-        What it takes.
-
-    Returns
-    -------
-    Drawing
-    """
+    """Call a figure's function under the report's style."""
     with matplotlib.rc_context(dict(RC)):
         drawing = make(*args, **options)
         # Once, so that every later output has the same layout. None takes the engine away; "none" leaves a stand-in,
@@ -136,18 +115,7 @@ def one_panel(height: float) -> tuple[Figure, Axes]:
 
 
 def tidy(axis: Axes, *, first: bool, text: str = "", ticks: int = 6) -> None:
-    """Ticks and label by the report's rules.
-
-    Parameters
-    ----------
-    axis : matplotlib.axes.Axes
-    first : bool
-        Whether the panel is the first of its row, which alone carries label and numbers.
-    text : str
-        The vertical axis's label, with its unit.
-    ticks : int
-        At most so many.
-    """
+    """Ticks and label by the report's rules."""
     axis.tick_params(length=3, width=0.7, pad=3)
     axis.margins(x=0.01)
     axis.yaxis.set_major_locator(MaxNLocator(ticks, steps=[1, 2, 2.5, 5, 10]))
@@ -167,15 +135,7 @@ class Head:
 
 
 def heads(axes: Sequence[Axes], texts: Sequence[Head]) -> None:
-    """Heads of a row of panels: on one line where every panel has room, else on two; a name too long is cut.
-
-    Parameters
-    ----------
-    axes : sequence of matplotlib.axes.Axes
-        Of one row, of one figure.
-    texts : sequence of Head
-        One for each.
-    """
+    """Heads of a row of panels: on one line where every panel has room, else on two; a name too long is cut."""
     ratios = np.array(axes[0].get_gridspec().get_width_ratios() or [1.0], float)
     share = ratios[[a.get_subplotspec().colspan.start for a in axes]] / ratios.sum()
     # What is left of the figure's width for panels, less the gaps; in points.
@@ -211,17 +171,7 @@ def heads(axes: Sequence[Axes], texts: Sequence[Head]) -> None:
 
 
 def key(axis: Axes, entries: Sequence[tuple[str, str]], *, room: float = 0.0) -> None:
-    """Names in their colours, in the panel's upper right corner: no boxes, no samples of lines.
-
-    Parameters
-    ----------
-    axis : matplotlib.axes.Axes
-        With everything on it that it will show.
-    entries : sequence of (str, str)
-        Each a name and its colour.
-    room : float
-        Share of the height that is added above, for the names to stand clear of the curves.
-    """
+    """Names in their colours, in the panel's upper right corner: no boxes, no samples of lines."""
     if room:
         low, high = axis.get_ylim()
         axis.set_ylim(low, high + room * (high - low))
@@ -277,20 +227,8 @@ def line(axis: Axes, time: np.ndarray, values: np.ndarray, **style) -> None:
 
 
 def dots(axis: Axes, x: np.ndarray, y: np.ndarray, tone: str, *, alpha: float, size: float) -> None:
-    """Many dots as a few paths (round-capped strokes of no length): a hundredth of the markup of markers.
-
-    Parameters
-    ----------
-    axis : matplotlib.axes.Axes
-    x, y : ndarray, shape (n,)
-        In the axis's units; what is not finite is left out.
-    tone : str
-        Colour.
-    alpha : float
-        Opacity, 0 to 1.
-    size : float
-        Diameter in points.
-    """
+    """Many dots as a few paths (round-capped strokes of no length): a hundredth of the markup of markers. `x`, `y`
+    (n,)."""
     keep = np.isfinite(x) & np.isfinite(y)
     x, y = x[keep], y[keep]
     if len(x) > DOT_POINTS:

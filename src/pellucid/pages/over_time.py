@@ -14,46 +14,19 @@ from .style import FIGURE_WIDTH, colour
 
 @dataclass(frozen=True)
 class Traces:
-    """One panel of `over_time`.
+    """One panel of `over_time`."""
 
-    Parameters
-    ----------
-    head, rest : str
-        Its name, and what else stands above it.
-    time : ndarray, shape (n,)
-        [s]
-    lines : mapping of str to ndarray, shape (n,)
-        By label.
-    unit : str
-        The vertical axis's label, with its unit.
-    """
-
-    head: str
+    head: str  # head, rest: Its name, and what else stands above it
     rest: str
-    time: np.ndarray
-    lines: Mapping[str, np.ndarray]
-    unit: str
+    time: np.ndarray  # (n,) [s]
+    lines: Mapping[str, np.ndarray]  # (n,) By label
+    unit: str  # The vertical axis's label, with its unit
 
 
 def over_time(
     panels: Sequence[Traces], name: str, *, roles: Mapping[str, str], caption: str, height: float = 2.6
 ) -> Drawing:
-    """Signals over time, one panel beneath another.
-
-    Parameters
-    ----------
-    panels : sequence of Traces
-    name : str
-    roles : mapping of str to str
-        Of each label, a role of `style`; the first line of a panel is drawn wide.
-    caption : str
-    height : float
-        Of a panel, inches.
-
-    Returns
-    -------
-    Drawing
-    """
+    """Signals over time, one panel beneath another."""
     figure = Figure(figsize=(FIGURE_WIDTH, height * len(panels) + 0.3), layout="constrained")
     axes = figure.subplots(len(panels), 1, squeeze=False)[:, 0]
     for axis, panel in zip(axes, panels, strict=True):

@@ -56,26 +56,7 @@ class Page:
 
 
 def write_page(folder: Path, page: Page) -> Path:
-    """Write a page: ``index.html`` without outside references, and every figure beside it as SVG and PDF.
-
-    Parameters
-    ----------
-    folder : Path
-        Made if it is missing.
-    page : Page
-
-    Returns
-    -------
-    Path
-        The page: the same bytes for the same content.
-
-    Raises
-    ------
-    OSError
-        If the folder cannot be written.
-    ValueError
-        If two sections or figures share a name: the page's anchors and files would be ambiguous.
-    """
+    """Write a page: ``index.html`` without outside references, and every figure beside it as SVG and PDF."""
     folder = Path(folder)
     drawings = [drawing for section in page.sections for drawing in section.drawings]
     anchors = [section.id for section in page.sections] + [f"fig-{drawing.name}" for drawing in drawings]

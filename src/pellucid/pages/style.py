@@ -78,13 +78,7 @@ RC: Mapping[str, object] = MappingProxyType(
 
 
 def colour(role: str) -> str:
-    """Light value of a role, as #rrggbb: what figures are drawn with.
-
-    Raises
-    ------
-    KeyError
-        If there is no such role.
-    """
+    """Light value of a role, as #rrggbb: what figures are drawn with."""
     return COLOURS[role][0]
 
 

@@ -28,21 +28,6 @@ class Table:
 def number_table(
     heads: Sequence[str], rows: Iterable[Row | Sequence[str]], caption: str = "", *, words: int = 1, wide: bool = True
 ) -> Table:
-    """A table of numbers behind a few columns of words.
-
-    Parameters
-    ----------
-    heads : sequence of str
-    rows : iterable of Row or sequence of str
-    caption : str
-    words : int
-        How many columns are words, the first ones.
-    wide : bool
-        Whether it fills the page.
-
-    Returns
-    -------
-    Table
-    """
+    """A table of numbers behind a few columns of words."""
     made = tuple(row if isinstance(row, Row) else Row(tuple(row)) for row in rows)
     return Table(tuple(heads), made, frozenset(range(words, len(heads))), caption, wide)

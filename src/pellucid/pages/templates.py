@@ -8,20 +8,7 @@ from .style import SANS, css_variables
 
 
 def render(template: str, **content: object) -> str:
-    """Fill in a template of this folder.
-
-    Parameters
-    ----------
-    template : str
-        File name; ``head.html.j2`` and ``parts.html.j2`` are there for all of them to share.
-    **content : object
-        What the template names; version, colours and fonts are given.
-
-    Returns
-    -------
-    str
-        The page: the same text for the same content.
-    """
+    """Fill in a template of this folder."""
     import jinja2
 
     environment = jinja2.Environment(

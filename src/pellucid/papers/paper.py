@@ -110,22 +110,7 @@ class Paper(ABC):
 
 
 def paper(name: str) -> type[Paper]:
-    """The paper of a folder.
-
-    Parameters
-    ----------
-    name : str
-        One of `papers`.
-
-    Returns
-    -------
-    type of Paper
-
-    Raises
-    ------
-    PellucidError
-        If there is no such folder, or its ``paper.py`` has not exactly one paper.
-    """
+    """The paper of a folder."""
     if name not in papers():
         raise PellucidError(f"unknown paper {name!r}; known: {', '.join(papers())}")
     module = import_module(f"{__package__}.{name}.paper")

@@ -54,20 +54,7 @@ def made_with(study: Study) -> list[tuple[str, str]]:
 
 
 def provenance(study: Study, entries: Iterable[tuple[str, str]], sums: Table) -> Section:
-    """Where what a page says comes from.
-
-    Parameters
-    ----------
-    study : Study
-    entries : iterable of (str, str)
-        What, and how; `made_with` is added.
-    sums : Table
-        Checksums of the files.
-
-    Returns
-    -------
-    Section
-    """
+    """Where what a page says comes from."""
     rows = tuple(Row(pair) for pair in (*entries, *made_with(study)))
     return Section("provenance", "Where this comes from", tables=(Table(("What", "How"), rows, wide=True), sums))
 

@@ -31,22 +31,7 @@ def multisine(
     scaled so that the largest excursion from the centre is `amplitude`, and eased in over half a period so that it
     starts at rest.
 
-    Parameters
-    ----------
-    duration, fs : float
-        [s], [Hz].
-    fundamental : float
-        f_0 [Hz].
-    harmonics : int
-    amplitude, centre : float
-        [rad or m].
-    rng : numpy.random.Generator
-        Draws the phases.
-
-    Returns
-    -------
-    ndarray, shape (n,)
-        [rad or m].
+    `duration`, `fs` [s], [Hz]; `fundamental` [Hz]; `amplitude`, `centre` [rad or m]; gives (n,) [rad or m].
     """
     time = np.arange(round(duration * fs)) / fs
     order = np.arange(1, harmonics + 1)
@@ -70,22 +55,8 @@ def point_to_point(
 ) -> np.ndarray:
     """A position, shape (n,), that runs between random targets with trapezoidal velocity and rests at each.
 
-    Parameters
-    ----------
-    duration, fs : float
-        [s], [Hz].
-    low, high : float
-        Range of the targets [rad or m].
-    velocity, acceleration : float
-        Largest of each [rad/s or m/s; per second]; every move draws its own velocity between 20 % of it and all of it.
-    dwell : float
-        Rest at each target [s].
-    rng : numpy.random.Generator
-
-    Returns
-    -------
-    ndarray, shape (n,)
-        [rad or m].
+    `duration`, `fs` [s], [Hz]; `low`, `high` [rad or m]; `velocity`, `acceleration` [rad/s or m/s; per second];
+    `dwell` [s]; gives (n,) [rad or m].
     """
     n = round(duration * fs)
     pieces, here, filled = [np.full(round(dwell * fs), 0.5 * (low + high))], 0.5 * (low + high), round(dwell * fs)

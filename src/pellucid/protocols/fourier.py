@@ -35,25 +35,11 @@ class FourierSeries:
 
     .. math::  q(t) = q_0 + \sum_k \frac{a_k}{k\omega} \sin(k\omega t) - \frac{b_k}{k\omega} \cos(k\omega t),
        \qquad \omega = 2\pi f_0
-
-    Attributes
-    ----------
-    fundamental : float
-        f_0 [Hz], > 0.
-    centre : float
-        q_0, the mean over a period [rad].
-    a, b : ndarray, shape (h,)
-        [rad/s].
-
-    Raises
-    ------
-    ValueError
-        If `fundamental` is not positive, or `a` and `b` are not finite arrays of the same length.
     """
 
-    fundamental: float
-    centre: float
-    a: np.ndarray
+    fundamental: float  # f_0 [Hz], > 0
+    centre: float  # q_0, the mean over a period [rad]
+    a: np.ndarray  # a, b: (h,) [rad/s]
     b: np.ndarray
 
     def __post_init__(self):
@@ -74,18 +60,8 @@ class FourierSeries:
         return 1.0 / self.fundamental
 
     def motion(self, time: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Position, velocity and acceleration, differentiated in closed form.
-
-        Parameters
-        ----------
-        time : ndarray, shape (n,)
-            [s].
-
-        Returns
-        -------
-        position, velocity, acceleration : ndarray, shape (n,)
-            [rad], [rad/s], [rad/s^2].
-        """
+        """Position, velocity and acceleration, differentiated in closed form. `time` (n,) [s]; gives `position`,
+        `velocity`, `acceleration` (n,) [rad], [rad/s], [rad/s^2]."""
         position, velocity, acceleration = _basis(time, self.fundamental, len(self.a)) @ np.concatenate(
             [self.a, self.b]
         )
@@ -97,10 +73,7 @@ class FourierSeries:
         A trigonometric polynomial of degree h exceeds its largest value on N evenly spaced points at most by the factor
         1 / cos(pi h / N) [3]_, here less than 1.002; the bounds include it.
 
-        Returns
-        -------
-        low, high, velocity, acceleration : float
-            [rad], [rad], [rad/s], [rad/s^2].
+        Gives `low`, `high`, `velocity`, `acceleration` [rad], [rad/s], [rad/s^2].
         """
         grid, factor = _grid(self.fundamental, len(self.a), 1)
         position, velocity, acceleration = self.motion(grid)
@@ -119,29 +92,8 @@ def scaled_to_limits(
     velocity: float,
     acceleration: float,
 ) -> FourierSeries:
-    """The largest motion of a given shape that keeps all limits, its extremes centred between `low` and `high`.
-
-    Parameters
-    ----------
-    a, b : ndarray, shape (h,)
-        The shape: coefficients as in `FourierSeries`, up to a common factor.
-    fundamental : float
-        [Hz].
-    low, high : float
-        Range of the position [rad].
-    velocity, acceleration : float
-        Largest of each [rad/s], [rad/s^2].
-
-    Returns
-    -------
-    FourierSeries
-        Touches, to less than 0.2 %, whichever limit binds first, and exceeds none at any instant.
-
-    Raises
-    ------
-    ValueError
-        If a limit is not positive, `low` is not below `high`, or the shape does not move.
-    """
+    """The largest motion of a given shape that keeps all limits, its extremes centred between `low` and `high`. `a`,
+    `b` (h,); `fundamental` [Hz]; `low`, `high` [rad]; `velocity`, `acceleration` [rad/s], [rad/s^2]."""
     _require_limits(fundamental, low, high, velocity, acceleration)
     shape = FourierSeries(fundamental, 0.0, a, b)
     lowest, highest, speed, change = shape.peaks()
@@ -153,28 +105,7 @@ def scaled_to_limits(
 
 
 def excitation_cost(matrix: np.ndarray, criterion: str = "condition", *, scales: np.ndarray | None = None) -> float:
-    r"""How badly a motion shows the parameters: less is better.
-
-    Parameters
-    ----------
-    matrix : ndarray, shape (n, p)
-        The regressor W along the motion.
-    criterion : {"condition", "determinant"}
-        The condition number of W, or -log det(W'W / n).
-    scales : ndarray, shape (p,), optional
-        Typical size of each parameter, so that the columns of W are in the unit of the effort. Without them the
-        condition is that of columns of unit length, and the determinant that of W as it is.
-
-    Returns
-    -------
-    float
-        Infinite where the columns are linearly dependent.
-
-    Raises
-    ------
-    ValueError
-        If the criterion is unknown, `matrix` is not finite or has fewer rows than columns, or `scales` do not fit it.
-    """
+    r"""How badly a motion shows the parameters: less is better. `matrix` (n, p); `scales` (p,)."""
     _require_criterion(criterion)
     matrix = np.asarray(matrix, dtype=float)
     if matrix.ndim != 2 or not 0 < matrix.shape[1] <= len(matrix):
@@ -205,40 +136,8 @@ def optimised_fourier(
     is without constraints: the best of a few random shapes is refined by Powell's method, `restarts` times. The search
     is bounded by a count of evaluations, not by the clock: less than a second for 5 harmonics and 7 parameters.
 
-    Parameters
-    ----------
-    regressor : callable
-        ``regressor(position, velocity, acceleration)``, each of shape (n,) in [rad], [rad/s], [rad/s^2], gives the
-        matrix of shape (n, p).
-    fundamental : float
-        [Hz].
-    harmonics : int
-        h, > 0.
-    low, high : float
-        Range of the position [rad].
-    velocity, acceleration : float
-        Largest of each [rad/s], [rad/s^2].
-    rng : numpy.random.Generator
-        Draws the starting shapes.
-    criterion : {"condition", "determinant"}
-        What is made small, see `excitation_cost`; "determinant" is D-optimality [2]_.
-    scales : ndarray, shape (p,), optional
-        Typical size of each parameter, see `excitation_cost`.
-    samples : int
-        Instants per period at which the regressor is evaluated; at least 2 h + 1 and p.
-    restarts : int
-        > 0.
-
-    Returns
-    -------
-    FourierSeries
-        Never worse, at these instants, than any shape it was tried against; no limit is exceeded at any instant.
-
-    Raises
-    ------
-    ValueError
-        If an argument is out of range, the regressor's matrix has another shape than (n, p) or is not finite, or its
-        columns are linearly dependent on every motion tried.
+    `regressor` (n,) [rad], [rad/s], [rad/s^2]; `fundamental` [Hz]; `low`, `high` [rad]; `velocity`,
+    `acceleration` [rad/s], [rad/s^2]; `scales` (p,).
     """
     _require_limits(fundamental, low, high, velocity, acceleration)
     _require_criterion(criterion)
@@ -308,26 +207,7 @@ def play(
     within the series' range, so the range holds always; that speed and acceleration hold is verified on a
     fine grid.
 
-    Parameters
-    ----------
-    series : FourierSeries
-    duration, fs : float
-        [s], [Hz].
-    ease : float, optional
-        How long each easing takes [s]. Without it, the shortest from one to four periods, in quarters, that keeps the
-        limits.
-    velocity, acceleration : float, optional
-        Limits [rad/s], [rad/s^2]; without them, the series' own peaks.
-
-    Returns
-    -------
-    ndarray, shape (n,)
-        [rad]; the first and the last are the centre.
-
-    Raises
-    ------
-    ValueError
-        If an argument is not positive, the easings do not fit into the duration, or a limit would be exceeded.
+    `duration`, `fs` [s], [Hz]; `ease` [s]; `velocity`, `acceleration` [rad/s], [rad/s^2]; gives (n,) [rad].
     """
     _require_positive(duration=duration, fs=fs)
     *_, speed, change = series.peaks()

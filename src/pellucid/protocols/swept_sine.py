@@ -23,31 +23,9 @@ from .._errors import PellucidError
 def swept_sine(
     duration: float, fs: float, *, amplitude: float, start: float, growth: float, literal: bool = False
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Position A sin(phi), velocity and acceleration, by analytic derivatives.
-
-    Parameters
-    ----------
-    duration : float
-        T [s], > 0.
-    fs : float
-        Samples per second [Hz], > 0.
-    amplitude : float
-        A [rad or m].
-    start, growth : float
-        Pulsation at the start, and how much it grows by over the whole duration [rad/s].
-    literal : bool
-        Take the pulsation times the time for the phase, instead of integrating the pulsation.
-
-    Returns
-    -------
-    position, velocity, acceleration : ndarray, each shape (n,), n = round(T fs)
-        [rad or m], per second, per second squared; sample i is at i / fs.
-
-    Raises
-    ------
-    PellucidError
-        If the duration or the rate is not positive.
-    """
+    """Position A sin(phi), velocity and acceleration, by analytic derivatives. `duration` [s]; `fs` [Hz];
+    `amplitude` [rad or m]; `start`, `growth` [rad/s]; gives `position`, `velocity`, `acceleration` (n,) [rad or
+    m]."""
     if not duration > 0.0 or not fs > 0.0:
         raise PellucidError(f"swept sine: duration {duration} s at {fs} Hz; both must be positive")
     time = np.arange(round(duration * fs)) / fs

@@ -14,21 +14,7 @@ PUBLISHED_FREQUENCY = 0.1
 
 
 def two_sines(amplitude: float, *, centre: float = 0.0, frequency: float = PUBLISHED_FREQUENCY) -> FourierSeries:
-    """Two sines of one amplitude, at a frequency and at twice that.
-
-    Parameters
-    ----------
-    amplitude : float
-        C [rad]; the excursion is 1.76 C either way.
-    centre : float
-        [rad]
-    frequency : float
-        Of the slower one [Hz].
-
-    Returns
-    -------
-    FourierSeries
-        Of period 1 / `frequency`.
-    """
+    """Two sines of one amplitude, at a frequency and at twice that. `amplitude` [rad]; `centre` [rad]; `frequency`
+    [Hz]."""
     omega = 2.0 * np.pi * frequency
     return FourierSeries(frequency, centre, amplitude * omega * np.array([1.0, 2.0]), np.zeros(2))

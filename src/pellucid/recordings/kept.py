@@ -31,26 +31,7 @@ class _Unknown(TypeError):
 
 
 def keep(path: Path, made_from: str, result: Any) -> Path | None:
-    """Write a result, whole or not at all; None where it holds what cannot be kept.
-
-    Parameters
-    ----------
-    path : Path
-        Ends in ``.npz``.
-    made_from : str
-        Fingerprint of its inputs.
-    result : dataclass
-        Of this package.
-
-    Returns
-    -------
-    Path or None
-
-    Raises
-    ------
-    OSError
-        If the folder cannot be written.
-    """
+    """Write a result, whole or not at all; None where it holds what cannot be kept."""
     arrays = _Arrays()
     try:
         tree = json.dumps({FRESH: made_from, TREE: arrays.plain(result)}, separators=(",", ":"))
@@ -65,17 +46,7 @@ def keep(path: Path, made_from: str, result: Any) -> Path | None:
 
 
 def read_kept(path: Path, made_from: str) -> Any:
-    """A result, if it was kept and made from just this; None otherwise, also where the file is damaged.
-
-    Parameters
-    ----------
-    path : Path
-    made_from : str
-
-    Returns
-    -------
-    dataclass or None
-    """
+    """A result, if it was kept and made from just this; None otherwise, also where the file is damaged."""
     if not path.is_file():
         return None
     try:

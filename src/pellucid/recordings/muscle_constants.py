@@ -7,22 +7,10 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class MuscleConstants:
-    """One muscle of a musculoskeletal model.
+    """One muscle of a musculoskeletal model."""
 
-    Attributes
-    ----------
-    name : str
-        As the file has it.
-    largest_force : float
-        Isometric, at the optimal length [N].
-    optimal_fibre_length, tendon_slack_length : float
-        [m]
-    pennation : float
-        Of the fibres at their optimal length [rad].
-    """
-
-    name: str
-    largest_force: float
-    optimal_fibre_length: float
+    name: str  # As the file has it
+    largest_force: float  # Isometric, at the optimal length [N]
+    optimal_fibre_length: float  # optimal_fibre_length, tendon_slack_length: [m]
     tendon_slack_length: float
-    pennation: float
+    pennation: float  # Of the fibres at their optimal length [rad]

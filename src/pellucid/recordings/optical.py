@@ -22,36 +22,16 @@ AXES = ("x", "y", "z")
 
 @dataclass(frozen=True, eq=False)
 class OpticalRecording:
-    """Marker trajectories of one trial.
+    """Marker trajectories of one trial."""
 
-    Attributes
-    ----------
-    path : Path
-        The motion capture's file.
-    checksum : str
-        SHA-256 of the file, hexadecimal.
-    time : ndarray, shape (n,)
-        On the motion capture's own clock [s], read-only.
-    markers : Mapping[str, ndarray]
-        Marker to its coordinates along the lab's axes, each shape (n, 3) [m], read-only; NaN in all three where it was
-        lost.
-    down : ndarray, shape (3,)
-        Direction of gravity along the lab's axes, of length 1.
-    carriage : str or None
-        Marker on the slider's carriage, where study.toml names one.
-
-    Raises
-    ------
-    RecordingError
-        If a marker's shape does not fit time's, or the carriage's marker is not among them.
-    """
-
-    path: Path
-    checksum: str
-    time: np.ndarray = field(repr=False)
+    path: Path  # The motion capture's file
+    checksum: str  # SHA-256 of the file, hexadecimal
+    time: np.ndarray = field(repr=False)  # (n,) On the motion capture's own clock [s], read-only
+    # Marker to its coordinates along the lab's axes, each shape (n, 3) [m], read-only; NaN in all three where it was
+    # lost
     markers: Mapping[str, np.ndarray] = field(repr=False)
-    down: np.ndarray
-    carriage: str | None = None
+    down: np.ndarray  # (3,) Direction of gravity along the lab's axes, of length 1
+    carriage: str | None = None  # Marker on the slider's carriage, where study.toml names one
 
     def __post_init__(self):
         n = len(self.time)
@@ -86,30 +66,7 @@ class OpticalRecording:
 def read_optical(
     columns: Columns, digest: str, time: np.ndarray, spec: Optical, carriage: str | None
 ) -> OpticalRecording:
-    """Markers from a file's columns, in metres.
-
-    Parameters
-    ----------
-    columns : Columns
-        Of the motion capture's file.
-    digest : str
-        The file's SHA-256, hexadecimal.
-    time : ndarray, shape (n,)
-        The motion capture's clock [s].
-    spec : Optical
-        What study.toml says of the columns.
-    carriage : str or None
-        Marker on the slider's carriage.
-
-    Returns
-    -------
-    OpticalRecording
-
-    Raises
-    ------
-    RecordingError
-        If a marker's column is missing or of another length; names file, marker, found and expected.
-    """
+    """Markers from a file's columns, in metres. `time` (n,) [s]."""
     markers = {}
     for marker in spec.markers:
         stored = [columns.column(spec.column(marker, axis), f"of marker {marker}") for axis in AXES]

@@ -106,18 +106,6 @@ def inspect(recording: Recording, study: Study) -> list[Fault]:
     """Find what is wrong with a recording, the refusing faults first.
 
     A reversed sign or too little excitation shows only in a regression; identification looks for those.
-
-    Parameters
-    ----------
-    recording : Recording
-        One of the study's.
-    study : Study
-        Whose rig, channels and processing say what is expected.
-
-    Returns
-    -------
-    list of Fault
-        Empty for a sound recording.
     """
     faults: list[Fault] = []
 
@@ -143,13 +131,7 @@ def inspect(recording: Recording, study: Study) -> list[Fault]:
 
 
 def require_sound(recording: Recording, study: Study) -> None:
-    """Do nothing for a recording without a refusing fault.
-
-    Raises
-    ------
-    RecordingError
-        With every refusing fault, one a line.
-    """
+    """Do nothing for a recording without a refusing fault."""
     refused = [fault.message for fault in inspect(recording, study) if fault.severity == "refuse"]
     if refused:
         raise RecordingError("\n".join(refused))

@@ -51,18 +51,10 @@ class Channel:
 
 @dataclass(frozen=True)
 class Payload:
-    """A known mass fixed to the moving segment.
+    """A known mass fixed to the moving segment."""
 
-    Attributes
-    ----------
-    mass : float
-        [kg]
-    distance : float
-        From the joint's axis to the mass's centre [m]; 0 for a prismatic joint.
-    """
-
-    mass: float
-    distance: float = 0.0
+    mass: float  # [kg]
+    distance: float = 0.0  # From the joint's axis to the mass's centre [m]; 0 for a prismatic joint
 
 
 @dataclass(frozen=True, eq=False)

@@ -19,38 +19,15 @@ SPLITS = ("fitted", "heldout", "simulated")
 
 @dataclass(frozen=True)
 class ResultRow:
-    """One figure.
+    """One figure."""
 
-    Attributes
-    ----------
-    id : str
-        ``<study name>.<what>...``, once in a file.
-    value : float, int or None
-        In `unit`; None where the figure could not be had, with a note that says why.
-    unit : str
-        Plain text; ``"1"`` for none.
-    command : str
-        Which command wrote it.
-    split : str
-        ``"fitted"``, ``"heldout"`` or ``"simulated"``.
-    data_checksum : str or None
-        SHA-256 of what it was computed from.
-    note : str
-        Remark for a reader.
-
-    Raises
-    ------
-    RecordingError
-        If the split or the unit is none of these, or the value is no number.
-    """
-
-    id: str
-    value: float | int | None
-    unit: str
-    command: str
-    split: str
-    data_checksum: str | None = None
-    note: str = ""
+    id: str  # ``<study name>.<what>...``, once in a file
+    value: float | int | None  # In `unit`; None where the figure could not be had, with a note that says why
+    unit: str  # Plain text; ``"1"`` for none
+    command: str  # Which command wrote it
+    split: str  # ``"fitted"``, ``"heldout"`` or ``"simulated"``
+    data_checksum: str | None = None  # SHA-256 of what it was computed from
+    note: str = ""  # Remark for a reader
 
     def __post_init__(self):
         if self.split not in SPLITS:
@@ -73,27 +50,7 @@ def checksum_of_all(checksums: Iterable[str]) -> str:
 
 
 def write_rows(path: str | os.PathLike, command: str, rows: Iterable[ResultRow]) -> tuple[ResultRow, ...]:
-    """Put a command's rows in place of those it wrote before; all other rows stay.
-
-    Parameters
-    ----------
-    path : path-like
-        results.json; made if it is not there. It is replaced as a whole or not at all.
-    command : str
-        The command; every row must name it.
-    rows : iterable of ResultRow
-        Its rows. A value that is not finite is written as null, with a note.
-
-    Returns
-    -------
-    tuple of ResultRow
-        All rows of the file.
-
-    Raises
-    ------
-    RecordingError
-        If a row names another command, an id occurs twice, or the file there is not readable.
-    """
+    """Put a command's rows in place of those it wrote before; all other rows stay."""
     path = Path(path)
     rows = tuple(_finite(row) for row in rows)
     for row in rows:
@@ -114,22 +71,7 @@ def write_rows(path: str | os.PathLike, command: str, rows: Iterable[ResultRow])
 
 
 def read_rows(path: str | os.PathLike) -> list[ResultRow]:
-    """Rows of a results.json, in its order.
-
-    Parameters
-    ----------
-    path : path-like
-        The file.
-
-    Returns
-    -------
-    list of ResultRow
-
-    Raises
-    ------
-    RecordingError
-        If the file is missing, half-written, or holds something else.
-    """
+    """Rows of a results.json, in its order."""
     path = Path(path)
     try:
         content: Any = json.loads(path.read_text(encoding="utf-8"))

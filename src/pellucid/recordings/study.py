@@ -214,24 +214,7 @@ class Study:
 
 
 def open_folder(folder: str | os.PathLike, model: type[StudyFile] | None = None) -> Study:
-    """Open a study's folder; recordings are read when they are asked for.
-
-    Parameters
-    ----------
-    folder : path-like
-        Folder with a study.toml in it.
-    model : type, optional
-        Of `study_file_model`; without procedures if left out.
-
-    Returns
-    -------
-    Study
-
-    Raises
-    ------
-    StudyError
-        If study.toml is missing or cannot be understood.
-    """
+    """Open a study's folder; recordings are read when they are asked for."""
     from .study_file import StudyFile, parse_study_file
 
     folder = Path(folder)

@@ -790,17 +790,7 @@ OF_A_JOINT = frozenset(
 
 
 def channel_unit(name: str, units: Mapping[str, Any], given: str | None = None) -> str | None:
-    """SI unit a channel must have, by its name; None where any unit is meaningful.
-
-    Parameters
-    ----------
-    name : str
-        ``"position"``, ``"position.elbow"``, ``"emg.biceps"``, ``"imu.acceleration.x"``, ``"moment.knee"``.
-    units : Mapping
-        The rig's, from `rig_units`.
-    given : str, optional
-        What study.toml says: an EMG is a voltage, or an envelope that was made relative already.
-    """
+    """SI unit a channel must have, by its name; None where any unit is meaningful."""
     fixed = {
         "time": "s", "position": "<coordinate>", "reference": "<reference>", "velocity": "<velocity>",
         "acceleration": "<acceleration>", "current": "A", "voltage": "V", "duty": "1", "supply": "V", "torque": "N*m",
@@ -891,25 +881,7 @@ def _joint_units(rig: Mapping[str, Any], channels: Collection[str]) -> dict[str,
 
 
 def parse_study_file(path: Path, model: type[StudyFile] = StudyFile) -> StudyFile:
-    """Read and check a study.toml.
-
-    Parameters
-    ----------
-    path : Path
-        The file.
-    model : type
-        Of `study_file_model`: what it may ask for.
-
-    Returns
-    -------
-    StudyFile
-
-    Raises
-    ------
-    StudyError
-        If the file is missing, is not TOML, or says something that cannot be understood. The message names the file,
-        the line where it is findable, what was found and what was expected, for every problem at once.
-    """
+    """Read and check a study.toml."""
     import tomllib
 
     try:

@@ -12,22 +12,7 @@ from .study import Study
 
 
 def read_muscle_constants(path: Path) -> dict[str, MuscleConstants]:
-    """Constants of all muscles of a file, by the names it has for them.
-
-    Parameters
-    ----------
-    path : Path
-        An OpenSim model (``.osim``) or a CEINMS subject (``.xml``).
-
-    Returns
-    -------
-    dict of str to MuscleConstants
-
-    Raises
-    ------
-    RecordingError
-        If the file is missing, damaged, of another kind, or holds no muscle.
-    """
+    """Constants of all muscles of a file, by the names it has for them."""
     path = Path(path)
     if path.suffix.lower() == ".osim":
         return read_model(path)
@@ -39,23 +24,7 @@ def read_muscle_constants(path: Path) -> dict[str, MuscleConstants]:
 
 
 def study_muscles(study: Study) -> dict[str, MuscleConstants]:
-    """Constants of a study's muscles, by the study's own names.
-
-    Parameters
-    ----------
-    study : Study
-        With a table ``[emg_torque]``.
-
-    Returns
-    -------
-    dict of str to MuscleConstants
-        Those that ``muscle_names`` lists, or all of ``muscle_file`` under its names; empty without such a file.
-
-    Raises
-    ------
-    RecordingError
-        If the file is not fit to be read, or lacks a muscle.
-    """
+    """Constants of a study's muscles, by the study's own names. `study` [emg_torque]."""
     spec = study.config.emg_torque
     if spec is None or spec.muscle_file is None:
         return {}

@@ -17,23 +17,7 @@ _KEY = re.compile(r"""\s*((?:[A-Za-z0-9_-]+|"[^"]*"|'[^']*')(?:\s*\.\s*(?:[A-Za-
 
 
 def explain(error: ValidationError, path: Path, text: str, root: type[BaseModel]) -> str:
-    """One line per problem: file, line, table and key, what was found and expected.
-
-    Parameters
-    ----------
-    error : ValidationError
-        What Pydantic found.
-    path : Path
-        The file, for the message.
-    text : str
-        Its content, to find lines in.
-    root : type
-        Model of the whole file, to find the nearest valid key in.
-
-    Returns
-    -------
-    str
-    """
+    """One line per problem: file, line, table and key, what was found and expected."""
     lines = []
     for problem in error.errors(include_url=False):
         where = tuple(
@@ -63,15 +47,7 @@ def spell(where: tuple[str | int, ...]) -> str:
 
 
 def line_of(text: str, where: tuple[str | int, ...]) -> int | None:
-    """1-based line of the deepest part of `where` that is written in `text`; None if no part is.
-
-    Parameters
-    ----------
-    text : str
-        A TOML file.
-    where : tuple of str or int
-        Keys, with the index of an array's table after its name.
-    """
+    """1-based line of the deepest part of `where` that is written in `text`; None if no part is."""
     wanted: list[str] = []
     for part in where:
         wanted.extend(str(part).split(".") if isinstance(part, str) else [str(part)])

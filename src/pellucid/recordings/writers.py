@@ -12,25 +12,8 @@ from .recording import Channel
 
 
 def write_csv(path: str | os.PathLike, channels: Mapping[str, Channel]) -> Path:
-    """Write channels as a comma-separated table, one column each under the channel's name.
-
-    Parameters
-    ----------
-    path : path-like
-        File to write, whole or not at all.
-    channels : Mapping[str, Channel]
-        All of one length n, ``"time"`` among them; as in `Recording.channels`.
-
-    Returns
-    -------
-    Path
-        The file. Its first line is a comment with the SI units; every number reads back to the same bits.
-
-    Raises
-    ------
-    RecordingError
-        If there is no time, or channels differ in length.
-    """
+    """Write channels as a comma-separated table, one column each under the channel's name. `channels` [str,
+    Channel]."""
     if "time" not in channels:
         raise RecordingError(f"{path}: no channel time to write, found {', '.join(channels) or 'none'}")
     names = ["time", *(name for name in channels if name != "time")]

@@ -37,20 +37,11 @@ ORDERED = 0.5
 
 @dataclass(frozen=True)
 class Strays:
-    """Movements that end nearer to another label than to their own.
+    """Movements that end nearer to another label than to their own."""
 
-    Attributes
-    ----------
-    wrong : ndarray, shape (n,), bool
-    nearest : ndarray, shape (n,)
-        The label that each movement ends nearest to [rad].
-    mislabelled : str
-        Why they are labelled wrongly; empty where people may just have missed.
-    """
-
-    wrong: np.ndarray
-    nearest: np.ndarray
-    mislabelled: str
+    wrong: np.ndarray  # (n,)
+    nearest: np.ndarray  # (n,) The label that each movement ends nearest to [rad]
+    mislabelled: str  # Why they are labelled wrongly; empty where people may just have missed
 
     def commonest(self, label: np.ndarray) -> str:
         """The commonest mistake of movements with these labels [rad], in words."""
@@ -60,19 +51,8 @@ class Strays:
 
 
 def strays(reach: np.ndarray, label: np.ndarray, labels: np.ndarray) -> Strays:
-    """Movements nearer to another label than to their own, and whether that is the labels' fault.
-
-    Parameters
-    ----------
-    reach, label : ndarray, shape (n,)
-        How far movements went and were to go, without sign [rad].
-    labels : ndarray, shape (k,)
-        All amplitudes that the study labels, increasing, without sign [rad].
-
-    Returns
-    -------
-    Strays
-    """
+    """Movements nearer to another label than to their own, and whether that is the labels' fault. `reach`, `label`
+    (n,) [rad]; `labels` (k,) [rad]."""
     nearest = labels[np.argmin(np.abs(reach[:, None] - labels[None, :]), axis=1)]
     wrong = np.abs(nearest - label) > OWN
     if len(labels) > RANDOM:

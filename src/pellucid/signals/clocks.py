@@ -17,26 +17,15 @@ FEWEST = 20  # samples that both records must share
 
 @dataclass(frozen=True)
 class Alignment:
-    """How one signal lies against another: late(t + delay) = gain * early(t) + offset.
+    """How one signal lies against another: late(t + delay) = gain * early(t) + offset."""
 
-    Attributes
-    ----------
-    delay, delay_error : float
-        How much later the second instrument's clock, or its signal, is, and the standard error [s].
-    gain, offset : float
-        Between the two signals.
-    correlation : float
-        Once aligned.
-    at : float
-        Middle of the stretch compared, on the first clock [s].
-    """
-
+    # delay, delay_error: How much later the second instrument's clock, or its signal, is, and the standard error [s]
     delay: float
     delay_error: float
-    gain: float
+    gain: float  # gain, offset: Between the two signals
     offset: float
-    correlation: float
-    at: float
+    correlation: float  # Once aligned
+    at: float  # Middle of the stretch compared, on the first clock [s]
 
 
 def best_delay(
@@ -75,24 +64,7 @@ def align(
     A grid over the delays finds the right swing, least squares on a cubic spline the fraction of a sample. The standard
     error allows for coloured misfit.
 
-    Parameters
-    ----------
-    time, rate : ndarray, shape (n,)
-        Reference clock [s] and signal, an angular rate rather than an angle: it has no offset to mistake for a delay.
-    other_time, other_rate : ndarray, shape (m,)
-        The same seen by the other instrument, on its clock.
-    longest : float
-        Delays searched, either way [s].
-
-    Returns
-    -------
-    Alignment
-        `delay` is positive where the other instrument shows the same later.
-
-    Raises
-    ------
-    RecordingError
-        If the records share too little time, one of them does not change, or they are not of the same motion.
+    `time`, `rate` (n,) [s]; `other_time`, `other_rate` (m,); `longest` [s].
     """
     inside = (time >= other_time[0] + longest) & (time <= other_time[-1] - longest) & np.isfinite(rate)
     if inside.sum() < FEWEST:
@@ -127,23 +99,7 @@ def align(
 
 
 def clock_drift(first: Alignment, second: Alignment) -> tuple[float, float]:
-    """How much faster the other clock runs, from two alignments.
-
-    Parameters
-    ----------
-    first, second : Alignment
-        Of an earlier and a later stretch.
-
-    Returns
-    -------
-    drift, standard_error : float
-        Seconds per second.
-
-    Raises
-    ------
-    RecordingError
-        If both are of the same time.
-    """
+    """How much faster the other clock runs, from two alignments."""
     apart = second.at - first.at
     if apart == 0.0:
         raise RecordingError("alignment: a clock's drift needs two stretches at different times, found one")

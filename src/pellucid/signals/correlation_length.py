@@ -6,19 +6,7 @@ import numpy as np
 
 
 def correlation_length(misfit: np.ndarray) -> float:
-    """Samples that share one independent value: the integrated autocorrelation up to its first zero.
-
-    Parameters
-    ----------
-    misfit : ndarray, shape (n,) or (n, k)
-        Columns are taken together. No more than the square root of n is returned: a record of a few such stretches
-        cannot tell their length.
-
-    Returns
-    -------
-    float
-        At least 1.
-    """
+    """Samples that share one independent value: the integrated autocorrelation up to its first zero. `misfit` (n,)."""
     misfit = np.asarray(misfit, float).reshape(len(misfit), -1)
     n = len(misfit)
     spectrum = np.abs(np.fft.rfft(misfit - misfit.mean(axis=0), 2 * n, axis=0)) ** 2

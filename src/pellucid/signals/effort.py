@@ -14,21 +14,11 @@ from ..recordings.study_file import Drive, JointTable
 
 @dataclass(frozen=True)
 class DriveModel:
-    """tau = gain * command - back_emf * velocity.
+    """tau = gain * command - back_emf * velocity."""
 
-    Parameters
-    ----------
-    gain : float
-        Effort per unit of the command channel (1 where the constant is unknown).
-    back_emf : float
-        Effort per velocity that a voltage drive loses to its own motion [N*m*s/rad or N*s/m].
-    effort_unit : str
-        "N*m", "N", or the command's own unit "A" or "V" where the constant is unknown.
-    """
-
-    gain: float
-    back_emf: float
-    effort_unit: str
+    gain: float  # Effort per unit of the command channel (1 where the constant is unknown)
+    back_emf: float  # Effort per velocity that a voltage drive loses to its own motion [N*m*s/rad or N*s/m]
+    effort_unit: str  # "N*m", "N", or the command's own unit "A" or "V" where the constant is unknown
 
 
 def drive_model(rig: JointTable) -> DriveModel:
@@ -36,14 +26,6 @@ def drive_model(rig: JointTable) -> DriveModel:
 
     A voltage drive with resistance R and joint-side constant K = gear ratio x torque constant gives
     tau = K/R u - K^2/R v; without R the constant is effort per volt (an amplifier that controls current).
-
-    Parameters
-    ----------
-    rig : JointTable
-
-    Returns
-    -------
-    DriveModel
     """
     drive: Drive = rig.drive
     si = {"rotary": "N*m", "prismatic": "N"}[rig.motion]
@@ -59,22 +41,7 @@ def drive_model(rig: JointTable) -> DriveModel:
 
 def command_of(recording: Recording, rig: JointTable) -> np.ndarray:
     """The drive's command as recorded: torque, current, or voltage (duty times supply where only duty is recorded).
-
-    Parameters
-    ----------
-    recording : Recording
-    rig : JointTable
-
-    Returns
-    -------
-    ndarray, shape (n,)
-        [N*m], [N], [A] or [V].
-
-    Raises
-    ------
-    RecordingError
-        If the recording has none of the channels this kind of drive needs.
-    """
+    Gives (n,) [N*m], [N], [A], [V]."""
     drive = rig.drive
     for name in DRIVE_CHANNELS[drive.kind]:
         if name in recording and name != "duty":

@@ -21,29 +21,16 @@ KINDS = (*FILTERS, "centre", "rectify", "normalise", "advance")
 
 @dataclass(frozen=True)
 class Stage:
-    """One step of a chain.
+    """One step of a chain."""
 
-    Parameters
-    ----------
-    kind : str
-        ``"notch"``, ``"highpass"``, ``"lowpass"`` or ``"bandpass"`` (Butterworth but for the notch); ``"centre"``
-        (less the mean), ``"rectify"`` (full wave), ``"normalise"`` (by the largest value) or ``"advance"`` (each sample
-        is compared with a motion that comes later).
-    cutoff : tuple of float
-        -3 dB frequencies of one pass, or the notch's centre [Hz].
-    order : int
-        Of one pass, as filter design functions take it: a band-pass then has twice as many poles.
-    quality : float
-        Of the notch: its centre over its width [1].
-    seconds : float
-        By which EMG is taken earlier than the motion it goes with [s].
-    """
-
+    # ``"notch"``, ``"highpass"``, ``"lowpass"`` or ``"bandpass"`` (Butterworth but for the notch); ``"centre"`` (less
+    # the mean), ``"rectify"`` (full wave), ``"normalise"`` (by the largest value) or ``"advance"`` (each sample is
+    # compared with a motion that comes later)
     kind: str
-    cutoff: tuple[float, ...] = ()
-    order: int = 2
-    quality: float = 30.0
-    seconds: float = 0.0
+    cutoff: tuple[float, ...] = ()  # -3 dB frequencies of one pass, or the notch's centre [Hz]
+    order: int = 2  # Of one pass, as filter design functions take it: a band-pass then has twice as many poles
+    quality: float = 30.0  # Of the notch: its centre over its width [1]
+    seconds: float = 0.0  # By which EMG is taken earlier than the motion it goes with [s]
 
     def __post_init__(self):
         expected = {"notch": 1, "highpass": 1, "lowpass": 1, "bandpass": 2}.get(self.kind, 0)
@@ -74,38 +61,14 @@ class Stage:
 
 @dataclass(frozen=True)
 class EmgChain:
-    """Stages in the order in which samples pass them.
-
-    Parameters
-    ----------
-    name : str
-    stages : tuple of Stage
-    source : str
-        Where it was published, and what had to be decided where that is silent.
-    """
+    """Stages in the order in which samples pass them."""
 
     name: str
     stages: tuple[Stage, ...]
-    source: str = ""
+    source: str = ""  # Where it was published, and what had to be decided where that is silent
 
     def with_lowpass(self, cutoff: float | None = None, order: int | None = None) -> EmgChain:
-        """The same chain with another last low-pass.
-
-        Parameters
-        ----------
-        cutoff : float, optional
-            [Hz]
-        order : int, optional
-
-        Returns
-        -------
-        EmgChain
-
-        Raises
-        ------
-        RecordingError
-            If it has none.
-        """
+        """The same chain with another last low-pass. `cutoff` [Hz]."""
         places = [i for i, stage in enumerate(self.stages) if stage.kind == "lowpass"]
         if not places:
             raise RecordingError(f"EMG chain {self.name}: found no low-pass, expected one to change")
@@ -115,27 +78,8 @@ class EmgChain:
         return replace(self, stages=stages)
 
     def zero_phase(self, samples: np.ndarray, fs: float, *, maximum: float | None = None) -> np.ndarray:
-        """Envelope for analysis: every filter runs forwards and backwards, so that nothing is late.
-
-        Parameters
-        ----------
-        samples : ndarray, shape (n,)
-            Raw EMG [V].
-        fs : float
-            Their rate [Hz].
-        maximum : float, optional
-            What 1 stands for, in the envelope's unit before it is made relative: the largest value of a maximal
-            contraction. Left out, that of these samples.
-
-        Returns
-        -------
-        ndarray, shape (n,)
-
-        Raises
-        ------
-        RecordingError
-            If a cut-off does not fit the rate, a sample is missing, or there are too few of them.
-        """
+        """Envelope for analysis: every filter runs forwards and backwards, so that nothing is late. `samples` (n,)
+        [V]; `fs` [Hz]; gives (n,)."""
         x = self._checked(samples, fs)
         for stage in self.stages:
             if stage.kind in FILTERS:
@@ -152,26 +96,8 @@ class EmgChain:
         return x
 
     def causal(self, samples: np.ndarray, fs: float, *, maximum: float | None = None) -> np.ndarray:
-        """Envelope as it is had in real time: late by what `delay` says, from filters at rest.
-
-        Parameters
-        ----------
-        samples : ndarray, shape (n,)
-            Raw EMG [V].
-        fs : float
-            Their rate [Hz].
-        maximum : float, optional
-            As in `zero_phase`; a chain that makes relative needs it, since it cannot know the largest value to come.
-
-        Returns
-        -------
-        ndarray, shape (n,)
-
-        Raises
-        ------
-        RecordingError
-            As `zero_phase`, and if the maximum is needed and not given.
-        """
+        """Envelope as it is had in real time: late by what `delay` says, from filters at rest. `samples` (n,) [V];
+        `fs` [Hz]; gives (n,)."""
         x = self._checked(samples, fs)
         for stage in self.stages:
             if stage.kind in FILTERS:
@@ -181,43 +107,13 @@ class EmgChain:
         return x
 
     def stream(self, fs: float, *, maximum: float | None = None) -> EmgStream:
-        """The causal chain for samples that come one after another.
-
-        Parameters
-        ----------
-        fs : float
-            Their rate [Hz].
-        maximum : float, optional
-            As in `causal`.
-
-        Returns
-        -------
-        EmgStream
-
-        Raises
-        ------
-        RecordingError
-            As `causal`.
-        """
+        """The causal chain for samples that come one after another. `fs` [Hz]."""
         self.require_rate(fs)
         self._require_maximum(maximum, causal=True)
         return EmgStream(self, fs, maximum)
 
     def delay(self, fs: float, *, carrier: float = 100.0) -> ChainDelay:
-        """By how much the causal chain is late, from its filters' coefficients.
-
-        Parameters
-        ----------
-        fs : float
-            [Hz]
-        carrier : float
-            Where surface EMG has its power [Hz]; before it is rectified, a filter delays the envelope by its group
-            delay there.
-
-        Returns
-        -------
-        ChainDelay
-        """
+        """By how much the causal chain is late, from its filters' coefficients. `fs` [Hz]; `carrier` [Hz]."""
         self.require_rate(fs)
         rectified = self._rectified_at()
         before = sum(group_delay(s.sections(fs), carrier, fs) for s in self.stages[:rectified])
@@ -225,20 +121,7 @@ class EmgChain:
         return ChainDelay(before, after, sum(s.seconds for s in self.stages))
 
     def require_rate(self, fs: float, where: str = "") -> None:
-        """Do nothing for a rate that the chain's filters fit into.
-
-        Parameters
-        ----------
-        fs : float
-            [Hz]
-        where : str
-            File and channel, for the message.
-
-        Raises
-        ------
-        RecordingError
-            If a cut-off is not below half the rate.
-        """
+        """Do nothing for a rate that the chain's filters fit into. `fs` [Hz]."""
         highest = max((c for stage in self.stages for c in stage.cutoff), default=0.0)
         if not (np.isfinite(fs) and fs > 2.0 * highest):
             raise RecordingError(
@@ -307,17 +190,7 @@ class EmgStream:
                 self._steps.append(_Share(maximum))
 
     def filter(self, samples: np.ndarray) -> np.ndarray:
-        """Envelope of the samples that come next.
-
-        Parameters
-        ----------
-        samples : ndarray, shape (n,)
-            Raw EMG [V]; n may be 0.
-
-        Returns
-        -------
-        ndarray, shape (n,)
-        """
+        """Envelope of the samples that come next. `samples` (n,) [V]; gives (n,)."""
         x = np.asarray(samples, dtype=np.float64)
         for step in self._steps:
             x = step(x) if callable(step) else step.filter(x)
@@ -396,22 +269,7 @@ CHAINS = {
 
 
 def emg_chain(name: str) -> EmgChain:
-    """One of the published chains.
-
-    Parameters
-    ----------
-    name : str
-        ``"able"``, ``"knee"`` or ``"hill"``.
-
-    Returns
-    -------
-    EmgChain
-
-    Raises
-    ------
-    RecordingError
-        If there is no such chain.
-    """
+    """One of the published chains."""
     if name not in CHAINS:
         raise RecordingError(f"EMG chain: found {name!r}, expected one of {', '.join(CHAINS)}")
     return CHAINS[name]

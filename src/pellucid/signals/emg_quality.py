@@ -50,21 +50,7 @@ RATE_TOLERANCE = 0.01
 
 
 def require_rate(recording: Recording, channel: str, declared: float) -> None:
-    """Do nothing where the file's clock agrees with what its rate is said to be.
-
-    Parameters
-    ----------
-    recording : Recording
-    channel : str
-        For the message.
-    declared : float
-        [Hz]
-
-    Raises
-    ------
-    RecordingError
-        If they differ by more than `RATE_TOLERANCE`.
-    """
+    """Do nothing where the file's clock agrees with what its rate is said to be. `declared` [Hz]."""
     if abs(recording.fs - declared) > RATE_TOLERANCE * declared:
         raise RecordingError(
             f"{_where(recording, channel)}: found {recording.fs:.5g} Hz on the file's own clock, expected {declared:g} "
@@ -73,21 +59,7 @@ def require_rate(recording: Recording, channel: str, declared: float) -> None:
 
 
 def inspect_emg(recording: Recording, *, mains: float = 50.0) -> list[Fault]:
-    """Find what is wrong with the EMG channels of one file, the refusing faults first.
-
-    Parameters
-    ----------
-    recording : Recording
-        Its channels ``emg.<muscle>`` count: raw where their unit is V, relative envelopes where it is 1.
-    mains : float
-        Frequency of the mains [Hz].
-
-    Returns
-    -------
-    list of Fault
-        Of the kinds ``"missing_samples"``, ``"detached_electrode"``, ``"mains_hum"``, ``"clipped"`` and
-        ``"normalisation"``.
-    """
+    """Find what is wrong with the EMG channels of one file, the refusing faults first. `mains` [Hz]."""
     faults: list[Fault] = []
     for name, channel in recording.channels.items():
         if not name.startswith("emg."):
@@ -111,19 +83,7 @@ def inspect_emg(recording: Recording, *, mains: float = 50.0) -> list[Fault]:
 
 def contrast_faults(recording: Recording, envelopes: Mapping[str, np.ndarray]) -> list[Fault]:
     """Muscles whose envelope hardly differs between rest and activity of a recording that should have both.
-
-    Parameters
-    ----------
-    recording : Recording
-        For the message.
-    envelopes : Mapping of str to ndarray, shape (n,)
-        By muscle, settled.
-
-    Returns
-    -------
-    list of Fault
-        Notes of the kind ``"low_contrast"``.
-    """
+    `envelopes` (n,)."""
     found = []
     for muscle, envelope in envelopes.items():
         rest, active = np.quantile(envelope, (0.05, 0.95))
@@ -144,23 +104,7 @@ def relaxed_faults(
     rest: Mapping[str, float],
     maximum: Mapping[str, float],
 ) -> list[Fault]:
-    """Muscles at work in a recording during which the wearer was to be relaxed.
-
-    Parameters
-    ----------
-    recording : Recording
-        The relaxed one.
-    envelopes : Mapping of str to ndarray, shape (n,)
-        Its envelopes by muscle, settled.
-    rest, maximum : Mapping of str to float
-        The same muscles' envelope at rest and in a maximal contraction, from other recordings; as `resting_level` and
-        the largest value find them.
-
-    Returns
-    -------
-    list of Fault
-        Refusing, of the kind ``"not_relaxed"``.
-    """
+    """Muscles at work in a recording during which the wearer was to be relaxed. `envelopes` (n,)."""
     found = []
     for muscle, envelope in envelopes.items():
         span = maximum[muscle] - rest[muscle]
@@ -181,40 +125,15 @@ def relaxed_faults(
 
 
 def resting_level(envelopes: Sequence[np.ndarray]) -> float:
-    """A muscle's envelope at rest: the smallest tenth percentile over recordings that have rest in them.
-
-    Parameters
-    ----------
-    envelopes : sequence of ndarray, each of shape (n,)
-        Of one muscle, settled.
-
-    Returns
-    -------
-    float
-    """
+    """A muscle's envelope at rest: the smallest tenth percentile over recordings that have rest in them. `envelopes`
+    (n,)."""
     return min(float(np.quantile(envelope, 0.1)) for envelope in envelopes)
 
 
 def swapped_faults(
     recording: Recording, flexor: str, extensor: str, envelopes: Mapping[str, np.ndarray], torque: np.ndarray
 ) -> list[Fault]:
-    """Electrodes of a flexor and an extensor put the wrong way round.
-
-    Parameters
-    ----------
-    recording : Recording
-    flexor, extensor : str
-        Muscles; the flexor's torque is positive.
-    envelopes : Mapping of str to ndarray, shape (n,)
-        By muscle, on the torque's clock.
-    torque : ndarray, shape (n,)
-        Of the joint [N m].
-
-    Returns
-    -------
-    list of Fault
-        Refusing, of the kind ``"swapped_channels"``, where the flexor falls with the torque and the extensor rises.
-    """
+    """Electrodes of a flexor and an extensor put the wrong way round. `envelopes` (n,); `torque` (n,) [N m]."""
     if np.std(torque) == 0.0 or any(np.std(envelopes[m]) == 0.0 for m in (flexor, extensor)):
         return []
     pull, push = (float(np.corrcoef(envelopes[m], torque)[0, 1]) for m in (flexor, extensor))
@@ -254,20 +173,8 @@ def _raw_faults(recording: Recording, name: str, x: np.ndarray, mains: float) ->
 
 
 def hum_share(samples: np.ndarray, fs: float, mains: float = 50.0) -> float:
-    """Share of the power above 10 Hz that lies within 1 Hz of the mains and its next four harmonics.
-
-    Parameters
-    ----------
-    samples : ndarray, shape (n,)
-        Raw EMG [V].
-    fs, mains : float
-        Rate, and the mains' frequency [Hz].
-
-    Returns
-    -------
-    float
-        0 to 1; 0 where the rate holds no mains, or there is no second of samples.
-    """
+    """Share of the power above 10 Hz that lies within 1 Hz of the mains and its next four harmonics. `samples` (n,)
+    [V]; `fs`, `mains` [Hz]."""
     if len(samples) < fs or fs <= 2.0 * (mains + 1.0):
         return 0.0
     frequency, power = signal.welch(samples, fs, nperseg=min(len(samples), round(2.0 * fs)), detrend="linear")

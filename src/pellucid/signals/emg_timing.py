@@ -51,41 +51,21 @@ PARTED = 0.1
 
 @dataclass(frozen=True)
 class EmgLead:
-    """By how much activity leads the motion.
+    """By how much activity leads the motion."""
 
-    Attributes
-    ----------
-    lead : float
-        Positive where EMG comes first [s].
-    correlation : float
-        Between activity and what motion explains of it, at that lead.
-    plausible : bool
-        False where the signals agree clearly, and clearly better at a lead that no muscle has.
-    """
-
-    lead: float
-    correlation: float
-    plausible: bool
+    lead: float  # Positive where EMG comes first [s]
+    correlation: float  # Between activity and what motion explains of it, at that lead
+    plausible: bool  # False where the signals agree clearly, and clearly better at a lead that no muscle has
 
 
 @dataclass(frozen=True)
 class EmgDrift:
-    """How EMG's clock runs apart from the motion's.
+    """How EMG's clock runs apart from the motion's."""
 
-    Attributes
-    ----------
-    drift, error : float
-        By how much the lead grows, and its standard error [s/s].
-    seconds : float
-        That both recorded.
-    parts : int
-        In which a lead was seen.
-    """
-
-    drift: float
+    drift: float  # drift, error: By how much the lead grows, and its standard error [s/s]
     error: float
-    seconds: float
-    parts: int
+    seconds: float  # That both recorded
+    parts: int  # In which a lead was seen
 
     @property
     def total(self) -> float:
@@ -100,22 +80,7 @@ class EmgDrift:
 
 
 def emg_lead(time: np.ndarray, activity: np.ndarray, motion: Kinematics) -> EmgLead | None:
-    """Compare activity with what it is there for: weight, speed and acceleration.
-
-    Parameters
-    ----------
-    time : ndarray, shape (m,)
-        EMG's clock [s].
-    activity : ndarray, shape (m,) or (m, g)
-        Rectified EMG, summed over muscles that work together, in any unit.
-    motion : Kinematics
-        On the recording's clock.
-
-    Returns
-    -------
-    EmgLead or None
-        None where both have less than ten seconds in common, or one of them does not change.
-    """
+    """Compare activity with what it is there for: weight, speed and acceleration. `time` (m,) [s]; `activity` (m,)."""
     both = _compared(time, activity, motion)
     if both is None:
         return None
@@ -135,17 +100,6 @@ def emg_drift(time: np.ndarray, activity: np.ndarray, motion: Kinematics) -> Emg
 
     What motion explains in short parts, each at its own lag, is added up along straight lines over time; the line with
     the largest sum is made finer by the best lag of every part next to it.
-
-    Parameters
-    ----------
-    time, activity
-        As for `emg_lead`.
-    motion : Kinematics
-
-    Returns
-    -------
-    EmgDrift or None
-        None for less than two minutes, or where a lead cannot be seen in most parts.
     """
     both = _compared(time, activity, motion)
     if both is None or len(both[0]) < 120.0 * RATE:

@@ -9,21 +9,11 @@ import numpy as np
 
 @dataclass(frozen=True)
 class ChainDelay:
-    """Where a causal chain's delay comes from.
+    """Where a causal chain's delay comes from."""
 
-    Attributes
-    ----------
-    carrier : float
-        Of the filters before rectification, at the carrier's frequency [s].
-    envelope : float
-        Of the filters after it, for slow changes [s].
-    advance : float
-        By which EMG is taken early on purpose [s].
-    """
-
-    carrier: float
-    envelope: float
-    advance: float
+    carrier: float  # Of the filters before rectification, at the carrier's frequency [s]
+    envelope: float  # Of the filters after it, for slow changes [s]
+    advance: float  # By which EMG is taken early on purpose [s]
 
     @property
     def filters(self) -> float:
@@ -37,17 +27,7 @@ def group_delay(sos: np.ndarray, frequency: float, fs: float) -> float:
     Each polynomial p(z) = p0 + p1/z + p2/z² has the delay Re(sum k pk z^-k / sum pk z^-k); a numerator counts, a
     denominator counts against.
 
-    Parameters
-    ----------
-    sos : ndarray, shape (k, 6)
-        Sections, none of which may have a zero at the frequency.
-    frequency, fs : float
-        [Hz]
-
-    Returns
-    -------
-    float
-        [s]
+    `sos` (k, 6); `frequency`, `fs` [Hz]; gives [s].
     """
     powers = np.exp(-2j * np.pi * frequency / fs * np.arange(3))
     steps = np.arange(3)

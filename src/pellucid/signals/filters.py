@@ -15,26 +15,8 @@ from .low_pass import butterworth, chebyshev, settled
 
 
 def zero_phase_lowpass(samples: np.ndarray, cutoff: float, order: int, fs: float) -> np.ndarray:
-    """Butterworth low-pass run forwards and backwards along axis 0: no delay, twice the attenuation.
-
-    Parameters
-    ----------
-    samples : ndarray, shape (n,) or (n, k)
-        Signals, any unit.
-    cutoff, fs : float
-        -3 dB frequency of one pass, and the sampling rate [Hz].
-    order : int
-        Order of one pass.
-
-    Returns
-    -------
-    ndarray, same shape as `samples`
-
-    Raises
-    ------
-    ValueError
-        If the cutoff is not below half the sampling rate, or there are too few samples to start the filter.
-    """
+    """Butterworth low-pass run forwards and backwards along axis 0: no delay, twice the attenuation. `samples` (n,);
+    `cutoff`, `fs` [Hz]."""
     if not 0.0 < cutoff < fs / 2.0:
         raise ValueError(f"low-pass at {cutoff:g} Hz; expected above 0 and below half the sampling rate, {fs / 2:g} Hz")
     low_pass = _butterworth(order, 2.0 * cutoff / fs)
@@ -75,51 +57,20 @@ def _anti_aliasing(factor: int) -> _BothWays:
 
 
 def central_difference(samples: np.ndarray, fs: float) -> np.ndarray:
-    """Derivative by central differences, one-sided at the two borders.
-
-    Parameters
-    ----------
-    samples : ndarray, shape (n,)
-    fs : float
-        Sampling rate [Hz].
-
-    Returns
-    -------
-    ndarray, shape (n,)
-        In the signal's unit per second.
-    """
+    """Derivative by central differences, one-sided at the two borders. `samples` (n,); `fs` [Hz]; gives (n,)."""
     return np.gradient(samples, 1.0 / fs)
 
 
 def decimate(samples: np.ndarray, factor: int) -> np.ndarray:
-    """Keep one sample in `factor` along axis 0, after a zero-phase anti-aliasing filter (Chebyshev I, order 8, 0.8 of
-    the new Nyquist frequency). Both sides of a regression must pass through it.
-
-    Parameters
-    ----------
-    samples : ndarray, shape (n,) or (n, k)
-    factor : int
-        1 returns the samples as they are.
-
-    Returns
-    -------
-    ndarray, shape (ceil(n / factor),) or (ceil(n / factor), k)
-    """
+    """Keep one sample in `factor` along axis 0, after a zero-phase anti-aliasing filter (Chebyshev I, order 8, 0.8
+    of the new Nyquist frequency). Both sides of a regression must pass through it. `samples` (n,); gives (ceil(n
+    / factor),)."""
     if factor == 1:
         return samples
     return _anti_aliasing(factor)(samples)[::factor]
 
 
 def runs(mask: np.ndarray) -> list[slice]:
-    """Stretches of consecutive True samples, as slices, in order.
-
-    Parameters
-    ----------
-    mask : ndarray of bool, shape (n,)
-
-    Returns
-    -------
-    list of slice
-    """
+    """Stretches of consecutive True samples, as slices, in order. `mask` (n,)."""
     edges = np.flatnonzero(np.diff(np.concatenate(([False], mask, [False])).astype(np.int8)))
     return [slice(int(a), int(b)) for a, b in zip(edges[::2], edges[1::2], strict=True)]

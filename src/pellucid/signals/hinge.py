@@ -33,63 +33,27 @@ START_NOISE = (0.3, 0.03)  # of acceleration [m/s^2] and rate [rad/s], for the f
 
 @dataclass(frozen=True, eq=False)
 class Hinge:
-    """Where a hinge is, as two sensors see it; first the proximal one.
+    """Where a hinge is, as two sensors see it; first the proximal one."""
 
-    Attributes
-    ----------
-    axes : ndarray, shape (2, 3)
-        Unit vectors along the hinge, in each sensor's frame, of one sense: the angle grows as the distal segment turns
-        about it against the proximal one.
-    arms : ndarray, shape (2, 3)
-        From the hinge's centre to each sensor, in its frame [m]. Any point of the axis would do; this one is as far
-        along it from one sensor as from the other.
-    offsets : ndarray, shape (2, 3)
-        What the gyroscopes read at rest [rad/s]; zero where they never rested.
-    drift : float
-        What the offsets leave of the rate about the hinge [rad/s].
-    rested : bool
-        Whether a rest was found.
-    noise : tuple of (float, float)
-        RMS misfit of joint accelerations [m/s^2] and of rates across the hinge [rad/s].
-    memory : tuple of (float, float)
-        How many samples share one independent misfit, of each.
-    standard_errors : ndarray, shape (11,)
-        Of two tilts of each axis [rad], both arms [m] and the drift [rad/s]; coloured misfit allowed for.
-    sign_ratio : float
-        How much worse the other sense of the distal axis fits.
-    seconds : float
-        How long the motion was [s].
-    """
-
+    # (2, 3) Unit vectors along the hinge, in each sensor's frame, of one sense: the angle grows as the distal segment
+    # turns about it against the proximal one
     axes: np.ndarray
+    # (2, 3) From the hinge's centre to each sensor, in its frame [m]. Any point of the axis would do; this one is as
+    # far along it from one sensor as from the other
     arms: np.ndarray
-    offsets: np.ndarray
-    drift: float
-    rested: bool
-    noise: tuple[float, float]
-    memory: tuple[float, float]
+    offsets: np.ndarray  # (2, 3) What the gyroscopes read at rest [rad/s]; zero where they never rested
+    drift: float  # What the offsets leave of the rate about the hinge [rad/s]
+    rested: bool  # Whether a rest was found
+    noise: tuple[float, float]  # RMS misfit of joint accelerations [m/s^2] and of rates across the hinge [rad/s]
+    memory: tuple[float, float]  # How many samples share one independent misfit, of each
+    # (11,) Of two tilts of each axis [rad], both arms [m] and the drift [rad/s]; coloured misfit allowed for
     standard_errors: np.ndarray
-    sign_ratio: float
-    seconds: float
+    sign_ratio: float  # How much worse the other sense of the distal axis fits
+    seconds: float  # How long the motion was [s]
 
 
 def find_hinge(proximal: Inertial, distal: Inertial) -> Hinge:
-    """Axes, centre and gyroscope offsets of a hinge.
-
-    Parameters
-    ----------
-    proximal, distal : Inertial
-        Both sensors over the same seconds, in which the joint moves and the limb turns about other axes too.
-
-    Returns
-    -------
-    Hinge
-
-    Raises
-    ------
-    RecordingError
-        If the sensors differ in length, the joint hardly moves, or the motion does not tell the sense of the axes.
-    """
+    """Axes, centre and gyroscope offsets of a hinge."""
     if len(proximal) != len(distal):
         raise RecordingError(f"hinge: found {len(proximal)} and {len(distal)} samples, expected as many of both IMUs")
     found = [_rest_offset(imu) for imu in (proximal, distal)]
@@ -132,17 +96,7 @@ def find_hinge(proximal: Inertial, distal: Inertial) -> Hinge:
 
 def hinge_axes(proximal: np.ndarray, distal: np.ndarray) -> np.ndarray:
     """The directions about which two rigid segments may turn differently: |w1 x j1| = |w2 x j2|, by Gauss-Newton.
-
-    Parameters
-    ----------
-    proximal, distal : ndarray, shape (n, 3)
-        Angular velocity in each sensor's frame [rad/s].
-
-    Returns
-    -------
-    ndarray, shape (2, 3)
-        Unit vectors; their senses are still free.
-    """
+    `proximal`, `distal` (n, 3) [rad/s]; gives (2, 3)."""
 
     def misfit(angles):
         j1, j2 = _unit(angles[:2]), _unit(angles[2:])
@@ -158,20 +112,8 @@ def hinge_axes(proximal: np.ndarray, distal: np.ndarray) -> np.ndarray:
 
 
 def hinge_arms(proximal: _Motion, distal: _Motion, axes: np.ndarray) -> np.ndarray:
-    """From the hinge's centre to each sensor: the centre's acceleration has one length, whichever sensor it is carried
-    from.
-
-    Parameters
-    ----------
-    proximal, distal : _Motion
-        Rates, their derivatives and accelerations of n samples.
-    axes : ndarray, shape (2, 3)
-
-    Returns
-    -------
-    ndarray, shape (2, 3)
-        [m]
-    """
+    """From the hinge's centre to each sensor: the centre's acceleration has one length, whichever sensor it is
+    carried from. `axes` (2, 3); gives (2, 3) [m]."""
 
     def misfit(arms):
         first, second = proximal.joint_acceleration(arms[:3]), distal.joint_acceleration(arms[3:])

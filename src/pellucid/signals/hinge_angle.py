@@ -25,55 +25,19 @@ LEAST_KNOWN = 1.0  # a direction that tells the angle no better than this is not
 
 @dataclass(frozen=True, eq=False)
 class HingeAngle:
-    """A hinge's angle at every sample.
+    """A hinge's angle at every sample."""
 
-    Attributes
-    ----------
-    time : ndarray, shape (n,)
-        [s]
-    angle : ndarray, shape (n,)
-        Unwrapped [rad]; its zero is that of the two frames of `Hinge.axes`, an arbitrary one.
-    standard_error : ndarray, shape (n,)
-        [rad], by the filter's own account.
-    drift : ndarray, shape (n,)
-        Gyroscope offset about the hinge, less those already taken off [rad/s].
-    offline : bool
-        Whether later samples were used.
-    """
-
-    time: np.ndarray
-    angle: np.ndarray
-    standard_error: np.ndarray
-    drift: np.ndarray
-    offline: bool
+    time: np.ndarray  # (n,) [s]
+    angle: np.ndarray  # (n,) Unwrapped [rad]; its zero is that of the two frames of `Hinge.axes`, an arbitrary one
+    standard_error: np.ndarray  # (n,) [rad], by the filter's own account
+    drift: np.ndarray  # (n,) Gyroscope offset about the hinge, less those already taken off [rad/s]
+    offline: bool  # Whether later samples were used
 
 
 def hinge_angle(
     proximal: Inertial, distal: Inertial, hinge: Hinge, *, offline: bool = True, directions: bool = True
 ) -> HingeAngle:
-    """Follow a hinge's angle.
-
-    Parameters
-    ----------
-    proximal, distal : Inertial
-        Both sensors, on one clock.
-    hinge : Hinge
-        From `find_hinge`, of any part of this wearing.
-    offline : bool
-        True: rates are differentiated and integrated by splines, and the filter is run back too. False: every sample
-        depends on earlier ones only, as on a robot.
-    directions : bool
-        False: gyroscopes alone, to see how they drift.
-
-    Returns
-    -------
-    HingeAngle
-
-    Raises
-    ------
-    RecordingError
-        If the sensors differ in length, or no sample tells the angle.
-    """
+    """Follow a hinge's angle."""
     if len(proximal) != len(distal):
         raise RecordingError(f"hinge: found {len(proximal)} and {len(distal)} samples, expected as many of both IMUs")
     time, period = proximal.time, proximal.period

@@ -20,24 +20,7 @@ BAND = 0.4  # of the IMU's rate: what both instruments see alike of a motion
 
 def principal_axis(angular_velocity: np.ndarray) -> tuple[np.ndarray, float]:
     """The direction about which a sensor turns most, and the share of its turning that is about it.
-
-    Parameters
-    ----------
-    angular_velocity : ndarray, shape (n, 3)
-        [rad/s], the gyroscope's offset small beside the motion.
-
-    Returns
-    -------
-    axis : ndarray, shape (3,)
-        Unit vector; its largest component is positive.
-    share : float
-        0 to 1, of the sum of squares.
-
-    Raises
-    ------
-    RecordingError
-        If the sensor does not turn.
-    """
+    `angular_velocity` (n, 3) [rad/s]; gives `axis` (3,)."""
     _, size, directions = np.linalg.svd(angular_velocity, full_matrices=False)
     if size[0] == 0.0:
         raise RecordingError("principal axis: found no angular velocity, expected a sensor that turns")
@@ -51,17 +34,7 @@ def segment_angle(quaternions: np.ndarray, axis: np.ndarray) -> np.ndarray:
     A heading that drifts turns the sensor about the vertical. For a level axis that is across the turn looked for, and
     leaves no trace in it.
 
-    Parameters
-    ----------
-    quaternions : ndarray, shape (n, 4)
-        Sensor to earth.
-    axis : ndarray, shape (3,)
-        Unit vector in the sensor's frame.
-
-    Returns
-    -------
-    ndarray, shape (n,)
-        Unwrapped [rad].
+    `quaternions` (n, 4); `axis` (3,); gives (n,) [rad].
     """
     return twist(multiply(conjugate(quaternions[0]), quaternions), axis)
 
@@ -77,24 +50,12 @@ def euler_angles(quaternions: np.ndarray) -> np.ndarray:
 
 @dataclass(frozen=True, eq=False)
 class AngleRegression:
-    """An encoder's angle as a linear function of what an IMU gives.
+    """An encoder's angle as a linear function of what an IMU gives."""
 
-    Attributes
-    ----------
-    gains : ndarray, shape (k,)
-        One for each input [1].
-    offset : float
-        [rad]
-    standard_errors : ndarray, shape (k + 1,)
-        Of gains and offset; coloured misfit allowed for.
-    residual : float
-        RMS misfit of the samples fitted [rad].
-    """
-
-    gains: np.ndarray
-    offset: float
-    standard_errors: np.ndarray
-    residual: float
+    gains: np.ndarray  # (k,) One for each input [1]
+    offset: float  # [rad]
+    standard_errors: np.ndarray  # (k + 1,) Of gains and offset; coloured misfit allowed for
+    residual: float  # RMS misfit of the samples fitted [rad]
 
     def __call__(self, inputs: np.ndarray) -> np.ndarray:
         """The encoder's angle, shape (n,) [rad], from `inputs` of shape (n,) or (n, k)."""
@@ -102,25 +63,7 @@ class AngleRegression:
 
 
 def fit_angle(inputs: np.ndarray, encoder: np.ndarray) -> AngleRegression:
-    """Regress an encoder's angle on an IMU's.
-
-    Parameters
-    ----------
-    inputs : ndarray, shape (n,) or (n, k)
-        The segment's angle, or all outputs of an orientation filter (`euler_angles`) for the plain regression, which
-        needs no axis. NaN where there is none.
-    encoder : ndarray, shape (n,)
-        Unwrapped [rad].
-
-    Returns
-    -------
-    AngleRegression
-
-    Raises
-    ------
-    RecordingError
-        If too few samples have both, or the inputs do not move.
-    """
+    """Regress an encoder's angle on an IMU's. `inputs` (n,); `encoder` (n,) [rad]."""
     inputs = np.asarray(inputs, float).reshape(len(inputs), -1)
     known = np.isfinite(inputs).all(axis=1) & np.isfinite(encoder)
     columns = np.column_stack([inputs[known], np.ones(int(known.sum()))])
@@ -140,56 +83,23 @@ def fit_angle(inputs: np.ndarray, encoder: np.ndarray) -> AngleRegression:
 
 @dataclass(frozen=True, eq=False)
 class FilterError:
-    """How one orientation filter's angle compares with an encoder.
+    """How one orientation filter's angle compares with an encoder."""
 
-    Attributes
-    ----------
-    method, axes, inputs
-        ``"vqf"`` or ``"madgwick"``; 6 or 9; what was regressed: ``"axis"`` or ``"outputs"``.
-    fitted, heldout : float
-        RMS error of the part the regression was fitted to, and of the rest [rad].
-    regression : AngleRegression
-    angle : ndarray, shape (m,)
-        On the encoder's clock; NaN where the IMU does not reach [rad].
-    """
-
+    # method, axes, inputs: ``"vqf"`` or ``"madgwick"``; 6 or 9; what was regressed: ``"axis"`` or ``"outputs"``
     method: str
     axes: int
     inputs: str
-    fitted: float
+    fitted: float  # fitted, heldout: RMS error of the part the regression was fitted to, and of the rest [rad]
     heldout: float
     regression: AngleRegression
-    angle: np.ndarray
+    angle: np.ndarray  # (m,) On the encoder's clock; NaN where the IMU does not reach [rad]
 
 
 def compare_filters(
     imu: Inertial, time: np.ndarray, encoder: np.ndarray, *, fit_until: float, longest_delay: float = 1.0
 ) -> tuple[Alignment, tuple[FilterError, ...]]:
-    """Madgwick and VQF, six axes and, where there is a magnetometer, nine, each by axis and by all outputs.
-
-    Parameters
-    ----------
-    imu : Inertial
-        On its own clock.
-    time, encoder : ndarray, shape (m,)
-        The encoder's clock [s] and unwrapped angle [rad].
-    fit_until : float
-        Delay, axis and regression are found before this time on the encoder's clock, the rest is held out [s].
-    longest_delay : float
-        Searched between the clocks, either way [s].
-
-    Returns
-    -------
-    alignment : Alignment
-        The delay is the encoder's against the IMU's clock.
-    errors : tuple of FilterError
-        In a fixed order.
-
-    Raises
-    ------
-    RecordingError
-        If the records cannot be aligned, or one of the two parts has no samples.
-    """
+    """Madgwick and VQF, six axes and, where there is a magnetometer, nine, each by axis and by all outputs. `time`,
+    `encoder` (m,) [s], [rad]; `fit_until` [s]; `longest_delay` [s]."""
     early = time < fit_until
     start = imu.between(imu.time[0], fit_until)
     if not early.any() or early.all() or len(start) < 2:
@@ -213,23 +123,8 @@ def compare_filters(
 def align_encoder(
     imu: Inertial, axis: np.ndarray, time: np.ndarray, encoder: np.ndarray, *, longest: float = 1.0
 ) -> Alignment:
-    """Delay of an encoder's clock against an IMU's, from the rate both see.
-
-    Parameters
-    ----------
-    imu : Inertial
-    axis : ndarray, shape (3,)
-        About which the encoder turns, in the sensor's frame.
-    time, encoder : ndarray, shape (m,)
-        The encoder's clock [s] and unwrapped angle [rad], without missing samples.
-    longest : float
-        Delays searched, either way [s].
-
-    Returns
-    -------
-    Alignment
-        The encoder's time is the IMU's plus the delay.
-    """
+    """Delay of an encoder's clock against an IMU's, from the rate both see. `axis` (3,); `time`, `encoder` (m,) [s],
+    [rad]; `longest` [s]."""
     fs = (len(time) - 1) / float(time[-1] - time[0])
     cutoff = BAND / imu.period
     rate = np.gradient(encoder, time)

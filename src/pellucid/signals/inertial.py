@@ -20,30 +20,14 @@ SENSORS = {
 
 @dataclass(frozen=True, eq=False)
 class Inertial:
-    """Uniform samples of one IMU, in its own frame.
+    """Uniform samples of one IMU, in its own frame."""
 
-    Attributes
-    ----------
-    time : ndarray, shape (n,)
-        [s], on the IMU's clock.
-    angular_velocity : ndarray, shape (n, 3)
-        [rad/s]
-    acceleration : ndarray, shape (n, 3)
-        Specific force [m/s^2]: a resting sensor reads 9.8 upwards.
-    magnetic_field : ndarray, shape (n, 3), or None
-        [T]
-    interpolated : int
-        Samples that were missing and were bridged.
-    gaps : tuple of (float, float)
-        From when to when each was [s].
-    """
-
-    time: np.ndarray
-    angular_velocity: np.ndarray
-    acceleration: np.ndarray
-    magnetic_field: np.ndarray | None = None
-    interpolated: int = 0
-    gaps: tuple[tuple[float, float], ...] = ()
+    time: np.ndarray  # (n,) [s], on the IMU's clock
+    angular_velocity: np.ndarray  # (n, 3) [rad/s]
+    acceleration: np.ndarray  # (n, 3) Specific force [m/s^2]: a resting sensor reads 9.8 upwards
+    magnetic_field: np.ndarray | None = None  # (n, 3) [T]
+    interpolated: int = 0  # Samples that were missing and were bridged
+    gaps: tuple[tuple[float, float], ...] = ()  # From when to when each was [s]
 
     @property
     def period(self) -> float:
@@ -68,26 +52,7 @@ def inertial(
     Samples that are missing (NaN, or rows that are not there) for less than `longest_gap` are bridged by straight
     lines and counted; times that jitter are brought to the mean rate in the same way.
 
-    Parameters
-    ----------
-    recording : Recording
-    prefix : str
-        What the channels' names begin with: ``<prefix>.angular_velocity.x`` [rad/s], ``<prefix>.acceleration.x``
-        [m/s^2], ``<prefix>.magnetic_field.x`` [T].
-    magnetometer : bool
-        Whether the magnetic field is needed.
-    longest_gap : float
-        A sensor that says nothing new for so long cannot be bridged [s].
-
-    Returns
-    -------
-    Inertial
-
-    Raises
-    ------
-    RecordingError
-        If a channel is missing, nothing is in it, time does not advance, or a sensor dropped out or froze for
-        `longest_gap` or longer.
+    `prefix` [rad/s], [m/s^2], [T]; `longest_gap` [s].
     """
     where = f"{recording.path.name} (recording {recording.name})"
     wanted = [name for name in SENSORS if magnetometer or name != "magnetic_field"]

@@ -14,24 +14,14 @@ from ..recordings.recording import Recording
 
 @dataclass(frozen=True)
 class InputOutput:
-    """A sampled input and the output it made.
+    """A sampled input and the output it made."""
 
-    Attributes
-    ----------
-    recording, split : str
-        Name; ``"fitted"`` or ``"heldout"``.
-    time, input, output : ndarray, shape (n,)
-        Time increases [s], evenly or not; the others in SI.
-    notes : tuple of str
-        What was left out, and what a simulation has to bridge.
-    """
-
-    recording: str
+    recording: str  # recording, split: Name; ``"fitted"`` or ``"heldout"``
     split: str
-    time: np.ndarray
+    time: np.ndarray  # time, input, output: (n,) Time increases [s], evenly or not; the others in SI
     input: np.ndarray
     output: np.ndarray
-    notes: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()  # What was left out, and what a simulation has to bridge
 
     def __post_init__(self):
         shapes = {np.shape(x) for x in (self.time, self.input, self.output)}
@@ -55,21 +45,6 @@ def input_output(recording: Recording, channels: Sequence[str]) -> InputOutput:
 
     Samples with a missing number are left out. Where time runs back a log holds what is left of an earlier one: the
     longest stretch in which it does not is kept. A time that repeats is kept once. All are counted in the notes.
-
-    Parameters
-    ----------
-    recording : Recording
-    channels : sequence of str
-        The input's and the output's.
-
-    Returns
-    -------
-    InputOutput
-
-    Raises
-    ------
-    RecordingError
-        If a channel is missing, or no two samples are left.
     """
     name_in, name_out = channels
     table = np.column_stack([recording.time, recording[name_in], recording[name_out]])

@@ -55,27 +55,14 @@ UPRIGHT_LEAST = 0.17
 
 @dataclass(frozen=True)
 class ClockOffset:
-    """How far a motion capture's clock is from a robot's.
+    """How far a motion capture's clock is from a robot's."""
 
-    Attributes
-    ----------
-    delay : float
-        What happens at robot time t stands at optical time t + delay, at the motion capture's first frame [s].
-    delay_se : float
-        Its standard error [s]; infinite where nothing tells.
-    drift : float
-        Seconds by which the delay grows per second; 0 where it could not be told.
-    identifiable : bool
-        Whether the motion tells the delay; it is 0 otherwise.
-    reason : str
-        Why it does not; empty where it does.
-    """
-
+    # What happens at robot time t stands at optical time t + delay, at the motion capture's first frame [s]
     delay: float
-    delay_se: float
-    drift: float
-    identifiable: bool
-    reason: str = ""
+    delay_se: float  # Its standard error [s]; infinite where nothing tells
+    drift: float  # Seconds by which the delay grows per second; 0 where it could not be told
+    identifiable: bool  # Whether the motion tells the delay; it is 0 otherwise
+    reason: str = ""  # Why it does not; empty where it does
 
     def robot_time(self, optical_time: np.ndarray) -> np.ndarray:
         """Times of frames on the robot's clock, shape (n,) [s]."""
@@ -84,79 +71,46 @@ class ClockOffset:
 
 @dataclass(frozen=True, eq=False)
 class Axis:
-    """A joint's axis of rotation in the lab.
+    """A joint's axis of rotation in the lab."""
 
-    Attributes
-    ----------
-    direction : ndarray, shape (3,)
-        Of length 1; a growing angle turns about it by the right hand.
-    origin : ndarray, shape (3,)
-        Point on it nearest to the mean of the markers [m].
-    direction_se, origin_se : float
-        Standard errors: of a tilt [rad], and along either direction across the axis [m].
-    residual : float
-        Of all markers that were used, each coordinate [m rms].
-    """
-
-    direction: np.ndarray
-    origin: np.ndarray
+    direction: np.ndarray  # (3,) Of length 1; a growing angle turns about it by the right hand
+    origin: np.ndarray  # (3,) Point on it nearest to the mean of the markers [m]
+    # direction_se, origin_se: Standard errors: of a tilt [rad], and along either direction across the axis [m]
     direction_se: float
     origin_se: float
-    residual: float
+    residual: float  # Of all markers that were used, each coordinate [m rms]
 
 
 @dataclass(frozen=True, eq=False)
 class Placement:
-    """Where the carriage was in one recording.
+    """Where the carriage was in one recording."""
 
-    Attributes
-    ----------
-    recording : str
-        Its name.
-    slider, height : float
-        x and d of the carriage's marker: along the segment and across it, from the axis [m]. By a ruler, `height` is
-        the other recordings' median, NaN where there is none.
-    slider_se, height_se : float
-        Standard errors [m], of noise: what a transmission gives way between encoder and segment is not among it. NaN
-        where a ruler told.
-    delay, delay_se, drift : float
-        As in `ClockOffset`; where the motion did not tell, the median delay of the recordings that did, or 0.
-    aligned : bool
-        Whether the recording's own motion told the delay.
-    frames, lost : int
-        Frames in which the carriage's marker was used, and those in which it was lost.
-    longest_loss : float
-        [s]
-    residuals : Mapping[str, float]
-        Marker to its residual against rotation about the common axis, each coordinate [m rms].
-    moved : Mapping[str, float]
-        Markers that sit elsewhere than in the other recordings, and how far [m]; the carriage's is among them where it
-        sits on another marker's place.
-    reason : str
-        Why it is not aligned.
-    file : str
-        The motion capture's, or the recording's where a ruler told.
-    ruler : float or None
-        What a ruler said [m].
-    """
-
-    recording: str
+    recording: str  # Its name
+    # slider, height: x and d of the carriage's marker: along the segment and across it, from the axis [m]. By a ruler,
+    # `height` is the other recordings' median, NaN where there is none
     slider: float
     height: float
+    # slider_se, height_se: Standard errors [m], of noise: what a transmission gives way between encoder and segment is
+    # not among it. NaN where a ruler told
     slider_se: float
     height_se: float
+    # delay, delay_se, drift: As in `ClockOffset`; where the motion did not tell, the median delay of the recordings
+    # that did, or 0
     delay: float = 0.0
     delay_se: float = np.inf
     drift: float = 0.0
-    aligned: bool = False
-    frames: int = 0
+    aligned: bool = False  # Whether the recording's own motion told the delay
+    frames: int = 0  # frames, lost: Frames in which the carriage's marker was used, and those in which it was lost
     lost: int = 0
-    longest_loss: float = 0.0
+    longest_loss: float = 0.0  # [s]
+    # Marker to its residual against rotation about the common axis, each coordinate [m rms]
     residuals: Mapping[str, float] = field(default_factory=dict)
+    # Markers that sit elsewhere than in the other recordings, and how far [m]; the carriage's is among them where it
+    # sits on another marker's place
     moved: Mapping[str, float] = field(default_factory=dict)
-    reason: str = ""
-    file: str = ""
-    ruler: float | None = None
+    reason: str = ""  # Why it is not aligned
+    file: str = ""  # The motion capture's, or the recording's where a ruler told
+    ruler: float | None = None  # What a ruler said [m]
 
     @property
     def optical(self) -> bool:
@@ -166,30 +120,17 @@ class Placement:
 
 @dataclass(frozen=True, eq=False)
 class Geometry:
-    """A rig's axis and its carriage's places, as markers show them.
+    """A rig's axis and its carriage's places, as markers show them."""
 
-    Attributes
-    ----------
-    origin, axis : ndarray, shape (3,)
-        Point on the axis beside the carriage's marker [m], and the axis's direction; NaN where all places are known by
-        a ruler.
-    origin_se, axis_se : float
-        Standard errors across the axis [m], and of its tilt [rad].
-    residual : float
-        Of all used markers against rotation about the axis, each coordinate [m rms].
-    placements : tuple of Placement
-        One for each recording, in their order.
-    carriage : str
-        The marker on the carriage.
-    """
-
+    # origin, axis: (3,) Point on the axis beside the carriage's marker [m], and the axis's direction; NaN where all
+    # places are known by a ruler
     origin: np.ndarray
     axis: np.ndarray
-    origin_se: float
+    origin_se: float  # origin_se, axis_se: Standard errors across the axis [m], and of its tilt [rad]
     axis_se: float
-    residual: float
-    placements: tuple[Placement, ...]
-    carriage: str
+    residual: float  # Of all used markers against rotation about the axis, each coordinate [m rms]
+    placements: tuple[Placement, ...]  # One for each recording, in their order
+    carriage: str  # The marker on the carriage
 
     def __getitem__(self, recording: str) -> Placement:
         for placement in self.placements:
@@ -211,21 +152,7 @@ def clock_offset(
     Every marker is fitted by p0 + a cos q + b sin q with the angle taken at the delayed time; the delay, and a drift
     where the recording is long enough to tell it, make what is left least.
 
-    Parameters
-    ----------
-    time, angle : ndarray, shape (m,)
-        The robot's clock [s], and its joint's angle [rad].
-    optical_time : ndarray, shape (n,)
-        The motion capture's clock [s].
-    markers : Mapping[str, ndarray]
-        Each shape (n, 3) [m], NaN where lost; on the moving segment or fixed to the room.
-    direction : ndarray, shape (3,), optional
-        The axis, where other recordings tell it: a fast oscillation looks alike half a period later, turning the other
-        way.
-
-    Returns
-    -------
-    ClockOffset
+    `time`, `angle` (m,) [s], [rad]; `optical_time` (n,) [s]; `markers` (n, 3) [m]; `direction` (3,).
     """
     known = np.isfinite(time) & np.isfinite(angle)
     time, angle = time[known], angle[known]
@@ -254,47 +181,13 @@ def clock_offset(
 
 
 def axis_of_rotation(angles: Sequence[np.ndarray], markers: Sequence[Mapping[str, np.ndarray]]) -> Axis:
-    """A joint's axis in the lab, from markers that turned about it in one recording or several.
-
-    Parameters
-    ----------
-    angles : sequence of ndarray
-        Joint angle at each frame, one array of shape (n,) for each recording [rad]; NaN leaves the frame out.
-    markers : sequence of Mapping[str, ndarray]
-        Of the same recordings, each shape (n, 3) [m], NaN where lost. The lab's frame is the same in all.
-
-    Returns
-    -------
-    Axis
-
-    Raises
-    ------
-    RecordingError
-        If no recording moves, so that none shows the axis.
-    """
+    """A joint's axis in the lab, from markers that turned about it in one recording or several. `angles` (n,) [rad];
+    `markers` (n, 3) [m]."""
     return _axis([_Track(angle, seen) for angle, seen in zip(angles, markers, strict=True)])
 
 
 def slider_geometry(recordings: Sequence[Recording], marker: str | None = None) -> Geometry:
-    """Where the axis is, and where the carriage was in each recording; clocks are aligned on the way.
-
-    Parameters
-    ----------
-    recordings : sequence of Recording
-        Of one rig, cameras and axis unmoved between them; each with an optical recording or a ruler's `slider`.
-    marker : str, optional
-        Marker on the carriage; the one study.toml names where it is left out.
-
-    Returns
-    -------
-    Geometry
-
-    Raises
-    ------
-    RecordingError
-        If a recording has neither optical file nor ruler, the carriage's marker is lost too often, or no recording
-        moves enough to show the axis; names file, marker, found and expected.
-    """
+    """Where the axis is, and where the carriage was in each recording; clocks are aligned on the way."""
     seen = [r for r in recordings if r.optical is not None]
     for recording in recordings:
         if recording.optical is None and recording.slider is None:
@@ -353,19 +246,7 @@ def slider_geometry(recordings: Sequence[Recording], marker: str | None = None) 
 
 
 def geometry_faults(geometry: Geometry, rail: Slider | None = None) -> list[Fault]:
-    """What is wrong or remarkable in what the markers show.
-
-    Parameters
-    ----------
-    geometry : Geometry
-    rail : Slider, optional
-        The rail, whose ends a place may not pass.
-
-    Returns
-    -------
-    list of Fault
-        Kinds ``"clock"``, ``"marker"`` and ``"place"``, the refusing ones first.
-    """
+    """What is wrong or remarkable in what the markers show."""
     faults: list[Fault] = []
     for placement in geometry.placements:
 

@@ -15,27 +15,13 @@ SLOW_SHARE = 0.02
 
 @dataclass(frozen=True)
 class Filtering:
-    """What is done to position and effort alike before a regression.
+    """What is done to position and effort alike before a regression."""
 
-    Attributes
-    ----------
-    lowpass : float or None
-        Cut-off of the zero-phase Butterworth low-pass [Hz]; None for none.
-    order : int
-        Of one pass.
-    decimate : int
-        One sample in so many enters a regression.
-    dead_band : float
-        Slower samples do not [rad/s or m/s].
-    trim : int
-        Samples dropped at either border, where a filter has not settled.
-    """
-
-    lowpass: float | None
-    order: int = 4
-    decimate: int = 1
-    dead_band: float = 0.0
-    trim: int = 0
+    lowpass: float | None  # Cut-off of the zero-phase Butterworth low-pass [Hz]; None for none
+    order: int = 4  # Of one pass
+    decimate: int = 1  # One sample in so many enters a regression
+    dead_band: float = 0.0  # Slower samples do not [rad/s or m/s]
+    trim: int = 0  # Samples dropped at either border, where a filter has not settled
 
     def sentence(self, unit: str) -> str:
         """The same in words, for notes and cards; `unit` is the velocity's."""
@@ -58,42 +44,28 @@ class Filtering:
 
 @dataclass(frozen=True)
 class Motion:
-    """One uninterrupted stretch of a recording.
+    """One uninterrupted stretch of a recording."""
 
-    Parameters
-    ----------
-    fs : float
-        Sampling rate [Hz].
-    time, position, velocity, acceleration, effort : ndarray, shape (n,)
-        SI; filtered with the same zero-phase low-pass. Effort is at the joint, in the drive's effort unit.
-    filtering : Filtering
-    recording, split : str
-        The recording's name, and "fitted" or "heldout".
-    raw_position, command : ndarray, shape (n,), or None
-        As recorded [rad or m; the drive's unit]: what a simulation starts from and is driven by.
-    reference, injected : ndarray, shape (n,), or None
-        What the machine's own controller followed, and what was added after its limit.
-    payload : tuple of float
-        Known added mass and its distance from the axis [kg, m].
-    initial : tuple of float
-        Position and velocity where a simulation starts [rad or m; per second].
-    """
-
-    fs: float
+    fs: float  # Sampling rate [Hz]
+    # time, position, velocity, acceleration, effort: (n,) SI; filtered with the same zero-phase low-pass. Effort is at
+    # the joint, in the drive's effort unit
     time: np.ndarray
     position: np.ndarray
     velocity: np.ndarray
     acceleration: np.ndarray
     effort: np.ndarray
     filtering: Filtering
-    recording: str = ""
+    recording: str = ""  # recording, split: The recording's name, and "fitted" or "heldout"
     split: str = "fitted"
+    # raw_position, command: (n,) As recorded [rad or m; the drive's unit]: what a simulation starts from and is driven
+    # by
     raw_position: np.ndarray | None = None
     command: np.ndarray | None = None
+    # reference, injected: (n,) What the machine's own controller followed, and what was added after its limit
     reference: np.ndarray | None = None
     injected: np.ndarray | None = None
-    payload: tuple[float, float] = (0.0, 0.0)
-    initial: tuple[float, float] = (0.0, 0.0)
+    payload: tuple[float, float] = (0.0, 0.0)  # Known added mass and its distance from the axis [kg, m]
+    initial: tuple[float, float] = (0.0, 0.0)  # Position and velocity where a simulation starts [rad or m; per second]
 
     @property
     def inner(self) -> slice:
@@ -101,29 +73,12 @@ class Motion:
         return slice(self.filtering.trim, len(self.position) - self.filtering.trim)
 
     def reduce(self, samples: np.ndarray) -> np.ndarray:
-        """Trim and decimate: the last, common step of both sides of a regression.
-
-        Parameters
-        ----------
-        samples : ndarray, shape (n,) or (n, k)
-
-        Returns
-        -------
-        ndarray, shape (m,) or (m, k)
-        """
+        """Trim and decimate: the last, common step of both sides of a regression. `samples` (n,); gives (m,)."""
         return decimate(samples[self.inner], self.filtering.decimate)
 
     def smooth(self, samples: np.ndarray) -> np.ndarray:
         """The low-pass that position and effort went through, for what a model makes of the sign of velocity.
-
-        Parameters
-        ----------
-        samples : ndarray, shape (n,) or (n, k)
-
-        Returns
-        -------
-        ndarray, same shape
-        """
+        `samples` (n,)."""
         return lowpassed(samples, self.fs, self.filtering)
 
     def rows(self, samples: np.ndarray) -> np.ndarray:
@@ -161,22 +116,8 @@ START_SAMPLES = 20
 
 
 def initial_state(position: np.ndarray, fs: float, start: str) -> tuple[float, float]:
-    """Position and velocity at the first sample, from a parabola through the first samples.
-
-    Parameters
-    ----------
-    position : ndarray, shape (n,)
-        As recorded [rad or m].
-    fs : float
-        [Hz]
-    start : {"measured", "rest"}
-        "rest" is the first position, at rest.
-
-    Returns
-    -------
-    position, velocity : float
-        [rad or m; per second]
-    """
+    """Position and velocity at the first sample, from a parabola through the first samples. `position` (n,) [rad or
+    m]; `fs` [Hz]; gives `position`, `velocity` [rad or m; per second]."""
     if start == "rest":
         return float(position[0]), 0.0
     n = min(START_SAMPLES, len(position))
@@ -196,31 +137,8 @@ def motion_of(
     start: str = "measured",
     **more,
 ) -> Motion:
-    """A motion from arrays: filtered once, differentiated, the effort beside it.
-
-    Parameters
-    ----------
-    time, position, command : ndarray, shape (n,)
-        Evenly sampled [s]; [rad or m]; the drive's command, or the effort at the joint itself.
-    filtering : Filtering
-    gain, back_emf : float
-        effort = gain * command - back_emf * velocity.
-    fs : float, optional
-        Sampling rate [Hz]; from the first and last time if left out.
-    start : {"measured", "rest"}
-        What a simulation starts from.
-    **more
-        Other fields of `Motion`: `recording`, `split`, `reference`, `injected`, `payload`.
-
-    Returns
-    -------
-    Motion
-
-    Raises
-    ------
-    RecordingError
-        If there are too few samples for the filter, or the low-pass is not below half the sampling rate.
-    """
+    """A motion from arrays: filtered once, differentiated, the effort beside it. `time`, `position`, `command` (n,)
+    [s], [rad or m]; `fs` [Hz]."""
     rate = (len(time) - 1) / float(time[-1] - time[0]) if fs is None else fs
     try:
         smooth, velocity, acceleration = differentiate(position, rate, filtering)

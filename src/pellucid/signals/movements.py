@@ -48,49 +48,26 @@ MERGED = 0.05
 
 @dataclass(frozen=True)
 class MovementRule:
-    """How an angle record becomes movements.
+    """How an angle record becomes movements."""
 
-    Parameters
-    ----------
-    lowpass : float
-        Cut-off of the zero-phase Butterworth filter [Hz].
-    order : int
-        Of one pass.
-    threshold : float
-        Share of the largest speed that begins and ends a movement.
-    ends : str
-        ``"all"``: first and last sample above it, as published; ``"peak"``: the run of samples above it that holds the
-        largest.
-    """
-
-    lowpass: float = 3.0
-    order: int = 4
-    threshold: float = 0.05
+    lowpass: float = 3.0  # Cut-off of the zero-phase Butterworth filter [Hz]
+    order: int = 4  # Of one pass
+    threshold: float = 0.05  # Share of the largest speed that begins and ends a movement
+    # ``"all"``: first and last sample above it, as published; ``"peak"``: the run of samples above it that holds the
+    # largest
     ends: Literal["all", "peak"] = "all"
 
 
 @dataclass(frozen=True, eq=False)
 class Kinematics:
-    """A filtered angle with its derivatives.
+    """A filtered angle with its derivatives."""
 
-    Attributes
-    ----------
-    time : ndarray, shape (n,)
-        [s], even.
-    angle, velocity, acceleration : ndarray, shape (n,)
-        [rad], [rad/s], [rad/s^2].
-    lost : ndarray, shape (n,), bool
-        Samples that were missing for longer than is bridged.
-    fs : float
-        [Hz]
-    """
-
-    time: np.ndarray
-    angle: np.ndarray
+    time: np.ndarray  # (n,) [s], even
+    angle: np.ndarray  # angle, velocity, acceleration: (n,) [rad], [rad/s], [rad/s^2]
     velocity: np.ndarray
     acceleration: np.ndarray
-    lost: np.ndarray
-    fs: float
+    lost: np.ndarray  # (n,) Samples that were missing for longer than is bridged
+    fs: float  # [Hz]
 
 
 @dataclass(frozen=True)
@@ -106,45 +83,21 @@ class Stretch:
 
 @dataclass(frozen=True)
 class Movement:
-    """One movement.
+    """One movement."""
 
-    Attributes
-    ----------
-    first, last : int
-        Its first and last sample.
-    start, duration : float
-        [s]
-    direction : int
-        1 along +angle, -1 against it.
-    amplitude : float or None
-        As labelled, without sign [rad].
-    travel : float
-        As measured, between its ends, without sign [rad].
-    reach : float
-        As measured, from the rest before to the rest after it, along its direction [rad].
-    peak_velocity, mean_velocity : float
-        Along its direction [rad/s].
-    peak_time : float
-        When its velocity is largest, as a share of its duration.
-    peak_acceleration : float
-        Largest along its direction [rad/s^2].
-    goal : float or None
-        The target's angle [rad].
-    """
-
-    first: int
+    first: int  # first, last: Its first and last sample
     last: int
-    start: float
+    start: float  # start, duration: [s]
     duration: float
-    direction: int
-    amplitude: float | None
-    travel: float
-    reach: float
-    peak_velocity: float
+    direction: int  # 1 along +angle, -1 against it
+    amplitude: float | None  # As labelled, without sign [rad]
+    travel: float  # As measured, between its ends, without sign [rad]
+    reach: float  # As measured, from the rest before to the rest after it, along its direction [rad]
+    peak_velocity: float  # peak_velocity, mean_velocity: Along its direction [rad/s]
     mean_velocity: float
-    peak_time: float
-    peak_acceleration: float
-    goal: float | None = None
+    peak_time: float  # When its velocity is largest, as a share of its duration
+    peak_acceleration: float  # Largest along its direction [rad/s^2]
+    goal: float | None = None  # The target's angle [rad]
 
 
 @dataclass(frozen=True)
@@ -161,26 +114,7 @@ class NoMovement:
 
 
 def kinematics(time: np.ndarray, angle: np.ndarray, rule: MovementRule, *, where: str = "") -> Kinematics:
-    """Filter an angle and differentiate it twice.
-
-    Parameters
-    ----------
-    time, angle : ndarray, shape (n,)
-        [s], increasing, and [rad]; NaN where a sample is missing.
-    rule : MovementRule
-    where : str
-        File and channel, for the message.
-
-    Returns
-    -------
-    Kinematics
-        On an even clock with the record's mean rate.
-
-    Raises
-    ------
-    RecordingError
-        If time does not increase, hardly any sample is there, or the filter does not fit the rate.
-    """
+    """Filter an angle and differentiate it twice. `time`, `angle` (n,) [s], [rad]."""
     time, angle = np.asarray(time, float), np.asarray(angle, float)
     seen = np.isfinite(angle) & np.isfinite(time)
     if seen.sum() < 2 or np.any(np.diff(time[np.isfinite(time)]) <= 0.0):
@@ -205,18 +139,8 @@ def kinematics(time: np.ndarray, angle: np.ndarray, rule: MovementRule, *, where
 
 
 def target_stretches(time: np.ndarray, target: np.ndarray) -> list[Stretch]:
-    """Stretches from one step of the target to the next, the last one to the end of the record.
-
-    Parameters
-    ----------
-    time, target : ndarray, shape (n,)
-        [s] and [rad]; the target is constant between its steps. What is missing holds the value before it.
-
-    Returns
-    -------
-    list of Stretch
-        Each with the step's signed height and where it ends.
-    """
+    """Stretches from one step of the target to the next, the last one to the end of the record. `time`, `target`
+    (n,) [s], [rad]."""
     known = np.isfinite(target)
     time, target = time[known], target[known]
     at = np.flatnonzero(np.diff(target) != 0.0) + 1
@@ -238,18 +162,7 @@ def rest_stretches(
     A movement is a run of speeds above the rule's share of the record's largest, in one direction; runs less than
     `REST` apart in the same direction are one, and what covers less than `least` is none.
 
-    Parameters
-    ----------
-    motion : Kinematics
-    rule : MovementRule
-    least : float
-        Travel that makes a movement [rad].
-    amplitude : float, optional
-        Signed, where all movements of the record in its direction were to cover the same [rad].
-
-    Returns
-    -------
-    list of Stretch
+    `least` [rad]; `amplitude` [rad].
     """
     top = float(np.quantile(np.abs(motion.velocity), 0.999))
     if top == 0.0:
@@ -284,22 +197,7 @@ def _as_labelled(amplitude: float | None, sign: int) -> float | None:
 def movements(
     motion: Kinematics, stretches: Sequence[Stretch], rule: MovementRule
 ) -> tuple[list[Movement], list[NoMovement]]:
-    """The movement in each stretch.
-
-    Parameters
-    ----------
-    motion : Kinematics
-    stretches : sequence of Stretch
-        On `motion`'s clock.
-    rule : MovementRule
-        Whose filter `motion` has passed.
-
-    Returns
-    -------
-    found : list of Movement
-    left_out : list of NoMovement
-        Stretches without a movement that could be used.
-    """
+    """The movement in each stretch."""
     found, left_out = [], []
     for stretch in stretches:
         outcome = _movement(motion, stretch, rule)

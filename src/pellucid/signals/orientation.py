@@ -27,31 +27,8 @@ def orientation(
     offline: bool = True,
     gain: float = 0.5,
 ) -> np.ndarray:
-    """From the sensor's frame to one with z up: x east and y north with nine axes, of free heading with six.
-
-    Parameters
-    ----------
-    imu : Inertial
-        Sampling rate and sensors.
-    method : str
-        ``"madgwick"`` (always causal) or ``"vqf"``.
-    axes : int
-        6: gyroscope and accelerometer; 9: magnetometer too.
-    offline : bool
-        VQF runs over the whole recording, both ways, with no lag; False: sample by sample as on a robot.
-    gain : float
-        Madgwick's: how fast gravity and field pull the integrated rate [rad/s]; the library's own default.
-
-    Returns
-    -------
-    ndarray, shape (n, 4)
-        Unit quaternions, w, x, y, z; neighbours have like signs.
-
-    Raises
-    ------
-    RecordingError
-        If method or axes are unknown, nine axes are asked of an IMU without a magnetometer, or a sample is not finite.
-    """
+    """From the sensor's frame to one with z up: x east and y north with nine axes, of free heading with six. `gain`
+    [rad/s]; gives (n, 4)."""
     if method not in FILTERS or axes not in AXES:
         raise RecordingError(
             f"orientation: found method {method!r} with {axes!r} axes, expected one of {', '.join(FILTERS)} with 6 or 9"

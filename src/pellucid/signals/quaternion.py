@@ -6,17 +6,7 @@ import numpy as np
 
 
 def multiply(left: np.ndarray, right: np.ndarray) -> np.ndarray:
-    """Hamilton's product.
-
-    Parameters
-    ----------
-    left, right : ndarray, shape (..., 4)
-        w, x, y, z; shapes that broadcast.
-
-    Returns
-    -------
-    ndarray, shape (..., 4)
-    """
+    """Hamilton's product. `left`, `right` (..., 4); gives (..., 4)."""
     a, b, c, d = np.moveaxis(np.asarray(left, float), -1, 0)
     w, x, y, z = np.moveaxis(np.asarray(right, float), -1, 0)
     return np.stack(
@@ -42,17 +32,8 @@ def continuous(quaternions: np.ndarray) -> np.ndarray:
 
 
 def angular_steps(quaternions: np.ndarray) -> np.ndarray:
-    """Turn from each sample to the next, in the frame that the quaternions lead to.
-
-    Parameters
-    ----------
-    quaternions : ndarray, shape (n, 4)
-
-    Returns
-    -------
-    ndarray, shape (n - 1, 3)
-        Rotation vectors [rad].
-    """
+    """Turn from each sample to the next, in the frame that the quaternions lead to. `quaternions` (n, 4); gives (n -
+    1, 3) [rad]."""
     steps = multiply(quaternions[1:], conjugate(quaternions[:-1]))
     steps = steps * np.where(steps[:, :1] < 0.0, -1.0, 1.0)
     length = np.linalg.norm(steps[:, 1:], axis=1, keepdims=True)
@@ -61,18 +42,7 @@ def angular_steps(quaternions: np.ndarray) -> np.ndarray:
 
 
 def twist(quaternions: np.ndarray, axis: np.ndarray) -> np.ndarray:
-    """Angle of the part of each turn that is about `axis`, unwrapped.
-
-    Parameters
-    ----------
-    quaternions : ndarray, shape (n, 4)
-    axis : ndarray, shape (3,)
-        Unit vector.
-
-    Returns
-    -------
-    ndarray, shape (n,)
-        [rad]
-    """
+    """Angle of the part of each turn that is about `axis`, unwrapped. `quaternions` (n, 4); `axis` (3,); gives (n,)
+    [rad]."""
     near = continuous(quaternions)
     return np.unwrap(2.0 * np.arctan2(near[:, 1:] @ axis, near[:, 0]))

@@ -22,22 +22,12 @@ STILL = np.radians(8.0)
 
 @dataclass(frozen=True)
 class Repetition:
-    """One repetition.
+    """One repetition."""
 
-    Attributes
-    ----------
-    start, end : int
-        First sample, and the one after the last.
-    turn : int
-        Sample furthest from rest.
-    excursion : float
-        From rest to there [rad]; signed.
-    """
-
-    start: int
+    start: int  # start, end: First sample, and the one after the last
     end: int
-    turn: int
-    excursion: float
+    turn: int  # Sample furthest from rest
+    excursion: float  # From rest to there [rad]; signed
 
     @property
     def samples(self) -> slice:
@@ -47,33 +37,19 @@ class Repetition:
 
 @dataclass(frozen=True)
 class Repetitions:
-    """All of a recording.
+    """All of a recording."""
 
-    Attributes
-    ----------
-    each : tuple of Repetition
-        In order; one begins where the one before it ends, in the middle of the rest between them.
-    rest : float
-        Angle of rest: the median where the angle is still and near where the repetitions begin [rad].
-    unfinished : slice or None
-        A last movement that did not come back before the recording's end; it is none of them.
-    """
-
+    # In order; one begins where the one before it ends, in the middle of the rest between them
     each: tuple[Repetition, ...]
-    rest: float
+    rest: float  # Angle of rest: the median where the angle is still and near where the repetitions begin [rad]
+    # A last movement that did not come back before the recording's end; it is none of them
     unfinished: slice | None = field(default=None)
 
     def __len__(self) -> int:
         return len(self.each)
 
     def labels(self, count: int) -> np.ndarray:
-        """Number of the repetition that each sample belongs to, shape (count,); -1 for none.
-
-        Parameters
-        ----------
-        count : int
-            Samples of the recording.
-        """
+        """Number of the repetition that each sample belongs to, shape (count,); -1 for none."""
         labels = np.full(count, -1)
         for number, repetition in enumerate(self.each):
             labels[repetition.samples] = number
@@ -93,27 +69,7 @@ def find_repetitions(
     The whole range is between the 2nd and 98th percentiles of the low-passed angle. Beyond half of it a repetition has
     left its rest, below a quarter it is back.
 
-    Parameters
-    ----------
-    angle : ndarray, shape (n,)
-        [rad]
-    fs : float
-        [Hz]
-    smallest : float
-        Range below which nothing moved [rad].
-    rest : {"first", "low", "high"}
-        Which end of the range is the rest: the one nearer to the recording's beginning, or the one named.
-    where : str
-        File and channel, for messages.
-
-    Returns
-    -------
-    Repetitions
-
-    Raises
-    ------
-    RecordingError
-        If a sample is missing, the angle's range is too small, or no movement comes back to rest.
+    `angle` (n,) [rad]; `fs` [Hz]; `smallest` [rad].
     """
     angle = np.asarray(angle, dtype=float)
     missing = np.flatnonzero(~np.isfinite(angle))

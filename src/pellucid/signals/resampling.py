@@ -14,44 +14,17 @@ from .._errors import RecordingError
 
 @dataclass(frozen=True, eq=False)
 class Resampled:
-    """Samples on another clock.
+    """Samples on another clock."""
 
-    Attributes
-    ----------
-    samples : ndarray, shape (m,) or (m, k)
-        NaN where the record does not reach: a spline does not know what comes after its last sample.
-    bandwidth : float
-        Where the interpolation is 3 dB down [Hz].
-    delay : float
-        0: a spline is symmetric in time [s].
-    """
-
+    # (m,) NaN where the record does not reach: a spline does not know what comes after its last sample
     samples: np.ndarray
-    bandwidth: float
-    delay: float = 0.0
+    bandwidth: float  # Where the interpolation is 3 dB down [Hz]
+    delay: float = 0.0  # 0: a spline is symmetric in time [s]
 
 
 def resample(time: np.ndarray, samples: np.ndarray, wanted: np.ndarray) -> Resampled:
-    """Interpolate by a cubic spline, 20 Hz to 500 Hz say; the spline passes through every sample.
-
-    Parameters
-    ----------
-    time : ndarray, shape (n,)
-        [s], increasing.
-    samples : ndarray, shape (n,) or (n, k)
-        Unwrapped, if they are angles.
-    wanted : ndarray, shape (m,)
-        Times to have samples at [s].
-
-    Returns
-    -------
-    Resampled
-
-    Raises
-    ------
-    RecordingError
-        If there are fewer than four samples, time does not increase, or a sample is missing.
-    """
+    """Interpolate by a cubic spline, 20 Hz to 500 Hz say; the spline passes through every sample. `time` (n,) [s];
+    `samples` (n,); `wanted` (m,) [s]."""
     samples = np.asarray(samples, float)
     if len(time) < 4 or np.any(np.diff(time) <= 0.0):
         raise RecordingError(f"resampling: found {len(time)} samples, expected four or more at increasing times")
@@ -62,19 +35,8 @@ def resample(time: np.ndarray, samples: np.ndarray, wanted: np.ndarray) -> Resam
 
 
 def linear(time: np.ndarray, samples: np.ndarray, wanted: np.ndarray) -> np.ndarray:
-    """Straight lines between samples, of a short part of a long record as fast as of a short record.
-
-    Parameters
-    ----------
-    time, samples : ndarray, shape (n,)
-        [s], increasing.
-    wanted : ndarray, shape (m,)
-        Times to have samples at, increasing [s]; beyond the record its first or last sample holds.
-
-    Returns
-    -------
-    ndarray, shape (m,)
-    """
+    """Straight lines between samples, of a short part of a long record as fast as of a short record. `time`,
+    `samples` (n,) [s]; `wanted` (m,) [s]; gives (m,)."""
     if not len(wanted):
         return np.empty(0)
     first, last = np.searchsorted(time, (wanted[0], wanted[-1]))

@@ -11,30 +11,8 @@ UNEVEN = 0.05
 
 
 def sampled(where: str, time: np.ndarray, *, least: int = 2, even: bool = True, **signals) -> tuple[np.ndarray, ...]:
-    """Time [s] and signals as arrays of floats, each of shape (n,), examined.
-
-    Parameters
-    ----------
-    where : str
-        For messages: whose arguments they are.
-    time : ndarray, shape (n,)
-        [s]
-    least : int
-        Fewest samples.
-    even : bool
-        Whether time steps must be equal.
-    **signals : ndarray, shape (n,) or (n, 1)
-        By the arguments' names.
-
-    Returns
-    -------
-    tuple of ndarray, each of shape (n,)
-
-    Raises
-    ------
-    RecordingError
-        Naming the argument, what was found in it, and what was expected.
-    """
+    """Time [s] and signals as arrays of floats, each of shape (n,), examined. `time` (n,) [s]; `signals` (n,); gives
+    (n,)."""
     columns = {name: _column(where, name, values) for name, values in {"time": time, **signals}.items()}
     t = columns["time"]
     if len(t) < least:

@@ -17,22 +17,7 @@ def segment_angle(optical: OpticalRecording, proximal: str, distal: str) -> np.n
     With u the segment's direction, g that of gravity and f the horizontal direction of the mean of u, q = atan2(u.f,
     u.g): 0 where the segment hangs, a quarter turn where it points forward. Motion out of the plane does not enter.
 
-    Parameters
-    ----------
-    optical : OpticalRecording
-    proximal, distal : str
-        Markers, such as those at elbow and wrist.
-
-    Returns
-    -------
-    ndarray, shape (n,)
-        [rad], unwrapped; NaN where either marker was lost.
-
-    Raises
-    ------
-    RecordingError
-        If a marker is not there or was never seen with the other, both are at one place, or the segment hangs (or
-        stands) on average, so that no side is forward.
+    Gives (n,) [rad].
     """
     for name in (proximal, distal):
         if name not in optical.markers:

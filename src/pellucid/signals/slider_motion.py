@@ -27,35 +27,21 @@ HOLD_SHARE = 0.6  # of a hold, its end: it has settled by then
 
 @dataclass(frozen=True)
 class SliderMotion:
-    """One recording with the carriage at one place.
+    """One recording with the carriage at one place."""
 
-    Parameters
-    ----------
-    recording, protocol, split : str
-        "fitted" or "heldout".
-    slider : float
-        x, the marker's distance along the link [m].
-    fs : float
-        Rate of the kept samples [Hz].
-    position, velocity, acceleration, effort : ndarray, shape (n,)
-        Low-passed alike; SI, effort [N*m] at the joint.
-    lowpass, order : float, int
-        Of the filter [Hz].
-    scored : ndarray of bool, shape (n,)
-        Samples faster than the dead band, the borders left out: those a model of a moving joint speaks of.
-    """
-
-    recording: str
+    recording: str  # recording, protocol, split: "fitted" or "heldout"
     protocol: str
     split: str
-    slider: float
-    fs: float
+    slider: float  # x, the marker's distance along the link [m]
+    fs: float  # Rate of the kept samples [Hz]
+    # position, velocity, acceleration, effort: (n,) Low-passed alike; SI, effort [N*m] at the joint
     position: np.ndarray
     velocity: np.ndarray
     acceleration: np.ndarray
     effort: np.ndarray
-    lowpass: float
+    lowpass: float  # lowpass, order: Of the filter [Hz]
     order: int
+    # (n,) Samples faster than the dead band, the borders left out: those a model of a moving joint speaks of
     scored: np.ndarray
 
     @property
@@ -84,26 +70,7 @@ class SliderMotion:
 def slider_motions(
     recordings: Sequence[Recording], rig: JointTable, processing: Processing, geometry: Geometry
 ) -> tuple[SliderMotion, ...]:
-    """Every recording, low-passed at full rate with one zero-phase filter, thinned, and differentiated.
-
-    Parameters
-    ----------
-    recordings : sequence of Recording
-    rig : JointTable
-    processing : Processing
-        `lowpass` is needed.
-    geometry : Geometry
-        Says where the carriage was.
-
-    Returns
-    -------
-    tuple of SliderMotion
-
-    Raises
-    ------
-    RecordingError
-        If no low-pass is stated, or a recording is too short for it.
-    """
+    """Every recording, low-passed at full rate with one zero-phase filter, thinned, and differentiated."""
     if processing.lowpass is None:
         raise RecordingError('study.toml: [processing] states no lowpass; expected one such as "5 Hz"')
     drive = drive_model(rig)
@@ -150,18 +117,7 @@ def _ready(recording: Recording, effort: np.ndarray, slider: float, processing: 
 
 def derivative(samples: np.ndarray, fs: float) -> np.ndarray:
     """Derivative by central differences over five samples (error of order four), over three at the borders.
-
-    Parameters
-    ----------
-    samples : ndarray, shape (n,)
-    fs : float
-        [Hz]
-
-    Returns
-    -------
-    ndarray, shape (n,)
-        In the signal's unit per second.
-    """
+    `samples` (n,); `fs` [Hz]; gives (n,)."""
     rate = np.gradient(samples, 1.0 / fs)
     rate[2:-2] = (8.0 * (samples[3:-1] - samples[1:-3]) - (samples[4:] - samples[:-4])) * (fs / 12.0)
     return rate

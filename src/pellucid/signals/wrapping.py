@@ -9,18 +9,10 @@ import numpy as np
 
 @dataclass(frozen=True, eq=False)
 class Unwrapped:
-    """An angle without its jumps.
+    """An angle without its jumps."""
 
-    Attributes
-    ----------
-    angle : ndarray, shape (n,)
-        [rad]
-    wraps : tuple of int
-        Samples at which a turn was added or taken off.
-    """
-
-    angle: np.ndarray
-    wraps: tuple[int, ...]
+    angle: np.ndarray  # (n,) [rad]
+    wraps: tuple[int, ...]  # Samples at which a turn was added or taken off
 
     def said(self, name: str, time: np.ndarray) -> str:
         """The jumps of channel `name` in one sentence, at `time`, shape (n,) [s]; empty where there were none."""
@@ -32,19 +24,7 @@ class Unwrapped:
 
 
 def unwrap(angle: np.ndarray, turn: float = 2.0 * np.pi) -> Unwrapped:
-    """Undo jumps of whole turns.
-
-    Parameters
-    ----------
-    angle : ndarray, shape (n,)
-        [rad]; missing samples (NaN) stay missing and are stepped over.
-    turn : float
-        Size of a jump [rad].
-
-    Returns
-    -------
-    Unwrapped
-    """
+    """Undo jumps of whole turns. `angle` (n,) [rad]; `turn` [rad]."""
     angle = np.asarray(angle, float)
     known = np.flatnonzero(np.isfinite(angle))
     found = angle.copy()

@@ -22,13 +22,7 @@ ESTIMATORS = _discovered()
 
 
 def family_of(name: str) -> tuple[str, Family]:
-    """The name under which rows have an estimator, and its family.
-
-    Raises
-    ------
-    IdentificationError
-        If there is none.
-    """
+    """The name under which rows have an estimator, and its family."""
     for own, family in ESTIMATORS.items():
         if name in (own, *family.aliases):
             return own, family

@@ -30,48 +30,23 @@ def _made_of_trials(settings: Mapping[str, Any], seen: Features) -> Regressor:
 
 @dataclass(frozen=True)
 class Family:
-    """An estimator that can be asked for by name.
+    """An estimator that can be asked for by name."""
 
-    Parameters
-    ----------
-    words : str
-        What it is.
-    make : callable
-        From settings and the features it will see to a scikit-learn estimator, not yet fitted.
-    settings : tuple of Mapping
-        Candidates.
-    lags : bool or None
-        Whether it sees earlier envelopes; None: cross-validation decides.
-    muscles : bool
-        Whether it sees EMG at all.
-    fixed : FeatureSet or None
-        The only features it sees, where they are not to be chosen.
-    every : bool
-        Every pair of features and settings is tried; otherwise features first, then settings.
-    quick : Mapping or None
-        Settings with which features are chosen, where that is done first; None: the first of `settings`.
-    smoothing : float
-        Length of the moving average on its output [s]; 0 for none.
-    whole : callable or None
-        Fits trials itself, where features do not do: from trials, name and whether it is causal to a fitted map.
-    aliases : tuple of str
-        What it may also be called.
-    rank : int
-        Its place in tables, the lowest first.
-    """
-
-    words: str
+    words: str  # What it is
+    # From settings and the features it will see to a scikit-learn estimator, not yet fitted
     make: Callable[[Mapping[str, Any], Features], Regressor] = _made_of_trials
-    settings: tuple[Mapping[str, Any], ...] = ({},)
-    lags: bool | None = None
-    muscles: bool = True
-    fixed: FeatureSet | None = None
-    every: bool = False
+    settings: tuple[Mapping[str, Any], ...] = ({},)  # Candidates
+    lags: bool | None = None  # Whether it sees earlier envelopes; None: cross-validation decides
+    muscles: bool = True  # Whether it sees EMG at all
+    fixed: FeatureSet | None = None  # The only features it sees, where they are not to be chosen
+    every: bool = False  # Every pair of features and settings is tried; otherwise features first, then settings
+    # Settings with which features are chosen, where that is done first; None: the first of `settings`
     quick: Mapping[str, Any] | None = None
-    smoothing: float = 0.05
+    smoothing: float = 0.05  # Length of the moving average on its output [s]; 0 for none
+    # Fits trials itself, where features do not do: from trials, name and whether it is causal to a fitted map
     whole: Callable[[Any, str, bool], Any] | None = None
-    aliases: tuple[str, ...] = ()
-    rank: int = 100
+    aliases: tuple[str, ...] = ()  # What it may also be called
+    rank: int = 100  # Its place in tables, the lowest first
 
     def candidates(self, *, neighbours: bool) -> tuple[FeatureSet, ...]:
         """Feature sets it may choose from; `neighbours`: whether other joints' angles are there."""

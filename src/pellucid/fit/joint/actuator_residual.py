@@ -22,26 +22,8 @@ def actuator_residual(
     from which the lag of torque behind command, at an orthosis that is held, has w^2 = K/J and 2 zeta w = b/J + c K/J.
     Every signal goes through the same zero-phase low-pass; the leak is searched, the rest is least squares.
 
-    Parameters
-    ----------
-    recordings : sequence of (command, torque, position, motor_position)
-        Each an ndarray, shape (n,) [N m], [N m], [rad], [rad], in which the joint moves.
-    fs : float
-        Sampling rate [Hz].
-    cutoff : float
-        Of the low-pass [Hz].
-
-    Returns
-    -------
-    dict of str to float
-        actuator_inertia [kg m^2], actuator_viscous [N m s/rad], actuator_coulomb [N m], actuator_leak [1/s],
-        actuator_frequency [rad/s] and actuator_damping [1] of the lag, spring_stiffness [N m/rad], and actuator_fit,
-        the share of e's variance that is explained [1]. What came out negative is 0.
-
-    Raises
-    ------
-    IdentificationError
-        If the joint moves for less than two seconds in all.
+    `recordings` (n,) [N m], [rad]; `fs` [Hz]; `cutoff` [Hz]; gives [kg m^2], [N m s/rad], [N m], [1/s], [rad/s],
+    [N m/rad].
     """
     from scipy.optimize import minimize_scalar
     from scipy.signal import butter, sosfiltfilt

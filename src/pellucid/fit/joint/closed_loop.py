@@ -36,23 +36,7 @@ def simulated_motions(
     model: JointModel, values: np.ndarray, motions: tuple[Motion, ...], machine: Machine
 ) -> tuple[Motion, ...]:
     """The motions as the closed loop of an identified joint makes them, through the same filter and derivatives.
-
-    Parameters
-    ----------
-    model : JointModel
-    values : ndarray, shape (p,)
-    motions : tuple of Motion
-    machine : Machine
-
-    Returns
-    -------
-    tuple of Motion
-
-    Raises
-    ------
-    IdentificationError
-        If a simulation diverges.
-    """
+    `values` (p,)."""
     made = []
     for motion in motions:
         trace = replay(model, values, motion, machine, closed=True)
@@ -64,13 +48,7 @@ def simulated_motions(
 
 
 def require_loop(machine: Machine, data: Stack) -> None:
-    """Refuse a closed-loop method without a controller and a reference.
-
-    Raises
-    ------
-    IdentificationError
-        Saying which of the two is missing.
-    """
+    """Refuse a closed-loop method without a controller and a reference."""
     for motion in data.motions:
         if not machine.can_close(motion):
             missing = (
@@ -82,27 +60,7 @@ def require_loop(machine: Machine, data: Stack) -> None:
 def solve_instrumental(
     model: JointModel, data: Stack, machine: Machine, first: Solution
 ) -> tuple[Solution, np.ndarray]:
-    """IDIM-IV from the states of the simulated closed loop.
-
-    Parameters
-    ----------
-    model : JointModel
-    data : Stack
-    machine : Machine
-    first : Solution
-        Least squares, where the iteration starts.
-
-    Returns
-    -------
-    Solution
-    instruments : ndarray, shape (m, p)
-        Z at the solution, for the covariance.
-
-    Raises
-    ------
-    IdentificationError
-        If there is no controller or reference, or the simulated loop diverges.
-    """
+    """IDIM-IV from the states of the simulated closed loop. Gives `instruments` (m, p)."""
     require_loop(machine, data)
     return _iterated(model, data, first, lambda values: _instruments(model, values, data, machine))
 
@@ -117,25 +75,7 @@ def _instruments(
 
 
 def solve_didim(model: JointModel, data: Stack, machine: Machine, first: Solution) -> Solution:
-    """DIDIM: the inverse model fitted on simulated states alone.
-
-    Parameters
-    ----------
-    model : JointModel
-    data : Stack
-    machine : Machine
-    first : Solution
-        Where the iteration starts; any stable guess will do.
-
-    Returns
-    -------
-    Solution
-
-    Raises
-    ------
-    IdentificationError
-        If there is no controller or reference, or the simulated loop diverges.
-    """
+    """DIDIM: the inverse model fitted on simulated states alone."""
     require_loop(machine, data)
     return _iterated(model, data, first, lambda values: _on_simulated(model, values, data, machine))[0]
 
@@ -168,26 +108,7 @@ def _iterated(
 
 
 def solve_output_error(model: JointModel, data: Stack, machine: Machine, first: Solution) -> Solution:
-    """Fit the simulated response itself, with its exact Jacobian.
-
-    Parameters
-    ----------
-    model : JointModel
-    data : Stack
-    machine : Machine
-    first : Solution
-
-    Returns
-    -------
-    Solution
-        Residual and Jacobian are of the effort [N*m, N, A or V] in closed loop, of the position [rad or m] in open
-        loop.
-
-    Raises
-    ------
-    IdentificationError
-        If the simulation diverges at the first guess.
-    """
+    """Fit the simulated response itself, with its exact Jacobian. Gives [N*m, N, A or V], [rad or m]."""
     from scipy.optimize import least_squares
 
     closed = all(machine.can_close(m) for m in data.motions)

@@ -23,19 +23,8 @@ ROUNDS = 4  # relinearisations; a family that is linear in its parameters needs 
 
 
 def least_inertia(model: JointModel, values: np.ndarray, mass: float) -> float:
-    """The smallest inertia about the axis that a body with the model's gravity can have [kg*m^2].
-
-    Parameters
-    ----------
-    model : JointModel
-    values : ndarray, shape (p,)
-    mass : float
-        [kg]
-
-    Returns
-    -------
-    float
-    """
+    """The smallest inertia about the axis that a body with the model's gravity can have [kg*m^2]. `values` (p,);
+    `mass` [kg]."""
     free = dict(zip(model.names, values, strict=True))
     amplitude2 = sum(free.get(n, model.known.get(n, 0.0)) ** 2 for n in ("gravity", "gravity_cosine"))
     return float(amplitude2 / (mass * GRAVITY**2))

@@ -31,25 +31,7 @@ def payload_effort(motion: Motion, rotary: bool) -> np.ndarray:
 
 
 def drive_constant(model: JointModel, data: Stack) -> Parameter:
-    """Effort per ampere or volt, from known payloads.
-
-    Parameters
-    ----------
-    model : JointModel
-        A family that is linear in its parameters.
-    data : Stack
-        Fitted recordings, effort in the drive's own unit.
-
-    Returns
-    -------
-    Parameter
-        `drive_constant` [N*m/A, N*m/V, N/A or N/V].
-
-    Raises
-    ------
-    IdentificationError
-        If the payloads do not differ, or the motion does not show their effect.
-    """
+    """Effort per ampere or volt, from known payloads. Gives [N*m/A, N*m/V, N/A or N/V]."""
     if len({m.payload for m in data.motions}) < 2:
         raise IdentificationError(
             "the drive constant needs recordings with at least two different payloads (none counts as one); "

@@ -51,21 +51,7 @@ def r_squared(measured: np.ndarray, modelled: np.ndarray) -> float:
 def predict(
     model: JointModel, values: np.ndarray, motions: Sequence[Motion], half_width: float
 ) -> tuple[Prediction, ...]:
-    """Predict the effort of every motion; scored samples only.
-
-    Parameters
-    ----------
-    model : JointModel
-    values : ndarray, shape (p,)
-    motions : sequence of Motion
-    half_width : float
-        Half the width of the prediction interval, in the effort's unit.
-
-    Returns
-    -------
-    tuple of Prediction
-        One per recording: the stretches of one recording are joined.
-    """
+    """Predict the effort of every motion; scored samples only. `values` (p,)."""
     bare = model.vector(values)
     whole: dict[str, list[tuple[Motion, np.ndarray]]] = {}
     for motion, effort in zip(motions, predicted(model, values, motions), strict=True):

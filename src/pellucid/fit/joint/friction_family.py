@@ -75,13 +75,7 @@ def fit_family(
     thorough: bool = True,
 ) -> FamilyFit:
     """Fit a `model` to `data`, predict and simulate `everything` a `machine` recorded; intervals at `level`, a body of
-    at most `moving_mass` [kg]; `thorough` also by weighted, robust and closed-loop methods.
-
-    Raises
-    ------
-    IdentificationError
-        If the regression is singular.
-    """
+    at most `moving_mass` [kg]; `thorough` also by weighted, robust and closed-loop methods."""
     first, note = solve_family(model, data), ()
     if moving_mass is not None:
         first, note = enforce_pseudo_inertia(model, data, first, moving_mass)

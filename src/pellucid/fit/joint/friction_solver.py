@@ -22,13 +22,7 @@ def solve_family(
     after: Solution | None = None,
 ) -> Solution:
     """Minimise the squared effort residuals of a `model` on `data`, times `weights`, (m,); `consistent` keeps inertia,
-    friction levels and load coefficients physical; `after` an earlier solution on the same data.
-
-    Raises
-    ------
-    IdentificationError
-        If the regressor is singular: the message names the parameters that cannot be told apart.
-    """
+    friction levels and load coefficients physical; `after` an earlier solution on the same data."""
     if "stribeck_velocity" in model.names:
         w = np.ones(len(data.target)) if weights is None else np.asarray(weights, float)
         return _profiled(model, data, w, consistent, after)

@@ -40,61 +40,29 @@ LEVEL = 0.95
 
 @dataclass(frozen=True)
 class Hold:
-    """One angle at which a segment was held.
-
-    Attributes
-    ----------
-    recording : str
-    start, end : float
-        Settled samples, on the recording's clock [s].
-    angle, torque : float
-        Means [rad], [N m].
-    torque_sd : float
-        Of the samples [N m].
-    approach : int
-        1 from below, -1 from above, 0 for the first one.
-    """
+    """One angle at which a segment was held."""
 
     recording: str
-    start: float
+    start: float  # start, end: Settled samples, on the recording's clock [s]
     end: float
-    angle: float
+    angle: float  # angle, torque: Means [rad], [N m]
     torque: float
-    torque_sd: float
-    approach: int
+    torque_sd: float  # Of the samples [N m]
+    approach: int  # 1 from below, -1 from above, 0 for the first one
 
 
 @dataclass(frozen=True)
 class GravityFit:
-    """Gravity of one segment.
+    """Gravity of one segment."""
 
-    Attributes
-    ----------
-    gravity : Parameter
-        m g l [N m].
-    zero : Parameter or None
-        Angle at which it hangs [rad]; None where nothing says that it is not 0.
-    offset : Parameter
-        Torque that does not depend on the angle [N m].
-    friction : Parameter or None
-        Half the torque between both approaches [N m]; None where there was one approach only.
-    phasor : ndarray, shape (2,)
-        Coefficients of sin q and cos q [N m].
-    phasor_covariance : ndarray, shape (2, 2)
-        [N^2 m^2]; widened for the few holds there are.
-    holds : tuple of Hold
-    residual : ndarray, shape (k,)
-        Of each hold [N m].
-    """
-
-    gravity: Parameter
-    zero: Parameter | None
-    offset: Parameter
-    friction: Parameter | None
-    phasor: np.ndarray = field(repr=False)
-    phasor_covariance: np.ndarray = field(repr=False)
+    gravity: Parameter  # m g l [N m]
+    zero: Parameter | None  # Angle at which it hangs [rad]; None where nothing says that it is not 0
+    offset: Parameter  # Torque that does not depend on the angle [N m]
+    friction: Parameter | None  # Half the torque between both approaches [N m]; None where there was one approach only
+    phasor: np.ndarray = field(repr=False)  # (2,) Coefficients of sin q and cos q [N m]
+    phasor_covariance: np.ndarray = field(repr=False)  # (2, 2) [N^2 m^2]; widened for the few holds there are
     holds: tuple[Hold, ...] = field(repr=False)
-    residual: np.ndarray = field(repr=False)
+    residual: np.ndarray = field(repr=False)  # (k,) Of each hold [N m]
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
@@ -109,27 +77,8 @@ class GravityFit:
 def find_holds(
     time: np.ndarray, position: np.ndarray, torque: np.ndarray, *, recording: str = "", shortest: float = SHORTEST
 ) -> tuple[Hold, ...]:
-    """Where a recording stands still, without the time in which it settles.
-
-    Parameters
-    ----------
-    time, position, torque : ndarray, shape (n,)
-        Evenly sampled [s], [rad], [N m].
-    recording : str
-        For the holds' own names.
-    shortest : float
-        Seconds that a hold lasts at least, once settled.
-
-    Returns
-    -------
-    tuple of Hold
-        In the order of time.
-
-    Raises
-    ------
-    IdentificationError
-        If the recording stands still nowhere.
-    """
+    """Where a recording stands still, without the time in which it settles. `time`, `position`, `torque` (n,) [s],
+    [rad], [N m]."""
     fs = (len(time) - 1) / (time[-1] - time[0])
     velocity = np.gradient(zero_phase_lowpass(position, STILL_CUTOFF, 2, fs), 1.0 / fs)
     found: list[Hold] = []
@@ -162,27 +111,7 @@ def find_holds(
 
 
 def fit_gravity(holds: Sequence[Hold], *, zero: Parameter | None = None, level: float = LEVEL) -> GravityFit:
-    """Least squares of torque on sin(q - zero), an offset, and friction by the side of the approach.
-
-    Parameters
-    ----------
-    holds : sequence of Hold
-        At three or more angles.
-    zero : Parameter, optional
-        Angle at which it hangs, where something better than holds tells it: over a quarter of a turn an offset and a
-        cosine look much alike.
-    level : float
-        At which the angle of rest must differ from 0 to be estimated, and intervals are widened for few holds.
-
-    Returns
-    -------
-    GravityFit
-
-    Raises
-    ------
-    IdentificationError
-        If the holds are at too few angles.
-    """
+    """Least squares of torque on sin(q - zero), an offset, and friction by the side of the approach."""
     angle, torque = np.array([h.angle for h in holds]), np.array([h.torque for h in holds])
     _refuse_few(angle, holds)
     approach = np.array([float(h.approach) for h in holds])
@@ -222,23 +151,7 @@ def added_gravity(together: Sequence[Sequence[Hold]], alone: GravityFit) -> tupl
     What the torque's sensor shows without load, and the bearing's friction, are in both and go out of the difference:
     it is left with no constant, so that the angle at which the added body hangs can be told from few angles.
 
-    Parameters
-    ----------
-    together : sequence of sequence of Hold
-        One for each trial with both, rigidly fixed.
-    alone : GravityFit
-        Of the segment alone.
-
-    Returns
-    -------
-    gravity, zero : Parameter
-        m g l [N m], and the angle at which the added body would hang [rad]. The interval covers the holds' scatter and
-        what the trials differ by, whichever is wider.
-
-    Raises
-    ------
-    IdentificationError
-        If a trial's holds are at too few angles.
+    Gives `gravity`, `zero` [N m], [rad].
     """
     blocks, targets, phasors = [], [], []
     for holds in together:
@@ -261,19 +174,8 @@ def added_gravity(together: Sequence[Sequence[Hold]], alone: GravityFit) -> tupl
 
 
 def phasor_parameters(phasor: np.ndarray, covariance: np.ndarray) -> tuple[Parameter, Parameter]:
-    """m g l and the angle of rest from the coefficients of sin q and cos q.
-
-    Parameters
-    ----------
-    phasor : ndarray, shape (2,)
-        [N m]
-    covariance : ndarray, shape (2, 2)
-        Theirs.
-
-    Returns
-    -------
-    gravity, zero : Parameter
-    """
+    """m g l and the angle of rest from the coefficients of sin q and cos q. `phasor` (2,) [N m]; `covariance` (2,
+    2)."""
     a, b = phasor
     size = float(np.hypot(a, b))
     along, across = np.array([a, b]) / size, np.array([b, -a]) / size**2
@@ -296,18 +198,7 @@ class LineFit:
 
 
 def line_of_best_fit(angle: np.ndarray, torque: np.ndarray) -> LineFit:
-    """The thesis's trend line of torque against angle (its section 2.3.1).
-
-    Parameters
-    ----------
-    angle, torque : ndarray, shape (k,)
-        [rad], [N m].
-
-    Returns
-    -------
-    LineFit
-        Over 0 to 90 degrees its slope is about two thirds of m g l.
-    """
+    """The thesis's trend line of torque against angle (its section 2.3.1). `angle`, `torque` (k,) [rad], [N m]."""
     slope, intercept = np.polyfit(angle, torque, 1)
     residual = torque - slope * angle - intercept
     return LineFit(
@@ -316,34 +207,15 @@ def line_of_best_fit(angle: np.ndarray, torque: np.ndarray) -> LineFit:
 
 
 def cosine_moment(angle: np.ndarray, torque: np.ndarray) -> float:
-    """m g l by the thesis's equation 2.3, tau = m g l cos q, by least squares [N m].
-
-    Parameters
-    ----------
-    angle, torque : ndarray, shape (k,)
-        [rad], [N m]; with the angle from hanging it is wrong by more than half.
-
-    Returns
-    -------
-    float
-    """
+    """m g l by the thesis's equation 2.3, tau = m g l cos q, by least squares [N m]. `angle`, `torque` (k,) [rad],
+    [N m]."""
     c = np.cos(angle)
     return float(c @ torque / (c @ c))
 
 
 def accuracy(found: float, theoretical: float) -> tuple[float, float]:
     """How near two values are [%]: relative to what was found (as the thesis computes it), and to the theoretical one
-    (as it says).
-
-    Parameters
-    ----------
-    found, theoretical : float
-        Same unit.
-
-    Returns
-    -------
-    of_found, of_theoretical : float
-    """
+    (as it says)."""
     off = abs(found - theoretical)
     return 100.0 * (1.0 - off / abs(found)), 100.0 * (1.0 - off / abs(theoretical))
 

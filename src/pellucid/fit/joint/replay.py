@@ -87,13 +87,7 @@ def simulation_of(
     model: JointModel, values: np.ndarray, motion: Motion, machine: Machine, *, closed: bool
 ) -> Simulation:
     """Simulate one `motion` of a `machine`, `closed` or from its command, with true stiction, the joint a `model` with
-    `values`, (p,), and compare, measured and simulated signals filtered alike.
-
-    Raises
-    ------
-    IdentificationError
-        If the simulation diverges.
-    """
+    `values`, (p,), and compare, measured and simulated signals filtered alike."""
     trace = replay(model, values, motion, machine, closed=closed)
     if not (np.all(np.isfinite(trace.acceleration)) and np.all(np.isfinite(trace.effort))):
         raise IdentificationError(f"recording '{motion.recording}': the simulated joint diverges")

@@ -20,15 +20,7 @@ def speed_weights(model: JointModel, data: Stack, residual: np.ndarray) -> np.nd
 
     What a friction model misses sits at low speed: those samples then count for less.
 
-    Parameters
-    ----------
-    model : JointModel
-    data : Stack
-    residual : ndarray, shape (m,)
-
-    Returns
-    -------
-    ndarray, shape (m,)
+    `residual` (m,); gives (m,).
     """
     speed = data.reduced([np.abs(m.velocity) for m in data.motions])
     edges = np.quantile(speed, np.linspace(0.0, 1.0, SPEED_BINS + 1)[1:-1])
@@ -50,20 +42,7 @@ def robust_weights(residual: np.ndarray) -> np.ndarray:
 
 
 def solve_weighted(model: JointModel, data: Stack, first: Solution, consistent: bool = True) -> Solution:
-    """Weighted least squares: weights from the residuals of `first`, refined twice.
-
-    Parameters
-    ----------
-    model : JointModel
-    data : Stack
-    first : Solution
-        Ordinary least squares.
-    consistent : bool
-
-    Returns
-    -------
-    Solution
-    """
+    """Weighted least squares: weights from the residuals of `first`, refined twice."""
     found = first
     for _ in range(3):
         w = speed_weights(model, data, found.residual)
@@ -72,20 +51,7 @@ def solve_weighted(model: JointModel, data: Stack, first: Solution, consistent: 
 
 
 def solve_robust(model: JointModel, data: Stack, first: Solution, consistent: bool = True) -> Solution:
-    """Iteratively reweighted least squares with Huber's weights, until no value moves by more than 1e-4 of its size.
-
-    Parameters
-    ----------
-    model : JointModel
-    data : Stack
-    first : Solution
-        Ordinary least squares.
-    consistent : bool
-
-    Returns
-    -------
-    Solution
-    """
+    """Iteratively reweighted least squares with Huber's weights, until no value moves by more than 1e-4 of its size."""
     found = first
     for iteration in range(MAX_REWEIGHTINGS):
         w = robust_weights(found.residual)

@@ -55,25 +55,13 @@ WEIGHT = 0.01
 
 @dataclass(frozen=True, eq=False)
 class MuscleSamples:
-    """What muscles are calibrated on.
+    """What muscles are calibrated on."""
 
-    Attributes
-    ----------
-    data : HillData
-        Of m muscles, n samples.
-    torque : ndarray, shape (n,)
-        The reference [N m].
-    angle, speed : ndarray, shape (n,)
-        Of the joint, torque positive along them [rad] and [rad/s].
-    weight : ndarray, shape (n,)
-        By which squared errors count; 0 leaves a sample out, its envelopes stay in the lags.
-    """
-
-    data: HillData
-    torque: np.ndarray
-    angle: np.ndarray
+    data: HillData  # Of m muscles, n samples
+    torque: np.ndarray  # (n,) The reference [N m]
+    angle: np.ndarray  # angle, speed: (n,) Of the joint, torque positive along them [rad] and [rad/s]
     speed: np.ndarray
-    weight: np.ndarray
+    weight: np.ndarray  # (n,) By which squared errors count; 0 leaves a sample out, its envelopes stay in the lags
 
     @property
     def passive(self) -> np.ndarray:
@@ -88,27 +76,7 @@ class MuscleSamples:
 
 
 class MuscleProblem:
-    """Cost, gradient and normal equations of a calibration, in standard deviations from anatomy.
-
-    Parameters
-    ----------
-    muscles : sequence of HillMuscle
-        In the order of the rows of the samples; their numbers are the anatomical values.
-    samples : MuscleSamples
-    quantities : sequence of str
-        What is free, in `pellucid.fit.muscles.muscle_freedom.FREEDOMS`.
-    passive : bool
-        Whether the joint's own tissue is.
-    weight : float
-        Of anatomy, lambda.
-    priors : sequence of Prior, optional
-        Instead of those of `quantities`.
-
-    Raises
-    ------
-    IdentificationError
-        If no sample counts, or the torque does not change.
-    """
+    """Cost, gradient and normal equations of a calibration, in standard deviations from anatomy."""
 
     def __init__(
         self,
@@ -195,33 +163,16 @@ class MuscleProblem:
 
 @dataclass(frozen=True, eq=False)
 class MuscleFit:
-    """Calibrated muscles.
-
-    Attributes
-    ----------
-    problem : MuscleProblem
-    z : ndarray, shape (p,)
-        Standard deviations from anatomy.
-    normal : ndarray, shape (p, p)
-        J'J there, anatomy included.
-    cost : float
-    method : str
-    costs : tuple of float
-        Of each start, when the best was chosen.
-    evaluations : int
-        Of the cost, in all.
-    seconds : float
-        It took, all starts included.
-    """
+    """Calibrated muscles."""
 
     problem: MuscleProblem = field(repr=False)
-    z: np.ndarray = field(repr=False)
-    normal: np.ndarray = field(repr=False)
+    z: np.ndarray = field(repr=False)  # (p,) Standard deviations from anatomy
+    normal: np.ndarray = field(repr=False)  # (p, p) J'J there, anatomy included
     cost: float
     method: str
-    costs: tuple[float, ...]
-    evaluations: int
-    seconds: float
+    costs: tuple[float, ...]  # Of each start, when the best was chosen
+    evaluations: int  # Of the cost, in all
+    seconds: float  # It took, all starts included
 
     @property
     def values(self) -> dict[str, float]:
@@ -259,31 +210,7 @@ def calibrate_muscles(
     seed: int = SEED,
     iterations: int | None = None,
 ) -> MuscleFit:
-    """Find the muscles that give the torque that was measured.
-
-    Parameters
-    ----------
-    problem : MuscleProblem
-    method : str
-        One of `METHODS`.
-    starts : int
-        Least squares begins at the anatomical values and at draws from how people spread about them.
-    stages : sequence of sequence of str, optional
-        What is free in each stage, the last one all that is to be found; the rest rests. For least squares.
-    seed : int
-        Of the draws.
-    iterations : int, optional
-        At most; of the method's own kind.
-
-    Returns
-    -------
-    MuscleFit
-
-    Raises
-    ------
-    IdentificationError
-        If there is no such method, or no start has a finite cost.
-    """
+    """Find the muscles that give the torque that was measured."""
     if method not in METHODS:
         raise IdentificationError(f"calibration: found the method {method!r}, expected one of {', '.join(METHODS)}")
     began, rng = time.perf_counter(), np.random.default_rng(seed)

@@ -15,30 +15,15 @@ from ...models.hill import FreeParameter, HillModel, HillMuscle
 
 @dataclass(frozen=True)
 class Freedom:
-    """One quantity that calibration frees.
+    """One quantity that calibration frees."""
 
-    Attributes
-    ----------
-    quantity : str
-        One of `pellucid.models.hill.FREE` or ``TWINS``.
-    shared : bool
-        One number for all muscles, instead of one for each.
-    relative : bool
-        Whether bounds and spread are shares of what each muscle has, or SI.
-    lower, upper : float
-    spread : float
-        Standard deviation among people about the anatomical value.
-    logarithm : bool
-        Whether spread is that of the logarithm: half and twice are equally far away.
-    """
-
-    quantity: str
-    shared: bool
-    relative: bool
+    quantity: str  # One of `pellucid.models.hill.FREE` or ``TWINS``
+    shared: bool  # One number for all muscles, instead of one for each
+    relative: bool  # Whether bounds and spread are shares of what each muscle has, or SI
     lower: float
     upper: float
-    spread: float
-    logarithm: bool = False
+    spread: float  # Standard deviation among people about the anatomical value
+    logarithm: bool = False  # Whether spread is that of the logarithm: half and twice are equally far away
 
 
 FREEDOMS: Mapping[str, Freedom] = {
@@ -80,20 +65,7 @@ class Prior:
 
 
 def muscle_priors(muscles: Sequence[HillMuscle], quantities: Sequence[str] = USUAL) -> tuple[Prior, ...]:
-    """Free parameters of some muscles, with their priors.
-
-    Parameters
-    ----------
-    muscles : sequence of HillMuscle
-        Their numbers are what is expected.
-    quantities : sequence of str
-        Names in `FREEDOMS`.
-
-    Returns
-    -------
-    tuple of Prior
-        Quantity by quantity, and muscle by muscle where each has its own.
-    """
+    """Free parameters of some muscles, with their priors."""
     names = tuple(m.name for m in muscles)
     free = []
     for quantity in quantities:

@@ -30,51 +30,22 @@ _UNITS = {"time_constant": "s", "delay": "s", "max_velocity": "1/s"}
 
 @dataclass(frozen=True, eq=False)
 class CostProfile:
-    """How the cost rises as one parameter is held and all others are found again.
-
-    Attributes
-    ----------
-    name : str
-    values : ndarray, shape (k,)
-        Of the parameter, in its unit.
-    costs : ndarray, shape (k,)
-        The lowest with it held.
-    """
+    """How the cost rises as one parameter is held and all others are found again."""
 
     name: str
-    values: np.ndarray
-    costs: np.ndarray
+    values: np.ndarray  # (k,) Of the parameter, in its unit
+    costs: np.ndarray  # (k,) The lowest with it held
 
 
 def information(fit: MuscleFit) -> np.ndarray:
-    """Fisher information of the recording alone, per squared standard deviation among people.
-
-    Parameters
-    ----------
-    fit : MuscleFit
-
-    Returns
-    -------
-    ndarray, shape (p, p)
-        Errors' colour allowed for; anatomy is not in it. Its smallest eigenvalues belong to what cannot be found.
-    """
+    """Fisher information of the recording alone, per squared standard deviation among people. Gives (p, p)."""
     data, scores = _data(fit)
     inverse = np.linalg.pinv(scores, hermitian=True, rcond=1e-10)
     return data @ inverse @ data
 
 
 def covariance(fit: MuscleFit) -> np.ndarray:
-    """Covariance of the estimate, in standard deviations among people.
-
-    Parameters
-    ----------
-    fit : MuscleFit
-
-    Returns
-    -------
-    ndarray, shape (p, p)
-        0 where a bound holds a parameter.
-    """
+    """Covariance of the estimate, in standard deviations among people. Gives (p, p)."""
     _, scores = _data(fit)
     pull = fit.problem.weight**2
     free = np.flatnonzero(~fit.at_bound)
@@ -85,17 +56,7 @@ def covariance(fit: MuscleFit) -> np.ndarray:
 
 
 def muscle_parameters(fit: MuscleFit) -> tuple[Parameter, ...]:
-    """Parameters with standard errors; unidentifiable ones are marked.
-
-    Parameters
-    ----------
-    fit : MuscleFit
-
-    Returns
-    -------
-    tuple of Parameter
-        Factors of the anatomical value [1] where they are relative, otherwise in SI.
-    """
+    """Parameters with standard errors; unidentifiable ones are marked."""
     sd, gains, values = np.sqrt(np.diag(covariance(fit))), fit.problem.gains(fit.z), fit.problem.values(fit.z)
     units = [*(_unit(p.free.quantity) for p in fit.problem.priors), *(row[1] for row in PASSIVE)]
     return tuple(
@@ -107,20 +68,7 @@ def muscle_parameters(fit: MuscleFit) -> tuple[Parameter, ...]:
 
 
 def profile(fit: MuscleFit, name: str, values: np.ndarray) -> CostProfile:
-    """Hold one parameter at one value after another and find all others again.
-
-    Parameters
-    ----------
-    fit : MuscleFit
-    name : str
-        Of the parameter.
-    values : ndarray, shape (k,)
-        In its unit; within its bounds.
-
-    Returns
-    -------
-    CostProfile
-    """
+    """Hold one parameter at one value after another and find all others again. `values` (k,)."""
     problem, i = fit.problem, fit.problem.names.index(name)
     costs = []
     for value in np.asarray(values, float):
@@ -133,19 +81,7 @@ def profile(fit: MuscleFit, name: str, values: np.ndarray) -> CostProfile:
 
 
 def muscle_verdicts(fit: MuscleFit, what: str) -> tuple[Verdict, ...]:
-    """Sentences on what a recording does not show.
-
-    Parameters
-    ----------
-    fit : MuscleFit
-    what : str
-        The joint.
-
-    Returns
-    -------
-    tuple of Verdict
-        Parameters that ended on a bound, and those that stay what anatomy says.
-    """
+    """Sentences on what a recording does not show."""
     found = muscle_parameters(fit)
     bound = [p for p in found if p.at_bound]
     unknown = [p for p in found if not p.at_bound and not p.identifiable]

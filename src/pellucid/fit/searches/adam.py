@@ -36,24 +36,12 @@ SETTLED = 0.05
 
 @dataclass(frozen=True, eq=False)
 class AdamPath:
-    """Where Adam went.
+    """Where Adam went."""
 
-    Attributes
-    ----------
-    values : ndarray, shape (iterations + 1, p)
-        Parameters at each iteration, the start first.
-    costs : ndarray, shape (iterations + 1,)
-        Of them.
-    rates : ndarray, shape (iterations,)
-        Learning rate of each iteration.
-    evaluations : int
-        Of the cost, each with its gradient.
-    """
-
-    values: np.ndarray = field(repr=False)
-    costs: np.ndarray = field(repr=False)
-    rates: np.ndarray = field(repr=False)
-    evaluations: int
+    values: np.ndarray = field(repr=False)  # (iterations + 1, p) Parameters at each iteration, the start first
+    costs: np.ndarray = field(repr=False)  # (iterations + 1,) Of them
+    rates: np.ndarray = field(repr=False)  # (iterations,) Learning rate of each iteration
+    evaluations: int  # Of the cost, each with its gradient
 
     @property
     def last(self) -> np.ndarray:
@@ -66,18 +54,7 @@ class AdamPath:
         return self.values[int(np.argmin(self.costs))]
 
     def spread(self, last: int = LAST) -> np.ndarray:
-        """Standard deviation of each parameter over the last iterations.
-
-        Parameters
-        ----------
-        last : int
-            How many.
-
-        Returns
-        -------
-        ndarray, shape (p,)
-            In the parameters' units.
-        """
+        """Standard deviation of each parameter over the last iterations. Gives (p,)."""
         return np.std(self.values[-last:], axis=0)
 
     def converged_at(self, share: float = SETTLED) -> np.ndarray:
@@ -86,15 +63,7 @@ class AdamPath:
         Where it ends is its median over the last `LAST` iterations; near is within `share` of the way there from the
         start. A parameter that leaves this band in the last iterations has not converged.
 
-        Parameters
-        ----------
-        share : float
-            Of the whole way.
-
-        Returns
-        -------
-        ndarray of int, shape (p,)
-            The number of iterations for one that has not converged.
+        Gives (p,).
         """
         end = np.median(self.values[-LAST:], axis=0)
         outside = np.abs(self.values - end) > share * np.abs(end - self.values[0])
@@ -107,18 +76,7 @@ class AdamPath:
 
 
 def linear_decay(first: float, last: float, iterations: int) -> np.ndarray:
-    """The rate of every iteration, falling linearly (eq. 1 of the paper `hill`).
-
-    Parameters
-    ----------
-    first, last : float
-        Rates at the beginning and, one iteration after the last, at the end.
-    iterations : int
-
-    Returns
-    -------
-    ndarray, shape (iterations,)
-    """
+    """The rate of every iteration, falling linearly (eq. 1 of the paper `hill`). Gives (iterations,)."""
     return first - (first - last) * np.arange(iterations) / iterations
 
 
@@ -135,36 +93,7 @@ def adam(
     lower: np.ndarray | None = None,
     upper: np.ndarray | None = None,
 ) -> AdamPath:
-    """Minimise a cost by Adam.
-
-    Parameters
-    ----------
-    cost : callable
-        Gives cost and gradient, see `CostAndGradient`.
-    start : ndarray, shape (p,)
-    rate : float
-        Learning rate: about how far each parameter moves in an iteration, in units of its `scale`.
-    final_rate : float, optional
-        The rate falls linearly to this one; left out, it stays.
-    iterations : int
-    beta : tuple of float
-        Memory of the gradient and of its square.
-    epsilon : float
-        Keeps the quotient finite.
-    scale : ndarray, shape (p,), optional
-        Unit in which each parameter is stepped; 1 if left out, which is Adam as published.
-    lower, upper : ndarray, shape (p,), optional
-        Bounds; a step beyond one ends on it.
-
-    Returns
-    -------
-    AdamPath
-
-    Raises
-    ------
-    IdentificationError
-        If the cost or its gradient is not finite on the way, or a rate is not positive.
-    """
+    """Minimise a cost by Adam. `start` (p,); `scale` (p,); `lower`, `upper` (p,)."""
     if not rate > 0.0 or (final_rate is not None and final_rate < 0.0) or iterations < 1:
         raise IdentificationError(
             f"found the rates {rate} and {final_rate} and {iterations} iterations, expected a first rate above 0, a "

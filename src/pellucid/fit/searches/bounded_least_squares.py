@@ -30,28 +30,14 @@ _MOST_DAMPING = 1e12
 
 @dataclass(frozen=True, eq=False)
 class Descent:
-    """Where a descent ended.
+    """Where a descent ended."""
 
-    Attributes
-    ----------
-    x : ndarray, shape (p,)
-    cost : float
-        Half the sum of squares there.
-    gradient : ndarray, shape (p,)
-    normal : ndarray, shape (p, p)
-        J'J.
-    evaluations : int
-        Of the normal equations.
-    converged : bool
-        Whether no step promised more than the tolerance.
-    """
-
-    x: np.ndarray
-    cost: float
-    gradient: np.ndarray = field(repr=False)
-    normal: np.ndarray = field(repr=False)
-    evaluations: int = 0
-    converged: bool = True
+    x: np.ndarray  # (p,)
+    cost: float  # Half the sum of squares there
+    gradient: np.ndarray = field(repr=False)  # (p,)
+    normal: np.ndarray = field(repr=False)  # (p, p) J'J
+    evaluations: int = 0  # Of the normal equations
+    converged: bool = True  # Whether no step promised more than the tolerance
 
 
 def bounded_least_squares(
@@ -63,30 +49,7 @@ def bounded_least_squares(
     iterations: int = 60,
     tolerance: float = 1e-5,
 ) -> Descent:
-    """Minimise a sum of squares within bounds.
-
-    Parameters
-    ----------
-    equations : callable
-        See `NormalEquations`.
-    start : ndarray, shape (p,)
-        Moved within the bounds.
-    lower, upper : ndarray, shape (p,)
-        A parameter whose bounds are one and the same stays there.
-    iterations : int
-        Evaluations at most.
-    tolerance : float
-        Of the cost's relative fall that a step promises, below which the search ends.
-
-    Returns
-    -------
-    Descent
-
-    Raises
-    ------
-    IdentificationError
-        If a lower bound is above its upper one, or the cost at the start is not finite.
-    """
+    """Minimise a sum of squares within bounds. `start` (p,); `lower`, `upper` (p,)."""
     lower, upper = np.asarray(lower, float), np.asarray(upper, float)
     if not np.all(lower <= upper):
         raise IdentificationError(f"found the bounds {lower} and {upper}, expected no lower one above its upper one")

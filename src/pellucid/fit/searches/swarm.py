@@ -36,25 +36,13 @@ two swarms, which move on anyway, coarse ones do."""
 
 @dataclass(frozen=True, eq=False)
 class Search:
-    """Where a search ended and what it took.
+    """Where a search ended and what it took."""
 
-    Attributes
-    ----------
-    best : ndarray, shape (p,)
-    cost : float
-        There.
-    evaluations : int
-        Of the cost, those with a gradient included.
-    gradients : int
-        Of the gradient.
-    trail : ndarray, shape (k, 2)
-        Evaluations spent, and the lowest cost found with them, whenever it fell.
-    """
-
-    best: np.ndarray
-    cost: float
-    evaluations: int
-    gradients: int
+    best: np.ndarray  # (p,)
+    cost: float  # There
+    evaluations: int  # Of the cost, those with a gradient included
+    gradients: int  # Of the gradient
+    # (k, 2) Evaluations spent, and the lowest cost found with them, whenever it fell
     trail: np.ndarray = field(repr=False)
 
     def evaluations_until(self, cost: float) -> int | None:
@@ -108,29 +96,7 @@ def particle_swarm(
     pull: tuple[float, float] = (1.8, 1.8),
     start: np.ndarray | None = None,
 ) -> Search:
-    """Search within bounds by a stochastic particle swarm [1]_.
-
-    Parameters
-    ----------
-    cost : callable
-        See `Cost`.
-    lower, upper : ndarray, shape (p,)
-    rng : numpy.random.Generator
-    particles, iterations : int
-    pull : tuple of float
-        c_1 and c_2: towards a particle's own best place, and the best of all.
-    start : ndarray, shape (p,), optional
-        Where one of the particles begins.
-
-    Returns
-    -------
-    Search
-
-    Raises
-    ------
-    IdentificationError
-        If a lower bound is not below its upper one, or no place has a finite cost.
-    """
+    """Search within bounds by a stochastic particle swarm [1]_. `lower`, `upper` (p,); `start` (p,)."""
     low, high = _bounds(lower, upper)
     counted = _Counted(cost, None)
     _swarm(counted, low, high, rng, particles, iterations, pull, start)
@@ -151,25 +117,7 @@ def conjugate_gradient(
     Parameters on a bound that the gradient pushes against rest; wherever that set changes, or a direction leads up, the
     search begins again with the gradient.
 
-    Parameters
-    ----------
-    cost : callable
-        See `CostAndGradient`.
-    start : ndarray, shape (p,)
-        Moved within the bounds.
-    lower, upper : ndarray, shape (p,), optional
-    iterations : int
-    tolerance : float
-        Of the cost's relative fall in an iteration, below which the search ends.
-
-    Returns
-    -------
-    Search
-
-    Raises
-    ------
-    IdentificationError
-        If a lower bound is not below its upper one, or the start's cost is not finite.
+    `start` (p,); `lower`, `upper` (p,).
     """
     start = np.asarray(start, dtype=float)
     low, high = _bounds(
@@ -194,34 +142,7 @@ def swarm_with_gradients(
     descent: int = 50,
     pull: tuple[float, float] = (1.8, 1.8),
 ) -> Search:
-    """Swarm and conjugate gradients by turns, each beginning where the other ended.
-
-    Parameters
-    ----------
-    cost : callable
-        See `Cost`.
-    cost_and_gradient : callable
-        The same cost, see `CostAndGradient`.
-    lower, upper : ndarray, shape (p,)
-    rng : numpy.random.Generator
-    rounds : int
-        Turns of both.
-    particles, iterations : int
-        Of the swarm in each round.
-    descent : int
-        Iterations of the conjugate gradients in each round.
-    pull : tuple of float
-        See `particle_swarm`.
-
-    Returns
-    -------
-    Search
-
-    Raises
-    ------
-    IdentificationError
-        If a lower bound is not below its upper one, or no place has a finite cost.
-    """
+    """Swarm and conjugate gradients by turns, each beginning where the other ended. `lower`, `upper` (p,)."""
     low, high = _bounds(lower, upper)
     counted = _Counted(cost, cost_and_gradient)
     for _ in range(rounds):

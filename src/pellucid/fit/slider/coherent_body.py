@@ -27,13 +27,7 @@ def fit_coherent(
     start: np.ndarray | None = None,
 ) -> SliderEstimate:
     """Bounded least squares of a `model` over `motions`, moved to the nearest body that could exist where it is none:
-    on a `rail` [m], of at most `mass` [kg]; `start`, (p,), is where a family that is not linear starts.
-
-    Raises
-    ------
-    IdentificationError
-        If a direction or a second place of the carriage is missing, or parameters cannot be told apart.
-    """
+    on a `rail` [m], of at most `mass` [kg]; `start`, (p,), is where a family that is not linear starts."""
 
     require_both_directions(motions)
     require_places(motions)

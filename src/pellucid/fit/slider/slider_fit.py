@@ -27,34 +27,16 @@ METHODS: Mapping[str, str] = {
 
 @dataclass(frozen=True)
 class SliderEstimate:
-    """One method's model of the joint.
+    """One method's model of the joint."""
 
-    Parameters
-    ----------
-    method : str
-        One of `METHODS`.
-    model : DirectionalSliderModel or SliderJointModel
-    values : ndarray, shape (p,)
-        Free parameters, SI.
-    parameters : tuple of Parameter
-        The same with their standard errors.
-    covariance : ndarray, shape (p, p)
-    samples : int
-        Rows of the regression.
-    residual_sd : float
-        [N*m]
-    notes : tuple of str
-        Active bounds.
-    """
-
-    method: str
+    method: str  # One of `METHODS`
     model: DirectionalSliderModel | SliderJointModel
-    values: np.ndarray
-    parameters: tuple[Parameter, ...]
-    covariance: np.ndarray
-    samples: int
-    residual_sd: float
-    notes: tuple[str, ...] = ()
+    values: np.ndarray  # (p,) Free parameters, SI
+    parameters: tuple[Parameter, ...]  # The same with their standard errors
+    covariance: np.ndarray  # (p, p)
+    samples: int  # Rows of the regression
+    residual_sd: float  # [N*m]
+    notes: tuple[str, ...] = ()  # Active bounds
 
     def __getitem__(self, name: str) -> Parameter:
         return named(self.parameters, name, "this estimate")
@@ -62,66 +44,30 @@ class SliderEstimate:
 
 @dataclass(frozen=True)
 class TrialError:
-    """How far one method's torque is from the measured one in one trial.
-
-    Parameters
-    ----------
-    recording, protocol, split : str
-    slider : float
-        [m]
-    current : float
-        Mean absolute error, equation 6 [A].
-    torque : float
-        The same at the joint [N*m].
-    torque_rms : float
-        [N*m]
-    bias : float
-        Mean error of the prediction [N*m].
-    """
+    """How far one method's torque is from the measured one in one trial."""
 
     recording: str
     protocol: str
     split: str
-    slider: float
-    current: float
-    torque: float
-    torque_rms: float
-    bias: float
+    slider: float  # [m]
+    current: float  # Mean absolute error, equation 6 [A]
+    torque: float  # The same at the joint [N*m]
+    torque_rms: float  # [N*m]
+    bias: float  # Mean error of the prediction [N*m]
 
 
 @dataclass(frozen=True)
 class SliderFit:
-    """The identified joint with a carriage.
-
-    Parameters
-    ----------
-    study : str
-    lifts : str
-    gain : float
-        Torque at the joint per ampere [N*m/A].
-    rail : tuple of float
-        [m]
-    geometry : Geometry
-    static : tuple of Parameter
-        The static set: gravity and what sticks.
-    estimates : mapping of str to SliderEstimate
-        By method.
-    errors : mapping of str to tuple of TrialError
-        By method, every moving recording.
-    motions : tuple of SliderMotion
-    verdicts : tuple of Verdict
-    filter_note : str
-    checksums : mapping of str to str
-    """
+    """The identified joint with a carriage."""
 
     study: str
     lifts: str
-    gain: float
-    rail: tuple[float, float]
+    gain: float  # Torque at the joint per ampere [N*m/A]
+    rail: tuple[float, float]  # [m]
     geometry: Geometry = field(repr=False)
-    static: tuple[Parameter, ...]
-    estimates: Mapping[str, SliderEstimate]
-    errors: Mapping[str, tuple[TrialError, ...]] = field(repr=False)
+    static: tuple[Parameter, ...]  # The static set: gravity and what sticks
+    estimates: Mapping[str, SliderEstimate]  # By method
+    errors: Mapping[str, tuple[TrialError, ...]] = field(repr=False)  # By method, every moving recording
     motions: tuple[SliderMotion, ...] = field(repr=False)
     verdicts: tuple[Verdict, ...]
     filter_note: str

@@ -46,23 +46,8 @@ DIRECTIONS = ("up", "down")
 
 
 def static_set(motions: Sequence[SliderMotion]) -> tuple[Parameter, ...]:
-    """Step 1: gravity, and the mean torque that sticking adds, from the means of all holds.
-
-    Parameters
-    ----------
-    motions : sequence of SliderMotion
-        Static trials.
-
-    Returns
-    -------
-    tuple of Parameter
-        moment_slope [kg], moment [kg*m], cross_moment [kg*m], adherence [N*m].
-
-    Raises
-    ------
-    IdentificationError
-        If there are too few holds, or they lie at one place of the carriage.
-    """
+    """Step 1: gravity, and the mean torque that sticking adds, from the means of all holds. Gives [kg], [kg*m],
+    [N*m]."""
     at = [(m, rest) for m in motions for rest in m.holds()]
     if len(at) < 8:
         raise IdentificationError(
@@ -85,28 +70,7 @@ def static_set(motions: Sequence[SliderMotion]) -> tuple[Parameter, ...]:
 def three_steps(
     motions: Sequence[SliderMotion], *, dissociated: bool, solver: str = "linear", method: str = ""
 ) -> SliderEstimate:
-    """Steps 2 and 3 of the published identification.
-
-    Parameters
-    ----------
-    motions : sequence of SliderMotion
-        Constant velocities and swept sines, told apart by their protocol.
-    dissociated : bool
-        One set for each direction, or one for both.
-    solver : {"linear", "nonlinear"}
-        Bounded linear least squares, or the bounded trust-region search the paper used: they agree.
-    method : str
-        Its name in tables.
-
-    Returns
-    -------
-    SliderEstimate
-
-    Raises
-    ------
-    IdentificationError
-        If a direction, or the carriage at more than one place, is missing, or a step is singular.
-    """
+    """Steps 2 and 3 of the published identification."""
     steady, swept = ([m for m in motions if m.protocol == step] for step in STEPS)
     require_both_directions(steady)
     require_places(steady)
@@ -131,24 +95,7 @@ def three_steps(
 def all_at_once(
     motions: Sequence[SliderMotion], *, dissociated: bool, solver: str = "linear", method: str = ""
 ) -> SliderEstimate:
-    """The same model in one regression over any motion that excites everything.
-
-    Parameters
-    ----------
-    motions : sequence of SliderMotion
-    dissociated : bool
-    solver : {"linear", "nonlinear"}
-    method : str
-
-    Returns
-    -------
-    SliderEstimate
-
-    Raises
-    ------
-    IdentificationError
-        As `three_steps`.
-    """
+    """The same model in one regression over any motion that excites everything."""
     require_both_directions(motions)
     require_places(motions)
     copies = 2 if dissociated else 1
@@ -158,17 +105,7 @@ def all_at_once(
 
 
 def require_both_directions(motions: Sequence[SliderMotion]) -> None:
-    """Do nothing where both directions are there.
-
-    Parameters
-    ----------
-    motions : sequence of SliderMotion
-
-    Raises
-    ------
-    IdentificationError
-        If there is no motion, or a direction has less than a tenth of the other's samples.
-    """
+    """Do nothing where both directions are there."""
     if not motions:
         raise IdentificationError(
             'no recording of protocol "constant_velocity" or "swept_sine" is marked use = "fit"; the three steps need '
@@ -186,19 +123,7 @@ def require_both_directions(motions: Sequence[SliderMotion]) -> None:
 
 
 def require_places(motions: Sequence[SliderMotion], least: float = 0.02) -> None:
-    """Do nothing where the terms in x and its square can be told apart.
-
-    Parameters
-    ----------
-    motions : sequence of SliderMotion
-    least : float
-        Span the carriage's places must have [m].
-
-    Raises
-    ------
-    IdentificationError
-        If the carriage stood at fewer than three places, or within less than `least`.
-    """
+    """Do nothing where the terms in x and its square can be told apart. `least` [m]."""
     places = np.array([m.slider for m in motions])
     distinct = np.unique(np.round(places / 0.005)).size
     if distinct < 3 or np.ptp(places) < least:
@@ -214,14 +139,7 @@ def directional_columns(motion: SliderMotion) -> np.ndarray:
     States are filtered already, and so are terms smooth in them: only what jumps with the direction passes the filter.
     Twice the same set is then the model without directions, and no term of it is filtered twice.
 
-    Parameters
-    ----------
-    motion : SliderMotion
-
-    Returns
-    -------
-    ndarray, shape (n, 16)
-        SI.
+    Gives (n, 16).
     """
     whole = columns(motion.position, motion.velocity, motion.acceleration, motion.slider)
     jumps = motion.smooth(whole * np.where(motion.velocity > 0.0, 1.0, -1.0)[:, None])

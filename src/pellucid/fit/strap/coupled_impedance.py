@@ -44,37 +44,18 @@ class Instrument:
 
 @dataclass(frozen=True, eq=False)
 class CouplingFit:
-    """The strap as one side's balance shows it.
+    """The strap as one side's balance shows it."""
 
-    Attributes
-    ----------
-    side : str
-        ``"orthosis"`` or ``"limb"``: whose balance gave the torque.
-    stiffness, damping : Parameter
-        Of a strap without inertia [N m/rad], [N m s/rad].
-    inertia : Parameter
-        What an inertia in the strap would be, fitted with them [kg m^2].
-    gain : Parameter or None
-        Of the IMU's angle; None where it was given.
-    covariance : ndarray, shape (2, 2)
-        Of stiffness and damping.
-    instruments : tuple of Instrument
-        One for each trial.
-    residuals : tuple of ndarray, shape (m,)
-        Of each trial at the IMU's times [rad]; NaN where a sample was left out.
-    used : int
-        Samples of the IMU that were fitted.
-    """
-
-    side: str
-    stiffness: Parameter
+    side: str  # ``"orthosis"`` or ``"limb"``: whose balance gave the torque
+    stiffness: Parameter  # stiffness, damping: Of a strap without inertia [N m/rad], [N m s/rad]
     damping: Parameter
-    inertia: Parameter
-    gain: Parameter | None
-    covariance: np.ndarray = field(repr=False)
-    instruments: tuple[Instrument, ...] = field(repr=False)
+    inertia: Parameter  # What an inertia in the strap would be, fitted with them [kg m^2]
+    gain: Parameter | None  # Of the IMU's angle; None where it was given
+    covariance: np.ndarray = field(repr=False)  # (2, 2) Of stiffness and damping
+    instruments: tuple[Instrument, ...] = field(repr=False)  # One for each trial
+    # (m,) Of each trial at the IMU's times [rad]; NaN where a sample was left out
     residuals: tuple[np.ndarray, ...] = field(repr=False)
-    used: int = 0
+    used: int = 0  # Samples of the IMU that were fitted
     converged: bool = True
 
     @property
@@ -90,22 +71,8 @@ class CouplingFit:
 
 
 def mismatch(torque: np.ndarray, fs: float, *, stiffness: float, damping: float, inertia: float = 0.0) -> np.ndarray:
-    """Mismatch that a strap's torque makes.
-
-    Parameters
-    ----------
-    torque : ndarray, shape (n,)
-        On the orthosis [N m], evenly sampled.
-    fs : float
-        [Hz]
-    stiffness, damping, inertia : float
-        [N m/rad], [N m s/rad], [kg m^2].
-
-    Returns
-    -------
-    ndarray, shape (n,)
-        Limb ahead of orthosis [rad]; within a few time constants of either end it lacks what went before.
-    """
+    """Mismatch that a strap's torque makes. `torque` (n,) [N m]; `fs` [Hz]; `stiffness`, `damping`, `inertia` [N
+    m/rad], [N m s/rad], [kg m^2]; gives (n,) [rad]."""
     return Spectrum(torque[:, None], fs).response(stiffness, damping, inertia)[:, 0]
 
 
@@ -117,31 +84,7 @@ def fit_coupling(
     gain: Parameter | None = None,
     free_gain: bool = True,
 ) -> CouplingFit:
-    """Stiffness and damping by output error on the IMU's angle.
-
-    Parameters
-    ----------
-    swings : sequence of StrappedSwing
-        Trials of one wearer, strapped once.
-    torques : sequence of StrapTorque
-        One for each.
-    side : str
-        For the result's own record.
-    gain : Parameter, optional
-        Of the IMU's angle, as its calibration found it: weighed with what the swings say of it.
-    free_gain : bool
-        Whether the gain is estimated; otherwise it is the calibration's, or 1.
-
-    Returns
-    -------
-    CouplingFit
-        Intervals allow for coloured residuals and for the uncertainty of the body's parameters.
-
-    Raises
-    ------
-    IdentificationError
-        If no fit can be had: too little motion, or too few samples in which the strap's torque is known.
-    """
+    """Stiffness and damping by output error on the IMU's angle."""
     problem = StrapProblem([StrapTrial(s, t) for s, t in zip(swings, torques, strict=True)], gain, free_gain)
     start = problem.start()
     strap = problem.solve(start, inertia=False)
@@ -173,18 +116,7 @@ def fit_coupling(
 
 
 def align(swing: StrappedSwing, torque: StrapTorque, fit: CouplingFit) -> Instrument:
-    """Clock and mounting of the IMU in a trial that was not fitted, the strap held as it was found.
-
-    Parameters
-    ----------
-    swing : StrappedSwing
-    torque : StrapTorque
-    fit : CouplingFit
-
-    Returns
-    -------
-    Instrument
-    """
+    """Clock and mounting of the IMU in a trial that was not fitted, the strap held as it was found."""
     trial = StrapTrial(swing, torque)
     gain = fit.instruments[0].gain
     problem = StrapProblem([trial], None, False, held_gain=gain)
@@ -195,18 +127,7 @@ def align(swing: StrappedSwing, torque: StrapTorque, fit: CouplingFit) -> Instru
 
 
 def seen_mismatch(swing: StrappedSwing, instrument: Instrument) -> tuple[np.ndarray, np.ndarray]:
-    """The mismatch as the IMU saw it, at its own times.
-
-    Parameters
-    ----------
-    swing : StrappedSwing
-    instrument : Instrument
-
-    Returns
-    -------
-    time, mismatch : ndarray, shape (m,)
-        On the actuator's clock [s], and [rad]; NaN outside the trial.
-    """
+    """The mismatch as the IMU saw it, at its own times. Gives `time`, `mismatch` (m,) [s], [rad]."""
     time = swing.imu_time + instrument.shift
     inside = (time >= swing.time[0]) & (time <= swing.time[-1])
     angle = CubicSpline(swing.time, swing.position)(np.clip(time, swing.time[0], swing.time[-1]))
@@ -215,16 +136,7 @@ def seen_mismatch(swing: StrappedSwing, instrument: Instrument) -> tuple[np.ndar
 
 def limb_angle(swing: StrappedSwing, instrument: Instrument) -> np.ndarray:
     """The limb's angle at the actuator's times, aligned: shape (n,) [rad]; held at its ends outside the IMU's times.
-
-    Parameters
-    ----------
-    swing : StrappedSwing
-    instrument : Instrument
-
-    Returns
-    -------
-    ndarray, shape (n,)
-    """
+    Gives (n,)."""
     time = swing.imu_time + instrument.shift
     known = np.isfinite(swing.imu_angle)
     time, angle = time[known], (swing.imu_angle[known] - instrument.offset) / instrument.gain

@@ -22,28 +22,15 @@ VISCOUS_SPREAD = 0.2
 
 @dataclass(frozen=True, eq=False)
 class LimbFit:
-    """What is known of one wearer's shank and foot.
+    """What is known of one wearer's shank and foot."""
 
-    Attributes
-    ----------
-    gravity, zero : Parameter
-        m g l [N m], and the angle at which it hangs [rad].
-    inertia : Parameter
-        About the knee, from shares of the body and the gravity found [kg m^2].
-    trials : tuple of tuple of Hold
-        Limb and orthosis together, trial by trial.
-    refused : Mapping[str, str]
-        Trials that were not used, and why.
-    segments : Mapping[str, Segment]
-        By table: ``"winter"`` (knee to ankle), ``"published"`` (Winter's shares of the length from knee to heel),
-        ``"de_leva"``; those that what is known of the participant allows.
-    """
-
-    gravity: Parameter
+    gravity: Parameter  # gravity, zero: m g l [N m], and the angle at which it hangs [rad]
     zero: Parameter
-    inertia: Parameter
-    trials: tuple[tuple[Hold, ...], ...] = field(repr=False)
-    refused: Mapping[str, str] = field(repr=False)
+    inertia: Parameter  # About the knee, from shares of the body and the gravity found [kg m^2]
+    trials: tuple[tuple[Hold, ...], ...] = field(repr=False)  # Limb and orthosis together, trial by trial
+    refused: Mapping[str, str] = field(repr=False)  # Trials that were not used, and why
+    # By table: ``"winter"`` (knee to ankle), ``"published"`` (Winter's shares of the length from knee to heel),
+    # ``"de_leva"``; those that what is known of the participant allows
     segments: Mapping[str, Segment] = field(repr=False)
 
     @property
@@ -60,28 +47,7 @@ def fit_limb(
     *,
     at_work: Mapping[str, str] | None = None,
 ) -> LimbFit:
-    """Gravity of the limb: that of limb and orthosis on a rigid plate, less the orthosis's own.
-
-    Parameters
-    ----------
-    relaxed : sequence of InputOutput
-        Torque in, angle out; one for each trial.
-    alone : GravityFit
-        Of the orthosis.
-    segments : mapping of str to Segment
-        Shank and foot by tables of shares; empty where the mass is not known.
-    at_work : mapping of str to str, optional
-        Trials in which muscles were at work, and what was seen of it: they are not used.
-
-    Returns
-    -------
-    LimbFit
-
-    Raises
-    ------
-    IdentificationError
-        If no trial is left.
-    """
+    """Gravity of the limb: that of limb and orthosis on a rigid plate, less the orthosis's own."""
     refused = dict(at_work or {})
     used = [r for r in relaxed if r.recording not in refused]
     if not used:

@@ -27,46 +27,15 @@ LONGEST_DELAY = 1.5
 
 @dataclass(frozen=True, eq=False)
 class ImuCalibration:
-    """The IMU against the orthosis's encoder, fixed to the orthosis.
+    """The IMU against the orthosis's encoder, fixed to the orthosis."""
 
-    Attributes
-    ----------
-    gain : Parameter
-        Angle by the IMU for each radian of the encoder's [1].
-    sd : float
-        Error of the IMU's angle in the part that was not fitted [rad].
-    filters : tuple of FilterError
-        Every orientation filter, for comparison.
-    """
-
-    gain: Parameter
-    sd: float
-    filters: tuple[FilterError, ...] = field(repr=False)
+    gain: Parameter  # Angle by the IMU for each radian of the encoder's [1]
+    sd: float  # Error of the IMU's angle in the part that was not fitted [rad]
+    filters: tuple[FilterError, ...] = field(repr=False)  # Every orientation filter, for comparison
 
 
 def calibrate_imu(imu: Inertial, encoder: InputOutput, *, method: str, axes: int) -> ImuCalibration:
-    """Compare an IMU with the encoder of the orthosis that carries it.
-
-    Parameters
-    ----------
-    imu : Inertial
-        On its own clock.
-    encoder : InputOutput
-        Its output is the angle.
-    method : str
-        ``"vqf"`` or ``"madgwick"``: the filter whose gain and error count.
-    axes : int
-        6 or 9.
-
-    Returns
-    -------
-    ImuCalibration
-
-    Raises
-    ------
-    RecordingError
-        If the two are not of one motion, or too short.
-    """
+    """Compare an IMU with the encoder of the orthosis that carries it."""
     end = encoder.time[0] + FITTED_SHARE * (encoder.time[-1] - encoder.time[0])
     _, errors = compare_filters(imu, encoder.time, encoder.output, fit_until=end, longest_delay=LONGEST_DELAY)
     chosen = next(e for e in errors if (e.method, e.axes, e.inputs) == (method, axes, "axis"))
@@ -75,29 +44,8 @@ def calibrate_imu(imu: Inertial, encoder: InputOutput, *, method: str, axes: int
 
 
 def limb_by_imu(imu: Inertial, encoder: InputOutput, *, method: str, axes: int) -> tuple[np.ndarray, np.ndarray]:
-    """A trial's limb angle, positive as the orthosis's; its zero is that of its first sample.
-
-    Parameters
-    ----------
-    imu : Inertial
-        On its own clock, on the limb.
-    encoder : InputOutput
-        Its output is the orthosis's angle, which tells the sign.
-    method : str
-        ``"vqf"`` or ``"madgwick"``.
-    axes : int
-        6 or 9.
-
-    Returns
-    -------
-    time, angle : ndarray, shape (m,)
-        The IMU's clock [s], and [rad]; NaN where samples were bridged.
-
-    Raises
-    ------
-    RecordingError
-        If the IMU hardly turns, or does not move with the orthosis.
-    """
+    """A trial's limb angle, positive as the orthosis's; its zero is that of its first sample. Gives `time`, `angle`
+    (m,) [s], [rad]."""
     axis, _ = principal_axis(imu.angular_velocity - imu.angular_velocity.mean(axis=0))
     found = align_encoder(imu, axis, encoder.time, encoder.output, longest=LONGEST_DELAY)
     rate = imu.angular_velocity @ axis

@@ -40,21 +40,13 @@ class Levels:
 
 @dataclass(frozen=True, eq=False)
 class MuscleTorque:
-    """Torque of the knee as a linear function of envelopes and angle.
-
-    Attributes
-    ----------
-    muscles : tuple of str
-    coefficients : ndarray, shape (2 k + 2,)
-        Of each muscle's relative envelope, of the same times the angle, of 1 and of the angle [N m, N m/rad].
-    levels : Levels
-    rmse : float
-        Of the torques fitted, each repetition judged by a map fitted to the others where there are several [N m].
-    """
+    """Torque of the knee as a linear function of envelopes and angle."""
 
     muscles: tuple[str, ...]
+    # (2 k + 2,) Of each muscle's relative envelope, of the same times the angle, of 1 and of the angle [N m, N m/rad]
     coefficients: np.ndarray
     levels: Levels
+    # Of the torques fitted, each repetition judged by a map fitted to the others where there are several [N m]
     rmse: float
 
     def __call__(self, envelopes: Mapping[str, np.ndarray], angle: np.ndarray) -> np.ndarray:
@@ -63,24 +55,7 @@ class MuscleTorque:
 
 
 def envelopes(emg: Recording, chain: EmgChain) -> dict[str, np.ndarray]:
-    """Zero-phase envelopes of every muscle of a stream.
-
-    Parameters
-    ----------
-    emg : Recording
-        With channels ``emg.<muscle>``.
-    chain : EmgChain
-
-    Returns
-    -------
-    dict of str to ndarray, shape (n,)
-        At the stream's own times [V].
-
-    Raises
-    ------
-    RecordingError
-        If it has no muscle, or its rate does not carry the chain.
-    """
+    """Zero-phase envelopes of every muscle of a stream. Gives (n,) [V]."""
     names = [name for name in emg.channels if name.startswith("emg.")]
     if not names:
         raise RecordingError(f"{emg.path.name}: found {', '.join(emg.channels)}, expected channels emg.<muscle>")
@@ -89,41 +64,13 @@ def envelopes(emg: Recording, chain: EmgChain) -> dict[str, np.ndarray]:
 
 
 def settled(emg: Recording, made: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
-    """Envelopes without the ends at which they have not settled.
-
-    Parameters
-    ----------
-    emg : Recording
-    made : Mapping of str to ndarray, shape (n,)
-
-    Returns
-    -------
-    dict of str to ndarray, shape (m,)
-    """
+    """Envelopes without the ends at which they have not settled. `made` (n,); gives (m,)."""
     inside = (emg.time >= emg.time[0] + SETTLED) & (emg.time <= emg.time[-1] - SETTLED)
     return {muscle: envelope[inside] for muscle, envelope in made.items()}
 
 
 def find_levels(maximal: Sequence[Recording], every: Sequence[Recording], chain: EmgChain) -> Levels:
-    """A wearer's resting and maximal envelopes.
-
-    Parameters
-    ----------
-    maximal : sequence of Recording
-        Streams of maximal contractions.
-    every : sequence of Recording
-        Streams with rest in them.
-    chain : EmgChain
-
-    Returns
-    -------
-    Levels
-
-    Raises
-    ------
-    RecordingError
-        If there is no maximal contraction.
-    """
+    """A wearer's resting and maximal envelopes."""
     if not maximal:
         raise RecordingError(
             'found no recording of protocol "mvc", expected one: what a muscle at rest is, is relative'
@@ -138,19 +85,7 @@ def find_levels(maximal: Sequence[Recording], every: Sequence[Recording], chain:
 
 
 def at_work(emg: Recording, chain: EmgChain, levels: Levels) -> str:
-    """Why a recording was not relaxed, in one sentence; empty where it was.
-
-    Parameters
-    ----------
-    emg : Recording
-        Stream of the trial.
-    chain : EmgChain
-    levels : Levels
-
-    Returns
-    -------
-    str
-    """
+    """Why a recording was not relaxed, in one sentence; empty where it was."""
     faults = relaxed_faults(emg, settled(emg, envelopes(emg, chain)), levels.rest, levels.maximum)
     return "; ".join(fault.message for fault in faults)
 
@@ -163,29 +98,8 @@ def fit_muscle_torque(
     fs: float,
     gravity: float,
 ) -> MuscleTorque:
-    """Regress the knee's torque on envelopes, repetition by repetition.
-
-    Parameters
-    ----------
-    angles, torques : sequence of ndarray, shape (n,)
-        Of each repetition: the orthosis's angle [rad] and the actuator's torque on it [N m].
-    made : sequence of Mapping of str to ndarray, shape (n,)
-        Envelopes at the same times [V].
-    levels : Levels
-    fs : float
-        [Hz]
-    gravity : float
-        Of shank and orthosis together [N m].
-
-    Returns
-    -------
-    MuscleTorque
-
-    Raises
-    ------
-    IdentificationError
-        If the repetitions have too few samples.
-    """
+    """Regress the knee's torque on envelopes, repetition by repetition. `angles`, `torques` (n,) [rad], [N m];
+    `made` (n,) [V]; `fs` [Hz]; `gravity` [N m]."""
     muscles = tuple(levels.maximum)
     step = max(1, round(fs / RATE))
     blocks, targets = [], []

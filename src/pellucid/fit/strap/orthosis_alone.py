@@ -37,29 +37,15 @@ SLOW = 0.1
 
 @dataclass(frozen=True, eq=False)
 class OrthosisFit:
-    """What was found of the orthosis alone.
+    """What was found of the orthosis alone."""
 
-    Attributes
-    ----------
-    gravity : GravityFit
-        From holds.
-    pendulum : PendulumFit
-        From all fitted sines together, gravity known.
-    linear : TransferFit
-        The published form, from the same.
-    checks : Mapping[str, Response]
-        Held-out sines by the pendulum, each with its initial state estimated; by recording.
-    linear_checks : Mapping[str, Response]
-        The same by the published form.
-    covariance : ndarray, shape (4, 4)
-        Of inertia, damping, gravity and Coulomb friction; what is not known of gravity is in all of them.
-    """
-
-    gravity: GravityFit
-    pendulum: PendulumFit
-    linear: TransferFit
+    gravity: GravityFit  # From holds
+    pendulum: PendulumFit  # From all fitted sines together, gravity known
+    linear: TransferFit  # The published form, from the same
+    # Held-out sines by the pendulum, each with its initial state estimated; by recording
     checks: Mapping[str, Response]
-    linear_checks: Mapping[str, Response]
+    linear_checks: Mapping[str, Response]  # The same by the published form
+    # (4, 4) Of inertia, damping, gravity and Coulomb friction; what is not known of gravity is in all of them
     covariance: np.ndarray = field(repr=False)
 
     @property
@@ -94,26 +80,7 @@ class OrthosisFit:
 def fit_orthosis(
     held: Sequence[InputOutput], sines: Sequence[InputOutput], checks: Sequence[InputOutput] = ()
 ) -> OrthosisFit:
-    """Identify the orthosis alone.
-
-    Parameters
-    ----------
-    held : sequence of InputOutput
-        Torque in, angle out, held at several angles.
-    sines : sequence of InputOutput
-        Led along sines; each gets an initial state of its own.
-    checks : sequence of InputOutput
-        The same at another amplitude: judged, never fitted.
-
-    Returns
-    -------
-    OrthosisFit
-
-    Raises
-    ------
-    IdentificationError
-        If there are no holds or sines, or they do not carry the models.
-    """
+    """Identify the orthosis alone."""
     if not held or not sines:
         raise IdentificationError(
             f"the orthosis alone: found {len(held)} recordings of holds and {len(sines)} of sines, expected one or "
@@ -141,15 +108,7 @@ def hanging_angle(sines: Sequence[InputOutput]) -> Parameter:
     Least squares of the torque on acceleration, velocity, its sign, the sine and cosine of the angle, and 1. Holds on
     one side hardly tell a cosine from an offset; motions to both sides do.
 
-    Parameters
-    ----------
-    sines : sequence of InputOutput
-        Torque in, angle out.
-
-    Returns
-    -------
-    Parameter
-        [rad]
+    Gives [rad].
     """
     blocks, targets = [], []
     for r in sines:

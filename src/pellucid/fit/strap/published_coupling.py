@@ -63,27 +63,7 @@ class PublishedCoupling:
 
 
 def torque_mismatch(swing: StrappedSwing, limb_angle: np.ndarray, orthosis: Orthosis, limb: Limb) -> np.ndarray:
-    """Right-hand side of equation 2.2.
-
-    Parameters
-    ----------
-    swing : StrappedSwing
-        With a knee torque.
-    limb_angle : ndarray, shape (n,)
-        At the actuator's times [rad].
-    orthosis : Orthosis
-    limb : Limb
-
-    Returns
-    -------
-    ndarray, shape (n,)
-        [N m], low-passed.
-
-    Raises
-    ------
-    ValueError
-        If the swing has no knee torque.
-    """
+    """Right-hand side of equation 2.2. `limb_angle` (n,) [rad]; gives (n,) [N m]."""
     if swing.knee_torque is None:
         raise ValueError(f"{swing.name}: found no knee torque, expected the muscles' for equation 2.2")
     fs = swing.fs
@@ -94,19 +74,8 @@ def torque_mismatch(swing: StrappedSwing, limb_angle: np.ndarray, orthosis: Orth
 
 
 def solve_balance(torques: Sequence[np.ndarray], mismatches: Sequence[np.ndarray], fs: float) -> PublishedCoupling:
-    """Least squares of equation 2.2 for its three coefficients.
-
-    Parameters
-    ----------
-    torques, mismatches : sequence of ndarray, shape (n,)
-        Right-hand sides [N m], and limb less orthosis [rad], of each trial.
-    fs : float
-        [Hz]
-
-    Returns
-    -------
-    PublishedCoupling
-    """
+    """Least squares of equation 2.2 for its three coefficients. `torques`, `mismatches` (n,) [N m], [rad]; `fs`
+    [Hz]."""
     rows = []
     for angle in mismatches:
         smooth = zero_phase_lowpass(angle, LOWPASS, ORDER, fs)
@@ -116,20 +85,8 @@ def solve_balance(torques: Sequence[np.ndarray], mismatches: Sequence[np.ndarray
 
 
 def fit_two_poles(torques: Sequence[np.ndarray], mismatches: Sequence[np.ndarray], fs: float) -> PublishedCoupling:
-    """Output error of equation 2.7, coefficients of one sign, each trial's initial state estimated.
-
-    Parameters
-    ----------
-    torques, mismatches : sequence of ndarray, shape (n,)
-        Input [N m] and output [rad] of each trial.
-    fs : float
-        [Hz]
-
-    Returns
-    -------
-    PublishedCoupling
-        The best of several starts and of both signs.
-    """
+    """Output error of equation 2.7, coefficients of one sign, each trial's initial state estimated. `torques`,
+    `mismatches` (n,) [N m], [rad]; `fs` [Hz]."""
     step = max(1, round(fs / RATE))
     pairs = [(u[::step], y[::step]) for u, y in zip(torques, mismatches, strict=True)]
 
@@ -146,21 +103,8 @@ def fit_two_poles(torques: Sequence[np.ndarray], mismatches: Sequence[np.ndarray
 
 
 def published_mismatch(coupling: PublishedCoupling, torque: np.ndarray, seen: np.ndarray, fs: float) -> np.ndarray:
-    """Mismatch by equation 2.7, from the initial state that suits it best.
-
-    Parameters
-    ----------
-    coupling : PublishedCoupling
-    torque, seen : ndarray, shape (n,)
-        Input [N m], and the mismatch as it was seen [rad].
-    fs : float
-        [Hz]
-
-    Returns
-    -------
-    ndarray, shape (n,)
-        [rad]; NaN where the coefficients have no stable response.
-    """
+    """Mismatch by equation 2.7, from the initial state that suits it best. `torque`, `seen` (n,) [N m], [rad]; `fs`
+    [Hz]; gives (n,) [rad]."""
     values = np.array([coupling.inertia, coupling.damping, coupling.stiffness])
     if np.any(values < 0.0) and np.any(values > 0.0):
         return np.full(len(torque), np.nan)

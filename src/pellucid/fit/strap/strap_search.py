@@ -36,22 +36,7 @@ STRAP = ("stiffness", "damping")
 
 
 def clock_shift(swing: StrappedSwing) -> float:
-    """By how much the IMU's clock is late, roughly: its angle then follows the orthosis's best.
-
-    Parameters
-    ----------
-    swing : StrappedSwing
-
-    Returns
-    -------
-    float
-        To be added to the IMU's times [s], to 0.01 s.
-
-    Raises
-    ------
-    IdentificationError
-        If there is too little motion, too little of the IMU, or no overlap of the two.
-    """
+    """By how much the IMU's clock is late, roughly: its angle then follows the orthosis's best. Gives [s]."""
     known = np.isfinite(swing.imu_angle) & np.isfinite(swing.imu_time)
     if known.sum() < FEWEST or np.ptp(swing.position) < LEAST_MOTION:
         raise IdentificationError(
@@ -76,15 +61,8 @@ def clock_shift(swing: StrappedSwing) -> float:
 
 
 class Spectrum:
-    """Signals of one trial, shape (n, c), led back to their beginning and transformed once.
-
-    Parameters
-    ----------
-    columns : ndarray, shape (n, c)
-        The strap's torque first [N m].
-    fs : float
-        [Hz]
-    """
+    """Signals of one trial, shape (n, c), led back to their beginning and transformed once. `columns` (n, c) [N m];
+    `fs` [Hz]."""
 
     def __init__(self, columns: np.ndarray, fs: float):
         n = len(columns)
@@ -123,13 +101,7 @@ class StrapPoint:
 
 
 class StrapTrial:
-    """One trial, ready for repeated evaluation.
-
-    Parameters
-    ----------
-    swing : StrappedSwing
-    torque : StrapTorque
-    """
+    """One trial, ready for repeated evaluation."""
 
     def __init__(self, swing: StrappedSwing, torque: StrapTorque):
         self.swing, self.torque, self.fs = swing, torque, swing.fs
@@ -164,22 +136,7 @@ class StrapTrial:
 
 
 class StrapProblem:
-    """Residuals and Jacobian of all trials: stiffness, damping, inertia, gain, then a shift and an offset for each.
-
-    Parameters
-    ----------
-    trials : sequence of StrapTrial
-    prior : Parameter or None
-        The gain, as a calibration found it.
-    free_gain : bool
-    held_gain : float, optional
-        In place of the prior's, where it is not free.
-
-    Raises
-    ------
-    IdentificationError
-        If there is no trial.
-    """
+    """Residuals and Jacobian of all trials: stiffness, damping, inertia, gain, then a shift and an offset for each."""
 
     def __init__(
         self, trials: Sequence[StrapTrial], prior: Parameter | None, free_gain: bool, held_gain: float | None = None
@@ -199,18 +156,7 @@ class StrapProblem:
         return sum(int(t.times(0.0)[1].sum()) for t in self.trials)
 
     def leave_out(self, seconds: float) -> None:
-        """Mark doubtful samples in every trial.
-
-        Parameters
-        ----------
-        seconds : float
-            For how long a torque that was not known stays in the mismatch.
-
-        Raises
-        ------
-        IdentificationError
-            If little is left of a trial.
-        """
+        """Mark doubtful samples in every trial."""
         for trial in self.trials:
             trial.leave_out(seconds)
             share = float(np.mean(~trial.doubtful))
@@ -221,17 +167,7 @@ class StrapProblem:
                 )
 
     def start(self) -> StrapPoint:
-        """Clocks by correlation of the two angles, the strap by least squares of its torque on the mismatch seen.
-
-        Returns
-        -------
-        StrapPoint
-
-        Raises
-        ------
-        IdentificationError
-            If IMU and actuator share too few samples.
-        """
+        """Clocks by correlation of the two angles, the strap by least squares of its torque on the mismatch seen."""
         shifts, offsets, rows, sides = [], [], [], []
         for trial in self.trials:
             shift = clock_shift(trial.swing)
@@ -256,20 +192,7 @@ class StrapProblem:
         return StrapPoint(stiffness, damping, 0.0, self.gain, np.array(shifts), np.array(offsets))
 
     def solve(self, start: StrapPoint, *, inertia: bool, hold_strap: bool = False) -> StrapPoint:
-        """Levenberg and Marquardt's search, from more clocks than one: a late clock looks like damping.
-
-        Parameters
-        ----------
-        start : StrapPoint
-        inertia : bool
-            Whether it is free.
-        hold_strap : bool
-            Whether only clocks and offsets are.
-
-        Returns
-        -------
-        StrapPoint
-        """
+        """Levenberg and Marquardt's search, from more clocks than one: a late clock looks like damping."""
         if hold_strap or inertia:
             return self._search(start, inertia, hold_strap)[0]
         found = [self._search(replace(start, shifts=start.shifts + d), inertia, False) for d in (-0.1, 0.0, 0.1)]
@@ -336,24 +259,8 @@ class StrapProblem:
         return np.concatenate(residuals), np.vstack(jacobians), bodies
 
     def covariance(self, point: StrapPoint, *, inertia: bool) -> np.ndarray:
-        """Of the shared parameters: the IMU's coloured error, the calibration's, and the body's parameters'.
-
-        Parameters
-        ----------
-        point : StrapPoint
-        inertia : bool
-            Whether it was free.
-
-        Returns
-        -------
-        ndarray, shape (p, p)
-            In the order of `names`.
-
-        Raises
-        ------
-        IdentificationError
-            If stiffness and damping cannot be told apart.
-        """
+        """Of the shared parameters: the IMU's coloured error, the calibration's, and the body's parameters'. Gives
+        (p, p)."""
         x = self._vector(point)
         free = self._free(inertia, False)
         residual, jacobian, bodies = self._linearised(x, body=True)

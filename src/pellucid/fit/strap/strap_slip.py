@@ -39,17 +39,7 @@ def unexplained(swing: StrappedSwing, torque: StrapTorque, shift: float) -> tupl
 
     It has no memory, so that it cannot follow a step as a strap with much damping and little stiffness would.
 
-    Parameters
-    ----------
-    swing : StrappedSwing
-    torque : StrapTorque
-    shift : float
-        Of the IMU's clock, to a hundredth of a second [s].
-
-    Returns
-    -------
-    time, residual : ndarray, shape (m,)
-        On the actuator's clock [s], and [rad]; samples within the trial.
+    `shift` [s]; gives `time`, `residual` (m,) [s], [rad].
     """
     rate = central_difference(torque.torque, swing.fs)
     series = [swing.position, central_difference(swing.position, swing.fs), torque.torque, rate]
@@ -69,19 +59,7 @@ def _regressed(swing: StrappedSwing, series: np.ndarray, shift: float) -> tuple[
 
 
 def find_slip(recording: str, time: np.ndarray, residual: np.ndarray) -> Slip | None:
-    """The largest step of a residual, if it is one.
-
-    Parameters
-    ----------
-    recording : str
-        The trial's name.
-    time, residual : ndarray, shape (m,)
-        [s], [rad]; NaN where a sample was left out.
-
-    Returns
-    -------
-    Slip or None
-    """
+    """The largest step of a residual, if it is one. `time`, `residual` (m,) [s], [rad]."""
     known = np.isfinite(residual) & np.isfinite(time)
     t, r = time[known], residual[known]
     n = len(r)

@@ -32,29 +32,18 @@ NEGLIGIBLE = 0.02
 
 @dataclass(frozen=True, eq=False)
 class StrappedSwing:
-    """One trial of a wearer who swings the lower leg, whoever recorded it.
-
-    Attributes
-    ----------
-    name : str
-    split : str
-        ``"fitted"`` or ``"heldout"``.
-    time, position, torque : ndarray, shape (n,)
-        Of the actuator, evenly sampled: [s], the orthosis's angle [rad], the spring's torque on it [N m].
-    imu_time, imu_angle : ndarray, shape (m,)
-        The limb's angle by its IMU, on the IMU's own clock: [s], [rad].
-    knee_torque : ndarray, shape (n,), or None
-        Of the muscles, as EMG tells it, at the actuator's times [N m].
-    """
+    """One trial of a wearer who swings the lower leg, whoever recorded it."""
 
     name: str
-    split: str
+    split: str  # ``"fitted"`` or ``"heldout"``
+    # time, position, torque: (n,) Of the actuator, evenly sampled: [s], the orthosis's angle [rad], the spring's torque
+    # on it [N m]
     time: np.ndarray
     position: np.ndarray
     torque: np.ndarray
-    imu_time: np.ndarray
+    imu_time: np.ndarray  # imu_time, imu_angle: (m,) The limb's angle by its IMU, on the IMU's own clock: [s], [rad]
     imu_angle: np.ndarray
-    knee_torque: np.ndarray | None = None
+    knee_torque: np.ndarray | None = None  # (n,) Of the muscles, as EMG tells it, at the actuator's times [N m]
 
     @property
     def fs(self) -> float:
@@ -64,24 +53,15 @@ class StrappedSwing:
 
 @dataclass(frozen=True, eq=False)
 class Orthosis:
-    """What was identified of the orthosis alone.
+    """What was identified of the orthosis alone."""
 
-    Attributes
-    ----------
-    inertia, viscous, gravity, coulomb : float
-        [kg m^2], [N m s/rad], [N m], [N m].
-    covariance : ndarray, shape (4, 4)
-        In this order, SI; zeros where nothing is known of it.
-    zero, offset : float
-        Angle at which it hangs [rad], and what the spring shows without load [N m].
-    """
-
-    inertia: float
+    inertia: float  # inertia, viscous, gravity, coulomb: [kg m^2], [N m s/rad], [N m], [N m]
     viscous: float
     gravity: float
     coulomb: float = 0.0
+    # (4, 4) In this order, SI; zeros where nothing is known of it
     covariance: np.ndarray = field(default_factory=lambda: np.zeros((4, 4)), repr=False)
-    zero: float = 0.0
+    zero: float = 0.0  # zero, offset: Angle at which it hangs [rad], and what the spring shows without load [N m]
     offset: float = 0.0
 
 
@@ -99,39 +79,16 @@ class Limb:
 
 @dataclass(frozen=True, eq=False)
 class StrapTorque:
-    """The strap's torque in one trial.
+    """The strap's torque in one trial."""
 
-    Attributes
-    ----------
-    torque : ndarray, shape (n,)
-        On the orthosis, at the actuator's times [N m].
-    sensitivity : ndarray, shape (n, p)
-        Its derivatives with respect to the body's parameters.
-    covariance : ndarray, shape (p, p)
-        Of these parameters.
-    known : ndarray of bool, shape (n,)
-        False where the joint may stick, and dry friction is anything up to its level.
-    """
-
-    torque: np.ndarray
-    sensitivity: np.ndarray
-    covariance: np.ndarray
-    known: np.ndarray
+    torque: np.ndarray  # (n,) On the orthosis, at the actuator's times [N m]
+    sensitivity: np.ndarray  # (n, p) Its derivatives with respect to the body's parameters
+    covariance: np.ndarray  # (p, p) Of these parameters
+    known: np.ndarray  # (n,) False where the joint may stick, and dry friction is anything up to its level
 
 
 def from_orthosis(swing: StrappedSwing, orthosis: Orthosis) -> StrapTorque:
-    """The strap's torque by the orthosis's balance.
-
-    Parameters
-    ----------
-    swing : StrappedSwing
-    orthosis : Orthosis
-
-    Returns
-    -------
-    StrapTorque
-        Its parameters are inertia, viscous, gravity and coulomb.
-    """
+    """The strap's torque by the orthosis's balance."""
     fs = swing.fs
     raw_velocity = central_difference(zero_phase_lowpass(swing.position, LOWPASS, ORDER, fs), fs)
     moving = np.abs(raw_velocity) > SLOW
@@ -148,26 +105,7 @@ def from_orthosis(swing: StrappedSwing, orthosis: Orthosis) -> StrapTorque:
 
 
 def from_limb(swing: StrappedSwing, limb: Limb, limb_angle: np.ndarray) -> StrapTorque:
-    """The strap's torque by the limb's balance.
-
-    Parameters
-    ----------
-    swing : StrappedSwing
-        With a knee torque.
-    limb : Limb
-    limb_angle : ndarray, shape (n,)
-        At the actuator's times, aligned and in the orthosis's own zero [rad].
-
-    Returns
-    -------
-    StrapTorque
-        Its parameters are inertia, gravity and viscous.
-
-    Raises
-    ------
-    ValueError
-        If the swing has no knee torque.
-    """
+    """The strap's torque by the limb's balance. `limb_angle` (n,) [rad]."""
     if swing.knee_torque is None:
         raise ValueError(f"{swing.name}: found no knee torque, expected the muscles' for the limb's balance")
     fs = swing.fs

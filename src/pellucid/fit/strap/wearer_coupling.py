@@ -41,39 +41,20 @@ SIDES = ("orthosis", "limb", "published")
 
 @dataclass(frozen=True, eq=False)
 class JudgedSwing:
-    """A swing, the mismatch that the IMU saw, and what the models make of it.
-
-    Attributes
-    ----------
-    recording, split : str
-    time : ndarray, shape (m,)
-        The IMU's, on the actuator's clock [s]; within the trial.
-    seen : ndarray, shape (m,)
-        Mismatch by the IMU [rad].
-    simulated : Mapping[str, ndarray]
-        By model, as `SIDES` names them: shape (m,) [rad].
-    fit : Mapping[str, float]
-        Of each model, against what was seen [%], as MATLAB's ``compare`` has it.
-    ceiling : float
-        What a perfect model would reach against the IMU's own error [%]; NaN where that error is not known.
-    instrument : Instrument
-        Clock and mounting of the IMU in this trial.
-    predicted : ndarray, shape (n,)
-        Mismatch by the orthosis's balance at the actuator's own times [rad].
-    published : ndarray, shape (n,), or None
-        The same by the thesis's two poles.
-    """
+    """A swing, the mismatch that the IMU saw, and what the models make of it."""
 
     recording: str
     split: str
-    time: np.ndarray
-    seen: np.ndarray
-    simulated: Mapping[str, np.ndarray]
-    fit: Mapping[str, float]
+    time: np.ndarray  # (m,) The IMU's, on the actuator's clock [s]; within the trial
+    seen: np.ndarray  # (m,) Mismatch by the IMU [rad]
+    simulated: Mapping[str, np.ndarray]  # By model, as `SIDES` names them: shape (m,) [rad]
+    fit: Mapping[str, float]  # Of each model, against what was seen [%], as MATLAB's ``compare`` has it
+    # What a perfect model would reach against the IMU's own error [%]; NaN where that error is not known
     ceiling: float
-    instrument: Instrument
+    instrument: Instrument  # Clock and mounting of the IMU in this trial
+    # (n,) Mismatch by the orthosis's balance at the actuator's own times [rad]
     predicted: np.ndarray = field(repr=False)
-    published: np.ndarray | None = field(default=None, repr=False)
+    published: np.ndarray | None = field(default=None, repr=False)  # (n,) The same by the thesis's two poles
 
     @property
     def rmse(self) -> float:
@@ -83,28 +64,15 @@ class JudgedSwing:
 
 @dataclass(frozen=True, eq=False)
 class WearerCoupling:
-    """What is known of one wearer's strap.
-
-    Attributes
-    ----------
-    participant : str
-    orthosis_side : CouplingFit
-    limb_side : CouplingFit or None
-        None where the muscles' torque is not known, or that side gave nothing.
-    published : Mapping[str, PublishedCoupling]
-        ``"balance"``, least squares of the thesis's equation 2.2, and ``"two_poles"``, its equation 2.7.
-    judged : tuple of JudgedSwing
-    slips : tuple of Slip
-        Trials in which the strap slipped; they were not fitted.
-    verdicts : tuple of Verdict
-    """
+    """What is known of one wearer's strap."""
 
     participant: str
     orthosis_side: CouplingFit
-    limb_side: CouplingFit | None
+    limb_side: CouplingFit | None  # None where the muscles' torque is not known, or that side gave nothing
+    # ``"balance"``, least squares of the thesis's equation 2.2, and ``"two_poles"``, its equation 2.7
     published: Mapping[str, PublishedCoupling]
     judged: tuple[JudgedSwing, ...]
-    slips: tuple[Slip, ...]
+    slips: tuple[Slip, ...]  # Trials in which the strap slipped; they were not fitted
     verdicts: tuple[Verdict, ...]
 
     def mean_fit(self, model: str = "orthosis", split: str = "heldout") -> float:
@@ -127,30 +95,8 @@ def identify_wearer(
     gain: Parameter | None = None,
     imu_sd: float = float("nan"),
 ) -> WearerCoupling:
-    """Fit the strap on the fitted swings, from both sides and as published; judge all on every swing.
-
-    Parameters
-    ----------
-    participant : str
-    swings : sequence of StrappedSwing
-        Strapped once; those whose split is ``"heldout"`` are only judged.
-    orthosis : Orthosis
-    limb : Limb, optional
-        With a knee torque in every swing, the other side and the thesis's form are fitted too.
-    gain : Parameter, optional
-        Of the IMU's angle, from its calibration.
-    imu_sd : float
-        Error of the IMU's angle as its calibration found it [rad].
-
-    Returns
-    -------
-    WearerCoupling
-
-    Raises
-    ------
-    IdentificationError
-        If no swing is left to fit, or the swings do not tell stiffness from damping.
-    """
+    """Fit the strap on the fitted swings, from both sides and as published; judge all on every swing. `imu_sd`
+    [rad]."""
     fitted = [s for s in swings if s.split == "fitted"]
     if not fitted:
         raise IdentificationError(f"{participant}: found no swing to fit, expected one or more")
@@ -177,18 +123,7 @@ def identify_wearer(
 
 
 def coupling_verdicts(found: WearerCoupling, no_limb: str = "") -> tuple[Verdict, ...]:
-    """Which side's figures can be trusted, and why.
-
-    Parameters
-    ----------
-    found : WearerCoupling
-    no_limb : str
-        Why there is nothing from the limb's side.
-
-    Returns
-    -------
-    tuple of Verdict
-    """
+    """Which side's figures can be trusted, and why."""
     who, fit = found.participant, found.orthosis_side
     said = [
         Verdict(

@@ -12,18 +12,7 @@ from .loaded_swing import Swing, SwingFit
 
 
 def leg_alone(empty: SwingFit, loaded: SwingFit) -> tuple[Parameter, Parameter]:
-    """Inertia and weight moment of the leg, by difference.
-
-    Parameters
-    ----------
-    empty, loaded : SwingFit
-        From different recordings.
-
-    Returns
-    -------
-    inertia, weight_moment : Parameter
-        [kg m^2], [kg m]; `at_bound` where either fit's is.
-    """
+    """Inertia and weight moment of the leg, by difference. Gives `inertia`, `weight_moment` [kg m^2], [kg m]."""
 
     def less(with_leg: Parameter, without: Parameter) -> Parameter:
         value = with_leg.value - without.value
@@ -36,14 +25,9 @@ def leg_alone(empty: SwingFit, loaded: SwingFit) -> tuple[Parameter, Parameter]:
 
 @dataclass(frozen=True, eq=False)
 class WearerTorque:
-    """A wearer's torque at the knee, by balance.
+    """A wearer's torque at the knee, by balance."""
 
-    Attributes
-    ----------
-    time, torque, standard_error : ndarray, shape (n,)
-        [s], [N m], and how sure it is as far as the parameters' covariances say [N m].
-    """
-
+    # time, torque, standard_error: (n,) [s], [N m], and how sure it is as far as the parameters' covariances say [N m]
     time: np.ndarray
     torque: np.ndarray
     standard_error: np.ndarray
@@ -53,21 +37,6 @@ def torque_of_a_bare_leg(empty: SwingFit, loaded: SwingFit, motion: Swing) -> We
     """What a leg takes to swing by itself: loaded less empty (eq. 12 of the paper).
 
     It is the wearer's torque where the exoskeleton takes none of it: taken off, or fully compensated by its motor.
-
-    Parameters
-    ----------
-    empty, loaded : SwingFit
-        Of one form, from different recordings.
-    motion : Swing
-
-    Returns
-    -------
-    WearerTorque
-
-    Raises
-    ------
-    IdentificationError
-        If the forms differ.
     """
     if empty.form != loaded.form:
         raise IdentificationError(
@@ -82,16 +51,6 @@ def torque_in_a_worn_exoskeleton(loaded: SwingFit, motion: Swing) -> WearerTorqu
     """What leg and exoskeleton take to swing, less what the motor gave.
 
     It is the wearer's torque where the exoskeleton is worn: passive, with a motor that gives nothing or little.
-
-    Parameters
-    ----------
-    loaded : SwingFit
-    motion : Swing
-        Its `torque` is the motor's.
-
-    Returns
-    -------
-    WearerTorque
     """
     matrix = loaded.form.regressor(motion)
     return _wearer(motion, matrix @ loaded.coefficients - motion.torque, matrix, loaded)

@@ -115,32 +115,8 @@ def swing(
     every: int = 1,
     recording: str = "",
 ) -> Swing:
-    """Make a recording of a swing ready: filter both sides alike, differentiate, cut the borders.
-
-    Parameters
-    ----------
-    time, position, torque : ndarray, shape (n,)
-        Evenly sampled [s], [rad], [N m].
-    lowpass : float
-        Cut-off of the zero-phase Butterworth filter [Hz].
-    order : int
-        Of one pass.
-    trim : int, optional
-        Samples cut off at either border; two periods of the cut-off if left out.
-    every : int
-        One sample in so many is kept; at least 4 for each period of the cut-off lose nothing.
-    recording : str
-        For messages.
-
-    Returns
-    -------
-    Swing
-
-    Raises
-    ------
-    IdentificationError
-        If nothing is left between the borders.
-    """
+    """Make a recording of a swing ready: filter both sides alike, differentiate, cut the borders. `time`,
+    `position`, `torque` (n,) [s], [rad], [N m]; `lowpass` [Hz]."""
     fs = (len(time) - 1) / float(time[-1] - time[0])
     border = round(2.0 * fs / lowpass) if trim is None else trim
     if len(time) <= 2 * border + 10:
@@ -226,37 +202,14 @@ class SwingForm:
 
 
 def as_published(zero: float = 0.0) -> SwingForm:
-    """Equations 9 and 10 to the letter.
-
-    Parameters
-    ----------
-    zero : float
-        Position at which the paper's angle is 0 [rad], where this package's 0 is hanging. The paper has it vertical
-        (0 or pi: up or down is not said), and at a straight knee (rest is then at -85 degrees).
-
-    Returns
-    -------
-    SwingForm
-    """
+    """Equations 9 and 10 to the letter. `zero` [rad]."""
     return SwingForm(("inertia", "weight_moment"), zero, -1.0)
 
 
 def corrected(
     hanging: float | None = 0.0, *, friction: bool = True, viscous: bool = True, offset: bool = True
 ) -> SwingForm:
-    """The pendulum that hangs, with friction and an offset of the torque's zero.
-
-    Parameters
-    ----------
-    hanging : float or None
-        Angle of rest [rad]; None to estimate it, which takes a wide swing beside an offset.
-    friction, viscous, offset : bool
-        Whether these are estimated.
-
-    Returns
-    -------
-    SwingForm
-    """
+    """The pendulum that hangs, with friction and an offset of the torque's zero. `hanging` [rad]."""
     gravity = ("weight_moment",) if hanging is not None else ("weight_moment_sine", "weight_moment_cosine")
     rest = [n for n, wanted in (("viscous", viscous), ("coulomb", friction), ("offset", offset)) if wanted]
     return SwingForm(("inertia", *gravity, *rest), 0.0 if hanging is None else hanging)
@@ -265,29 +218,14 @@ def corrected(
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
 class SwingFit(Estimates):
     """What a swing says of what swings: its inertia m d^2 and its weight's moment m d, and beside them the angle of
-    rest, friction and the offset, where they were estimated.
-
-    Attributes
-    ----------
-    form : SwingForm
-    coefficients : ndarray, shape (k,)
-        Of the form's terms; the covariance, (k, k), is theirs.
-    residual_rms : float
-        [N m]
-    correlation : float
-        Of the columns of inertia and gravity along the swing.
-    condition : float
-        Of the regressor.
-    mass_bound : float or None
-        The mass that inertia >= weight_moment^2 / m was held to [kg].
-    """
+    rest, friction and the offset, where they were estimated."""
 
     form: SwingForm
-    coefficients: np.ndarray
-    residual_rms: float
-    correlation: float
-    condition: float
-    mass_bound: float | None = None
+    coefficients: np.ndarray  # (k,) Of the form's terms; the covariance, (k, k), is theirs
+    residual_rms: float  # [N m]
+    correlation: float  # Of the columns of inertia and gravity along the swing
+    condition: float  # Of the regressor
+    mass_bound: float | None = None  # The mass that inertia >= weight_moment^2 / m was held to [kg]
 
     @property
     def inertia(self) -> Parameter:
@@ -320,26 +258,7 @@ class SwingFit(Estimates):
 
 
 def fit_swings(swings: Sequence[Swing], form: SwingForm, *, mass_bound: float | None = None) -> SwingFit:
-    """Least squares in closed form, within what a body can be.
-
-    Parameters
-    ----------
-    swings : sequence of Swing
-        Of the same body.
-    form : SwingForm
-        Of `corrected` or `as_published`. As published there are no bounds, whatever `mass_bound`.
-    mass_bound : float, optional
-        More mass than the moving body can have [kg].
-
-    Returns
-    -------
-    SwingFit
-
-    Raises
-    ------
-    IdentificationError
-        If the swings do not tell the coefficients apart.
-    """
+    """Least squares in closed form, within what a body can be. `mass_bound` [kg]."""
     matrix, torque = _stacked(swings, form)
     require_full_rank(form.terms, matrix, ", ".join(s.recording or "a swing" for s in swings))
     values, bound = _within(matrix, torque, form, mass_bound)
@@ -369,22 +288,7 @@ def adam_swings(
     The paper counts its iterations in seconds, as if they went along with the swing, and does not say on how many
     samples each one's gradient rests: all of them, or `batch` at a time in their order, over and over.
 
-    Parameters
-    ----------
-    swings : sequence of Swing
-    form : SwingForm
-    rate, final_rate : float
-        See `adam`.
-    iterations : int
-    start : ndarray, shape (k,), optional
-        Of the form's terms; 0 if left out.
-    batch : int, optional
-        Samples of each iteration's gradient; all if left out. The path's costs are then those of each one's samples.
-
-    Returns
-    -------
-    AdamPath
-        Values in the order of `form.terms`.
+    `start` (k,).
     """
     matrix, torque = _stacked(swings, form)
     parts = range(0, len(torque), batch or len(torque))[1:]

@@ -24,28 +24,14 @@ _STEPS = 8  # acceleration limits tried
 
 @dataclass(frozen=True)
 class SwingInformation:
-    """What a swing shows of a pendulum.
+    """What a swing shows of a pendulum."""
 
-    Attributes
-    ----------
-    inertia_sd, weight_moment_sd : float
-        Standard deviations to expect [kg m^2], [kg m].
-    correlation : float
-        Of the torques that inertia and gravity take.
-    condition : float
-        Of the regressor of both.
-    inertia_share : float
-        Effective torque of the inertia, over that of gravity.
-    peak_torque : float
-        [N m]
-    """
-
-    inertia_sd: float
+    inertia_sd: float  # inertia_sd, weight_moment_sd: Standard deviations to expect [kg m^2], [kg m]
     weight_moment_sd: float
-    correlation: float
-    condition: float
-    inertia_share: float
-    peak_torque: float
+    correlation: float  # Of the torques that inertia and gravity take
+    condition: float  # Of the regressor of both
+    inertia_share: float  # Effective torque of the inertia, over that of gravity
+    peak_torque: float  # [N m]
 
 
 def swing_information(
@@ -58,27 +44,8 @@ def swing_information(
     duration: float,
     friction: bool = False,
 ) -> SwingInformation:
-    """How sure inertia and weight moment can be after a swing about where the body hangs.
-
-    Parameters
-    ----------
-    series : FourierSeries
-        About 0, which is hanging.
-    inertia, weight_moment : float
-        Of the body [kg m^2], [kg m].
-    noise : float
-        Standard deviation of the torque's [N m].
-    bandwidth : float
-        Up to where it is white [Hz].
-    duration : float
-        [s]
-    friction : bool
-        Whether viscous and Coulomb friction and an offset have to be told from them too.
-
-    Returns
-    -------
-    SwingInformation
-    """
+    """How sure inertia and weight moment can be after a swing about where the body hangs. `inertia`, `weight_moment`
+    [kg m^2], [kg m]; `noise` [N m]; `bandwidth` [Hz]; `duration` [s]."""
     time = np.arange(_INSTANTS) / _INSTANTS * series.period
     matrix = _form(friction).along(*series.motion(time))
     count = 2.0 * bandwidth * duration
@@ -112,32 +79,8 @@ def better_swing(
     D-optimal Fourier series for a few limits of the acceleration; the one that shows the inertia best of those that
     need no more torque than there is.
 
-    Parameters
-    ----------
-    inertia, weight_moment : float
-        About what the body has [kg m^2], [kg m]; they say what torque a swing needs.
-    reach : float
-        Largest angle from hanging, either way [rad].
-    peak_torque : float
-        [N m]
-    rng : numpy.random.Generator
-    velocity, acceleration : float
-        Not to be exceeded [rad/s], [rad/s^2].
-    fundamental : float
-        Of the series [Hz].
-    harmonics : int
-        How many: the highest frequency is `harmonics` times the fundamental.
-    friction : bool
-        See `swing_information`.
-
-    Returns
-    -------
-    FourierSeries
-
-    Raises
-    ------
-    IdentificationError
-        If every swing tried needs more torque.
+    `inertia`, `weight_moment` [kg m^2], [kg m]; `reach` [rad]; `peak_torque` [N m]; `velocity`, `acceleration`
+    [rad/s], [rad/s^2]; `fundamental` [Hz].
     """
     form = _form(friction)
     best, least, lowest = None, np.inf, np.inf

@@ -56,39 +56,15 @@ SPAN = 0.02
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
 class PendulumFit(Estimates):
-    """An identified pendulum.
+    """An identified pendulum. `covariance` (p, p)."""
 
-    Attributes
-    ----------
-    parameters : tuple of Parameter
-        The free ones, in the order of `pellucid.models.pendulum.NAMES`. `at_bound` where a bound holds it; its standard
-        error is then that of the value the records would have it take.
-    known : Mapping[str, float]
-        Those held at a given value, SI.
-    covariance : ndarray, shape (p, p)
-    reasons : Mapping[str, str]
-        Why a parameter ended at its bound, by its name.
-    responses : tuple of Response
-        Of the fitted records; `initial` is the initial angle [rad] and velocity [rad/s].
-    hold : str
-        What the torque was taken to do between samples.
-    width : float
-        Of the smooth sign of velocity [rad/s].
-    residual_sd : float
-        [rad]
-    evaluations : int
-        Simulations of all records.
-    converged : bool
-    whiteness : Whiteness
-    """
-
-    known: Mapping[str, float]
-    reasons: Mapping[str, str]
-    responses: tuple[Response, ...]
-    hold: str
-    width: float
-    residual_sd: float
-    evaluations: int
+    known: Mapping[str, float]  # Those held at a given value, SI
+    reasons: Mapping[str, str]  # Why a parameter ended at its bound, by its name
+    responses: tuple[Response, ...]  # Of the fitted records; `initial` is the initial angle [rad] and velocity [rad/s]
+    hold: str  # What the torque was taken to do between samples
+    width: float  # Of the smooth sign of velocity [rad/s]
+    residual_sd: float  # [rad]
+    evaluations: int  # Simulations of all records
     converged: bool
     whiteness: Whiteness
 
@@ -108,34 +84,7 @@ def fit_pendulum(
     bounds: Mapping[str, tuple[float, float]] | None = None,
     width: float | None = None,
 ) -> PendulumFit:
-    """Identify a pendulum from torques and the angles they made.
-
-    Parameters
-    ----------
-    records : sequence of InputOutput
-        Torque [N*m] in, angle [rad] out, 0 where it hangs; each with an initial state of its own.
-    hold : {"zero", "first"}
-        What the torque does between samples.
-    free : sequence of str
-        Parameters to estimate, of "inertia", "damping", "coulomb", "gravity", "stiffness", "offset"; those neither
-        free nor known are zero. Gravity and stiffness part only where the angle is large.
-    known : mapping of str to float, optional
-        Values held, SI: a gravity found from static holds.
-    bounds : mapping of str to tuple of float, optional
-        Lower and upper bound, SI, in place of the physical ones: all but the offset are not negative.
-    width : float, optional
-        Of the smooth sign of velocity [rad/s].
-
-    Returns
-    -------
-    PendulumFit
-
-    Raises
-    ------
-    IdentificationError
-        If a name is unknown, inertia is neither free nor known, a record is too short, does not move, or misses
-        samples, or the parameters cannot be told apart.
-    """
+    """Identify a pendulum from torques and the angles they made. `records` [N*m], [rad]; `width` [rad/s]."""
     known = dict(known or {})
     wrong = [name for name in (*free, *known, *(bounds or {})) if name not in NAMES]
     if wrong:
@@ -178,22 +127,7 @@ def fit_pendulum(
 
 
 def judged_pendulum(fit: PendulumFit, record: InputOutput) -> Response:
-    """Simulate a record with frozen parameters; only its initial state is estimated.
-
-    Parameters
-    ----------
-    fit : PendulumFit
-    record : InputOutput
-
-    Returns
-    -------
-    Response
-
-    Raises
-    ------
-    IdentificationError
-        If the record is too short, misses samples or does not move, or its simulation diverges.
-    """
+    """Simulate a record with frozen parameters; only its initial state is estimated."""
     _require(record, 2)
     held = dict(zip(NAMES, fit.complete, strict=True))
     problem = _Problem((record,), (), held, fit.hold, fit.width)
@@ -316,13 +250,7 @@ class _Problem:
         return x if self.full(x)[0] > 0.0 else None
 
     def responses(self, x: np.ndarray) -> tuple[Response, ...]:
-        """Every record beside its simulation.
-
-        Raises
-        ------
-        IdentificationError
-            If one diverges.
-        """
+        """Every record beside its simulation."""
         made, k = self.motions(x), len(self.names)
         if made is None:
             raise IdentificationError(f"{_names(self.records)}: the simulated pendulum diverges")

@@ -40,24 +40,13 @@ SINGULAR = 1e-10
 
 @dataclass(frozen=True)
 class Experiment:
-    """Records of one system, and the form of its transfer function.
+    """Records of one system, and the form of its transfer function."""
 
-    Attributes
-    ----------
-    records : tuple of InputOutput
-        Each with an initial state of its own.
-    poles, zeros : int
-    hold : str
-        What the input does between samples: ``"zero"`` or ``"first"``.
-    offset : bool
-        Whether each record's output has a constant of its own.
-    """
-
-    records: tuple[InputOutput, ...]
+    records: tuple[InputOutput, ...]  # Each with an initial state of its own
     poles: int
     zeros: int
-    hold: str
-    offset: bool = False
+    hold: str  # What the input does between samples: ``"zero"`` or ``"first"``
+    offset: bool = False  # Whether each record's output has a constant of its own
 
     @property
     def lengths(self) -> list[int]:
@@ -74,19 +63,7 @@ class Experiment:
         return [response_basis(denominator, self.zeros, r.time, r.input, hold=self.hold) for r in self.records]
 
     def columns(self, shared: Sequence[np.ndarray], own: Sequence[np.ndarray]) -> np.ndarray:
-        """Regressor of all records.
-
-        Parameters
-        ----------
-        shared : sequence of ndarray, each of shape (n, k)
-            Columns whose coefficients are the system's, record by record.
-        own : sequence of ndarray, each of shape (n, l)
-            Columns whose coefficients are the record's own.
-
-        Returns
-        -------
-        ndarray, shape (m, k + l * records)
-        """
+        """Regressor of all records. `shared` (n, k); `own` (n, l); gives (m, k + l * records)."""
         width, each = shared[0].shape[1], own[0].shape[1]
         made = np.zeros((sum(self.lengths), width + each * len(own)))
         begin = 0
@@ -117,23 +94,7 @@ class Experiment:
 
 
 def first_transfer_functions(experiment: Experiment) -> list[TransferFunction]:
-    """Transfer functions to start a fit of the response from.
-
-    Parameters
-    ----------
-    experiment : Experiment
-
-    Returns
-    -------
-    list of TransferFunction
-        First the better of the best state-variable filter's and what refined instruments make of it, by the error of
-        the simulated output; then those of the other filters, for a search that ends badly. No pole is unstable.
-
-    Raises
-    ------
-    IdentificationError
-        If no filter leads to a regression that can be solved.
-    """
+    """Transfer functions to start a fit of the response from."""
     found = []
     for rate in _rates(experiment):
         filter_ = np.poly(np.full(experiment.poles, -rate))
@@ -157,22 +118,7 @@ def first_transfer_functions(experiment: Experiment) -> list[TransferFunction]:
 def refine(
     experiment: Experiment, start: TransferFunction, linear: np.ndarray
 ) -> tuple[TransferFunction, tuple[int, bool]]:
-    """Simplified refined instrumental variables, until no coefficient moves.
-
-    Parameters
-    ----------
-    experiment : Experiment
-    start : TransferFunction
-    linear : ndarray, shape (zeros + 1 + own columns,)
-        Numerator, initial states and offsets at the start.
-
-    Returns
-    -------
-    TransferFunction
-        The last one, stable.
-    tuple of (int, bool)
-        Iterations, and whether it settled.
-    """
+    """Simplified refined instrumental variables, until no coefficient moves. `linear` (zeros + 1 + own columns,)."""
     made, settled, k = start, False, 0
     for k in range(1, MAX_ITERATIONS + 1):
         before = made
@@ -188,20 +134,8 @@ def refine(
 
 
 def solve_linear(experiment: Experiment, bases: Sequence[ResponseBasis]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Best numerator, initial states and offsets for a denominator.
-
-    Parameters
-    ----------
-    experiment : Experiment
-    bases : sequence of ResponseBasis
-        Of the denominator.
-
-    Returns
-    -------
-    values : ndarray, shape (p,)
-    residual : ndarray, shape (m,)
-    columns : ndarray, shape (m, p)
-    """
+    """Best numerator, initial states and offsets for a denominator. Gives `values` (p,), `residual` (m,), `columns`
+    (m, p)."""
     columns = experiment.linear(bases)
     scale = np.maximum(np.linalg.norm(columns, axis=0), np.finfo(float).tiny)
     values = np.linalg.lstsq(columns / scale, experiment.output, rcond=None)[0] / scale

@@ -48,33 +48,19 @@ FASTEST = 10.0
 
 @dataclass(frozen=True)
 class Response:
-    """A record, and what an identified transfer function makes of its input.
-
-    Attributes
-    ----------
-    recording, split : str
-    time, input, measured, simulated : ndarray, shape (n,)
-        SI.
-    fit : float
-        100 (1 - ||y - y_s|| / ||y - mean y||) [%], as MATLAB's ``compare`` has it.
-    rmse : float
-        In the output's unit.
-    initial : tuple of float
-        Estimated initial state: coefficients of Q, highest power first; the first is the free response at the start.
-    offset : float
-        Estimated constant of the output; 0 where none was asked for.
-    """
+    """A record, and what an identified transfer function makes of its input."""
 
     recording: str
     split: str
-    time: np.ndarray
+    time: np.ndarray  # time, input, measured, simulated: (n,) SI
     input: np.ndarray
     measured: np.ndarray
     simulated: np.ndarray
-    fit: float
-    rmse: float
+    fit: float  # 100 (1 - ||y - y_s|| / ||y - mean y||) [%], as MATLAB's ``compare`` has it
+    rmse: float  # In the output's unit
+    # Estimated initial state: coefficients of Q, highest power first; the first is the free response at the start
     initial: tuple[float, ...]
-    offset: float
+    offset: float  # Estimated constant of the output; 0 where none was asked for
 
     @property
     def residual(self) -> np.ndarray:
@@ -163,34 +149,7 @@ def fit_records(
     units: tuple[str, str] = ("1", "1"),
     start: TransferFunction | None = None,
 ) -> TransferFit:
-    """Identify a transfer function from one or more records of the same system.
-
-    Parameters
-    ----------
-    records : sequence of InputOutput
-        Each keeps an initial state of its own.
-    poles, zeros : int
-        At least 1, and no more zeros than poles.
-    hold : {"zero", "first"}
-        What the input does between samples: held, or straight from one to the next.
-    offset : bool
-        Estimate a constant of each record's output. With the initial state free a constant c of the output and one of
-        the input, -c over the static gain, are the same thing: only one of them can be known.
-    units : tuple of str
-        Of the input and of the output, for the parameters' units.
-    start : TransferFunction, optional
-        Where to start; refined instrumental variables find a start where it is left out.
-
-    Returns
-    -------
-    TransferFit
-
-    Raises
-    ------
-    IdentificationError
-        If a record is too short, its time does not increase, its input or output never changes, or the records cannot
-        tell the coefficients apart.
-    """
+    """Identify a transfer function from one or more records of the same system."""
     if poles < 1 or not 0 <= zeros <= poles:
         raise IdentificationError(f"found {poles} poles and {zeros} zeros, expected at least 1 pole and no more zeros")
     if hold not in HOLDS:
@@ -213,24 +172,7 @@ def fit_records(
 
 
 def judged(transfer_function: TransferFunction, record: InputOutput, *, hold: str, offset: bool = False) -> Response:
-    """Simulate a record with frozen coefficients; its initial state, and its offset if asked for, are estimated.
-
-    Parameters
-    ----------
-    transfer_function : TransferFunction
-    record : InputOutput
-    hold : {"zero", "first"}
-    offset : bool
-
-    Returns
-    -------
-    Response
-
-    Raises
-    ------
-    IdentificationError
-        If the record's time does not increase, or its output never changes.
-    """
+    """Simulate a record with frozen coefficients; its initial state, and its offset if asked for, are estimated."""
     _require(record, transfer_function.order + offset, moving=False)
     zeros = len(transfer_function.numerator) - 1
     basis = response_basis(transfer_function.denominator, zeros, record.time, record.input, hold=hold)
@@ -247,18 +189,7 @@ def fit_percent(measured: np.ndarray, simulated: np.ndarray) -> float:
 
 
 def coefficient_units(poles: int, zeros: int, units: tuple[str, str]) -> tuple[str, ...]:
-    """Units of a_{n-1} ... a_0, b_m ... b_0, as plain text.
-
-    Parameters
-    ----------
-    poles, zeros : int
-    units : tuple of str
-        Of the input and of the output.
-
-    Returns
-    -------
-    tuple of str
-    """
+    """Units of a_{n-1} ... a_0, b_m ... b_0, as plain text."""
     given, made = units
     ratio = "" if given == made else made if given == "1" else f"{made}/({given}" if "*" in given else f"{made}/{given}"
     found = [f"1/s^{k}" if k > 1 else "1/s" for k in range(1, poles + 1)]
@@ -458,13 +389,7 @@ def _pole_notes(made: TransferFunction, experiment: Experiment) -> list[str]:
 
 
 def require_samples(record: InputOutput, unknowns: int) -> str:
-    """Refuse a `record` with missing samples or too few for so many `unknowns`; what further messages begin with.
-
-    Raises
-    ------
-    IdentificationError
-        Naming the recording.
-    """
+    """Refuse a `record` with missing samples or too few for so many `unknowns`; what further messages begin with."""
     where = f"recording '{record.recording}'"
     table = np.column_stack([record.time, record.input, record.output])
     if not np.isfinite(table).all():

@@ -55,13 +55,7 @@ class BenchRig(Rig):
 
     @classmethod
     def checked(cls, tables: dict, name: str) -> dict:
-        """The tables, with zeros for what the joint lacks.
-
-        Raises
-        ------
-        StudyError
-            As `Rig.checked` of `tables` and `name`, or if the joint has a constant that no joint has.
-        """
+        """The tables, with zeros for what the joint lacks."""
         tables = super().checked(tables, name)
         strange = [key for key in tables["joint"] if key not in INDEX]
         if strange:

@@ -19,31 +19,15 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class ElbowReadings:
-    """What the instruments read of one trial.
-
-    Parameters
-    ----------
-    trial : ElbowTrial
-    time : ndarray, shape (n,)
-        [s]
-    counts : ndarray, shape (n,)
-        Of the encoder.
-    milliamperes : ndarray, shape (n,)
-    optical_time : ndarray, shape (k,)
-        On the cameras' own clock [s].
-    markers : dict of str to ndarray, shape (k, 3)
-        [mm] in the laboratory's frame; NaN where a frame lost the marker.
-    clock_offset : float
-        Robot time less camera time at its start [s]: the truth.
-    """
+    """What the instruments read of one trial."""
 
     trial: ElbowTrial
-    time: np.ndarray
-    counts: np.ndarray
-    milliamperes: np.ndarray
-    optical_time: np.ndarray
-    markers: dict[str, np.ndarray]
-    clock_offset: float
+    time: np.ndarray  # (n,) [s]
+    counts: np.ndarray  # (n,) Of the encoder
+    milliamperes: np.ndarray  # (n,)
+    optical_time: np.ndarray  # (k,) On the cameras' own clock [s]
+    markers: dict[str, np.ndarray]  # (k, 3) [mm] in the laboratory's frame; NaN where a frame lost the marker
+    clock_offset: float  # Robot time less camera time at its start [s]: the truth
 
 
 def read_all(

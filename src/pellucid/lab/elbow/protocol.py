@@ -40,24 +40,11 @@ RAMP = 20.0  # rad/s^2: how fast a constant velocity is reached
 
 @dataclass(frozen=True)
 class ElbowTrial(Trial):
-    """One recording of the elbow.
+    """One recording of the elbow. `name`, `protocol`, `use`, `participant`, `condition`, `reference` [rad or rad/s]."""
 
-    Parameters
-    ----------
-    name, protocol, use, participant, condition, reference
-        As of `Trial`: "static", "constant_velocity", "swept_sine", "swept_sine_integrated", "slow" or "fourier";
-        the reference of its loop [rad or rad/s].
-    loop : str
-        "position" or "velocity": which controller, and what the reference is.
-    start : float
-        Where the joint is at first [rad].
-    slider : float
-        Where the carriage is clamped [m].
-    """
-
-    loop: str = "position"
-    start: float = 0.0
-    slider: float = 0.0
+    loop: str = "position"  # "position" or "velocity": which controller, and what the reference is
+    start: float = 0.0  # Where the joint is at first [rad]
+    slider: float = 0.0  # Where the carriage is clamped [m]
 
 
 def fitted_sliders(rig: ElbowRig) -> np.ndarray:

@@ -22,48 +22,25 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class ImuReadings:
-    """What the IMU wrote.
+    """What the IMU wrote."""
 
-    Parameters
-    ----------
-    time : ndarray, shape (k,)
-        On its own clock [s].
-    acceleration, angular_velocity : ndarray, shape (k, 3)
-        [m/s^2], gravity's reaction included; [rad/s].
-    magnetic_field : ndarray, shape (k, 3), or None
-        [T]; None for a six-axis chip.
-    clock_offset : float
-        The actuator's time at its time 0 [s]: the truth.
-    angle : ndarray, shape (k,)
-        Of the joint at its samples [rad]: the truth.
-    """
-
-    time: np.ndarray
-    acceleration: np.ndarray
+    time: np.ndarray  # (k,) On its own clock [s]
+    acceleration: np.ndarray  # acceleration, angular_velocity: (k, 3) [m/s^2], gravity's reaction included; [rad/s]
     angular_velocity: np.ndarray
-    magnetic_field: np.ndarray | None
-    clock_offset: float
-    angle: np.ndarray
+    magnetic_field: np.ndarray | None  # (k, 3) [T]; None for a six-axis chip
+    clock_offset: float  # The actuator's time at its time 0 [s]: the truth
+    angle: np.ndarray  # (k,) Of the joint at its samples [rad]: the truth
 
 
 @dataclass(frozen=True)
 class Mounting:
-    """How the instruments sit, and are off, while one subject has them on.
+    """How the instruments sit, and are off, while one subject has them on."""
 
-    Parameters
-    ----------
-    remounting : ndarray, shape (3,)
-        Rotation vector between the IMU's place on the orthosis and on the ankle [rad].
-    accelerometer_bias, gyroscope_bias, magnetometer_bias : ndarray, shape (3,)
-        [m/s^2], [rad/s], [T]
-    emg_gain : tuple of float
-        By which the gains of rectus femoris and lateral hamstring differ from the subject's [1].
-    """
-
-    remounting: np.ndarray
-    accelerometer_bias: np.ndarray
+    remounting: np.ndarray  # (3,) Rotation vector between the IMU's place on the orthosis and on the ankle [rad]
+    accelerometer_bias: np.ndarray  # accelerometer_bias, gyroscope_bias, magnetometer_bias: (3,) [m/s^2], [rad/s], [T]
     gyroscope_bias: np.ndarray
     magnetometer_bias: np.ndarray
+    # By which the gains of rectus femoris and lateral hamstring differ from the subject's [1]
     emg_gain: tuple[float, float]
 
 
@@ -94,19 +71,8 @@ def segment_senses(
     At :math:`r = (l, c)` along and across, with :math:`g` down: along
     :math:`-l \dot q^2 - c \ddot q - g \cos q`, across :math:`l \ddot q - c \dot q^2 + g \sin q`.
 
-    Parameters
-    ----------
-    rig : KneeRig
-        For the earth's field.
-    lever : tuple of float
-        Along and across the segment, from the axis [m].
-    angle, velocity, acceleration : ndarray, shape (k,)
-        Of the segment against the vertical [rad], [rad/s], [rad/s^2].
-
-    Returns
-    -------
-    acceleration, angular_velocity, magnetic_field : ndarray, shape (k, 3)
-        Along the segment, towards flexion, along the axis: [m/s^2], [rad/s], [T].
+    `lever` [m]; `angle`, `velocity`, `acceleration` (k,) [rad], [rad/s], [rad/s^2]; gives `acceleration`,
+    `angular_velocity`, `magnetic_field` (k, 3) [m/s^2], [rad/s], [T].
     """
     imu, zero = rig["imu"], np.zeros_like(angle)
     along, across = lever

@@ -51,30 +51,15 @@ SWING_TIME, MVC_TIME = 40.0, 20.0
 
 @dataclass(frozen=True)
 class Faults:
-    """What goes wrong in a trial; nothing, as it stands.
+    """What goes wrong in a trial; nothing, as it stands."""
 
-    Parameters
-    ----------
-    imu_dropout : tuple of float, optional
-        When the IMU falls silent, and for how long [s].
-    slip : tuple of float, optional
-        When the strap slips, and how far [rad].
-    encoder_turn : float
-        Added to the orthosis's angle before its encoder rolls over at half a turn either way [rad].
-    emg_rate : float, optional
-        At which the amplifier ran instead of its own [Hz].
-    emg_detached : mapping of int to float
-        By channel, from when its electrode is off [s].
-    emg_clipped : mapping of int to float
-        By channel, a range too small [V].
-    """
-
-    imu_dropout: tuple[float, float] | None = None
-    slip: tuple[float, float] | None = None
+    imu_dropout: tuple[float, float] | None = None  # When the IMU falls silent, and for how long [s]
+    slip: tuple[float, float] | None = None  # When the strap slips, and how far [rad]
+    # Added to the orthosis's angle before its encoder rolls over at half a turn either way [rad]
     encoder_turn: float | None = None
-    emg_rate: float | None = None
-    emg_detached: dict[int, float] = field(default_factory=dict)
-    emg_clipped: dict[int, float] = field(default_factory=dict)
+    emg_rate: float | None = None  # At which the amplifier ran instead of its own [Hz]
+    emg_detached: dict[int, float] = field(default_factory=dict)  # By channel, from when its electrode is off [s]
+    emg_clipped: dict[int, float] = field(default_factory=dict)  # By channel, a range too small [V]
 
 
 NO_FAULTS = Faults()
@@ -82,33 +67,15 @@ NO_FAULTS = Faults()
 
 @dataclass(frozen=True)
 class KneeTrial(Trial):
-    """One recording to be made.
+    """One recording to be made. `name`, `protocol`, `use`, `participant`, `condition`, `reference` [rad], [N*m]."""
 
-    Parameters
-    ----------
-    name, protocol, use, participant, condition, reference
-        As of `Trial`; the reference of the mode [rad] or [N*m].
-    mode : {"position", "torque"}
-        What the orthosis does on its own: follow angles, or give torques at the spring.
-    wearer : Wearer or None
-        Nobody: the orthosis alone.
-    start : float
-        Where the orthosis is at first [rad].
-    link : {"strap", "plate"}
-        What couples a wearer.
-    locked : bool
-        Whether the wearer's limb is clamped to a frame.
-    imu : {"ankle", "orthosis"} or None
-        Where it is fixed, if it runs.
-    faults : Faults
-    """
-
+    # What the orthosis does on its own: follow angles, or give torques at the spring
     mode: Literal["position", "torque"] = "position"
-    wearer: Wearer | None = None
-    start: float = 0.0
-    link: Literal["strap", "plate"] = "strap"
-    locked: bool = False
-    imu: Literal["ankle", "orthosis"] | None = None
+    wearer: Wearer | None = None  # Nobody: the orthosis alone
+    start: float = 0.0  # Where the orthosis is at first [rad]
+    link: Literal["strap", "plate"] = "strap"  # What couples a wearer
+    locked: bool = False  # Whether the wearer's limb is clamped to a frame
+    imu: Literal["ankle", "orthosis"] | None = None  # Where it is fixed, if it runs
     faults: Faults = NO_FAULTS
 
     def __post_init__(self):

@@ -13,28 +13,17 @@ FLEXOR, EXTENSOR = "lateral_hamstring", "rectus_femoris"
 
 @dataclass(frozen=True)
 class KneeSubject:
-    """Somebody who wears the orthosis: an entry of the rig file's ``[subjects]``, SI.
-
-    Parameters
-    ----------
-    name, sex : str
-    age, weight, height, shank_length : float
-        [years], [kg], [m], [m]
-    limb, strap : mapping of str to float
-        As in the rig file.
-    strength, emg_gain : mapping of str to float
-        Of each muscle [N*m], [V].
-    """
+    """Somebody who wears the orthosis: an entry of the rig file's ``[subjects]``, SI."""
 
     name: str
     sex: str
-    age: float
+    age: float  # age, weight, height, shank_length: [years], [kg], [m], [m]
     weight: float
     height: float
     shank_length: float
-    limb: Mapping[str, float]
+    limb: Mapping[str, float]  # limb, strap: As in the rig file
     strap: Mapping[str, float]
-    strength: Mapping[str, float]
+    strength: Mapping[str, float]  # strength, emg_gain: Of each muscle [N*m], [V]
     emg_gain: Mapping[str, float]
 
     @property

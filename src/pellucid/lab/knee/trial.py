@@ -23,51 +23,28 @@ class Controller(Protocol):
     """What decides the spring's torque, once per period."""
 
     def step(self, time: float, position: float, torque: float, emg: Sequence[tuple[float, float]]) -> float:
-        """One period.
-
-        Parameters
-        ----------
-        time : float
-            [s]
-        position, torque : float
-            Of the output encoder [rad], and of the spring as the encoders say [N*m].
-        emg : sequence of tuple of float
-            Raw samples of rectus femoris and lateral hamstring since the last call [V].
-
-        Returns
-        -------
-        float
-            Desired torque of the spring [N*m].
-        """
+        """One period. `time` [s]; `position`, `torque` [rad], [N*m]; `emg` [V]; gives [N*m]."""
         ...
 
 
 @dataclass(frozen=True)
 class KneeTruth:
-    """What no instrument shows, one sample per period, each shape (n,).
+    """What no instrument shows, one sample per period, each shape (n,)."""
 
-    Parameters
-    ----------
-    orthosis_position, orthosis_velocity, limb_position, limb_velocity : ndarray, shape (n,)
-        [rad], [rad/s]; without a wearer the limb's say nothing.
-    strap_torque, spring_torque, muscle_torque, motor_torque : ndarray, shape (n,)
-        On the orthosis and against the limb; of the spring; of the muscles; of the motor [N*m].
-    excitation : ndarray, shape (n, 2)
-        Of lateral hamstring and rectus femoris [1].
-    slip : ndarray, shape (n,)
-        Of the strap [rad].
-    """
-
+    # orthosis_position, orthosis_velocity, limb_position, limb_velocity: (n,) [rad], [rad/s]; without a wearer the
+    # limb's say nothing
     orthosis_position: np.ndarray
     orthosis_velocity: np.ndarray
     limb_position: np.ndarray
     limb_velocity: np.ndarray
+    # strap_torque, spring_torque, muscle_torque, motor_torque: (n,) On the orthosis and against the limb; of the
+    # spring; of the muscles; of the motor [N*m]
     strap_torque: np.ndarray
     spring_torque: np.ndarray
     muscle_torque: np.ndarray
     motor_torque: np.ndarray
-    excitation: np.ndarray
-    slip: np.ndarray
+    excitation: np.ndarray  # (n, 2) Of lateral hamstring and rectus femoris [1]
+    slip: np.ndarray  # (n,) Of the strap [rad]
 
     @property
     def mismatch(self) -> np.ndarray:
@@ -77,38 +54,17 @@ class KneeTruth:
 
 @dataclass(frozen=True)
 class KneeReadings:
-    """What the instruments read of one trial, and the truth beside it.
-
-    Parameters
-    ----------
-    trial : KneeTrial
-    time : ndarray, shape (n,)
-        [s]
-    position, motor_position : ndarray, shape (n,)
-        As the encoders say [rad].
-    torque : ndarray, shape (n,)
-        Of the spring, as the encoders say [N*m].
-    command : ndarray, shape (n,)
-        Desired torque of the spring [N*m].
-    emg_time : ndarray, shape (k,), or None
-        On the amplifier's clock [s]; None where nobody wears it.
-    emg : ndarray, shape (k, 2), or None
-        Of rectus femoris and lateral hamstring, in counts of the converter.
-    emg_quantum : float
-        [V]
-    imu : ImuReadings or None
-    truth : KneeTruth
-    """
+    """What the instruments read of one trial, and the truth beside it."""
 
     trial: KneeTrial
-    time: np.ndarray
-    position: np.ndarray
+    time: np.ndarray  # (n,) [s]
+    position: np.ndarray  # position, motor_position: (n,) As the encoders say [rad]
     motor_position: np.ndarray
-    torque: np.ndarray
-    command: np.ndarray
-    emg_time: np.ndarray | None
-    emg: np.ndarray | None
-    emg_quantum: float
+    torque: np.ndarray  # (n,) Of the spring, as the encoders say [N*m]
+    command: np.ndarray  # (n,) Desired torque of the spring [N*m]
+    emg_time: np.ndarray | None  # (k,) On the amplifier's clock [s]; None where nobody wears it
+    emg: np.ndarray | None  # (k, 2) Of rectus femoris and lateral hamstring, in counts of the converter
+    emg_quantum: float  # [V]
     imu: ImuReadings | None
     truth: KneeTruth
 

@@ -22,28 +22,14 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Wearer:
-    """A subject and their task; `relaxed`, `counteracting`, `swinging` and `contracting` make one.
-
-    Parameters
-    ----------
-    subject : KneeSubject
-    task : {"relaxed", "counteracting", "swinging", "contracting"}
-    helps : bool
-        Whether they help although they were asked to relax: a trial that must be found out.
-    angle : float
-        That is held by one who counteracts [rad].
-    frequency : tuple of float, optional
-        Slowest and fastest swing [Hz], in place of the rig's.
-    amplitude : tuple of float, optional
-        Smallest and largest swing [rad], in place of the rig's.
-    """
+    """A subject and their task; `relaxed`, `counteracting`, `swinging` and `contracting` make one."""
 
     subject: KneeSubject
     task: Literal["relaxed", "counteracting", "swinging", "contracting"]
-    helps: bool = False
-    angle: float = 0.0
-    frequency: tuple[float, float] | None = None
-    amplitude: tuple[float, float] | None = None
+    helps: bool = False  # Whether they help although they were asked to relax: a trial that must be found out
+    angle: float = 0.0  # That is held by one who counteracts [rad]
+    frequency: tuple[float, float] | None = None  # Slowest and fastest swing [Hz], in place of the rig's
+    amplitude: tuple[float, float] | None = None  # Smallest and largest swing [rad], in place of the rig's
 
 
 def relaxed(subject: KneeSubject, *, helps: bool = False) -> Wearer:
@@ -97,28 +83,7 @@ def contractions(n: int, fs: float) -> np.ndarray:
 
 
 class Acting:
-    """A wearer during one trial, period by period.
-
-    Parameters
-    ----------
-    rig : KneeRig
-    wearer : Wearer
-    n : int
-        Periods of the trial.
-    position, load : float
-        Of the limb at first [rad], and what it has to carry besides itself [N*m]; the muscles do.
-    rng : numpy.random.Generator
-        Draws everything that wavers.
-
-    Attributes
-    ----------
-    excitation : list of tuple of float
-        Of flexor and extensor, period by period [1].
-    amplitude : list of tuple of float
-        The same as an electrode sees it: fatigue raises it [1].
-    torque : list of float
-        [N*m]
-    """
+    """A wearer during one trial, period by period. `torque` [N*m]; `position`, `load` [rad], [N*m]."""
 
     def __init__(
         self, rig: KneeRig, wearer: Wearer, n: int, position: float, load: float, rng: np.random.Generator
@@ -222,22 +187,7 @@ class Acting:
         return torque + w["load_share"] * self._felt
 
     def step(self, k: int, position: float, velocity: float, load: float) -> float:
-        """One period.
-
-        Parameters
-        ----------
-        k : int
-            Which; from 0, one after another.
-        position, velocity : float
-            Of the limb [rad], [rad/s].
-        load : float
-            Torque of the strap, against the limb [N*m].
-
-        Returns
-        -------
-        float
-            Torque of the muscles during the period [N*m].
-        """
+        """One period. `position`, `velocity` [rad], [rad/s]; `load` [N*m]; gives [N*m]."""
         self._position.append(position)
         self._velocity.append(velocity)
         self._load.append(load)

@@ -106,26 +106,7 @@ def chosen_exponents(
 
 
 def study_conditions(rig: PointingRig, names: Sequence[str] | None = None, *, seed: int = 1) -> Conditions:
-    """Conditions on a robot that is identified for them.
-
-    Parameters
-    ----------
-    rig : PointingRig
-    names : sequence of str, optional
-        Of `ELBOW_CONTROLLERS`, beside control; the paper's three if left out.
-    seed : int
-        Of the identification's recordings.
-
-    Returns
-    -------
-    dict
-        By condition, control first.
-
-    Raises
-    ------
-    StudyError
-        If a controller is not known, or named twice.
-    """
+    """Conditions on a robot that is identified for them."""
     unknown = [name for name in names or () if name not in ELBOW_CONTROLLERS]
     if unknown or len(set(names or ())) < len(names or ()):
         found = f'found no controller "{unknown[0]}"' if unknown else "found a controller twice"

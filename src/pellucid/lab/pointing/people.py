@@ -17,30 +17,15 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Person:
-    """One virtual person.
+    """One virtual person."""
 
-    Parameters
-    ----------
-    name : str
-        "P1", "P2", ...
-    sex : {"female", "male"}
-    age : float
-        [years]
-    height, mass : float
-        [m], [kg].
-    reward : float
-        What arriving is worth [J]: how briskly this person moves.
-    emg_gains : tuple of float
-        RMS of every muscle at full excitation [V].
-    """
-
-    name: str
+    name: str  # "P1", "P2",
     sex: str
-    age: float
-    height: float
+    age: float  # [years]
+    height: float  # height, mass: [m], [kg]
     mass: float
-    reward: float
-    emg_gains: tuple[float, ...]
+    reward: float  # What arriving is worth [J]: how briskly this person moves
+    emg_gains: tuple[float, ...]  # RMS of every muscle at full excitation [V]
 
     @property
     def forearm(self) -> Segment:

@@ -50,36 +50,18 @@ COMMENTS = {
 
 @dataclass(frozen=True)
 class PointingTrial(Trial):
-    """One person in one condition; pauses divide it into recordings.
-
-    Parameters
-    ----------
-    name, protocol, use, participant, condition, reference
-        As of `Trial`; targets are drawn with the noise.
-    person : Person
-    number : int
-        Its place in the experiment, from 0.
-    """
+    """One person in one condition; pauses divide it into recordings."""
 
     person: Person = field(kw_only=True)
-    number: int = 0
+    number: int = 0  # Its place in the experiment, from 0
 
 
 @dataclass(frozen=True)
 class PointingRig(Rig):
-    """The tables of a file like ``lab/rigs/elbow-participants.toml``, and the robot that its people wear.
-
-    Parameters
-    ----------
-    name : str
-    tables : mapping of str to mapping
-    robot : ElbowRig
-    conditions : mapping, optional
-        A law by condition, as `Conditions`; known once the rig is `prepared`.
-    """
+    """The tables of a file like ``lab/rigs/elbow-participants.toml``, and the robot that its people wear."""
 
     robot: ElbowRig
-    conditions: Conditions | None = None
+    conditions: Conditions | None = None  # A law by condition, as `Conditions`; known once the rig is `prepared`
 
     kind = "elbow-participants"
     needed = NEEDED
@@ -105,24 +87,7 @@ class PointingRig(Rig):
         return replace(self, conditions=conditions)
 
     def prepared(self, controllers: Sequence[str] | None = None, seed: int = 1) -> Self:
-        """Identify the robot, and build of what is found the laws that people wear.
-
-        Parameters
-        ----------
-        controllers : sequence of str, optional
-            By their names in `export`, beside no robot; the paper's three if left out.
-        seed : int
-            Of the identification's recordings.
-
-        Returns
-        -------
-        PointingRig
-
-        Raises
-        ------
-        StudyError
-            If a controller is not known, or named twice.
-        """
+        """Identify the robot, and build of what is found the laws that people wear."""
         from .conditions import study_conditions
 
         return self.under(study_conditions(self, controllers, seed=seed))

@@ -27,21 +27,11 @@ FELT_EVERY = 10  # periods: what is felt is remembered a hundred times a second
 
 
 class RobotLaw(Protocol):
-    """How the robot is driven, as the core takes it.
+    """How the robot is driven, as the core takes it."""
 
-    Attributes
-    ----------
-    kind : str
-        "position_prediction", "directional" or "transparent"; "none" is a robot without power.
-    parameters : ndarray, shape (k,)
-        SI, in the core's order.
-    sensed, emg : bool
-        Whether it is given a force sensor, or EMG.
-    """
-
-    kind: str
-    parameters: np.ndarray | None
-    sensed: bool
+    kind: str  # "position_prediction", "directional" or "transparent"; "none" is a robot without power
+    parameters: np.ndarray | None  # (k,) SI, in the core's order
+    sensed: bool  # sensed, emg: Whether it is given a force sensor, or EMG
     emg: bool
 
 
@@ -64,56 +54,27 @@ class Unpowered:
 
 @dataclass(frozen=True)
 class Reach:
-    """One movement that was made.
+    """One movement that was made."""
 
-    Parameters
-    ----------
-    amplitude : float
-        Signed [rad]; positive lifts.
-    target : float
-        [rad]
-    duration : float
-        Of the primary movement, as chosen [s].
-    begin, end : int
-        Samples of the recording that are its: from the target's step on, and until the next.
-    expected : ndarray, shape (5,)
-        What the load was expected to be, in the order of `load_learning.LOADS`.
-    """
-
-    amplitude: float
-    target: float
-    duration: float
-    begin: int
+    amplitude: float  # Signed [rad]; positive lifts
+    target: float  # [rad]
+    duration: float  # Of the primary movement, as chosen [s]
+    begin: int  # begin, end: Samples of the recording that are its: from the target's step on, and until the next
     end: int
-    expected: np.ndarray
+    expected: np.ndarray  # (5,) What the load was expected to be, in the order of `load_learning.LOADS`
 
 
 @dataclass(frozen=True)
 class PointingSession:
-    """One person in one condition, without its pauses.
-
-    Parameters
-    ----------
-    person : Person
-    condition : str
-    fs : float
-        [Hz]
-    target : ndarray, shape (n,)
-        [rad]
-    signals : dict of str to ndarray, shape (n,)
-        By `SIGNALS`.
-    movements : tuple of Reach
-    fault : str
-        Of the law's gate, at the end.
-    """
+    """One person in one condition, without its pauses."""
 
     person: Person
     condition: str
-    fs: float
-    target: np.ndarray
-    signals: dict[str, np.ndarray]
+    fs: float  # [Hz]
+    target: np.ndarray  # (n,) [rad]
+    signals: dict[str, np.ndarray]  # (n,) By `SIGNALS`
     movements: tuple[Reach, ...]
-    fault: str
+    fault: str  # Of the law's gate, at the end
 
 
 def true_motion(session: PointingSession, rule: MovementRule) -> tuple[Kinematics, list[Stretch]]:

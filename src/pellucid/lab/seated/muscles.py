@@ -21,26 +21,13 @@ TORQUES = 160  # entries of a map's inverse
 
 @dataclass(frozen=True)
 class VirtualMuscle:
-    """One muscle of a subject, as it is and not as the anatomical model has it.
-
-    Parameters
-    ----------
-    constants : HillMuscle
-    tendon_strain : float
-        Under the largest force [1].
-    share : float
-        Of the drive of its group [1].
-    size : float
-        Of the path's lengths, beside the anatomical model [1].
-    arm : float
-        Of the moment arm, beside the anatomical model's of that size [1].
-    """
+    """One muscle of a subject, as it is and not as the anatomical model has it."""
 
     constants: HillMuscle
-    tendon_strain: float
-    share: float
-    size: float
-    arm: float
+    tendon_strain: float  # Under the largest force [1]
+    share: float  # Of the drive of its group [1]
+    size: float  # Of the path's lengths, beside the anatomical model [1]
+    arm: float  # Of the moment arm, beside the anatomical model's of that size [1]
 
     @property
     def name(self) -> str:
@@ -68,18 +55,7 @@ def torque_at_rest(group: Sequence[VirtualMuscle], activation: float, hip: float
 
 
 class Muscles:
-    """Muscles of one knee, step by step.
-
-    Parameters
-    ----------
-    muscles : sequence of VirtualMuscle
-    hip, rest : float
-        Of the hip, and of the knee where paths have the anatomical model's length [rad].
-    knee : float
-        Angle to begin at, everything at rest [rad].
-    period : float
-        [s]
-    """
+    """Muscles of one knee, step by step. `hip`, `rest` [rad]; `knee` [rad]; `period` [s]."""
 
     def __init__(self, muscles: Sequence[VirtualMuscle], hip: float, rest: float, knee: float, period: float) -> None:
         grid = np.linspace(*KNEE, POINTS)
@@ -115,11 +91,7 @@ class DriveMap:
 
     With a fixed sharing among synergists, the least drive that gives a torque is the only one.
 
-    Parameters
-    ----------
-    group : sequence of VirtualMuscle
-    hip, rest : float
-        As of `Muscles` [rad].
+    `hip`, `rest` [rad].
     """
 
     def __init__(self, group: Sequence[VirtualMuscle], hip: float, rest: float) -> None:

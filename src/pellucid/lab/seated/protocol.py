@@ -24,20 +24,11 @@ EASE = 2.0
 
 @dataclass(frozen=True)
 class SeatedTrial(Trial):
-    """One trial.
+    """One trial. `name`, `protocol`, `use`, `participant`, `condition`, `reference` [rad]."""
 
-    Parameters
-    ----------
-    name, protocol, use, participant, condition, reference
-        As of `Trial`; positions of the motor's swing, that the subject means to go through, or of the clamp [rad].
-    task : {"driven", "swinging", "maximal"}
-        The motor swings; the subject swings and the motor gives nothing; or the shank is clamped.
-    subject : SeatedSubject or None
-        Nobody: the exoskeleton alone.
-    """
-
+    # The motor swings; the subject swings and the motor gives nothing; or the shank is clamped
     task: Literal["driven", "swinging", "maximal"] = "driven"
-    subject: SeatedSubject | None = None
+    subject: SeatedSubject | None = None  # Nobody: the exoskeleton alone
 
     def __post_init__(self):
         if self.subject is not None:

@@ -69,13 +69,7 @@ class SeatedRig(Rig):
 
     @classmethod
     def checked(cls, tables: dict, name: str) -> dict:
-        """The tables, with muscles that the anatomical model has.
-
-        Raises
-        ------
-        StudyError
-            As `Rig.checked` of `tables` and `name`, or if a muscle is not known.
-        """
+        """The tables, with muscles that the anatomical model has."""
         tables, known = super().checked(tables, name), muscle_table().geometry
         every = (*tables["muscles"]["extensors"], *tables["muscles"]["flexors"])
         strange = [muscle for muscle in every if muscle not in known]

@@ -19,56 +19,33 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class SeatedSubject:
-    """Somebody who sits in the exoskeleton, SI.
-
-    Parameters
-    ----------
-    name, sex : str
-    age, height, weight, frequency : float
-        [years], [m], [kg], of their swings [Hz].
-    moment, inertia, ahead, viscous : float
-        Of shank and foot: mass times distance of the centre [kg m], about the knee [kg m^2], by how much the centre is
-        in front of the shank [rad], [N m s/rad].
-    stiffness : float
-        Of the shells on them [N m/rad].
-    rest, hip : float
-        Angles of the knee where the shank is vertical, and of the hip [rad].
-    extensors, flexors : tuple of VirtualMuscle
-    activation_time, deactivation_time, delay, shape : float
-        Of all muscles [s], [s], [s], [1].
-    cocontraction : float
-        [N m]
-    belief : float
-        By how much they count with a heavier body, a share.
-    maximal : float
-        Of full excitation, at most.
-    emg_gain : tuple of float
-        Of each electrode, and of what only leaks [V].
-    """
+    """Somebody who sits in the exoskeleton, SI."""
 
     name: str
     sex: str
-    age: float
+    age: float  # age, height, weight, frequency: [years], [m], [kg], of their swings [Hz]
     height: float
     weight: float
     frequency: float
+    # moment, inertia, ahead, viscous: Of shank and foot: mass times distance of the centre [kg m], about the knee [kg
+    # m^2], by how much the centre is in front of the shank [rad], [N m s/rad]
     moment: float
     inertia: float
     ahead: float
     viscous: float
-    stiffness: float
-    rest: float
+    stiffness: float  # Of the shells on them [N m/rad]
+    rest: float  # rest, hip: Angles of the knee where the shank is vertical, and of the hip [rad]
     hip: float
     extensors: tuple[VirtualMuscle, ...] = field(repr=False)
     flexors: tuple[VirtualMuscle, ...] = field(repr=False)
-    activation_time: float
+    activation_time: float  # activation_time, deactivation_time, delay, shape: Of all muscles [s], [s], [s], [1]
     deactivation_time: float
     delay: float
     shape: float
-    cocontraction: float
-    belief: float
-    maximal: float
-    emg_gain: tuple[float, ...]
+    cocontraction: float  # [N m]
+    belief: float  # By how much they count with a heavier body, a share
+    maximal: float  # Of full excitation, at most
+    emg_gain: tuple[float, ...]  # Of each electrode, and of what only leaks [V]
 
     @property
     def muscles(self) -> tuple[VirtualMuscle, ...]:

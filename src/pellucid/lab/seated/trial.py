@@ -27,24 +27,16 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class SeatedTruth:
-    """What no instrument shows, one sample per period.
+    """What no instrument shows, one sample per period."""
 
-    Parameters
-    ----------
-    position, velocity : ndarray, shape (n,)
-        Of the shank [rad], [rad/s].
-    muscle_torque, shell_torque, motor_torque : ndarray, shape (n,)
-        Of all muscles, positive in extension; of the exoskeleton on the shank; of the motor before the gear's friction
-        [N m].
-    excitation, activation, force : ndarray, shape (n, muscles)
-        [1], [1], [N]; extensors, then flexors.
-    """
-
-    position: np.ndarray
+    position: np.ndarray  # position, velocity: (n,) Of the shank [rad], [rad/s]
     velocity: np.ndarray
+    # muscle_torque, shell_torque, motor_torque: (n,) Of all muscles, positive in extension; of the exoskeleton on the
+    # shank; of the motor before the gear's friction [N m]
     muscle_torque: np.ndarray
     shell_torque: np.ndarray
     motor_torque: np.ndarray
+    # excitation, activation, force: (n, muscles) [1], [1], [N]; extensors, then flexors
     excitation: np.ndarray = field(repr=False)
     activation: np.ndarray = field(repr=False)
     force: np.ndarray = field(repr=False)
@@ -52,31 +44,18 @@ class SeatedTruth:
 
 @dataclass(frozen=True)
 class SeatedReadings:
-    """What the instruments read of one trial, and its truth.
-
-    Parameters
-    ----------
-    trial : SeatedTrial
-    time, position, torque, command : ndarray, shape (n,)
-        [s], [rad], and as the drive says and was told [N m].
-    knee, hip : float or None
-        As written down: of the knee where the shank hangs, and of the hip [rad]; None where nobody sits there.
-    emg_time : ndarray, shape (k,), or None
-        [s]
-    emg : ndarray, shape (k, channels), or None
-        In counts of the converter.
-    truth : SeatedTruth
-    """
+    """What the instruments read of one trial, and its truth."""
 
     trial: SeatedTrial
-    time: np.ndarray
+    time: np.ndarray  # time, position, torque, command: (n,) [s], [rad], and as the drive says and was told [N m]
     position: np.ndarray
     torque: np.ndarray
     command: np.ndarray
+    # knee, hip: As written down: of the knee where the shank hangs, and of the hip [rad]; None where nobody sits there
     knee: float | None
     hip: float | None
-    emg_time: np.ndarray | None
-    emg: np.ndarray | None
+    emg_time: np.ndarray | None  # (k,) [s]
+    emg: np.ndarray | None  # (k, channels) In counts of the converter
     truth: SeatedTruth
 
 

@@ -43,20 +43,8 @@ def swing_path(rig: SeatedRig, subject: SeatedSubject, n: int, rng: np.random.Ge
 
 
 class Nerves:
-    """Excitations of all muscles, period by period, and the activations they become.
-
-    Parameters
-    ----------
-    rig : SeatedRig
-    subject : SeatedSubject
-    n : int
-        Periods.
-    path : ndarray, shape (n,), or None
-        Positions to go through [rad]; None: relaxed.
-    start : float
-        Position at the beginning [rad].
-    rng : numpy.random.Generator
-    """
+    """Excitations of all muscles, period by period, and the activations they become. `path` (n,) [rad]; `start`
+    [rad]."""
 
     def __init__(
         self,

@@ -15,22 +15,8 @@ from ...control.stability import LinearSystem, sampled, worn_orthosis
 
 
 def strap_torque_gain(made: ResidualDesign, omega: Sequence[float], speed: float = 1.0) -> np.ndarray:
-    """How much strap torque the limb's own torque causes in the closed loop, EMG left aside.
-
-    Parameters
-    ----------
-    made : ResidualDesign
-        The controller, on the plant it was built for.
-    omega : sequence of float
-        [rad/s].
-    speed : float
-        Amplitude of the velocity at which friction is linearised [rad/s].
-
-    Returns
-    -------
-    ndarray, shape (len(omega),)
-        |tau_c / tau_k| [1].
-    """
+    """How much strap torque the limb's own torque causes in the closed loop, EMG left aside. `omega` [rad/s];
+    `speed` [rad/s]; gives (len(omega),)."""
     m = made.coupling
     plant = sampled(worn_orthosis(m, speed), made.period, m.delay)
     controller: LinearSystem = made.linear(speed, trust=0.0)
@@ -57,30 +43,7 @@ def tune_pid(
     derivative: Sequence[float] = (0.0, 0.03),
 ) -> ResidualDesign:
     """The gains that leave the least strap torque over a band, among those with these margins on every plant.
-
-    Parameters
-    ----------
-    made : ResidualDesign
-        Whose observer it uses; nothing is carried by model.
-    plants : sequence of Coupling
-        On each of which the margins must hold.
-    gain_db, delay : float
-        Margins wanted [dB], [s].
-    band : tuple of float
-        [rad/s].
-    proportional, integral, derivative : sequence of float
-        Gains to try [1], [1/s], [s].
-
-    Returns
-    -------
-    ResidualDesign
-        PID alone.
-
-    Raises
-    ------
-    PellucidError
-        If none has them.
-    """
+    `gain_db`, `delay` [dB], [s]; `band` [rad/s]; `proportional`, `integral`, `derivative` [1/s], [s]."""
     omega = np.linspace(*band, 8)
     tried = []
     for p, i, d in product(proportional, integral, derivative):

@@ -11,22 +11,12 @@ from .strap_law import StrapLaw
 
 @dataclass
 class RbfCompensation(StrapLaw):
-    """u = w . phi(q, v), w' = rate tau phi - leak w, |w| bounded: learning that any motion changes, none can run away.
+    """u = w . phi(q, v), w' = rate tau phi - leak w, |w| bounded: any motion changes it, none can run away with it."""
 
-    Attributes
-    ----------
-    rate, leak : float
-        Of learning and forgetting [1/s].
-    bound : float
-        Of every weight [N m].
-    angles, velocities : tuple of float
-        Smallest and largest centre [rad], [rad/s].
-    """
-
-    rate: float = 4.0
+    rate: float = 4.0  # rate, leak: Of learning and forgetting [1/s]
     leak: float = 0.05
-    bound: float = 3.0
-    angles: tuple[float, float] = (-0.4, 1.6)
+    bound: float = 3.0  # Of every weight [N m]
+    angles: tuple[float, float] = (-0.4, 1.6)  # angles, velocities: Smallest and largest centre [rad], [rad/s]
     velocities: tuple[float, float] = (-4.0, 4.0)
 
     def __post_init__(self):

@@ -16,24 +16,13 @@ class StrapDisturbance(StrapLaw):
     """Carries gravity and friction by model and follows the observed strap torque.
 
     u = G sin q + s_f (F + F_a) tanh(v/w) + gain tau. No EMG and no limb: it answers only once the strap already pulls.
-
-    Attributes
-    ----------
-    gravity, friction : float
-        Shares carried [1].
-    gain : float
-        On the observed strap torque [1].
-    bandwidth : float
-        Of the observer [rad/s].
-    assist_width : float
-        w [rad/s].
     """
 
-    gravity: float = 0.8
+    gravity: float = 0.8  # gravity, friction: Shares carried [1]
     friction: float = 0.5
-    gain: float = 1.0
-    bandwidth: float = 40.0
-    assist_width: float = 0.6
+    gain: float = 1.0  # On the observed strap torque [1]
+    bandwidth: float = 40.0  # Of the observer [rad/s]
+    assist_width: float = 0.6  # w [rad/s]
 
     def __post_init__(self):
         super().__post_init__()
@@ -49,18 +38,7 @@ class StrapDisturbance(StrapLaw):
         )
 
     def linear(self, speed: float = 1.0) -> LinearSystem:
-        """The controller near the hanging place, as `stability.margins` takes it.
-
-        Parameters
-        ----------
-        speed : float
-            Amplitude of the velocity at which friction is linearised [rad/s].
-
-        Returns
-        -------
-        LinearSystem
-            Sampled; from encoder and spring to torque wanted.
-        """
+        """The controller near the hanging place, as `stability.margins` takes it. `speed` [rad/s]."""
         m = self.coupling
         following, (v, x) = self.observer.linear(friction_slope(speed, m.coulomb, self.observer.width))
         slope = self.friction * friction_slope(speed, m.coulomb + m.actuator_coulomb, self.assist_width)

@@ -19,24 +19,13 @@ class StrapTorqueObserver:
 
     p' = tau_e - b v - G sin q - F tanh(v/w) + tau,  tau = a (I v - p): the strap's torque behind a low-pass of
     bandwidth a. The velocity is a difference of angles behind a low-pass, v' = c (dq/dt - v).
-
-    Attributes
-    ----------
-    coupling : Coupling
-        Of which only the orthosis is used.
-    period : float
-        [s].
-    bandwidth, velocity_bandwidth : float
-        a and c [rad/s].
-    width : float
-        w [rad/s].
     """
 
-    coupling: Coupling
-    period: float
-    bandwidth: float = 40.0
+    coupling: Coupling  # Of which only the orthosis is used
+    period: float  # [s]
+    bandwidth: float = 40.0  # bandwidth, velocity_bandwidth: a and c [rad/s]
     velocity_bandwidth: float = 120.0
-    width: float = 0.05
+    width: float = 0.05  # w [rad/s]
     velocity: float = field(default=0.0, init=False)
     raw_velocity: float = field(default=0.0, init=False)
     torque: float = field(default=0.0, init=False)
@@ -44,13 +33,7 @@ class StrapTorqueObserver:
     _position: float | None = field(default=None, init=False)
 
     def step(self, position: float, torque: float) -> None:
-        """One period. What is not finite leaves the observer where it is.
-
-        Parameters
-        ----------
-        position, torque : float
-            Encoder [rad] and spring [N m].
-        """
+        """One period. What is not finite leaves the observer where it is. `position`, `torque` [rad], [N m]."""
         if not (np.isfinite(position) and np.isfinite(torque)):
             return
         m, before = self.coupling, position if self._position is None else self._position
@@ -63,20 +46,8 @@ class StrapTorqueObserver:
         self.torque = float(self.bandwidth * (m.orthosis_inertia * self.velocity - self._momentum))
 
     def linear(self, slope: float) -> tuple[np.ndarray, np.ndarray]:
-        """Near the hanging place, with friction as a viscous coefficient.
-
-        Parameters
-        ----------
-        slope : float
-            [N m s/rad].
-
-        Returns
-        -------
-        following : ndarray, shape (4, 6)
-            Next last angle, velocity, momentum and torque, by those states, the angle and the spring's torque.
-        now : ndarray, shape (2, 6)
-            Velocity and torque of this period, by the same.
-        """
+        """Near the hanging place, with friction as a viscous coefficient. `slope` [N m s/rad]; gives `following` (4,
+        6), `now` (2, 6)."""
         m, (last, v, p, x, q, spring) = self.coupling, np.eye(6)
         v = v + self.velocity_bandwidth * ((q - last) - self.period * v)
         known = spring - (m.orthosis_viscous + slope) * v - m.orthosis_gravity * q
@@ -87,21 +58,11 @@ class StrapTorqueObserver:
 
 @dataclass
 class StrapLaw(ABC):
-    """A law without EMG: each period it observes the strap, says what it wants, and passes the gate.
+    """A law without EMG: each period it observes the strap, says what it wants, and passes the gate."""
 
-    Attributes
-    ----------
-    coupling : Coupling
-        Of which only the orthosis is used.
-    period : float
-        [s].
-    limits : Limits
-        Of the gate.
-    """
-
-    coupling: Coupling
-    period: float
-    limits: Limits = field(default_factory=Limits, kw_only=True)
+    coupling: Coupling  # Of which only the orthosis is used
+    period: float  # [s]
+    limits: Limits = field(default_factory=Limits, kw_only=True)  # Of the gate
 
     def __post_init__(self):
         self.observer = StrapTorqueObserver(self.coupling, self.period)
@@ -115,34 +76,10 @@ class StrapLaw(ABC):
 
     @abstractmethod
     def wanted(self, position: float, torque: float) -> float:
-        """What the law asks for, with the observer up to date.
-
-        Parameters
-        ----------
-        position, torque : float
-            Output encoder [rad], spring [N m]; NaN where they failed.
-
-        Returns
-        -------
-        float
-            Torque wanted from the spring, before the gate [N m].
-        """
+        """What the law asks for, with the observer up to date. `position`, `torque` [rad], [N m]; gives [N m]."""
 
     def step(self, time: float, position: float, torque: float, emg: Sequence[tuple[float, float]] = ()) -> float:
-        """One control period.
-
-        Parameters
-        ----------
-        time, position, torque : float
-            [s], output encoder [rad], spring [N m].
-        emg : sequence
-            Not used.
-
-        Returns
-        -------
-        float
-            Torque wanted from the spring [N m].
-        """
+        """One control period. `time`, `position`, `torque` [s], [rad], [N m]; gives [N m]."""
         self.observer.step(position, torque)
         wanted = float(self.wanted(position, torque))
         self._count += 1

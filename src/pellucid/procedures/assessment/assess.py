@@ -52,30 +52,7 @@ Progress = Callable[[str, float], None]
 def assess(
     study: Study, on_progress: Progress | None = None, *, studies: int = STUDIES, executor: Any = None
 ) -> AssessmentResult:
-    """Compare a study's conditions.
-
-    Parameters
-    ----------
-    study : Study
-        With a table ``[assessment]``, and recordings that name participants and conditions.
-    on_progress : callable, optional
-        Called with a text and the share done, 0 to 1.
-    studies : int
-        To simulate for each number of participants, to tell how many are needed.
-    executor : object, optional
-        On which they are simulated, as for `power.power_curve`.
-
-    Returns
-    -------
-    AssessmentResult
-
-    Raises
-    ------
-    StudyError
-        If study.toml has no such table.
-    RecordingError
-        If a recording is not fit to be used, or nobody was recorded in every condition.
-    """
+    """Compare a study's conditions. `study` [assessment]."""
     spec = study.config.assessment
     if spec is None:
         raise StudyError(
@@ -97,30 +74,7 @@ def assess_recordings(
     studies: int = STUDIES,
     executor: Any = None,
 ) -> AssessmentResult:
-    """Compare conditions of recordings that need not be files.
-
-    Parameters
-    ----------
-    name : str
-        Of the study.
-    recordings : sequence of Recording
-        Those that name a condition take part.
-    spec : AssessmentTable
-        What ``[assessment]`` says.
-    on_progress : callable, optional
-        Called with a text and the share done, 0 to 1.
-    studies, executor
-        As for `assess`.
-
-    Returns
-    -------
-    AssessmentResult
-
-    Raises
-    ------
-    RecordingError
-        As `assess`.
-    """
+    """Compare conditions of recordings that need not be files. `spec` [assessment]."""
     tell = on_progress or (lambda text, share: None)
     used = assessed(recordings)
     conditions = _conditions(used, spec.control)

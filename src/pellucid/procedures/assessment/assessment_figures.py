@@ -23,34 +23,12 @@ DIRECTIONS = {UP: "Upwards", DOWN: "Downwards"}
 
 
 def tones(conditions: Sequence[str]) -> dict[str, str]:
-    """Colour of every condition, control first.
-
-    Parameters
-    ----------
-    conditions : sequence of str
-
-    Returns
-    -------
-    dict of str to str
-        As #rrggbb.
-    """
+    """Colour of every condition, control first."""
     return {c: colour(TONES[min(i, len(TONES) - 1)]) for i, c in enumerate(conditions)}
 
 
 def profile_figure(profiles: Sequence[Profile], what: str, conditions: Sequence[str]) -> Drawing:
-    """Mean angle, velocity and acceleration of one kind of movement, from its start.
-
-    Parameters
-    ----------
-    profiles : sequence of Profile
-    what : str
-        Which movements.
-    conditions : sequence of str
-
-    Returns
-    -------
-    Drawing
-    """
+    """Mean angle, velocity and acceleration of one kind of movement, from its start."""
     tone = tones(conditions)
     figure = Figure(figsize=(FIGURE_WIDTH, 3.2), layout="constrained")
     axes = figure.subplots(1, 3)
@@ -71,17 +49,7 @@ def profile_figure(profiles: Sequence[Profile], what: str, conditions: Sequence[
 
 
 def isochrony_figure(lines: Sequence[Isochrony], conditions: Sequence[str]) -> Drawing:
-    """Mean velocity, and duration, over amplitude: every participant, means over them, and straight lines.
-
-    Parameters
-    ----------
-    lines : sequence of Isochrony
-    conditions : sequence of str
-
-    Returns
-    -------
-    Drawing
-    """
+    """Mean velocity, and duration, over amplitude: every participant, means over them, and straight lines."""
     tone = tones(conditions)
     directions = [d for d in DIRECTIONS if any(each.direction == d for each in lines)]
     figure = Figure(figsize=(FIGURE_WIDTH, 5.6), layout="constrained")
@@ -123,18 +91,7 @@ def isochrony_figure(lines: Sequence[Isochrony], conditions: Sequence[str]) -> D
 
 
 def index_figure(assessed: Mapping[str, Assessed], conditions: Sequence[str]) -> Drawing:
-    """Every participant in every condition: a line a participant, over boxes.
-
-    Parameters
-    ----------
-    assessed : mapping of str to Assessed
-        One panel for each.
-    conditions : sequence of str
-
-    Returns
-    -------
-    Drawing
-    """
+    """Every participant in every condition: a line a participant, over boxes."""
     tone = tones(conditions)
     columns = min(len(assessed), 3)
     rows = -(-len(assessed) // columns)

@@ -23,17 +23,7 @@ DRAWN = (
 
 
 def page(study: Study, findings: AssessmentResult) -> Page:
-    """Everything that an assessment found, as a page.
-
-    Parameters
-    ----------
-    study : Study
-    findings : AssessmentResult
-
-    Returns
-    -------
-    Page
-    """
+    """Everything that an assessment found, as a page."""
     sections = [_found(findings), _people(findings), _movements(findings)]
     if findings.isochrony:
         sections.append(_isochrony(findings))

@@ -37,113 +37,55 @@ class Assessed:
 
 @dataclass(frozen=True)
 class Sensitivity:
-    """Change from control by one rule for movements.
+    """Change from control by one rule for movements."""
 
-    Attributes
-    ----------
-    words : str
-        The rule.
-    index, condition : str
-    control : float
-        Mean in the control condition, in the index's unit; NaN for an index over control.
-    change : float
-        From control, as a share.
-    p_value : float
-        Friedman's, counted where it can be.
-    """
-
-    words: str
+    words: str  # The rule
     index: str
     condition: str
-    control: float
-    change: float
-    p_value: float
+    control: float  # Mean in the control condition, in the index's unit; NaN for an index over control
+    change: float  # From control, as a share
+    p_value: float  # Friedman's, counted where it can be
 
 
 @dataclass(frozen=True, eq=False)
 class Profile:
-    """Mean movement of one condition, all participants' movements of one kind.
-
-    Attributes
-    ----------
-    condition : str
-    time : ndarray, shape (n,)
-        From the movement's start [s].
-    angle, velocity, acceleration : ndarray, shape (n,)
-        The angle from where it started [rad], [rad/s], [rad/s^2].
-    """
+    """Mean movement of one condition, all participants' movements of one kind."""
 
     condition: str
-    time: np.ndarray
-    angle: np.ndarray
+    time: np.ndarray  # (n,) From the movement's start [s]
+    angle: np.ndarray  # angle, velocity, acceleration: (n,) The angle from where it started [rad], [rad/s], [rad/s^2]
     velocity: np.ndarray
     acceleration: np.ndarray
 
 
 @dataclass(frozen=True)
 class Needed:
-    """Participants with whom a change from control would be found in 8 of 10 studies.
+    """Participants with whom a change from control would be found in 8 of 10 studies."""
 
-    Attributes
-    ----------
-    index : str
-        ``""`` where the effect stands for that of any index.
-    change : float or None
-        As a share of control's mean.
-    effect : float
-        The change over the standard deviation of participants' changes (d of pairs).
-    participants : int or None
-        None where more than were tried.
-    """
-
-    index: str
-    change: float | None
-    effect: float
-    participants: int | None
+    index: str  # ``""`` where the effect stands for that of any index
+    change: float | None  # As a share of control's mean
+    effect: float  # The change over the standard deviation of participants' changes (d of pairs)
+    participants: int | None  # None where more than were tried
 
 
 @dataclass(frozen=True, kw_only=True)
 class AssessmentResult(Result):
-    """Everything an assessment found.
+    """Everything an assessment found."""
 
-    Attributes
-    ----------
-    paragraph : str
-        What was found and what was not, in plain sentences.
-    control : str
-    conditions, participants : tuple of str
-        That were compared; control is the first condition.
-    without : Mapping[str, str]
-        Participants who were left out, and why.
-    movements : int
-        That were used.
-    left_out : Mapping[str, int]
-        Stretches without a movement that could be used, by why.
-    assessed : Mapping[str, Assessed]
-        By index.
-    isochrony : tuple of Isochrony
-    sensitivity : tuple of Sensitivity
-    needed : tuple of Needed
-    profiles : tuple of Profile
-    profile_of : str
-        Which movements the profiles are the means of.
-    measured : tuple of Measured
-        Every movement that was used, by the study's own rule.
-    """
-
-    paragraph: str = ""
+    paragraph: str = ""  # What was found and what was not, in plain sentences
     control: str = ""
-    conditions: tuple[str, ...] = ()
+    conditions: tuple[str, ...] = ()  # conditions, participants: That were compared; control is the first condition
     participants: tuple[str, ...] = ()
-    without: Mapping[str, str] = field(default_factory=dict)
-    movements: int = 0
-    left_out: Mapping[str, int] = field(default_factory=dict)
-    assessed: Mapping[str, Assessed] = field(default_factory=dict, repr=False)
+    without: Mapping[str, str] = field(default_factory=dict)  # Participants who were left out, and why
+    movements: int = 0  # That were used
+    left_out: Mapping[str, int] = field(default_factory=dict)  # Stretches without a movement that could be used, by why
+    assessed: Mapping[str, Assessed] = field(default_factory=dict, repr=False)  # By index
     isochrony: tuple[Isochrony, ...] = field(default=(), repr=False)
     sensitivity: tuple[Sensitivity, ...] = field(default=(), repr=False)
     needed: tuple[Needed, ...] = ()
     profiles: tuple[Profile, ...] = field(default=(), repr=False)
-    profile_of: str = ""
+    profile_of: str = ""  # Which movements the profiles are the means of
+    # Every movement that was used, by the study's own rule
     measured: tuple[Measured, ...] = field(default=(), repr=False)
 
     def written(self, study: Study) -> str:

@@ -21,14 +21,6 @@ def result_rows(found: AssessmentResult) -> tuple[ResultRow, ...]:
     ``<study>.transparency.<index>.<condition>`` is the change of the mean from control in % (SPARC, LDLJ and the signed
     end-point error: in their own unit; interaction: the mean itself); ``<study>.assess.<index>.<condition>.<what>`` the
     rest.
-
-    Parameters
-    ----------
-    found : AssessmentResult
-
-    Returns
-    -------
-    tuple of ResultRow
     """
     # One checksum for all recordings together: every figure comes from all of them.
     digest = checksum_of_all(found.checksums.values())

@@ -21,16 +21,7 @@ SHOWN = ("duration", "vmax", "end_absolute", "emg_level", "emgacc", "torque_rms"
 
 
 def tables(found: AssessmentResult) -> tuple[FigureTable, ...]:
-    """Tables of an assessment: a summary, the main indices, pairs, isochrony, other filters, participants needed.
-
-    Parameters
-    ----------
-    found : AssessmentResult
-
-    Returns
-    -------
-    tuple of FigureTable
-    """
+    """Tables of an assessment: a summary, the main indices, pairs, isochrony, other filters, participants needed."""
     made = [summary_table(found)]
     made += [description_table(found, found.assessed[name]) for name in SHOWN if name in found.assessed]
     if any(each.comparison.nemenyi is not None for each in found.assessed.values()):
@@ -45,16 +36,7 @@ def tables(found: AssessmentResult) -> tuple[FigureTable, ...]:
 
 
 def summary_table(found: AssessmentResult) -> FigureTable:
-    """Every index: mean ± SD in each condition, with an asterisk where Nemenyi's test tells it from control.
-
-    Parameters
-    ----------
-    found : AssessmentResult
-
-    Returns
-    -------
-    FigureTable
-    """
+    """Every index: mean ± SD in each condition, with an asterisk where Nemenyi's test tells it from control."""
     rows = []
     for each in found.assessed.values():
         decimals = _row_decimals(each)
@@ -87,51 +69,21 @@ def _row_decimals(each: Assessed) -> int:
 
 
 def words(each: Assessed, *, short: bool = False) -> str:
-    """An index with its unit, as tables call it.
-
-    Parameters
-    ----------
-    each : Assessed
-    short : bool
-        As narrow tables do.
-
-    Returns
-    -------
-    str
-    """
+    """An index with its unit, as tables call it."""
     index = each.table.index
     unit = UNITS.get(index.shown[1], index.shown[1])
     return (index.short if short else index.words) + (f" ({unit})" if unit else "")
 
 
 def p_text(p: float | None) -> str | None:
-    """A p value as tables print it.
-
-    Parameters
-    ----------
-    p : float or None
-
-    Returns
-    -------
-    str or None
-        None where there is none.
-    """
+    """A p value as tables print it."""
     if p is None or np.isnan(p):
         return None
     return "<0.001" if p < 1e-3 else f"{p:.3f}"
 
 
 def test_table(found: AssessmentResult) -> FigureTable:
-    """Friedman's test of every index.
-
-    Parameters
-    ----------
-    found : AssessmentResult
-
-    Returns
-    -------
-    FigureTable
-    """
+    """Friedman's test of every index."""
     rows = []
     for each in found.assessed.values():
         test = each.comparison.friedman
@@ -144,16 +96,7 @@ def test_table(found: AssessmentResult) -> FigureTable:
 
 
 def needed_table(found: AssessmentResult) -> FigureTable:
-    """Participants needed to find changes from control, by index.
-
-    Parameters
-    ----------
-    found : AssessmentResult
-
-    Returns
-    -------
-    FigureTable
-    """
+    """Participants needed to find changes from control, by index."""
     changes = sorted({each.change for each in found.needed if each.change is not None})
     cells = {(each.index, each.change): each for each in found.needed}
     rows = []
@@ -168,16 +111,7 @@ def needed_table(found: AssessmentResult) -> FigureTable:
 
 
 def effect_size_table(found: AssessmentResult) -> FigureTable:
-    """Participants needed against effect size, whatever the index.
-
-    Parameters
-    ----------
-    found : AssessmentResult
-
-    Returns
-    -------
-    FigureTable
-    """
+    """Participants needed against effect size, whatever the index."""
     generic = [each for each in found.needed if each.change is None]
     m = len(found.conditions) - 1
     title = (
@@ -193,17 +127,7 @@ def _people(needed: Needed) -> str | int:
 
 
 def description_table(found: AssessmentResult, each: Assessed) -> FigureTable:
-    """One index: what describes it in each condition, and how it changes from control.
-
-    Parameters
-    ----------
-    found : AssessmentResult
-    each : Assessed
-
-    Returns
-    -------
-    FigureTable
-    """
+    """One index: what describes it in each condition, and how it changes from control."""
     index = each.table.index
     against = {a.condition: a for a in each.comparison.against_control}
     share, factor = each.share_of_control(found.control), index.shown[0]
@@ -228,16 +152,7 @@ def description_table(found: AssessmentResult, each: Assessed) -> FigureTable:
 
 
 def effect_table(found: AssessmentResult) -> FigureTable:
-    """How much every index changes from control: the change, its interval, effect sizes, p alone and corrected.
-
-    Parameters
-    ----------
-    found : AssessmentResult
-
-    Returns
-    -------
-    FigureTable
-    """
+    """How much every index changes from control: the change, its interval, effect sizes, p alone and corrected."""
     rows = []
     for each in found.assessed.values():
         for a in each.comparison.against_control:
@@ -280,16 +195,7 @@ def _short(value: float, digits: int = 3) -> str:
 
 
 def pair_table(found: AssessmentResult) -> FigureTable:
-    """Nemenyi's p of every pair of conditions; the time of the peak is compared in each direction by itself.
-
-    Parameters
-    ----------
-    found : AssessmentResult
-
-    Returns
-    -------
-    FigureTable
-    """
+    """Nemenyi's p of every pair of conditions; the time of the peak is compared in each direction by itself."""
     pairs = [(one, other) for i, one in enumerate(found.conditions) for other in found.conditions[i + 1 :]]
     rows = []
     for each in found.assessed.values():
@@ -302,16 +208,7 @@ def pair_table(found: AssessmentResult) -> FigureTable:
 
 
 def isochrony_table(found: AssessmentResult) -> FigureTable:
-    """Straight lines of mean velocity over amplitude.
-
-    Parameters
-    ----------
-    found : AssessmentResult
-
-    Returns
-    -------
-    FigureTable
-    """
+    """Straight lines of mean velocity over amplitude."""
     rows = []
     for line in found.isochrony:
         r2 = np.array(line.velocity_r2)
@@ -324,16 +221,7 @@ def isochrony_table(found: AssessmentResult) -> FigureTable:
 
 
 def sensitivity_table(found: AssessmentResult) -> FigureTable:
-    """Changes from control, and Friedman's p, by other filters, thresholds and ends of movements.
-
-    Parameters
-    ----------
-    found : AssessmentResult
-
-    Returns
-    -------
-    FigureTable
-    """
+    """Changes from control, and Friedman's p, by other filters, thresholds and ends of movements."""
     rules = tuple(dict.fromkeys(s.words for s in found.sensitivity))
     cells = {(s.words, s.index, s.condition): s for s in found.sensitivity}
     rows: list[tuple] = []
@@ -349,16 +237,7 @@ def sensitivity_table(found: AssessmentResult) -> FigureTable:
 
 
 def range_table(found: AssessmentResult) -> FigureTable:
-    """How far changes from control move with filters, thresholds and ends of movements; `sensitivity_table` has all.
-
-    Parameters
-    ----------
-    found : AssessmentResult
-
-    Returns
-    -------
-    FigureTable
-    """
+    """How far changes from control move with filters, thresholds and ends of movements; `sensitivity_table` has all."""
     rows = []
     for index, condition in dict.fromkeys((s.index, s.condition) for s in found.sensitivity):
         own = [s for s in found.sensitivity if (s.index, s.condition) == (index, condition) and np.isfinite(s.change)]

@@ -30,35 +30,16 @@ LEAST_SPAN = 0.01
 
 @dataclass(frozen=True)
 class MarkerDelays:
-    """Delays of markers in recordings without an encoder.
+    """Delays of markers in recordings without an encoder."""
 
-    Attributes
-    ----------
-    assumed : float or None
-        Mean over participants of what was taken [s]; None where every delay was found, or none could be.
-    span : float
-        By how much it may be wrong [s].
-    recordings : tuple of str
-        Those without an encoder.
-    """
-
+    # Mean over participants of what was taken [s]; None where every delay was found, or none could be
     assumed: float | None
-    span: float
-    recordings: tuple[str, ...]
+    span: float  # By how much it may be wrong [s]
+    recordings: tuple[str, ...]  # Those without an encoder
 
 
 def with_assumed_delays(records: Sequence[PointingRecord]) -> tuple[list[PointingRecord], MarkerDelays]:
-    """Records whose markers are all on the robot's clock, as well as can be known.
-
-    Parameters
-    ----------
-    records : sequence of PointingRecord
-
-    Returns
-    -------
-    records : list of PointingRecord
-    delays : MarkerDelays
-    """
+    """Records whose markers are all on the robot's clock, as well as can be known."""
     people: dict[str, list[float]] = {}
     for record in records:
         if record.delay is not None:
@@ -77,16 +58,7 @@ def with_assumed_delays(records: Sequence[PointingRecord]) -> tuple[list[Pointin
 
 
 def delay_notes(delays: MarkerDelays) -> list[str]:
-    """What was taken of markers that nothing could be compared with, in words.
-
-    Parameters
-    ----------
-    delays : MarkerDelays
-
-    Returns
-    -------
-    list of str
-    """
+    """What was taken of markers that nothing could be compared with, in words."""
     if not delays.recordings:
         return []
     said = f"{len(delays.recordings)} recordings have markers and no encoder to compare them with"
@@ -102,22 +74,7 @@ def delay_notes(delays: MarkerDelays) -> list[str]:
 def emg_on_motions_clock(
     record: PointingRecord, made: Activity, spec: PointingSettings, rule: MovementRule
 ) -> tuple[Activity, list[Fault]]:
-    """A recording's EMG, its drift taken back, and what is wrong with its clock.
-
-    Parameters
-    ----------
-    record : PointingRecord
-    made : Activity
-    spec : PointingSettings
-    rule : MovementRule
-        Of the motion that it is compared with.
-
-    Returns
-    -------
-    activity : Activity
-    faults : list of Fault
-        Of the kinds ``"overlap"`` and ``"clock"``, refused, or ``"drift"``, refused or noted.
-    """
+    """A recording's EMG, its drift taken back, and what is wrong with its clock."""
     name = record.recording.streams.get(spec.emg, record.recording).path.name
 
     def fault(severity: str, kind: str, what: str, expected: str) -> list[Fault]:

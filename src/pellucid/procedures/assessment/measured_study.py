@@ -25,50 +25,18 @@ from .recorded_activity import activity
 
 @dataclass(frozen=True, eq=False)
 class MeasuredStudy:
-    """All movements of a study, by one rule.
-
-    Attributes
-    ----------
-    rule : MovementRule
-    movements : tuple of Measured
-    left_out : Mapping[str, Mapping[str, int]]
-        By recording, how many stretches gave no movement and why.
-    motions : Mapping[str, Kinematics]
-        By recording; empty where nobody asked for them.
-    """
+    """All movements of a study, by one rule."""
 
     rule: MovementRule
     movements: tuple[Measured, ...]
-    left_out: Mapping[str, Mapping[str, int]]
-    motions: Mapping[str, Kinematics] = field(repr=False)
+    left_out: Mapping[str, Mapping[str, int]]  # By recording, how many stretches gave no movement and why
+    motions: Mapping[str, Kinematics] = field(repr=False)  # By recording; empty where nobody asked for them
 
 
 def activities(
     records: Sequence[PointingRecord], spec: PointingSettings, rule: MovementRule
 ) -> tuple[dict[str, Activity], dict[str, dict[str, float]], list[Fault]]:
-    """EMG of every recording, each muscle's largest activity, and clocks that are none.
-
-    Parameters
-    ----------
-    records : sequence of PointingRecord
-    spec : PointingSettings
-    rule : MovementRule
-        Of the motion that EMG is compared with.
-
-    Returns
-    -------
-    found : dict of str to Activity
-        By recording; a recording without EMG is not in it.
-    largest : dict of str to dict of str to float
-        By participant and muscle.
-    faults : list of Fault
-        As `clocks.emg_on_motions_clock` gives them.
-
-    Raises
-    ------
-    RecordingError
-        If an EMG cannot be used.
-    """
+    """EMG of every recording, each muscle's largest activity, and clocks that are none."""
     found: dict[str, Activity] = {}
     faults: list[Fault] = []
     for record in records if spec.agonists or spec.antagonists else ():
@@ -93,29 +61,7 @@ def measure(
     named: Sequence[float] | None = None,
     detailed: bool = True,
 ) -> MeasuredStudy:
-    """Find every movement and compute its indices.
-
-    Parameters
-    ----------
-    records : sequence of PointingRecord
-    spec : PointingSettings
-    rule : MovementRule
-    emg, largest
-        As `activities` gives them.
-    named : sequence of float, optional
-        All amplitudes that the study labels [rad]; left out, those of these records.
-    detailed : bool
-        Whether to compute SPARC and LDLJ too, which take longest, and to keep the motions.
-
-    Returns
-    -------
-    MeasuredStudy
-
-    Raises
-    ------
-    RecordingError
-        If an angle does not allow the rule's filter.
-    """
+    """Find every movement and compute its indices. `named` [rad]."""
     named = labels(records) if named is None else named
     pooled = len(named) > RANDOM
     made: list[Measured] = []
@@ -159,22 +105,7 @@ def _target_zeros(records, motions, movements, control: str) -> dict[str, float]
 
 
 def joined(parts: Sequence[MeasuredStudy]) -> MeasuredStudy:
-    """Sessions of several participants as one.
-
-    Parameters
-    ----------
-    parts : sequence of MeasuredStudy
-        By the same rule.
-
-    Returns
-    -------
-    MeasuredStudy
-
-    Raises
-    ------
-    RecordingError
-        If there is no movement in any of them.
-    """
+    """Sessions of several participants as one."""
     movements = tuple(m for part in parts for m in part.movements)
     if not movements:
         raise RecordingError("assess: found no movement in any recording, expected some")

@@ -32,19 +32,7 @@ LATEX = {
 
 
 def write_tables(folder: Path, found: AssessmentResult) -> tuple[Path, ...]:
-    """Write every table for a paper as CSV and as LaTeX, and values of participants and movements as CSV.
-
-    Parameters
-    ----------
-    folder : Path
-        Made where it is not there.
-    found : AssessmentResult
-
-    Returns
-    -------
-    tuple of Path
-        What was written.
-    """
+    """Write every table for a paper as CSV and as LaTeX, and values of participants and movements as CSV."""
     folder.mkdir(parents=True, exist_ok=True)
     named = {
         "indices": paper_table(found),
@@ -68,16 +56,7 @@ def write_tables(folder: Path, found: AssessmentResult) -> tuple[Path, ...]:
 
 
 def paper_table(found: AssessmentResult) -> FigureTable:
-    """The summary with Friedman's test of every index.
-
-    Parameters
-    ----------
-    found : AssessmentResult
-
-    Returns
-    -------
-    FigureTable
-    """
+    """The summary with Friedman's test of every index."""
     summary = summary_table(found)
     rows = []
     for row, each in zip(summary.rows, found.assessed.values(), strict=True):
@@ -90,17 +69,7 @@ def paper_table(found: AssessmentResult) -> FigureTable:
 
 
 def participant_values(found: AssessmentResult) -> tuple[tuple[str, ...], list[tuple]]:
-    """Every participant's value of every index in every condition, in SI, one a row.
-
-    Parameters
-    ----------
-    found : AssessmentResult
-
-    Returns
-    -------
-    heads : tuple of str
-    rows : list of tuple
-    """
+    """Every participant's value of every index in every condition, in SI, one a row."""
     rows = [
         (each.name, each.table.index.unit, person, condition, float(value))
         for each in found.assessed.values()
@@ -111,17 +80,7 @@ def participant_values(found: AssessmentResult) -> tuple[tuple[str, ...], list[t
 
 
 def movement_values(found: AssessmentResult) -> tuple[tuple[str, ...], list[tuple]]:
-    """Every movement that was used, one a row: whose it is, when, and all its values in SI.
-
-    Parameters
-    ----------
-    found : AssessmentResult
-
-    Returns
-    -------
-    heads : tuple of str
-    rows : list of tuple
-    """
+    """Every movement that was used, one a row: whose it is, when, and all its values in SI."""
     names = tuple(dict.fromkeys(name for m in found.measured for name in m.values))
     heads = ("participant", "condition", "recording", "start", "amplitude_deg", "direction", *names)
     rows = [
@@ -132,18 +91,7 @@ def movement_values(found: AssessmentResult) -> tuple[tuple[str, ...], list[tupl
 
 
 def csv_text(heads, rows) -> str:
-    """A table as comma-separated text: figures as numbers, nothing where there is none.
-
-    Parameters
-    ----------
-    heads : sequence of str
-    rows : sequence of sequence
-        Of text, numbers, or None.
-
-    Returns
-    -------
-    str
-    """
+    """A table as comma-separated text: figures as numbers, nothing where there is none."""
     made = io.StringIO()
     writer = csv.writer(made, lineterminator="\n")
     writer.writerow(heads)
@@ -159,16 +107,7 @@ def _csv_cell(cell) -> str:
 
 
 def latex(table: FigureTable) -> str:
-    """A table for a paper; it needs the package booktabs.
-
-    Parameters
-    ----------
-    table : FigureTable
-
-    Returns
-    -------
-    str
-    """
+    """A table for a paper; it needs the package booktabs."""
     words = [i for i in range(len(table.heads)) if all(_is_words(row[i]) for row in table.rows)]
     columns = "".join("l" if i in words else "r" for i in range(len(table.heads)))
     lines = [r"\begin{table}", r"\centering", rf"\caption{{{_latex(table.title)}}}", rf"\begin{{tabular}}{{{columns}}}"]

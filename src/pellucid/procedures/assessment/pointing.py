@@ -71,29 +71,15 @@ class PointingSettings(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class PointingRecord:
-    """One recording, divided.
-
-    Attributes
-    ----------
-    recording : Recording
-    time, angle : ndarray, shape (n,)
-        As measured, on the recording's clock [s], [rad]; NaN where a marker was lost.
-    stretches : tuple of Stretch
-    delay : float or None
-        By which the markers' clock is late, where that could be found [s].
-    source : str
-        Channel or markers of the angle, for messages.
-    drift : float
-        By how much the markers' clock was found to run fast, and is corrected [s/s].
-    """
+    """One recording, divided."""
 
     recording: Recording
-    time: np.ndarray
+    time: np.ndarray  # time, angle: (n,) As measured, on the recording's clock [s], [rad]; NaN where a marker was lost
     angle: np.ndarray
     stretches: tuple[Stretch, ...]
-    delay: float | None = None
-    source: str = "angle"
-    drift: float = 0.0
+    delay: float | None = None  # By which the markers' clock is late, where that could be found [s]
+    source: str = "angle"  # Channel or markers of the angle, for messages
+    drift: float = 0.0  # By how much the markers' clock was found to run fast, and is corrected [s/s]
     _kept: dict[tuple[float, int], Kinematics] = field(default_factory=dict, init=False, repr=False)
 
     @property
@@ -128,13 +114,7 @@ class PointingRecord:
 
 
 def assessed(recordings: Sequence[Recording]) -> list[Recording]:
-    """Those that name a condition.
-
-    Raises
-    ------
-    RecordingError
-        If one of them names no participant.
-    """
+    """Those that name a condition."""
     found = [recording for recording in recordings if recording.condition is not None]
     for recording in found:
         if recording.participant is None:
@@ -145,23 +125,7 @@ def assessed(recordings: Sequence[Recording]) -> list[Recording]:
 
 
 def pointing_record(recording: Recording, spec: PointingSettings) -> PointingRecord:
-    """Read angle and targets from a recording.
-
-    Parameters
-    ----------
-    recording : Recording
-    spec : PointingSettings
-        What study.toml says of it.
-
-    Returns
-    -------
-    PointingRecord
-
-    Raises
-    ------
-    RecordingError
-        If there is no angle, or markers and encoder are not of one motion.
-    """
+    """Read angle and targets from a recording."""
     where = f"{recording.path.name} (recording {recording.name})"
     delay, drift = None, 0.0
     if spec.segment and recording.optical is not None:
@@ -227,20 +191,7 @@ def labels(records: Sequence[PointingRecord]) -> list[float]:
 
 
 def drop_mistaken(found: Sequence[Movement], labels: Sequence[float]) -> tuple[list[Movement], int]:
-    """Movements that went as far as they are labelled, and how many did not.
-
-    Parameters
-    ----------
-    found : sequence of Movement
-    labels : sequence of float
-        All amplitudes that the study labels, without sign [rad].
-
-    Returns
-    -------
-    kept : list of Movement
-        Those nearest to their own label; unlabelled ones are kept.
-    dropped : int
-    """
+    """Movements that went as far as they are labelled, and how many did not. `labels` [rad]."""
     levels = np.asarray(labels)
     kept = [
         m for m in found if m.amplitude is None or abs(levels[np.argmin(np.abs(levels - m.reach))] - m.amplitude) <= OWN

@@ -31,22 +31,7 @@ LEFT_OUT = 0.2
 
 
 def assessment_faults(study: Study) -> list[Fault]:
-    """What is wrong with recordings that are to be assessed.
-
-    Parameters
-    ----------
-    study : Study
-        With a table ``[assessment]``.
-
-    Returns
-    -------
-    list of Fault
-
-    Raises
-    ------
-    RecordingError
-        If a file cannot be read at all.
-    """
+    """What is wrong with recordings that are to be assessed. `study` [assessment]."""
     spec = study.config.assessment
     faults: list[Fault] = []
     records = []
@@ -81,21 +66,7 @@ def _missing_conditions(study: Study, recordings: Sequence[Recording]) -> list[F
 
 
 def pointing_faults(record: PointingRecord, spec: AssessmentTable, labels: Sequence[float]) -> list[Fault]:
-    """What is wrong with the movements of a recording.
-
-    Parameters
-    ----------
-    record : PointingRecord
-    spec : AssessmentTable
-    labels : sequence of float
-        All amplitudes that the study labels, without sign [rad].
-
-    Returns
-    -------
-    list of Fault
-        Of the kinds ``"amplitude"`` and ``"movements"`` (refused), ``"left_out"``, ``"missed"``, ``"drift"`` and
-        ``"lost_marker"`` (noted).
-    """
+    """What is wrong with the movements of a recording. `labels` [rad]."""
     _, found, left_out = record.movements(MovementRule(spec.lowpass, spec.order, spec.threshold))
     faults = []
     total = len(found) + len(left_out)

@@ -14,23 +14,7 @@ from .pointing import PointingSettings
 
 
 def activity(recording: Recording, spec: PointingSettings) -> Activity | None:
-    """EMG of a recording, processed as published but for its normalisation, which needs all recordings.
-
-    Parameters
-    ----------
-    recording : Recording
-    spec : PointingSettings
-
-    Returns
-    -------
-    Activity or None
-        None where the recording has no EMG at all.
-
-    Raises
-    ------
-    RecordingError
-        If one of the muscles is not recorded, a sample is missing, or the rate does not allow the filter.
-    """
+    """EMG of a recording, processed as published but for its normalisation, which needs all recordings."""
     muscles = (*spec.agonists, *spec.antagonists)
     names = [f"emg.{muscle}" for muscle in muscles]
     source = recording.streams.get(spec.emg, recording)

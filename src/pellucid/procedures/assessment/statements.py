@@ -25,16 +25,7 @@ ISOCHRONOUS = 0.8
 
 
 def headline(found: AssessmentResult) -> str:
-    """The result in one sentence.
-
-    Parameters
-    ----------
-    found : AssessmentResult
-
-    Returns
-    -------
-    str
-    """
+    """The result in one sentence."""
     who = f"{len(found.participants)} participant" + ("s" if len(found.participants) != 1 else "")
     said = f"{len(found.conditions)} conditions, {who}, {found.movements} movements"
     duration = found.assessed.get("duration")
@@ -47,16 +38,7 @@ def headline(found: AssessmentResult) -> str:
 
 
 def paragraph(found: AssessmentResult) -> str:
-    """What was found and what was not; what belongs to one index stands apart, behind an empty line.
-
-    Parameters
-    ----------
-    found : AssessmentResult
-
-    Returns
-    -------
-    str
-    """
+    """What was found and what was not; what belongs to one index stands apart, behind an empty line."""
     alpha = 1.0 - found.confidence
     n = len(found.participants)
     parts = [
@@ -207,18 +189,7 @@ def _limits(found: AssessmentResult, alpha: float) -> str:
 
 
 def verdicts(found: AssessmentResult, notes: Sequence[str] = ()) -> tuple[Verdict, ...]:
-    """What a reader must know before using the numbers.
-
-    Parameters
-    ----------
-    found : AssessmentResult
-    notes : sequence of str
-        On recordings.
-
-    Returns
-    -------
-    tuple of Verdict
-    """
+    """What a reader must know before using the numbers."""
     said = [
         Verdict("warning", f"{person} is left out of every comparison: {why}.") for person, why in found.without.items()
     ]

@@ -30,16 +30,7 @@ STRAP = (("stiffness", "Stiffness"), ("damping", "Damping"), ("inertia", "Inerti
 
 
 def gravity_figure(fit: GravityFit) -> Drawing:
-    """Torque that holds the orthosis, over its angle: holds, the sine through them, and the published straight line.
-
-    Parameters
-    ----------
-    fit : GravityFit
-
-    Returns
-    -------
-    Drawing
-    """
+    """Torque that holds the orthosis, over its angle: holds, the sine through them, and the published straight line."""
     figure, axis = one_panel(3.6)
     axis.axhline(0.0, color=colour("faint"), linewidth=0.8, zorder=1)
     angle = np.array([h.angle for h in fit.holds])
@@ -63,17 +54,7 @@ def gravity_figure(fit: GravityFit) -> Drawing:
 
 
 def response_figure(pendulum: Response, linear: Response) -> Drawing:
-    """The orthosis's answer to a torque it was not fitted to: measured, by the pendulum, by the published form.
-
-    Parameters
-    ----------
-    pendulum, linear : Response
-        Of the same recording.
-
-    Returns
-    -------
-    Drawing
-    """
+    """The orthosis's answer to a torque it was not fitted to: measured, by the pendulum, by the published form."""
     figure, axis = one_panel(3.4)
     start = pendulum.time[0]
     shown = pendulum.time <= start + SHOWN
@@ -98,18 +79,7 @@ def response_figure(pendulum: Response, linear: Response) -> Drawing:
 
 
 def limbs_figure(orthosis: GravityFit, wearers: Mapping[str, WearerStages]) -> Drawing:
-    """What each limb adds to the torque that holds the orthosis, over the angle.
-
-    Parameters
-    ----------
-    orthosis : GravityFit
-    wearers : mapping of str to WearerStages
-        Those with a limb.
-
-    Returns
-    -------
-    Drawing
-    """
+    """What each limb adds to the torque that holds the orthosis, over the angle."""
     figure = Figure(figsize=(FIGURE_WIDTH, 3.4), layout="constrained")
     panels = np.atleast_1d(figure.subplots(1, len(wearers), sharey=True))
     texts = []
@@ -137,18 +107,7 @@ def limbs_figure(orthosis: GravityFit, wearers: Mapping[str, WearerStages]) -> D
 
 
 def mismatch_figure(who: str, swing: JudgedSwing) -> Drawing:
-    """The mismatch in one swing: by the IMU, and by the models.
-
-    Parameters
-    ----------
-    who : str
-        Participant.
-    swing : JudgedSwing
-
-    Returns
-    -------
-    Drawing
-    """
+    """The mismatch in one swing: by the IMU, and by the models."""
     figure, axis = one_panel(3.2)
     axis.axhline(0.0, color=colour("faint"), linewidth=0.8, zorder=1)
     middle = 0.5 * (swing.time[0] + swing.time[-1])
@@ -180,18 +139,7 @@ def mismatch_figure(who: str, swing: JudgedSwing) -> Drawing:
 
 
 def straps_figure(wearers: Mapping[str, WearerStages], level: float) -> Drawing:
-    """Intervals of stiffness, damping and inertia, participant by participant, from either side.
-
-    Parameters
-    ----------
-    wearers : mapping of str to WearerStages
-    level : float
-        Of the intervals.
-
-    Returns
-    -------
-    Drawing
-    """
+    """Intervals of stiffness, damping and inertia, participant by participant, from either side."""
     figure = Figure(figsize=(FIGURE_WIDTH, 1.5 + 0.5 * len(wearers)), layout="constrained")
     panels = figure.subplots(1, len(STRAP), sharey=True)
     names = list(wearers)
@@ -228,14 +176,5 @@ def _interval(axis, row: float, parameter: Parameter, level: float, role: str) -
 
 
 def drawn_swing(swings: Sequence[JudgedSwing]) -> JudgedSwing:
-    """The one to draw: the first that was held out, else the first.
-
-    Parameters
-    ----------
-    swings : sequence of JudgedSwing
-
-    Returns
-    -------
-    JudgedSwing
-    """
+    """The one to draw: the first that was held out, else the first."""
     return next((s for s in swings if s.split == "heldout"), swings[0])

@@ -18,17 +18,7 @@ NAMES = {"vqf": "VQF", "madgwick": "Madgwick's filter"}
 
 
 def page(study: Study, findings: CouplingResult) -> Page:
-    """Everything that was found, as a page.
-
-    Parameters
-    ----------
-    study : Study
-    findings : CouplingResult
-
-    Returns
-    -------
-    Page
-    """
+    """Everything that was found, as a page."""
     return study_page(
         title=f"{findings.study}: wearers and their orthosis",
         headline=prose(findings.headline),

@@ -34,47 +34,24 @@ GOOD_FIT = 95.0
 
 @dataclass(frozen=True, eq=False)
 class WearerStages:
-    """What every stage found of one participant.
-
-    Attributes
-    ----------
-    calibration : ImuCalibration or None
-    limb : LimbFit or None
-    muscles : MuscleTorque or None
-    coupling : WearerCoupling
-    at_work : Mapping[str, str]
-        Relaxed trials in which muscles were at work, and what was seen.
-    dropped : Mapping[str, str]
-        Swings that could not be used, and why.
-    notes : tuple of str
-        Why a stage is missing.
-    """
+    """What every stage found of one participant."""
 
     calibration: ImuCalibration | None
     limb: LimbFit | None
     muscles: MuscleTorque | None
     coupling: WearerCoupling
-    at_work: Mapping[str, str]
-    dropped: Mapping[str, str]
-    notes: tuple[str, ...] = ()
+    at_work: Mapping[str, str]  # Relaxed trials in which muscles were at work, and what was seen
+    dropped: Mapping[str, str]  # Swings that could not be used, and why
+    notes: tuple[str, ...] = ()  # Why a stage is missing
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class CouplingResult(Result):
-    """An orthosis and its wearers.
-
-    Attributes
-    ----------
-    orthosis : OrthosisFit
-    wearers : Mapping[str, WearerStages]
-        By participant.
-    refused : Mapping[str, str]
-        Participants whose strap could not be identified, and why.
-    """
+    """An orthosis and its wearers."""
 
     orthosis: OrthosisFit
-    wearers: Mapping[str, WearerStages]
-    refused: Mapping[str, str]
+    wearers: Mapping[str, WearerStages]  # By participant
+    refused: Mapping[str, str]  # Participants whose strap could not be identified, and why
 
 
 def coupling_result(
@@ -87,25 +64,7 @@ def coupling_result(
     participants: Mapping[str, str | None],
     confidence: float,
 ) -> CouplingResult:
-    """Tables, verdicts, rows and cards of what the stages found.
-
-    Parameters
-    ----------
-    study : str
-    orthosis : OrthosisFit
-    wearers : mapping of str to WearerStages
-    refused : mapping of str to str
-        Participants without a result, and why.
-    notes : mapping of str to str
-        What was undone in recordings, by name.
-    checksums, participants : mapping of str to str
-        By recording.
-    confidence : float
-
-    Returns
-    -------
-    CouplingResult
-    """
+    """Tables, verdicts, rows and cards of what the stages found."""
 
     def files(who: str | None) -> dict[str, str]:
         return {name: digest for name, digest in checksums.items() if participants[name] == who}

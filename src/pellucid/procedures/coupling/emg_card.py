@@ -20,22 +20,7 @@ from ..emg_torque.trial_sources import STEPS, repetitions
 def emg_cards(
     study: Study, recordings: Sequence[Recording], orthosis: Orthosis, wearers: Mapping
 ) -> dict[str, ParameterCard]:
-    """The card of everybody who has one, by its file's name without ending.
-
-    Parameters
-    ----------
-    study : Study
-        With ``[coupling]``.
-    recordings : sequence of Recording
-        Of everybody.
-    orthosis : Orthosis
-    wearers : mapping of str to WearerStages
-        What was found of each participant.
-
-    Returns
-    -------
-    dict of str to ParameterCard
-    """
+    """The card of everybody who has one, by its file's name without ending. `study` [coupling]."""
     stream, made = study.config.coupling.emg, {}
     for who, stages in wearers.items():
         steps = [r for r in recordings if r.participant == who and r.protocol == STEPS]
@@ -57,28 +42,7 @@ def emg_card(
     coupling: WearerCoupling,
     settings: EmgSettings | None = None,
 ) -> ParameterCard | None:
-    """One participant's map.
-
-    Parameters
-    ----------
-    study, who : str
-        Its name, and the participant's.
-    steps : sequence of Recording
-        In which the participant counteracts the orthosis's torque.
-    stream : str
-        Of the muscles.
-    orthosis : Orthosis
-    limb : Limb or None
-    coupling : WearerCoupling
-        Orthosis, limb and strap as identified.
-    settings : EmgSettings, optional
-        Of the chain.
-
-    Returns
-    -------
-    ParameterCard or None
-        None where the limb is not known, or fewer than two repetitions with EMG were held.
-    """
+    """One participant's map."""
     steps = [r for r in steps if stream in r.streams]
     if limb is None or not np.isfinite(limb.inertia) or not steps:
         return None

@@ -47,23 +47,6 @@ def identify_coupling(study: Study, on_progress: Progress | None = None) -> Coup
 
     Recordings are told apart by their protocol: ``gravity_holds``, ``sine_tracking``, ``imu_on_orthosis``,
     ``relaxed_holds``, ``mvc``, ``torque_steps``, ``free_swing``. What is marked to validate is judged, never fitted.
-
-    Parameters
-    ----------
-    study : Study
-    on_progress : callable, optional
-        Called with a text and the share done, 0 to 1.
-
-    Returns
-    -------
-    CouplingResult
-
-    Raises
-    ------
-    RecordingError
-        If a file cannot be read at all.
-    IdentificationError
-        As `identify_worn`.
     """
     tell = on_progress or (lambda text, share: None)
     tell("reading recordings", 0.0)
@@ -81,24 +64,7 @@ def identify_coupling(study: Study, on_progress: Progress | None = None) -> Coup
 def identify_worn(
     config: StudyFile, recordings: Sequence[Recording], *, on_progress: Progress | None = None
 ) -> CouplingResult:
-    """The same from recordings that are at hand already.
-
-    Parameters
-    ----------
-    config : StudyFile
-        study.toml, with ``[coupling]``.
-    recordings : sequence of Recording
-    on_progress : callable, optional
-
-    Returns
-    -------
-    CouplingResult
-
-    Raises
-    ------
-    IdentificationError
-        If nothing of this kind is asked for, the orthosis cannot be identified, or no participant's strap can.
-    """
+    """The same from recordings that are at hand already. `config` [coupling]."""
     tell = on_progress or (lambda text, share: None)
     asked = config.coupling
     if asked is None:
@@ -132,22 +98,7 @@ def identify_worn(
 
 
 def faults(study: Study) -> list[Fault]:
-    """What keeps recordings from being used, and what is undone in them.
-
-    Parameters
-    ----------
-    study : Study
-        With ``[coupling]``.
-
-    Returns
-    -------
-    list of Fault
-
-    Raises
-    ------
-    RecordingError
-        If a file cannot be read at all.
-    """
+    """What keeps recordings from being used, and what is undone in them. `study` [coupling]."""
     asked = study.config.coupling
     found: list[Fault] = []
 

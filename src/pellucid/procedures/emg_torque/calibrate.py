@@ -43,19 +43,11 @@ Progress = Callable[[str, float], None]
 
 @dataclass(frozen=True, kw_only=True)
 class CalibrationResult(Result):
-    """What calibration found, with what its figures need.
-
-    Attributes
-    ----------
-    judged : tuple of Judged
-    traces : tuple of TorqueTrace
-    muscles : tuple of MuscleSummary
-        Calibrated ones, by joint or participant.
-    """
+    """What calibration found, with what its figures need."""
 
     judged: tuple[Judged, ...] = field(default=(), repr=False)
     traces: tuple[TorqueTrace, ...] = field(default=(), repr=False)
-    muscles: tuple[MuscleSummary, ...] = field(default=(), repr=False)
+    muscles: tuple[MuscleSummary, ...] = field(default=(), repr=False)  # Calibrated ones, by joint or participant
 
 
 def calibrate(study: Study, on_progress: Progress | None = None) -> CalibrationResult:
@@ -64,23 +56,7 @@ def calibrate(study: Study, on_progress: Progress | None = None) -> CalibrationR
     Recordings with moments are fitted or held out as the study says. Torque steps against an orthosis are judged trial
     by trial, each repetition left out in turn; they need the cards of the orthosis and of the limb.
 
-    Parameters
-    ----------
-    study : Study
-        With a table ``[emg_torque]``.
-    on_progress : callable, optional
-        Called with a text and the share done, 0 to 1.
-
-    Returns
-    -------
-    CalibrationResult
-
-    Raises
-    ------
-    IdentificationError
-        If the study asks for no torque from EMG, nothing can be fitted or judged, or cards are missing.
-    RecordingError
-        If a recording is not fit to be used.
+    `study` [emg_torque].
     """
     if study.config.emg_torque is None:
         raise IdentificationError(f"{study.folder}: found no table [emg_torque] in study.toml, expected one")
@@ -221,19 +197,7 @@ def _tables(judged: Sequence[Judged]) -> tuple[FigureTable, ...]:
 
 
 def preferred(judged: Sequence[Judged], what: str) -> Judged:
-    """The estimator to name first: what is judged must not choose it.
-
-    Parameters
-    ----------
-    judged : sequence of Judged
-    what : str
-        Joint, or participant.
-
-    Returns
-    -------
-    Judged
-        Of those that see EMG, the one cross-validation within what was fitted prefers; where there was none, the first.
-    """
+    """The estimator to name first: what is judged must not choose it."""
     own = [e for e in judged if e.what == what and not e.causal and ESTIMATORS[e.estimator].muscles]
     own = [e for e in own if e.recording == own[0].recording]
     return min(own, key=lambda e: e.within.rmse if e.within is not None else inf)

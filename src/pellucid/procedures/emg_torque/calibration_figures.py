@@ -40,25 +40,8 @@ def torque_trace(
     caption: str,
     half_width: Mapping[str, np.ndarray] | None = None,
 ) -> Drawing:
-    """Torque over time, held out: the reference, what maps made of EMG, and their errors beneath.
-
-    Parameters
-    ----------
-    time, reference : ndarray, shape (n,)
-        [s] and [N m].
-    predicted : Mapping of str to ndarray, shape (n,)
-        By estimator [N m]; those in `SHOWN` are drawn.
-    name : str
-    words : Mapping of str to str
-        What the estimators are.
-    caption : str
-    half_width : Mapping of str to ndarray, shape (n,), optional
-        Half the interval about what an estimator predicts [N m], drawn as a band.
-
-    Returns
-    -------
-    Drawing
-    """
+    """Torque over time, held out: the reference, what maps made of EMG, and their errors beneath. `time`,
+    `reference` (n,) [s], [N m]; `predicted` (n,) [N m]; `half_width` (n,) [N m]."""
     shown = {estimator: predicted[estimator] for estimator in SHOWN if estimator in predicted}
     middle = 0.5 * (time[0] + time[-1])
     within = np.abs(time - middle) <= 0.5 * STRETCH
@@ -83,21 +66,7 @@ def torque_trace(
 def error_by_estimator(
     errors: Sequence[tuple[str, str, str, float]], name: str, *, heads: Sequence[str], caption: str
 ) -> Drawing:
-    """RMSE of every estimator, one panel for each joint or person.
-
-    Parameters
-    ----------
-    errors : sequence of (panel, estimator, its words, RMSE [N m])
-        In the order in which they are drawn.
-    name : str
-    heads : sequence of str
-        Panels, left to right.
-    caption : str
-
-    Returns
-    -------
-    Drawing
-    """
+    """RMSE of every estimator, one panel for each joint or person. `errors` [N m]."""
     rows = list(dict.fromkeys((estimator, words) for _, estimator, words, _ in errors))
     figure = Figure(figsize=(FIGURE_WIDTH, 1.2 + 0.3 * len(rows)), layout="constrained")
     axes = figure.subplots(1, len(heads), sharey=True, squeeze=False)[0]

@@ -17,17 +17,7 @@ from .calibrate import CalibrationResult, preferred
 
 
 def page(study: Study, findings: CalibrationResult) -> Page:
-    """Everything that calibration found, as a page.
-
-    Parameters
-    ----------
-    study : Study
-    findings : CalibrationResult
-
-    Returns
-    -------
-    Page
-    """
+    """Everything that calibration found, as a page."""
     return study_page(
         title=f"{findings.study}: torque from EMG",
         headline=prose(findings.headline),

@@ -10,20 +10,7 @@ from .judged import Judged
 
 
 def calibration_rows(study: str, judged: Sequence[Judged], trials: Sequence[TorqueTrial]) -> tuple[ResultRow, ...]:
-    """Every figure; the first held-out recording's have no name in their id, the others' have.
-
-    Parameters
-    ----------
-    study : str
-        Its name, first part of every id.
-    judged : sequence of Judged
-    trials : sequence of TorqueTrial
-        Whose files they came from.
-
-    Returns
-    -------
-    tuple of ResultRow
-    """
+    """Every figure; the first held-out recording's have no name in their id, the others' have."""
     sums = {trial.name: trial.checksum for trial in trials}
     first = next((trial.name for trial in trials if trial.heldout), "")
     rows: list[ResultRow] = []

@@ -25,23 +25,7 @@ EXTENSORS = ("rectus", "vastus", "triceps", "quadriceps")
 
 
 def emg_faults(study: Study) -> list[Fault]:
-    """What is wrong with a study's EMG, for a torque that is to be found from it.
-
-    Parameters
-    ----------
-    study : Study
-        With a table ``[emg_torque]``.
-
-    Returns
-    -------
-    list of Fault
-        Of the kinds that `inspect_emg`, `contrast_faults` and `swapped_faults` find, and ``"rate"``.
-
-    Raises
-    ------
-    RecordingError
-        If a file cannot be read at all.
-    """
+    """What is wrong with a study's EMG, for a torque that is to be found from it. `study` [emg_torque]."""
     asked = study.config.emg_torque
     found: list[Fault] = []
     rates: dict[str, float] = {}
@@ -71,23 +55,7 @@ def emg_faults(study: Study) -> list[Fault]:
 def trial_faults(
     recording: Recording, stream: Recording, chain: EmgChain | None = None, *, whole: bool = True
 ) -> list[Fault]:
-    """What is wrong with one trial's EMG.
-
-    Parameters
-    ----------
-    recording : Recording
-        The trial.
-    stream : Recording
-        The file with its EMG; `recording` itself where both are one.
-    chain : EmgChain, optional
-        That is to make envelopes of it.
-    whole : bool
-        False where the trial is only a window of its file, which says nothing about how long EMG should last.
-
-    Returns
-    -------
-    list of Fault
-    """
+    """What is wrong with one trial's EMG."""
     mains = max(MAINS, key=lambda f: _hum(stream, f))
     found = inspect_emg(stream, mains=mains)
     if chain is not None:

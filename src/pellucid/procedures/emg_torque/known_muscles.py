@@ -20,22 +20,7 @@ def muscle_source(study: Study, recording: Recording, joint: str) -> MuscleSourc
 
     Lengths and moment arms that were recorded are taken; without them, those of a model of a leg.
 
-    Parameters
-    ----------
-    study : Study
-        With a table ``[emg_torque]``.
-    recording : Recording
-    joint : str
-
-    Returns
-    -------
-    MuscleSource or None
-        None for a joint that the geometry does not have and no stream describes.
-
-    Raises
-    ------
-    RecordingError
-        If the file with the muscles' constants is not fit to be read.
+    `study` [emg_torque].
     """
     table = muscle_table()
     constants = {name: replace(m, damping=FIBRE_DAMPING) for name, m in table.constants.items()}

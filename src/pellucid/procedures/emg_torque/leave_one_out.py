@@ -21,24 +21,8 @@ Progress = Callable[[str, float], None]
 
 
 def moments_left_out(study: Study, tell: Progress) -> Calibrated:
-    """Recordings with moments, none of them held out: each is predicted by what was fitted to the others.
-
-    Parameters
-    ----------
-    study : Study
-        With a table ``[emg_torque]``.
-    tell : callable
-        Called with a text and the share done, 0 to 1.
-
-    Returns
-    -------
-    Calibrated
-
-    Raises
-    ------
-    IdentificationError
-        If there are fewer than three recordings.
-    """
+    """Recordings with moments, none of them held out: each is predicted by what was fitted to the others. `study`
+    [emg_torque]."""
     found, joints = Calibrated(), study.config.emg_torque.joints
     for i, joint in enumerate(joints):
         _judge(found, moment_trials(study, joint), joint, "trials", 1.0, _part(tell, i, len(joints)))
@@ -46,24 +30,8 @@ def moments_left_out(study: Study, tell: Progress) -> Calibrated:
 
 
 def repetitions_left_out(study: Study, tell: Progress) -> Calibrated:
-    """Leg extensions, each repetition predicted by what was fitted to the same person's others.
-
-    Parameters
-    ----------
-    study : Study
-        With a table ``[emg_torque]``.
-    tell : callable
-        Called with a text and the share done, 0 to 1.
-
-    Returns
-    -------
-    Calibrated
-
-    Raises
-    ------
-    IdentificationError
-        If a person has fewer than three repetitions.
-    """
+    """Leg extensions, each repetition predicted by what was fitted to the same person's others. `study`
+    [emg_torque]."""
     found = Calibrated()
     people = list(dict.fromkeys(r.participant for r in study.recordings() if r.protocol == EXTENSION))
     for i, person in enumerate(people):

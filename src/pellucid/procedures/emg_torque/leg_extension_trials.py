@@ -33,27 +33,7 @@ LEAD = 0.3
 
 
 def leg_extension_trials(study: Study, participant: str | None) -> tuple[list[TorqueTrial], float]:
-    """Repetitions by one person, each a trial and a group of its own.
-
-    Parameters
-    ----------
-    study : Study
-        With a table ``[emg_torque]``.
-    participant : str or None
-        Whose; mass and height are taken from the study where it has them.
-
-    Returns
-    -------
-    trials : list of TorqueTrial
-        Knee angles start from straight: hanging is 90 degrees of flexion. Torque is in N m of the assumed leg.
-    weight : float
-        m g l of that leg, by which torque and errors are to be divided [N m].
-
-    Raises
-    ------
-    RecordingError
-        If a channel is missing or unfit, or no repetition can be found.
-    """
+    """Repetitions by one person, each a trial and a group of its own. `study` [emg_torque]; gives `weight` [N m]."""
     own = [r for r in study.recordings() if r.participant == participant]
     found = [r for r in own if r.protocol == EXTENSION]
     person = study.config.participants.get(participant) if participant else None

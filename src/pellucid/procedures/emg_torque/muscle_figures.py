@@ -14,18 +14,7 @@ SHARED = "joint"
 
 
 def departures(found: MuscleSummary, name: str, *, caption: str) -> Drawing:
-    """Every parameter's departure from anatomy with its interval: a panel per quantity, a row per muscle.
-
-    Parameters
-    ----------
-    found : MuscleSummary
-    name : str
-    caption : str
-
-    Returns
-    -------
-    Drawing
-    """
+    """Every parameter's departure from anatomy with its interval: a panel per quantity, a row per muscle."""
     split = [_split(p) for p in found.parameters]
     quantities = list(dict.fromkeys(quantity for quantity, _ in split))
     own = [q for q in quantities if any(s == q and m for s, m in split)]
@@ -53,18 +42,7 @@ def departures(found: MuscleSummary, name: str, *, caption: str) -> Drawing:
 
 
 def muscle_work(found: MuscleSummary, name: str, *, caption: str) -> Drawing:
-    """Activation of every muscle over a stretch, and the torque it gives the joint.
-
-    Parameters
-    ----------
-    found : MuscleSummary
-    name : str
-    caption : str
-
-    Returns
-    -------
-    Drawing
-    """
+    """Activation of every muscle over a stretch, and the torque it gives the joint."""
     time, count = np.array(found.time), len(found.muscles)
     figure = Figure(figsize=(FIGURE_WIDTH, 0.9 + 0.55 * count), layout="constrained")
     axes = figure.subplots(count, 2, sharex=True, sharey="col", squeeze=False)

@@ -25,37 +25,19 @@ SHOWN = 3.0
 
 @dataclass(frozen=True)
 class MuscleSummary:
-    """Calibrated muscles of a joint or person, as figures draw them.
+    """Calibrated muscles of a joint or person, as figures draw them."""
 
-    Attributes
-    ----------
-    what : str
-        Joint, or participant.
-    parameters : tuple of str
-    deviation, half_width : tuple of float
-        From anatomy, and half of the 95 % interval, in standard deviations among people.
-    at_bound : tuple of bool
-    muscles : tuple of str
-    recording : str
-        Of which a stretch follows.
-    time : tuple of float
-        [s]
-    activation : tuple of tuple of float
-        A row per muscle [1].
-    torque : tuple of tuple of float
-        What each muscle gives the joint, a row per muscle [N m].
-    """
-
-    what: str
+    what: str  # Joint, or participant
     parameters: tuple[str, ...]
+    # deviation, half_width: From anatomy, and half of the 95 % interval, in standard deviations among people
     deviation: tuple[float, ...]
     half_width: tuple[float, ...]
     at_bound: tuple[bool, ...]
     muscles: tuple[str, ...]
-    recording: str
-    time: tuple[float, ...]
-    activation: tuple[tuple[float, ...], ...]
-    torque: tuple[tuple[float, ...], ...]
+    recording: str  # Of which a stretch follows
+    time: tuple[float, ...]  # [s]
+    activation: tuple[tuple[float, ...], ...]  # A row per muscle [1]
+    torque: tuple[tuple[float, ...], ...]  # What each muscle gives the joint, a row per muscle [N m]
 
 
 def partial_errors(reference: np.ndarray, predicted: np.ndarray) -> tuple[float, float]:
@@ -63,15 +45,7 @@ def partial_errors(reference: np.ndarray, predicted: np.ndarray) -> tuple[float,
 
     Cut off, half of a movement is 0 on both sides and errs by nothing: the second is up to sqrt(2) below the first.
 
-    Parameters
-    ----------
-    reference, predicted : ndarray, shape (n,)
-        [N m]
-
-    Returns
-    -------
-    positive, truncated : float
-        [N m]
+    `reference`, `predicted` (n,) [N m]; gives `positive`, `truncated` [N m].
     """
     main = 1.0 if reference.max() >= -reference.min() else -1.0
     a, b = main * reference, main * predicted
@@ -80,35 +54,14 @@ def partial_errors(reference: np.ndarray, predicted: np.ndarray) -> tuple[float,
 
 
 def muscle_tables(muscles: Mapping[str, HillMap]) -> tuple[ParameterTable, ...]:
-    """Parameters of each joint's or person's muscles.
-
-    Parameters
-    ----------
-    muscles : Mapping of str to HillMap
-
-    Returns
-    -------
-    tuple of ParameterTable
-    """
+    """Parameters of each joint's or person's muscles."""
     return tuple(ParameterTable(f"Muscles: {what}", muscle_parameters(found.fit)) for what, found in muscles.items())
 
 
 def muscle_cards(
     study: Study, muscles: Mapping[str, HillMap], trials: Sequence[TorqueTrial]
 ) -> dict[str, ParameterCard]:
-    """Cards of calibrated muscles, with their covariance in the parameters' units.
-
-    Parameters
-    ----------
-    study : Study
-    muscles : Mapping of str to HillMap
-    trials : sequence of TorqueTrial
-        Whose files they came from.
-
-    Returns
-    -------
-    dict of str to ParameterCard
-    """
+    """Cards of calibrated muscles, with their covariance in the parameters' units."""
     cards = {}
     for what, found in muscles.items():
         name, gains = f"muscles_{what}", found.fit.problem.gains(found.fit.z)
@@ -134,17 +87,7 @@ def muscle_cards(
 
 
 def muscle_summaries(found: Calibrated) -> tuple[MuscleSummary, ...]:
-    """What figures of calibrated muscles need.
-
-    Parameters
-    ----------
-    found : Calibrated
-
-    Returns
-    -------
-    tuple of MuscleSummary
-        With the first seconds of the trial to be shown.
-    """
+    """What figures of calibrated muscles need."""
     made = []
     for what, fitted in found.muscles.items():
         trial = found.shown[what]
@@ -173,27 +116,13 @@ def muscle_summaries(found: Calibrated) -> tuple[MuscleSummary, ...]:
 
 
 def delays(found: HillMap) -> np.ndarray:
-    """How late each muscle's activation follows slow envelopes, delay and lags together, shape (m,) [s].
-
-    Parameters
-    ----------
-    found : HillMap
-    """
+    """How late each muscle's activation follows slow envelopes, delay and lags together, shape (m,) [s]."""
     estimator, _ = found.stream(found.fit.problem.samples.data.period)
     return np.asarray(estimator.delays)
 
 
 def muscle_verdicts_of(found: Calibrated) -> tuple[Verdict, ...]:
-    """What recordings say of muscles, how late they run, whether intervals hold, and why some were passed over.
-
-    Parameters
-    ----------
-    found : Calibrated
-
-    Returns
-    -------
-    tuple of Verdict
-    """
+    """What recordings say of muscles, how late they run, whether intervals hold, and why some were passed over."""
     said: list[Verdict] = list(found.verdicts)
     for what, fitted in found.muscles.items():
         said += muscle_verdicts(fitted.fit, what)

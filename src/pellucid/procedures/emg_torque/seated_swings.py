@@ -48,24 +48,13 @@ FITTED = ("hill", "nmco", "nmcoa", "nmnc", "mbp", "ridge", "boost", "motion")
 
 @dataclass(frozen=True, eq=False)
 class WearerSwings:
-    """What a wearer's swings are made ready with.
+    """What a wearer's swings are made ready with."""
 
-    Parameters
-    ----------
-    loaded : SwingFit
-        Of leg and exoskeleton.
-    maximal, relaxed : Recording
-        EMG of a maximal contraction, and of a leg that the motor swings.
-    chain : EmgChain
-    hip : float
-        Angle of the hip [rad].
-    """
-
-    loaded: SwingFit
-    maximal: Recording
+    loaded: SwingFit  # Of leg and exoskeleton
+    maximal: Recording  # maximal, relaxed: EMG of a maximal contraction, and of a leg that the motor swings
     relaxed: Recording
     chain: EmgChain
-    hip: float = SEATED["hip"]
+    hip: float = SEATED["hip"]  # Angle of the hip [rad]
 
     def motion(self, recording: Recording) -> Swing:
         """A swing's position and torque, low-passed alike and thinned."""
@@ -74,18 +63,7 @@ class WearerSwings:
         return swing(r.time, r["position"], r["torque"], lowpass=LOWPASS, every=every, recording=r.name)
 
     def trial(self, recording: Recording, *, flexors: bool = True) -> TorqueTrial:
-        """A swing as estimators see it.
-
-        Parameters
-        ----------
-        recording : Recording
-        flexors : bool
-            Whether there are flexors.
-
-        Returns
-        -------
-        TorqueTrial
-        """
+        """A swing as estimators see it."""
         motion = self.motion(recording)
         torque = torque_in_a_worn_exoskeleton(self.loaded, motion).torque
         envelopes = {n: np.interp(motion.time, *e) for n, e in self._envelopes(recording.streams["emg"]).items()}
@@ -121,24 +99,7 @@ class WearerSwings:
 
 
 def seated_swings(study: Study, tell: Callable[[str, float], None]) -> Calibrated:
-    """Estimators fitted to each person's swings and judged on those held out.
-
-    Parameters
-    ----------
-    study : Study
-        With tables ``[emg_torque]`` and ``[loaded_swing]``.
-    tell : callable
-        Called with a text and the share done, 0 to 1.
-
-    Returns
-    -------
-    Calibrated
-
-    Raises
-    ------
-    IdentificationError
-        If a person's maximal contraction, relaxed swing, or a swing to fit or to judge is missing.
-    """
+    """Estimators fitted to each person's swings and judged on those held out. `study` [emg_torque], [loaded_swing]."""
     found, recordings = Calibrated(), study.recordings()
     tell("legs and exoskeleton", 0.0)
     legs = identify_swings(study.config, recordings).legs

@@ -20,24 +20,8 @@ def strapped_emg_trial(
     stiffness: float,
     damping: float,
 ) -> EmgTrial:
-    """A recording of torques that a wearer counteracts, ready for `causal_map.fit_causal_map`.
-
-    Parameters
-    ----------
-    recording : Recording
-        With ``position`` of the orthosis and ``torque`` of its spring.
-    stream : str
-        Its raw EMG, whose channels are called ``emg.<muscle>``.
-    repetition : str
-    orthosis : Orthosis
-    limb : Limb
-    stiffness, damping : float
-        Of the strap [N m/rad], [N m s/rad].
-
-    Returns
-    -------
-    EmgTrial
-    """
+    """A recording of torques that a wearer counteracts, ready for `causal_map.fit_causal_map`. `stiffness`,
+    `damping` [N m/rad], [N m s/rad]."""
     emg, position = recording.streams[stream], recording["position"]
     torque = strapped_torque(
         recording.time, position, recording["torque"], orthosis=orthosis, limb=limb, stiffness=stiffness,

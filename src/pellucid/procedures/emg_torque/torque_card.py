@@ -21,28 +21,7 @@ _UNITS = {"angle": "rad", "velocity": "rad/s", "acceleration": "rad/s^2"}
 
 
 def torque_card(study: Study, found: TorqueMap, trials: Sequence[TorqueTrial], name: str) -> ParameterCard:
-    """Card of a map by ridge regression.
-
-    Parameters
-    ----------
-    study : Study
-    found : TorqueMap
-        Its regressor is a `ridge.Ridge`.
-    trials : sequence of TorqueTrial
-        What it was fitted to.
-    name : str
-        Of the card.
-
-    Returns
-    -------
-    ParameterCard
-        Without intervals: a penalised coefficient is biased, and none would hold the truth.
-
-    Raises
-    ------
-    PellucidError
-        If the map is none by ridge regression.
-    """
+    """Card of a map by ridge regression."""
     if not hasattr(found.regressor, "plain"):
         raise PellucidError(f"card {name}: found a map by {found.name}, expected one by ridge regression")
     seen = features(trials[0], found.choice.features, causal=found.causal)
@@ -79,25 +58,7 @@ def torque_card(study: Study, found: TorqueMap, trials: Sequence[TorqueTrial], n
 
 
 def torque_of_card(card: ParameterCard, values: Mapping[str, float]) -> float:
-    """Torque by a card.
-
-    Parameters
-    ----------
-    card : ParameterCard
-        Of the kind ``"torque_map"``.
-    values : Mapping of str to float
-        Every feature by its name, in SI, as the card's processing says.
-
-    Returns
-    -------
-    float
-        [N m]
-
-    Raises
-    ------
-    PellucidError
-        If a feature is missing.
-    """
+    """Torque by a card. Gives [N m]."""
     terms = {name: name.split(PRODUCT) for name in card.values if name != "offset"}
     missing = sorted({factor for factors in terms.values() for factor in factors} - set(values))
     if missing:

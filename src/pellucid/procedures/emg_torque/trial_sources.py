@@ -33,22 +33,7 @@ def moment_trials(study: Study, joint: str) -> list[TorqueTrial]:
 
     Whatever is filtered is cut to the recording's window first: nothing beyond its ends is seen.
 
-    Parameters
-    ----------
-    study : Study
-        With a table ``[emg_torque]``.
-    joint : str
-        One of its joints: channels ``angle.<joint>`` and ``moment.<joint>``.
-
-    Returns
-    -------
-    list of TorqueTrial
-        In the study's order.
-
-    Raises
-    ------
-    RecordingError
-        If a channel is missing, has missing samples, or an instrument did not record the whole window.
+    `study` [emg_torque].
     """
     spec = study.config.emg_torque
     found = [r for r in study.recordings() if f"moment.{joint}" in _stream(r, spec.moments)]
@@ -84,30 +69,7 @@ def moment_trials(study: Study, joint: str) -> list[TorqueTrial]:
 def step_trials(
     study: Study, participant: str | None, body: MovedBody, *, causal: bool = False, joint: str = "knee"
 ) -> list[TorqueTrial]:
-    """Recordings in which a wearer counteracts an orthosis's torque, grouped by repetition.
-
-    Parameters
-    ----------
-    study : Study
-        With a table ``[emg_torque]``.
-    participant : str or None
-        Whose.
-    body : MovedBody
-        Limb and orthosis together, as identified.
-    causal : bool
-        Envelopes from the past alone.
-    joint : str
-        What the joint is called.
-
-    Returns
-    -------
-    list of TorqueTrial
-
-    Raises
-    ------
-    RecordingError
-        If a channel is missing, or an EMG channel is not fit to be used.
-    """
+    """Recordings in which a wearer counteracts an orthosis's torque, grouped by repetition. `study` [emg_torque]."""
     spec = study.config.emg_torque
     own = [r for r in study.recordings() if r.participant == participant]
     found = [r for r in own if r.protocol == STEPS]
@@ -147,23 +109,7 @@ def repetitions(recordings: Sequence[Recording]) -> dict[str, int]:
 
 
 def moved_body(study: Study, participant: str | None) -> MovedBody:
-    """Limb and orthosis together, from the cards that `identify` wrote.
-
-    Parameters
-    ----------
-    study : Study
-    participant : str or None
-        Whose limb, as its card's setting ``participant`` says.
-
-    Returns
-    -------
-    MovedBody
-
-    Raises
-    ------
-    IdentificationError
-        If there is no card of an orthosis or of this limb.
-    """
+    """Limb and orthosis together, from the cards that `identify` wrote."""
     paths = sorted(study.models_dir.glob("*.json")) if study.models_dir.is_dir() else []
     read = {path.stem: read_parameter_card(path) for path in paths if path.stem.split(".")[-1] in ("orthosis", "limb")}
     orthosis = [c for c in read.values() if c.kind == "orthosis"]
@@ -224,26 +170,7 @@ def _chain(study: Study) -> EmgChain | None:
 def relative_envelopes(
     study: Study, recording: Recording, top: Mapping[str, float], *, causal: bool
 ) -> dict[str, np.ndarray]:
-    """Envelopes on the recording's clock, refused where EMG is not fit to be used.
-
-    Parameters
-    ----------
-    study : Study
-        With a table ``[emg_torque]``, whose chain they pass.
-    recording : Recording
-    top : Mapping of str to float
-        Largest envelope of each muscle, where the chain makes envelopes relative.
-    causal : bool
-
-    Returns
-    -------
-    dict of str to ndarray, shape (n,)
-
-    Raises
-    ------
-    RecordingError
-        If a channel is missing or not fit to be used.
-    """
+    """Envelopes on the recording's clock, refused where EMG is not fit to be used. `study` [emg_torque]; gives (n,)."""
     stream, chain = _stream(recording, study.config.emg_torque.emg), _chain(study)
     # A stream that ends early is refused below, muscle by muscle.
     faults = [fault.message for fault in trial_faults(recording, stream, whole=False) if fault.severity == "refuse"]
@@ -279,18 +206,7 @@ def _lead(study: Study, recording: Recording) -> dict[str, np.ndarray]:
 
 
 def maxima_of(study: Study, recordings: Sequence[Recording]) -> dict[str, float]:
-    """Largest envelope of each muscle, where the chain makes envelopes relative.
-
-    Parameters
-    ----------
-    study : Study
-    recordings : sequence of Recording
-        Of one person.
-
-    Returns
-    -------
-    dict of str to float
-    """
+    """Largest envelope of each muscle, where the chain makes envelopes relative."""
     chain = _chain(study)
     if chain is None or not any(stage.kind == "normalise" for stage in chain.stages):
         return {}

@@ -13,21 +13,7 @@ CLOSE = 20.0  # seconds of the angle that are drawn
 
 
 def angle_figure(trial: HingeTrial, score_from: float, name: str) -> Drawing:
-    """The angle found beside the reference, over the first seconds judged.
-
-    Parameters
-    ----------
-    trial : HingeTrial
-        With a reference.
-    score_from : float
-        [s]
-    name : str
-        Of the drawing.
-
-    Returns
-    -------
-    Drawing
-    """
+    """The angle found beside the reference, over the first seconds judged. `score_from` [s]."""
     reference, found = trial.reference, trial.scores["offline"]
     shown = (reference.time >= score_from) & (reference.time < score_from + CLOSE)
     time = reference.time[shown]
@@ -50,21 +36,7 @@ def angle_figure(trial: HingeTrial, score_from: float, name: str) -> Drawing:
 
 
 def error_figure(trial: HingeTrial, score_from: float, name: str) -> Drawing:
-    """Error over time: of the angle reported, without later samples, and by gyroscopes alone.
-
-    Parameters
-    ----------
-    trial : HingeTrial
-        With a reference.
-    score_from : float
-        [s]
-    name : str
-        Of the drawing.
-
-    Returns
-    -------
-    Drawing
-    """
+    """Error over time: of the angle reported, without later samples, and by gyroscopes alone. `score_from` [s]."""
     figure, axis = one_panel(3.2)
     time = trial.reference.time
     tones = {"gyroscopes": "faint", "causal": "directional", "offline": "heldout"}
@@ -89,18 +61,7 @@ def error_figure(trial: HingeTrial, score_from: float, name: str) -> Drawing:
 
 
 def axes_figure(trials: tuple[HingeTrial, ...], name: str) -> Drawing:
-    """Components of the hinge's axis across its mean direction, recording by recording, with 95 % intervals.
-
-    Parameters
-    ----------
-    trials : tuple of HingeTrial
-    name : str
-        Of the drawing.
-
-    Returns
-    -------
-    Drawing
-    """
+    """Components of the hinge's axis across its mean direction, recording by recording, with 95 % intervals."""
     figure = Figure(figsize=(FIGURE_WIDTH, 3.6), layout="constrained")
     panels = figure.subplots(1, 2, sharey=True)
     for side, axis in enumerate(panels):

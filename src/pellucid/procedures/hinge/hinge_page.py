@@ -14,17 +14,7 @@ from .identify_hinge import PROCESSING, HingeResult, HingeTrial
 
 
 def page(study: Study, findings: HingeResult) -> Page:
-    """Everything that was found, as a page.
-
-    Parameters
-    ----------
-    study : Study
-    findings : HingeResult
-
-    Returns
-    -------
-    Page
-    """
+    """Everything that was found, as a page."""
     judged = tuple(t for t in findings.trials if t.scores)
     return study_page(
         title=f"{findings.study}: angle of a hinge",

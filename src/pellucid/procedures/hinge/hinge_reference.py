@@ -19,27 +19,13 @@ LONGEST_DELAY = 0.2  # between the clocks of IMUs and cameras [s]
 
 @dataclass(frozen=True, eq=False)
 class HingeReference:
-    """A hinge's angle from two bodies' orientations.
+    """A hinge's angle from two bodies' orientations."""
 
-    Attributes
-    ----------
-    time : ndarray, shape (n,)
-        [s]
-    angle : ndarray, shape (n,)
-        [rad]; from one believable stretch to the next it may be off by whole turns.
-    believable : ndarray of bool, shape (n,)
-        False near a jump that the joint cannot make.
-    axis : ndarray, shape (3,)
-        About which the bodies turn against each other, in the proximal body's frame.
-    share : float
-        Of their relative turning that is about it, in sums of squares: 1 for a perfect hinge.
-    """
-
-    time: np.ndarray
-    angle: np.ndarray
-    believable: np.ndarray
-    axis: np.ndarray
-    share: float
+    time: np.ndarray  # (n,) [s]
+    angle: np.ndarray  # (n,) [rad]; from one believable stretch to the next it may be off by whole turns
+    believable: np.ndarray  # (n,) False near a jump that the joint cannot make
+    axis: np.ndarray  # (3,) About which the bodies turn against each other, in the proximal body's frame
+    share: float  # Of their relative turning that is about it, in sums of squares: 1 for a perfect hinge
 
     @property
     def excluded(self) -> int:
@@ -65,22 +51,7 @@ def hinge_reference(recording: Recording, proximal: str, distal: str, jump: floa
     therefore taken from all of the recording that is believed. The angle is the twist about it. A sample is not
     believed if it is within 0.05 s of a step of more than `jump`, either end of it.
 
-    Parameters
-    ----------
-    recording : Recording
-    proximal, distal : str
-        Prefixes of ``<prefix>.orientation.{w,x,y,z}``, body to earth.
-    jump : float
-        Largest step from one sample to the next that the joint can make [rad].
-
-    Returns
-    -------
-    HingeReference
-
-    Raises
-    ------
-    IdentificationError
-        If an orientation is missing or no quaternion, or nothing is left to believe.
+    `jump` [rad].
     """
     bodies = [np.stack([recording[f"{p}.orientation.{c}"] for c in "wxyz"], axis=-1) for p in (proximal, distal)]
     where = f"{recording.path.name} (recording {recording.name})"
@@ -115,47 +86,22 @@ def _near(time: np.ndarray, jumps: np.ndarray) -> np.ndarray:
 
 @dataclass(frozen=True, eq=False)
 class HingeScore:
-    """An estimated angle beside the reference.
+    """An estimated angle beside the reference."""
 
-    Attributes
-    ----------
-    angle, error : ndarray, shape (n,)
-        The estimate at the reference's times, with its sense and offset, and what it is off by, in (-pi, pi] [rad]; NaN
-        where the estimate does not reach.
-    scored : ndarray of bool, shape (n,)
-        Samples judged.
-    delay : float
-        The IMUs' clock is so much later [s]; 0 where none was allowed.
-    offset : float
-        Added to the estimate [rad].
-    rms, largest : float
-        Of the error over the samples judged [rad].
-    """
-
+    # angle, error: (n,) The estimate at the reference's times, with its sense and offset, and what it is off by, in
+    # (-pi, pi] [rad]; NaN where the estimate does not reach
     angle: np.ndarray
     error: np.ndarray
-    scored: np.ndarray
-    delay: float
-    offset: float
-    rms: float
+    scored: np.ndarray  # (n,) Samples judged
+    delay: float  # The IMUs' clock is so much later [s]; 0 where none was allowed
+    offset: float  # Added to the estimate [rad]
+    rms: float  # rms, largest: Of the error over the samples judged [rad]
     largest: float
 
 
 def clock_delay(found: HingeAngle, reference: HingeReference, start: float, stop: float) -> Alignment:
-    """Delay of the IMUs' clock against the cameras', from the angular rates between `start` and `stop` [s].
-
-    Parameters
-    ----------
-    found : HingeAngle
-    reference : HingeReference
-    start, stop : float
-        [s]
-
-    Returns
-    -------
-    Alignment
-        Its gain is negative where estimate and reference have opposite senses.
-    """
+    """Delay of the IMUs' clock against the cameras', from the angular rates between `start` and `stop` [s]. `start`,
+    `stop` [s]."""
     part = (reference.time >= start) & (reference.time < stop)
     rate = np.where(reference.believable, np.gradient(reference.angle, reference.time), np.nan)[part]
     return align(reference.time[part], rate, found.time, np.gradient(found.angle, found.time), longest=LONGEST_DELAY)
@@ -165,27 +111,7 @@ def score(
     found: HingeAngle, reference: HingeReference, *, calibration: float, score_from: float, sense: float, delay: float
 ) -> HingeScore:
     """Compare an angle with the reference after `score_from`, its offset being known from before `calibration`.
-
-    Parameters
-    ----------
-    found : HingeAngle
-    reference : HingeReference
-    calibration, score_from : float
-        [s]
-    sense : float
-        +1 or -1: what the estimate is multiplied by.
-    delay : float
-        Of the IMUs' clock [s].
-
-    Returns
-    -------
-    HingeScore
-
-    Raises
-    ------
-    IdentificationError
-        If no believable sample is left in one of the two parts.
-    """
+    `calibration`, `score_from` [s]; `delay` [s]."""
     time = reference.time
     angle = sense * CubicSpline(found.time, found.angle, extrapolate=False)(time + delay)
     usable = reference.believable & np.isfinite(angle)

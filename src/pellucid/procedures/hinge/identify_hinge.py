@@ -34,35 +34,19 @@ with none; by rates alone."""
 
 @dataclass(frozen=True, eq=False)
 class HingeTrial:
-    """One recording of a hinge.
-
-    Attributes
-    ----------
-    name : str
-    hinge : Hinge
-        From its first seconds.
-    offline, causal : HingeAngle
-    interpolated : int
-        Samples of the IMUs that were missing and were bridged.
-    reference : HingeReference or None
-    alignment : Alignment or None
-        Of the IMUs' clock against the reference's, from the first seconds.
-    clock_drift : tuple of (float, float) or None
-        Of the two clocks against each other, and its standard error, from the first and the last seconds [s/s]. Nothing
-        is corrected by it: it says how far a delay found early holds.
-    scores : dict of str to HingeScore
-        By `WAYS`; empty without a reference.
-    """
+    """One recording of a hinge."""
 
     name: str
-    hinge: Hinge
+    hinge: Hinge  # From its first seconds
     offline: HingeAngle
     causal: HingeAngle
-    interpolated: int = 0
+    interpolated: int = 0  # Samples of the IMUs that were missing and were bridged
     reference: HingeReference | None = None
-    alignment: Alignment | None = None
+    alignment: Alignment | None = None  # Of the IMUs' clock against the reference's, from the first seconds
+    # Of the two clocks against each other, and its standard error, from the first and the last seconds [s/s]. Nothing
+    # is corrected by it: it says how far a delay found early holds
     clock_drift: tuple[float, float] | None = None
-    scores: dict[str, HingeScore] | None = None
+    scores: dict[str, HingeScore] | None = None  # By `WAYS`; empty without a reference
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -73,24 +57,7 @@ class HingeResult(Result):
 
 
 def identify_hinge(study: Study, on_progress: Callable[[str, float], None] | None = None) -> HingeResult:
-    """Find hinge and angle in every recording, and judge the angle where there is a reference.
-
-    Parameters
-    ----------
-    study : Study
-        With a table ``[hinge]``.
-    on_progress : callable, optional
-        Called with a text and the share done, 0 to 1.
-
-    Returns
-    -------
-    HingeResult
-
-    Raises
-    ------
-    IdentificationError
-        If there is no table ``[hinge]``, scoring would begin within the calibration, or no recording can be used.
-    """
+    """Find hinge and angle in every recording, and judge the angle where there is a reference. `study` [hinge]."""
     table = study.config.hinge
     if table is None:
         raise IdentificationError(f"{study.name}: study.toml has no table [hinge]")
@@ -129,22 +96,7 @@ def identify_hinge(study: Study, on_progress: Callable[[str, float], None] | Non
 
 
 def faults(study: Study) -> list[Fault]:
-    """What keeps recordings from being used, and what is bridged in them.
-
-    Parameters
-    ----------
-    study : Study
-        With ``[hinge]``.
-
-    Returns
-    -------
-    list of Fault
-
-    Raises
-    ------
-    RecordingError
-        If a file cannot be read at all.
-    """
+    """What keeps recordings from being used, and what is bridged in them. `study` [hinge]."""
     table = study.config.hinge
     found = []
     for recording in study.recordings():
@@ -170,23 +122,7 @@ def faults(study: Study) -> list[Fault]:
 
 
 def hinge_trial(recording: Recording, table: HingeTable) -> HingeTrial:
-    """Hinge and angle of one recording.
-
-    Parameters
-    ----------
-    recording : Recording
-    table : Hinge
-        The study's ``[hinge]``.
-
-    Returns
-    -------
-    HingeTrial
-
-    Raises
-    ------
-    RecordingError, IdentificationError
-        If an IMU or the reference cannot be used, or the first seconds do not determine the hinge.
-    """
+    """Hinge and angle of one recording. `table` [hinge]."""
     imus = [inertial(recording, prefix) for prefix in (table.proximal, table.distal)]
     start = float(recording.time[0])
     hinge = find_hinge(*(imu.between(start, start + table.calibration) for imu in imus))

@@ -34,45 +34,24 @@ REACH = 0.4
 
 @dataclass(frozen=True, eq=False)
 class MuscleTrial:
-    """Force of one recording, measured and told.
+    """Force of one recording, measured and told."""
 
-    Attributes
-    ----------
-    name, use : str
-        Of the recording; ``"fit"`` or ``"validate"``.
-    amplitude : float
-        Of the displacement [m].
-    time, measured, predicted : ndarray, shape (n,)
-        At the recording's samples [s], [N].
-    mae_percent : float
-        Mean absolute error from ``score_from`` on, in percent of the isometric force.
-    """
-
-    name: str
+    name: str  # name, use: Of the recording; ``"fit"`` or ``"validate"``
     use: str
-    amplitude: float
-    time: np.ndarray
+    amplitude: float  # Of the displacement [m]
+    time: np.ndarray  # time, measured, predicted: (n,) At the recording's samples [s], [N]
     measured: np.ndarray
     predicted: np.ndarray
-    mae_percent: float
+    mae_percent: float  # Mean absolute error from ``score_from`` on, in percent of the isometric force
 
 
 @dataclass(frozen=True, eq=False)
 class IsolatedMuscleFit:
-    """What `isolated_muscle` found.
+    """What `isolated_muscle` found."""
 
-    Attributes
-    ----------
-    offset : float
-        Rest length less l_o cos(phi_o) + l_ts [m].
-    trials : tuple of MuscleTrial
-    rigid_mae_percent : float
-        Mean over all trials with a rigid tendon, its own offset fitted the same way.
-    """
-
-    offset: float
+    offset: float  # Rest length less l_o cos(phi_o) + l_ts [m]
     trials: tuple[MuscleTrial, ...]
-    rigid_mae_percent: float
+    rigid_mae_percent: float  # Mean over all trials with a rigid tendon, its own offset fitted the same way
 
     @property
     def mae_percent(self) -> float:
@@ -125,22 +104,8 @@ def faults(study: Study) -> list[Fault]:
 
 
 def isolated_muscle(study: Study) -> IsolatedMuscleFit:
-    """Fit the offset of an isolated muscle's length, and tell the force of every recording.
-
-    Parameters
-    ----------
-    study : Study
-        With a table ``[isolated_muscle]``.
-
-    Returns
-    -------
-    IsolatedMuscleFit
-
-    Raises
-    ------
-    IdentificationError
-        If the study has no such table, nothing to fit on, or a recording lacks its amplitude or its displacement.
-    """
+    """Fit the offset of an isolated muscle's length, and tell the force of every recording. `study`
+    [isolated_muscle]."""
     table = study.config.isolated_muscle
     if table is None:
         raise IdentificationError(f"{study.name}: found no table [isolated_muscle], which says what the muscle is")

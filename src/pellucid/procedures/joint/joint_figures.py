@@ -44,19 +44,7 @@ SPLITS = {"fitted": "fitted", "heldout": "held out"}
 
 
 def recordings(traces: Sequence[Trace], fit: JointResult, name: str = "recordings") -> Drawing:
-    """Position, velocity and effort of each recording against time, fitted and held out apart by colour.
-
-    Parameters
-    ----------
-    traces : sequence of Trace
-        At most `COLUMNS`.
-    fit : JointResult
-    name : str
-
-    Returns
-    -------
-    Drawing
-    """
+    """Position, velocity and effort of each recording against time, fitted and held out apart by colour."""
     reading = READINGS[fit.motion]
     figure = Figure(figsize=(FIGURE_WIDTH, 5.4), layout="constrained")
     axes = figure.subplots(
@@ -87,18 +75,7 @@ def recordings(traces: Sequence[Trace], fit: JointResult, name: str = "recording
 
 
 def effort(fit: JointResult, family: FamilyFit, name: str = "effort") -> Drawing:
-    """Measured and predicted effort with the prediction interval, and a zoom where the effort changes most.
-
-    Parameters
-    ----------
-    fit : JointResult
-    family : FamilyFit
-    name : str
-
-    Returns
-    -------
-    Drawing
-    """
+    """Measured and predicted effort with the prediction interval, and a zoom where the effort changes most."""
     groups = by_recording(family.predictions)
     shown = [g for g in groups if g[0].split == "fitted"][:2] + [g for g in groups if g[0].split == "heldout"][:4]
     figure = Figure(figsize=(FIGURE_WIDTH, 0.5 + 2.15 * len(shown)), layout="constrained")
@@ -158,20 +135,7 @@ def effort(fit: JointResult, family: FamilyFit, name: str = "effort") -> Drawing
 def simulation(
     fit: JointResult, simulations: Mapping[str, Sequence[Simulation]], mode: str, name: str = "simulation"
 ) -> Drawing:
-    """Measured and simulated motion, and their difference in position, for one mode of simulation.
-
-    Parameters
-    ----------
-    fit : JointResult
-    simulations : mapping of str to sequence of Simulation
-        By method; all of `mode`. At most `COLUMNS` recordings are drawn, held-out ones first in line.
-    mode : {"closed_loop", "openloop"}
-    name : str
-
-    Returns
-    -------
-    Drawing
-    """
+    """Measured and simulated motion, and their difference in position, for one mode of simulation."""
     reading = READINGS[fit.motion]
     reference = next(iter(simulations))
     chosen = _shown([whole(g) for g in by_recording(simulations[reference])])
@@ -243,18 +207,7 @@ def simulation(
 
 
 def residuals(fit: JointResult, family: FamilyFit, name: str = "residuals") -> Drawing:
-    """Residual effort against position, velocity and load, with running medians.
-
-    Parameters
-    ----------
-    fit : JointResult
-    family : FamilyFit
-    name : str
-
-    Returns
-    -------
-    Drawing
-    """
+    """Residual effort against position, velocity and load, with running medians."""
     reading = READINGS[fit.motion]
     unit = unit_text(fit.effort_unit)
     figure = Figure(figsize=(FIGURE_WIDTH, 3.3), layout="constrained")
@@ -295,18 +248,7 @@ def residuals(fit: JointResult, family: FamilyFit, name: str = "residuals") -> D
 
 
 def whiteness(fit: JointResult, family: FamilyFit, name: str = "whiteness") -> Drawing:
-    """Autocorrelation of the residuals of the fitted recordings.
-
-    Parameters
-    ----------
-    fit : JointResult
-    family : FamilyFit
-    name : str
-
-    Returns
-    -------
-    Drawing
-    """
+    """Autocorrelation of the residuals of the fitted recordings."""
     chosen = [p for p in family.predictions if p.split == "fitted"] or list(family.predictions)
     longest = max(chosen, key=lambda p: len(p.time))
     # With samples left out, a lag is a count and no time.
@@ -342,17 +284,7 @@ def whiteness(fit: JointResult, family: FamilyFit, name: str = "whiteness") -> D
 
 
 def friction(fit: JointResult, name: str = "friction") -> Drawing:
-    """Friction against velocity: the best family with its interval over the data, and all families beside it.
-
-    Parameters
-    ----------
-    fit : JointResult
-    name : str
-
-    Returns
-    -------
-    Drawing
-    """
+    """Friction against velocity: the best family with its interval over the data, and all families beside it."""
     best = fit.families[fit.best]
     figure = Figure(figsize=(FIGURE_WIDTH, 4.3), layout="constrained")
     left, right = figure.subplots(1, 2, sharey=True, width_ratios=(1.35, 1.0))
@@ -387,17 +319,7 @@ def friction(fit: JointResult, name: str = "friction") -> Drawing:
 
 
 def families(fit: JointResult, name: str = "families") -> Drawing:
-    """Small multiples of the friction curve, one panel a family, on common axes.
-
-    Parameters
-    ----------
-    fit : JointResult
-    name : str
-
-    Returns
-    -------
-    Drawing
-    """
+    """Small multiples of the friction curve, one panel a family, on common axes."""
     count = len(fit.families)
     columns = min(count, 2 if count in (2, 4) else 3)
     rows = -(-count // columns)
@@ -493,18 +415,7 @@ def _loaded(family: FamilyFit) -> bool:
 
 
 def estimators(fit: JointResult, family: FamilyFit, name: str = "estimators") -> Drawing:
-    """Every parameter by every way of estimating it, with 95 % intervals.
-
-    Parameters
-    ----------
-    fit : JointResult
-    family : FamilyFit
-    name : str
-
-    Returns
-    -------
-    Drawing
-    """
+    """Every parameter by every way of estimating it, with 95 % intervals."""
     estimates = {family.estimate.method: family.estimate, **family.others}
     names = family.model.names
     columns = {5: 3, 6: 3, 9: 3}.get(len(names), min(len(names), 4))
@@ -543,17 +454,7 @@ def estimators(fit: JointResult, family: FamilyFit, name: str = "estimators") ->
 
 
 def heldout(fit: JointResult, name: str = "heldout") -> Drawing:
-    """Effort error of every family, fitted and held out.
-
-    Parameters
-    ----------
-    fit : JointResult
-    name : str
-
-    Returns
-    -------
-    Drawing
-    """
+    """Effort error of every family, fitted and held out."""
     chosen = list(fit.families.values())
     figure, axis = one_panel(0.75 + 0.34 * len(chosen))
     for row, family in enumerate(chosen):

@@ -36,31 +36,17 @@ class Trace:
 
 @dataclass(frozen=True, kw_only=True)
 class JointResult(Result):
-    """Everything `identify` found on one joint.
-
-    Attributes
-    ----------
-    motion, effort_unit, lifts : str
-    families : mapping of str to FamilyFit
-        In the order they were asked for.
-    best : str
-        The simplest family whose held-out error is close to the smallest; fitted errors where nothing is held out.
-    filter_note : str
-        The processing, as one line: it stands beside every figure.
-    drive_constant : Parameter or None
-        From recordings with a known payload.
-    traces : tuple of Trace
-        Every recording, fitted ones first.
-    """
+    """Everything `identify` found on one joint."""
 
     motion: str
     effort_unit: str
     lifts: str
-    families: Mapping[str, FamilyFit]
+    families: Mapping[str, FamilyFit]  # In the order they were asked for
+    # The simplest family whose held-out error is close to the smallest; fitted errors where nothing is held out
     best: str
-    filter_note: str
-    drive_constant: Parameter | None = None
-    traces: tuple[Trace, ...] = field(default=(), repr=False)
+    filter_note: str  # The processing, as one line: it stands beside every figure
+    drive_constant: Parameter | None = None  # From recordings with a known payload
+    traces: tuple[Trace, ...] = field(default=(), repr=False)  # Every recording, fitted ones first
 
     @property
     def estimates(self) -> Mapping[str, Parameter]:

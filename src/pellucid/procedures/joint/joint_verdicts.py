@@ -42,21 +42,7 @@ TRADE_OFF = 0.9  # correlation of two estimates above which one is said to hide 
 
 
 def sign_error(model: JointModel, data: Stack, channel: str) -> None:
-    """Refuse recordings in which the drive's effort acts against the motion it causes.
-
-    Parameters
-    ----------
-    model : JointModel
-        The symmetric family.
-    data : Stack
-    channel : str
-        The channel that carries the drive's command, for the message.
-
-    Raises
-    ------
-    IdentificationError
-        If the drive takes work out of the joint and the unbounded inertia is negative beyond doubt.
-    """
+    """Refuse recordings in which the drive's effort acts against the motion it causes."""
     found = solve_family(model, data, consistent=False)
     values = dict(zip(model.names, found.values, strict=True))
     noise = np.sqrt(np.mean(found.residual**2) / np.maximum(np.sum(found.jacobian**2, axis=0), 1e-300))
@@ -80,26 +66,7 @@ def verdicts(
     constant: Parameter | None,
     no_constant: str = "",
 ) -> tuple[Verdict, ...]:
-    """Everything a reader must know before using the numbers.
-
-    Parameters
-    ----------
-    study : Study
-    fits : mapping of str to FamilyFit
-    best : str
-        The family chosen.
-    failures : mapping of str to str
-        Families that could not be fitted, and why.
-    data : Stack
-    constant : Parameter, optional
-        The drive constant, where payloads gave it.
-    no_constant : str
-        Why payloads did not give it.
-
-    Returns
-    -------
-    tuple of Verdict
-    """
+    """Everything a reader must know before using the numbers."""
     found: list[Verdict] = []
     fit = fits[best]
     rotary = study.rig.motion == "rotary"

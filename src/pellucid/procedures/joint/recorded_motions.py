@@ -23,23 +23,7 @@ def filtering_of(processing: Processing) -> Filtering:
 
 
 def motions(study: Study, use: str | None = None) -> tuple[Motion, ...]:
-    """Every stretch of every recording of a study in which the drive was enabled, filtered and differentiated.
-
-    Parameters
-    ----------
-    study : Study
-    use : {"fit", "validate"}, optional
-        Only recordings of this use.
-
-    Returns
-    -------
-    tuple of Motion
-
-    Raises
-    ------
-    RecordingError
-        If a recording lacks position or the drive's channel, or is too short for the filter.
-    """
+    """Every stretch of every recording of a study in which the drive was enabled, filtered and differentiated."""
     model = drive_model(study.rig)
     return tuple(m for r in study.recordings(use) for m in _stretches(r, study, model))
 
@@ -95,17 +79,7 @@ def _stretches(recording: Recording, study: Study, model: DriveModel) -> Iterato
 
 def evenly_sampled(recording: Recording, processing: Processing) -> tuple[float, np.ndarray, dict[str, np.ndarray]]:
     """Sampling rate [Hz], time, shape (n,), and channels on an even grid; interpolated only where the study says so.
-
-    Parameters
-    ----------
-    recording : Recording
-    processing : Processing
-        `resample` [Hz] asks for linear interpolation on a grid of that rate.
-
-    Returns
-    -------
-    fs, time, channels
-    """
+    `processing` [Hz]."""
     time = recording.time
     values = {name: channel.samples for name, channel in recording.channels.items() if name != "time"}
     if processing.resample is None:

@@ -40,66 +40,26 @@ Progress = Callable[[str, float], None]
 
 @dataclass(frozen=True)
 class LegAlone:
-    """One participant's leg.
+    """One participant's leg."""
 
-    Attributes
-    ----------
-    loaded : SwingFit
-        With the exoskeleton.
-    p, q : Parameter
-        p' - p [kg m^2] and q' - q [kg m].
-    usual : tuple of float or None
-        p and q of a leg of that weight and height by Winter's shares.
-    """
-
-    loaded: SwingFit
-    p: Parameter
+    loaded: SwingFit  # With the exoskeleton
+    p: Parameter  # p, q: p' - p [kg m^2] and q' - q [kg m]
     q: Parameter
-    usual: tuple[float, float] | None
+    usual: tuple[float, float] | None  # p and q of a leg of that weight and height by Winter's shares
 
 
 @dataclass(frozen=True, kw_only=True)
 class LoadedSwingResult(Result):
-    """What swings said.
-
-    Attributes
-    ----------
-    empty : SwingFit
-    legs : mapping of str to LegAlone
-        By participant.
-    swings : mapping of str to Swing
-        That were fitted, by recording.
-    wearers : mapping of str to (str or None)
-        Whose leg was in it, by recording; None where the exoskeleton was empty.
-    """
+    """What swings said."""
 
     empty: SwingFit
-    legs: Mapping[str, LegAlone]
-    swings: Mapping[str, Swing] = field(repr=False)
-    wearers: Mapping[str, str | None]
+    legs: Mapping[str, LegAlone]  # By participant
+    swings: Mapping[str, Swing] = field(repr=False)  # That were fitted, by recording
+    wearers: Mapping[str, str | None]  # Whose leg was in it, by recording; None where the exoskeleton was empty
 
 
 def identify_loaded_swing(study: Study, on_progress: Progress | None = None) -> LoadedSwingResult:
-    """Identify the exoskeleton and every participant's leg.
-
-    Parameters
-    ----------
-    study : Study
-        With ``[loaded_swing]``.
-    on_progress : callable, optional
-        Called with a text and the share done, 0 to 1.
-
-    Returns
-    -------
-    LoadedSwingResult
-
-    Raises
-    ------
-    RecordingError
-        If a file cannot be read.
-    IdentificationError
-        As `identify_swings`.
-    """
+    """Identify the exoskeleton and every participant's leg. `study` [loaded_swing]."""
     tell = on_progress or (lambda text, share: None)
     tell("reading recordings", 0.0)
     return identify_swings(study.config, study.recordings(), on_progress=lambda text, s: tell(text, 0.5 + 0.5 * s))
@@ -108,24 +68,7 @@ def identify_loaded_swing(study: Study, on_progress: Progress | None = None) -> 
 def identify_swings(
     config: StudyFile, recordings: Sequence[Recording], *, on_progress: Progress | None = None
 ) -> LoadedSwingResult:
-    """The same from recordings that are at hand already.
-
-    Parameters
-    ----------
-    config : StudyFile
-        study.toml, with ``[loaded_swing]``.
-    recordings : sequence of Recording
-    on_progress : callable, optional
-
-    Returns
-    -------
-    LoadedSwingResult
-
-    Raises
-    ------
-    IdentificationError
-        If nothing of this kind is asked for, a protocol is missing, or swings do not tell the parameters apart.
-    """
+    """The same from recordings that are at hand already. `config` [loaded_swing]."""
     tell, asked = on_progress or (lambda text, share: None), config.loaded_swing
     if asked is None:
         raise IdentificationError("study.toml: found no [loaded_swing], expected one for an exoskeleton's swings")
@@ -160,22 +103,7 @@ def prepared(recording: Recording, lowpass: float) -> Swing:
 
 
 def faults(study: Study) -> list[Fault]:
-    """What keeps swings from being used.
-
-    Parameters
-    ----------
-    study : Study
-        With ``[loaded_swing]``.
-
-    Returns
-    -------
-    list of Fault
-
-    Raises
-    ------
-    RecordingError
-        If a file cannot be read at all.
-    """
+    """What keeps swings from being used. `study` [loaded_swing]."""
     found = []
     for r in study.recordings():
         if r.protocol not in (EMPTY, LOADED):

@@ -15,17 +15,7 @@ DRAWN, SHOWN = 4, 20.0
 
 
 def page(study: Study, findings: LoadedSwingResult) -> Page:
-    """Everything that was found, as a page.
-
-    Parameters
-    ----------
-    study : Study
-    findings : LoadedSwingResult
-
-    Returns
-    -------
-    Page
-    """
+    """Everything that was found, as a page."""
     tiles = [
         Tile(
             "Exoskeleton, inertia", number(findings.empty.inertia.value, findings.empty.inertia.standard_error), "kg·m²"

@@ -51,22 +51,7 @@ def paired_errors(
     caption: str = "",
 ) -> Drawing:
     """Mean absolute current error of several models over the same trials: boxes, and trials joined by thin lines.
-
-    Parameters
-    ----------
-    errors : mapping of str to ndarray, shape (k,)
-        Model to error of each trial [A].
-    protocols : sequence of str
-        Protocol of each trial, as in `SHAPES`; k of them.
-    name : str
-    roles : mapping of str to str, optional
-        Colours of models, as roles of `style`.
-    caption : str
-
-    Returns
-    -------
-    Drawing
-    """
+    `errors` (k,) [A]."""
     tones = _tones(errors, roles)
     table = np.column_stack([np.asarray(e, float) for e in errors.values()])
     figure, axis = one_panel(4.3)
@@ -124,24 +109,7 @@ def current_trace(
     caption: str = "",
 ) -> Drawing:
     """Motor current against time, measured and by several models, with the velocity in a small panel beneath.
-
-    Parameters
-    ----------
-    time, measured : ndarray, shape (n,)
-        [s] and [A].
-    predictions : mapping of str to ndarray, shape (n,)
-        Model to current [A].
-    velocity : ndarray, shape (n,), optional
-        [rad/s].
-    name : str
-    roles : mapping of str to str, optional
-        Colours of models, as roles of `style`.
-    caption : str
-
-    Returns
-    -------
-    Drawing
-    """
+    `time`, `measured` (n,) [s], [A]; `predictions` (n,) [A]; `velocity` (n,) [rad/s]."""
     tones = _tones(predictions, roles)
     figure = Figure(figsize=(FIGURE_WIDTH, 3.4 if velocity is None else 4.6), layout="constrained")
     if velocity is None:
@@ -175,23 +143,8 @@ def gravity_by_direction(
     roles: Mapping[str, str] | None = None,
     caption: str = "",
 ) -> Drawing:
-    """Gravity torque against the joint's angle, by the way it was found.
-
-    Parameters
-    ----------
-    angle_deg : ndarray, shape (n,)
-        [deg].
-    torques : mapping of str to ndarray, shape (n,)
-        Torque [N m], for example for up, down, static, consistent and truth.
-    name : str
-    roles : mapping of str to str, optional
-        Colours, as roles of `style`.
-    caption : str
-
-    Returns
-    -------
-    Drawing
-    """
+    """Gravity torque against the joint's angle, by the way it was found. `angle_deg` (n,) [deg]; `torques` (n,) [N
+    m]."""
     figure, axis = _curves(angle_deg, torques, roles, 3.9, "Gravity torque (N·m)", "Joint angle (deg)")
     axis.axhline(0.0, color=colour("faint"), linewidth=0.8, zorder=1)
     axis.xaxis.set_major_locator(MaxNLocator(10, steps=[1, 1.5, 3, 4.5, 6, 9, 10]))
@@ -213,25 +166,7 @@ def inertia_by_slider(
     roles: Mapping[str, str] | None = None,
     caption: str = "",
 ) -> Drawing:
-    """Inertia against the position of the slider.
-
-    Parameters
-    ----------
-    x : ndarray, shape (n,)
-        Position of the slider [m]; drawn in millimetres.
-    inertias : mapping of str to ndarray, shape (n,)
-        Inertia [kg m^2] by the way it was found.
-    truth : ndarray, shape (n,), optional
-        True inertia [kg m^2].
-    name : str
-    roles : mapping of str to str, optional
-        Colours, as roles of `style`.
-    caption : str
-
-    Returns
-    -------
-    Drawing
-    """
+    """Inertia against the position of the slider. `x` (n,) [m]; `inertias` (n,) [kg m^2]; `truth` (n,) [kg m^2]."""
     curves = {**inertias, **({} if truth is None else {"truth": truth})}
     figure, _ = _curves(1e3 * np.asarray(x, float), curves, roles, 3.7, "Inertia (kg·m²)", "Slider position (mm)")
     return Drawing(
@@ -251,23 +186,7 @@ def friction_by_load(
     roles: Mapping[str, str] | None = None,
     caption: str = "",
 ) -> Drawing:
-    """Friction against the load that the drive transmits.
-
-    Parameters
-    ----------
-    load : ndarray, shape (n,)
-        [N m].
-    frictions : mapping of str to ndarray, shape (n,)
-        Friction torque [N m], by model.
-    name : str
-    roles : mapping of str to str, optional
-        Colours, as roles of `style`.
-    caption : str
-
-    Returns
-    -------
-    Drawing
-    """
+    """Friction against the load that the drive transmits. `load` (n,) [N m]; `frictions` (n,) [N m]."""
     figure, axis = _curves(load, frictions, roles, 3.7, "Friction (N·m)", "Transmitted load (N·m)")
     origin(axis)
     return Drawing(name, figure, caption or "Friction torque against the load that the drive transmits, by model.")
@@ -282,24 +201,7 @@ def error_by_trial(
     roles: Mapping[str, str] | None = None,
     caption: str = "",
 ) -> Drawing:
-    """Error of every trial by every model, a row a trial.
-
-    Parameters
-    ----------
-    labels : sequence of str
-        Names of the k trials.
-    errors : mapping of str to ndarray, shape (k,)
-        Error of each trial [`unit`], by model.
-    name : str
-    unit : str
-    roles : mapping of str to str, optional
-        Colours, as roles of `style`.
-    caption : str
-
-    Returns
-    -------
-    Drawing
-    """
+    """Error of every trial by every model, a row a trial. `errors` (k,) [`unit`]."""
     tones = _tones(errors, roles)
     table = np.column_stack([np.asarray(e, float) for e in errors.values()])
     figure, axis = one_panel(1.0 + 0.24 * len(labels))
@@ -331,23 +233,8 @@ def ratio_by_rig(
     *,
     caption: str = "",
 ) -> Drawing:
-    """Error without over error with the directional model, rig by rig, with its spread over seeds.
-
-    Parameters
-    ----------
-    names : sequence of str
-        Of the r rigs.
-    medians, low, high : ndarray, shape (r,)
-        Ratio: its median over seeds, and the ends of its spread.
-    published : float, optional
-        Where to draw the line of what was published.
-    name : str
-    caption : str
-
-    Returns
-    -------
-    Drawing
-    """
+    """Error without over error with the directional model, rig by rig, with its spread over seeds. `medians`, `low`,
+    `high` (r,)."""
     medians, low, high = (np.asarray(v, float) for v in (medians, low, high))
     figure, axis = one_panel(1.1 + 0.36 * len(names))
     tone = colour("fitted")
@@ -386,24 +273,8 @@ def ratio_by_friction(
     high: np.ndarray | None = None,
     caption: str = "",
 ) -> Drawing:
-    """Error without over error with the directional model, against a parameter of friction.
-
-    Parameters
-    ----------
-    x, ratio : ndarray, shape (n,)
-        The parameter, in the unit that `xlabel` names, and the ratio.
-    published : float, optional
-        Where to draw the line of what was published.
-    xlabel : str
-    name : str
-    low, high : ndarray, shape (n,), optional
-        Ends of the spread over seeds.
-    caption : str
-
-    Returns
-    -------
-    Drawing
-    """
+    """Error without over error with the directional model, against a parameter of friction. `x`, `ratio` (n,);
+    `low`, `high` (n,)."""
     x, ratio = np.asarray(x, float), np.asarray(ratio, float)
     figure, axis = one_panel(3.5)
     tone = colour("fitted")
@@ -435,23 +306,7 @@ def cycle_energy(
     roles: Mapping[str, str] | None = None,
     caption: str = "",
 ) -> Drawing:
-    """Net energy of one closed cycle against its amplitude.
-
-    Parameters
-    ----------
-    amplitude_deg : ndarray, shape (n,)
-        [deg].
-    energies : mapping of str to ndarray, shape (n,)
-        Net energy [J], by model.
-    name : str
-    roles : mapping of str to str, optional
-        Colours, as roles of `style`.
-    caption : str
-
-    Returns
-    -------
-    Drawing
-    """
+    """Net energy of one closed cycle against its amplitude. `amplitude_deg` (n,) [deg]; `energies` (n,) [J]."""
     figure, axis = _curves(amplitude_deg, energies, roles, 3.5, "Net energy per cycle (J)", "Amplitude (deg)")
     axis.axhline(0.0, color=colour("muted"), linewidth=0.8, zorder=1)
     return Drawing(
@@ -471,20 +326,7 @@ def geometry(
     caption: str = "",
 ) -> Drawing:
     """Markers in the plane of rotation: the carriage's trajectory at each slider position, and the fitted axis.
-
-    Parameters
-    ----------
-    trajectories : mapping of str to ndarray, shape (n, 2)
-        Points [m] in the plane, by the slider's position in words; drawn in millimetres.
-    axis_point : ndarray, shape (2,)
-        Where the fitted axis goes through the plane [m].
-    name : str
-    caption : str
-
-    Returns
-    -------
-    Drawing
-    """
+    `trajectories` (n, 2) [m]; `axis_point` (2,) [m]."""
     centre = 1e3 * np.asarray(axis_point, float)
     figure, axis = one_panel(5.0)
     turn = np.linspace(0.0, 2.0 * np.pi, 181)

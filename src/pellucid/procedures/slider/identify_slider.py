@@ -46,24 +46,7 @@ def identify_slider(study: Study, tell: Progress = quiet) -> SliderResult:
 
 
 def fit_slider(config: StudyFile, recordings: Sequence[Recording], *, on_progress: Progress | None = None) -> SliderFit:
-    """The same from recordings already read.
-
-    Parameters
-    ----------
-    config : StudyFile
-        What study.toml says.
-    recordings : sequence of Recording
-    on_progress : callable, optional
-
-    Returns
-    -------
-    SliderFit
-
-    Raises
-    ------
-    IdentificationError
-        As `identify_slider`.
-    """
+    """The same from recordings already read."""
     tell = on_progress or (lambda text, share: None)
     rig = config.rig
     if rig.slider is None:
@@ -124,36 +107,14 @@ def _fit(
 
 
 def predicted(estimate: SliderEstimate, motion: SliderMotion) -> np.ndarray:
-    """An estimate's torque for a motion, filtered as the measured one was, shape (n,) [N*m].
-
-    Parameters
-    ----------
-    estimate : SliderEstimate
-    motion : SliderMotion
-
-    Returns
-    -------
-    ndarray, shape (n,)
-    """
+    """An estimate's torque for a motion, filtered as the measured one was, shape (n,) [N*m]. Gives (n,)."""
     if isinstance(estimate.model, DirectionalSliderModel):
         return directional_columns(motion) @ np.concatenate([estimate.model.up, estimate.model.down])
     return estimate.model.effort(estimate.values, motion)
 
 
 def trial_errors(estimate: SliderEstimate, motions: Sequence[SliderMotion], gain: float) -> tuple[TrialError, ...]:
-    """Equation 6 for every motion, over the samples in which the joint moves.
-
-    Parameters
-    ----------
-    estimate : SliderEstimate
-    motions : sequence of SliderMotion
-    gain : float
-        [N*m/A]
-
-    Returns
-    -------
-    tuple of TrialError
-    """
+    """Equation 6 for every motion, over the samples in which the joint moves. `gain` [N*m/A]."""
     made = []
     for m in motions:
         off = (predicted(estimate, m) - m.effort)[m.scored]
@@ -175,16 +136,7 @@ def filter_note(config: StudyFile) -> str:
 
 
 def slider_verdicts(fit: SliderFit) -> tuple[Verdict, ...]:
-    """What the figures say, in sentences.
-
-    Parameters
-    ----------
-    fit : SliderFit
-
-    Returns
-    -------
-    tuple of Verdict
-    """
+    """What the figures say, in sentences."""
     error = {name: fit.judged_error(name) for name in fit.estimates}
     split = "held-out trials" if fit.judged_split == "heldout" else "fitted trials (nothing is held out)"
     said = [
@@ -237,17 +189,7 @@ def directional_friction(model: DirectionalSliderModel, slider: np.ndarray, posi
 
     It is the friction that the model implies; a passive joint's is nowhere negative.
 
-    Parameters
-    ----------
-    model : DirectionalSliderModel
-    slider : ndarray, shape (k,)
-        [m]
-    position : ndarray, shape (n,)
-        [rad]
-
-    Returns
-    -------
-    ndarray, shape (k, n)
+    `slider` (k,) [m]; `position` (n,) [rad]; gives (k, n).
     """
     x, q = slider[:, None], position[None, :]
     up = model.gravity("up", x, q) + model.up[3]

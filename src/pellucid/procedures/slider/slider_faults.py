@@ -18,20 +18,11 @@ from ...signals.slider_motion import SliderMotion, slider_motions
 
 @dataclass(frozen=True)
 class Examined:
-    """Recordings of a joint with a carriage, looked at.
+    """Recordings of a joint with a carriage, looked at."""
 
-    Parameters
-    ----------
-    faults : list of Fault
-        The refusing ones first.
-    geometry : Geometry or None
-    motions : tuple of SliderMotion
-        Both as far as they could be had: where nothing is refused, whole.
-    """
-
-    faults: list[Fault]
+    faults: list[Fault]  # The refusing ones first
     geometry: Geometry | None = None
-    motions: tuple[SliderMotion, ...] = ()
+    motions: tuple[SliderMotion, ...] = ()  # Both as far as they could be had: where nothing is refused, whole
 
 
 def slider_faults(study: Study) -> list[Fault]:
@@ -43,18 +34,7 @@ def slider_faults(study: Study) -> list[Fault]:
 
 
 def examine(config: StudyFile, recordings: Sequence[Recording]) -> Examined:
-    """Faults of the carriage's places, of the clocks and of the motion, of recordings that are sound as files.
-
-    Parameters
-    ----------
-    config : StudyFile
-        With a ``[rig.slider]``.
-    recordings : sequence of Recording
-
-    Returns
-    -------
-    Examined
-    """
+    """Faults of the carriage's places, of the clocks and of the motion, of recordings that are sound as files."""
     try:
         geometry = slider_geometry(recordings)
     except PellucidError as error:
@@ -79,33 +59,13 @@ def examine(config: StudyFile, recordings: Sequence[Recording]) -> Examined:
 
 
 def require_torques(config: StudyFile) -> None:
-    """Do nothing where the drive's constant makes torques of its currents.
-
-    Parameters
-    ----------
-    config : StudyFile
-
-    Raises
-    ------
-    IdentificationError
-        If the constant is not known: a coherent body needs torques.
-    """
+    """Do nothing where the drive's constant makes torques of its currents."""
     if drive_model(config.rig).effort_unit != "N*m":
         raise IdentificationError("study.toml: found no [rig.drive] torque_constant, expected one in N*m/A")
 
 
 def require_dissipation(motions: Sequence[SliderMotion]) -> None:
-    """Do nothing where the drive spends energy on a joint that goes to and fro.
-
-    Parameters
-    ----------
-    motions : sequence of SliderMotion
-
-    Raises
-    ------
-    IdentificationError
-        If the joint gives energy to its drive over all motions: the sign of the position or of the command is reversed.
-    """
+    """Do nothing where the drive spends energy on a joint that goes to and fro."""
     work = sum(float((m.effort * m.velocity).sum()) / m.fs for m in motions)
     if motions and work < 0.0:
         names = ", ".join(m.recording for m in motions[:3]) + (", ..." if len(motions) > 3 else "")

@@ -87,18 +87,7 @@ def page(study: Study, result: SliderResult) -> Page:
 
 
 def slider_sections(fit: SliderFit, *, level: float = 0.95) -> tuple[tuple[Tile, ...], tuple[Section, ...]]:
-    """What a page says of an identified joint with a carriage, figures drawn.
-
-    Parameters
-    ----------
-    fit : SliderFit
-    level : float
-        Of the confidence intervals.
-
-    Returns
-    -------
-    tiles, sections
-    """
+    """What a page says of an identified joint with a carriage, figures drawn."""
     return slider_tiles(fit), (
         _found(fit, level),
         _directions(fit),

@@ -36,27 +36,15 @@ FEW = 3
 
 @dataclass(frozen=True, kw_only=True)
 class TransferResult(Result):
-    """Transfer functions of a study's recordings.
+    """Transfer functions of a study's recordings."""
 
-    Attributes
-    ----------
-    fits : Mapping[str, TransferFit]
-        By recording; of several fitted together for one that is held out, by their names joined with "+".
-    heldout : Mapping[str, Response]
-        By recording: the last part of a fitted one with coefficients from the rest, or all of one held out.
-    refused : Mapping[str, str]
-        Recordings that could not be fitted, and why.
-    units : tuple of str
-        Of the input and of the output.
-    channels : tuple of str
-        Of the input and of the output.
-    """
-
+    # By recording; of several fitted together for one that is held out, by their names joined with "+"
     fits: Mapping[str, TransferFit]
+    # By recording: the last part of a fitted one with coefficients from the rest, or all of one held out
     heldout: Mapping[str, Response]
-    refused: Mapping[str, str]
-    units: tuple[str, str]
-    channels: tuple[str, str]
+    refused: Mapping[str, str]  # Recordings that could not be fitted, and why
+    units: tuple[str, str]  # Of the input and of the output
+    channels: tuple[str, str]  # Of the input and of the output
 
 
 def identify_transfer(study: Study, on_progress: Progress | None = None) -> TransferResult:
@@ -65,23 +53,6 @@ def identify_transfer(study: Study, on_progress: Progress | None = None) -> Tran
     A recording that is fitted is also judged held out: on its last third, with coefficients from the rest. One that is
     never fitted is judged with coefficients from all fitted ones of its participant and condition. Held out means that
     coefficients are frozen and only the initial state, which no other data can tell, is estimated.
-
-    Parameters
-    ----------
-    study : Study
-    on_progress : callable, optional
-        Called with a text and the share done, 0 to 1.
-
-    Returns
-    -------
-    TransferResult
-
-    Raises
-    ------
-    RecordingError
-        If a file cannot be read at all.
-    IdentificationError
-        If no recording can be fitted.
     """
     tell = on_progress or (lambda text, share: None)
     asked = study.config.transfer_function
@@ -152,22 +123,7 @@ def identify_transfer(study: Study, on_progress: Progress | None = None) -> Tran
 
 
 def faults(study: Study) -> list[Fault]:
-    """What keeps recordings from being fitted, and what is left out of them.
-
-    Parameters
-    ----------
-    study : Study
-        With ``[transfer_function]``.
-
-    Returns
-    -------
-    list of Fault
-
-    Raises
-    ------
-    RecordingError
-        If a file cannot be read at all.
-    """
+    """What keeps recordings from being fitted, and what is left out of them. `study` [transfer_function]."""
     asked = study.config.transfer_function
     found = []
     for recording in study.recordings():

@@ -37,23 +37,8 @@ def response(
     caption: str,
     heldout: bool = False,
 ) -> Drawing:
-    """Output measured and simulated, what the simulation misses, and the input.
-
-    Parameters
-    ----------
-    time, measured, simulated, signal : ndarray, shape (n,)
-        [s], SI; the last is the input.
-    labels : sequence of tuple
-        Axis label and scale of the input, then of the output, as `shown` gives them.
-    name : str
-    caption : str
-    heldout : bool
-        Whether the record was held out, for the colour.
-
-    Returns
-    -------
-    Drawing
-    """
+    """Output measured and simulated, what the simulation misses, and the input. `time`, `measured`, `simulated`,
+    `signal` (n,) [s]."""
     (input_label, input_scale), (output_label, output_scale) = labels
     figure = Figure(figsize=(FIGURE_WIDTH, 4.6), layout="constrained")
     top, middle, bottom = figure.subplots(3, 1, sharex=True, height_ratios=(3.0, 1.3, 1.0))
@@ -73,19 +58,7 @@ def response(
 
 
 def pole_map(poles: Mapping[str, np.ndarray], name: str = "poles", *, caption: str = "") -> Drawing:
-    """Poles of several transfer functions in the complex plane, upper half.
-
-    Parameters
-    ----------
-    poles : mapping of str to ndarray, shape (k,)
-        Complex [1/s], by recording.
-    name : str
-    caption : str
-
-    Returns
-    -------
-    Drawing
-    """
+    """Poles of several transfer functions in the complex plane, upper half. `poles` (k,) [1/s]."""
     figure, axis = one_panel(3.9)
     origin(axis)
     points = [(p.real, p.imag, k + 1) for k, each in enumerate(poles.values()) for p in each if p.imag >= 0.0]
@@ -115,21 +88,7 @@ def pole_map(poles: Mapping[str, np.ndarray], name: str = "poles", *, caption: s
 def fits(
     names: Sequence[str], fitted: np.ndarray, heldout: np.ndarray, name: str = "fits", *, caption: str = ""
 ) -> Drawing:
-    """Fit of every recording, as fitted and held out.
-
-    Parameters
-    ----------
-    names : sequence of str
-        Of the r recordings.
-    fitted, heldout : ndarray, shape (r,)
-        [%], NaN where there is none.
-    name : str
-    caption : str
-
-    Returns
-    -------
-    Drawing
-    """
+    """Fit of every recording, as fitted and held out. `fitted`, `heldout` (r,) [%]."""
     figure, axis = one_panel(1.0 + 0.3 * len(names))
     rows = np.arange(len(names))
     for values, role, shift in ((fitted, "fitted", -0.12), (heldout, "heldout", 0.12)):

@@ -26,17 +26,7 @@ HOLDS = {
 
 
 def page(study: Study, found: TransferResult) -> Page:
-    """The report's page, figures drawn.
-
-    Parameters
-    ----------
-    study : Study
-    found : TransferResult
-
-    Returns
-    -------
-    Page
-    """
+    """The report's page, figures drawn."""
     return study_page(
         title=f"{found.study}: transfer functions",
         headline=found.headline,

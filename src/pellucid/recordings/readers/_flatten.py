@@ -9,17 +9,7 @@ import numpy as np
 
 
 def flatten(value: Any, prefix: str, into: dict[str, np.ndarray]) -> None:
-    """Add the numeric leaves of `value` to `into`, each shape (n,) float64; what is not a number is left out.
-
-    Parameters
-    ----------
-    value : mapping, sequence, ndarray or scalar
-        A list of mappings gives one column per field; a matrix (n, k) gives ``prefix.0`` to ``prefix.(k-1)``.
-    prefix : str
-        Dotted path so far.
-    into : dict
-        Filled in place.
-    """
+    """Add the numeric leaves of `value` to `into`, each shape (n,) float64; what is not a number is left out."""
     if isinstance(value, Mapping):
         for key, item in value.items():
             flatten(item, f"{prefix}.{key}" if prefix else str(key), into)

@@ -33,11 +33,6 @@ def read(path: Path) -> Columns:
     """Columns by name, in the file's own units: marker coordinates shape (n,), analog channels shape (m,).
 
     Coordinates of a marker that was lost are NaN.
-
-    Raises
-    ------
-    RecordingError
-        If the file is truncated or is no C3D file, has no rate, or two of its channels have one name.
     """
     content = _content(path)
     points, analogs = content["data"]["points"], content["data"]["analogs"][0]

@@ -16,68 +16,30 @@ from ..muscle_constants import MuscleConstants
 
 @dataclass(frozen=True)
 class SubjectMuscle(MuscleConstants):
-    """One muscle of a CEINMS subject.
+    """One muscle of a CEINMS subject."""
 
-    Attributes
-    ----------
-    strength : float
-        The factor that calibration put on the largest force [1].
-    shape : float
-        A of the activation [1]; CEINMS has it from -3 to 0, CEINMS-RT without the sign.
-    twitch : tuple of float
-        C1 and C2 of the activation's recursion [1].
-    """
-
-    strength: float
-    shape: float
-    twitch: tuple[float, float]
+    strength: float  # The factor that calibration put on the largest force [1]
+    shape: float  # A of the activation [1]; CEINMS has it from -3 to 0, CEINMS-RT without the sign
+    twitch: tuple[float, float]  # C1 and C2 of the activation's recursion [1]
 
 
 @dataclass(frozen=True, eq=False)
 class Subject:
-    """A CEINMS subject.
-
-    Attributes
-    ----------
-    path : Path
-    muscles : Mapping of str to SubjectMuscle
-        In the file's order.
-    joints : Mapping of str to tuple of str
-        Muscles that move each degree of freedom.
-    excitations : Mapping of str to tuple of str
-        Muscles that each EMG channel excites; empty where the file does not say.
-    curves : Mapping of str to ndarray, shape (2, n)
-        Points of ``activeForceLength``, ``passiveForceLength`` and ``forceVelocity``, those that are given: normalised
-        length or velocity, and force.
-    damping : float
-        Of the fibres, normalised [1]; 0 where none is given.
-    """
+    """A CEINMS subject."""
 
     path: Path
-    muscles: Mapping[str, SubjectMuscle]
-    joints: Mapping[str, tuple[str, ...]]
+    muscles: Mapping[str, SubjectMuscle]  # In the file's order
+    joints: Mapping[str, tuple[str, ...]]  # Muscles that move each degree of freedom
+    # Muscles that each EMG channel excites; empty where the file does not say
     excitations: Mapping[str, tuple[str, ...]]
+    # (2, n) Points of ``activeForceLength``, ``passiveForceLength`` and ``forceVelocity``, those that are given:
+    # normalised length or velocity, and force
     curves: Mapping[str, np.ndarray]
-    damping: float = 0.0
+    damping: float = 0.0  # Of the fibres, normalised [1]; 0 where none is given
 
 
 def read_subject(path: Path) -> Subject:
-    """Read a subject of CEINMS or CEINMS-RT, uncalibrated or calibrated.
-
-    Parameters
-    ----------
-    path : Path
-
-    Returns
-    -------
-    Subject
-
-    Raises
-    ------
-    RecordingError
-        If the file is missing or no XML, is no subject, lacks a muscle's parameter, or names a muscle that it does not
-        describe; a pennation angle in radians (CEINMS has degrees) is told too.
-    """
+    """Read a subject of CEINMS or CEINMS-RT, uncalibrated or calibrated."""
     path = Path(path)
     try:
         root = ElementTree.fromstring(path.read_bytes())

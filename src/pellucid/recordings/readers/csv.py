@@ -28,11 +28,6 @@ def read(path: Path) -> Columns:
     missing sample (NaN); ``true`` and ``false`` are 1 and 0. A row of units below the header is skipped. Columns may
     also be named on a line each, ``Channel 1: 'RF'``, as Biometrics' DataLOG does; titles without a delimiter name no
     columns.
-
-    Raises
-    ------
-    RecordingError
-        If there are no data rows, or a row has another number of fields than the first, as in a truncated file.
     """
     lines = [(number, line) for number, line in enumerate(_decode(path).splitlines(), 1) if line.strip()]
     comments = [line for _, line in lines if line.lstrip().startswith(_COMMENT)]

@@ -19,13 +19,7 @@ ENDINGS = (".edf", ".bdf")
 
 
 def read(path: Path) -> Columns:
-    """Columns by name, in the file's own units, each shape (n,) with the n of its signal.
-
-    Raises
-    ------
-    RecordingError
-        If the file is no EDF or BDF file, is truncated, has gaps, or two of its signals have one name.
-    """
+    """Columns by name, in the file's own units, each shape (n,) with the n of its signal."""
     content = _content(path)
     together = len({signal.sampling_frequency for signal in content.signals}) == 1
     into: dict[str, np.ndarray] = {}

@@ -15,13 +15,7 @@ ENDINGS = (".json",)
 
 
 def read(path: Path) -> Columns:
-    """Numeric leaves of a JSON file by dotted path, each shape (n,) float64; booleans are 0 and 1.
-
-    Raises
-    ------
-    RecordingError
-        If the text is not JSON, as in a truncated file.
-    """
+    """Numeric leaves of a JSON file by dotted path, each shape (n,) float64; booleans are 0 and 1."""
     try:
         content = json.loads(path.read_text(encoding="utf-8-sig"))
     except (ValueError, RecursionError) as error:

@@ -15,13 +15,7 @@ ENDINGS = (".mat",)
 
 
 def read(path: Path) -> Columns:
-    """Numeric variables and struct fields by dotted path, each shape (n,) float64.
-
-    Raises
-    ------
-    RecordingError
-        If the file is truncated, is no MAT file, or is of version 7.3 and h5py is not installed.
-    """
+    """Numeric variables and struct fields by dotted path, each shape (n,) float64."""
     with path.open("rb") as file:
         head = file.read(128)
     if b"MATLAB 7.3" in head or head[:8] == b"\x89HDF\r\n\x1a\n":

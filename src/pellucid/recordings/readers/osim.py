@@ -19,22 +19,7 @@ _OLD_PENNATION = "pennation_angle"  # before OpenSim 3
 
 
 def read_model(path: Path) -> dict[str, MuscleConstants]:
-    """Constants of a model's muscles, of whatever muscle model.
-
-    Parameters
-    ----------
-    path : Path
-
-    Returns
-    -------
-    dict of str to MuscleConstants
-        By the model's names, in its order.
-
-    Raises
-    ------
-    RecordingError
-        If the file is missing or no XML, is no model, has no muscles, or lacks a constant.
-    """
+    """Constants of a model's muscles, of whatever muscle model."""
     path = Path(path)
     try:
         root = ElementTree.fromstring(path.read_bytes())

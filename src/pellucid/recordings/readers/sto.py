@@ -20,14 +20,7 @@ def recognises(path: Path) -> bool:
 
 
 def read(path: Path) -> Columns:
-    """Columns by their labels, each shape (n,) float64, in the file's own units; of angles the header may say which.
-
-    Raises
-    ------
-    RecordingError
-        If there is no ``endheader``, a row has another number of fields than there are labels, what should be a number
-        is none, or the header promises other numbers of rows or columns than there are, as in a truncated file.
-    """
+    """Columns by their labels, each shape (n,) float64, in the file's own units; of angles the header may say which."""
     header, body, first = _parts(path)
     if not body:
         raise RecordingError(f"{path.name}: found nothing after endheader, expected labels and rows")

@@ -28,14 +28,7 @@ SYMBOLS = {
 
 
 def read(path: Path) -> Columns:
-    """Columns by name, in the file's own units, each shape (n,) with the n of its stream.
-
-    Raises
-    ------
-    RecordingError
-        If the file is no XDF file, a stream of it has no end (the recorder was cut off), no stream holds samples, or
-        two streams have one name.
-    """
+    """Columns by name, in the file's own units, each shape (n,) with the n of its stream."""
     into: dict[str, np.ndarray | str] = {}
     streams = [stream for stream in _streams(path) if len(stream["time_stamps"])]
     if not streams:
