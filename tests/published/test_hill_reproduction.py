@@ -50,9 +50,9 @@ def test_the_leg_is_found_by_the_richer_swing_and_not_by_the_papers(made, rows):
     assert abs(rows["hill.p.error.rich.S4"].value) < 10.0
     assert abs(rows["hill.q.error.rich.S4"].value) < 2.0
     leg = made[1].subjects["S4"].leg
-    assert leg.p["two_sines"].standard_error > 10.0 * leg.p["rich"].standard_error
+    assert leg.inertia["two_sines"].standard_error > 10.0 * leg.inertia["rich"].standard_error
     # Passive muscles restore a leg as its weight does, and are taken for weight.
-    assert leg.restoring_q > 1.05 * leg.true_q
+    assert leg.restoring_moment > 1.05 * leg.true_weight_moment
 
 
 def test_torque_is_near_the_truth_on_the_swing_that_was_held_out(made, rows):

@@ -96,8 +96,8 @@ def test_steps_1_and_2_find_the_leg(taken):
     found = identify_swings(config, recordings)
     subject = subjects(RIG)["S4"]
     assert found.empty.inertia.value == pytest.approx(RIG.exoskeleton_inertia, rel=0.05)
-    assert found.legs["S4"].p.value == pytest.approx(subject.inertia, rel=0.1)
-    assert found.legs["S4"].q.value > subject.moment
+    assert found.legs["S4"].inertia.value == pytest.approx(subject.inertia, rel=0.1)
+    assert found.legs["S4"].weight_moment.value > subject.moment
     assert {card.kind for card in found.cards.values()} == {"orthosis", "limb"}
 
 
@@ -129,7 +129,7 @@ def test_cards_and_rows_of_swings_say_what_was_found(taken):
         low, high = card.parameters[0].interval
         assert high - low == pytest.approx(2.0 * 0.6745 * spread[0], rel=1e-3)
     rows = {row.id.split(".", 1)[1]: row for row in found.rows}
-    assert rows["S4.p"].note == f"+- {0.6745 * leg.p.standard_error:.3g}"
+    assert rows["S4.p"].note == f"+- {0.6745 * leg.inertia.standard_error:.3g}"
     assert all(len(row.data_checksum) == 64 for row in found.rows)
     # A leg by difference comes from both bodies' recordings, its residual from its own.
     assert len({rows[name].data_checksum for name in ("S4.p", "S4.residual", "exoskeleton.p")}) == 3
@@ -145,7 +145,7 @@ def test_the_papers_swing_alone_is_told_to_say_little_of_inertia(taken):
     config, recordings, _ = taken
     found = identify_swings(config, [r for r in recordings if not r.name.endswith("rich")])
     leg = found.legs["S4"]
-    assert leg.p.standard_error > 0.05 * leg.p.value
+    assert leg.inertia.standard_error > 0.05 * leg.inertia.value
 
 
 def test_a_rig_that_lacks_something_is_refused():

@@ -42,6 +42,9 @@ def _subject_key(name: str) -> str:
     return f"subject_{name.removeprefix('S')}"
 
 
+TERMS = {"p": "inertia", "q": "weight_moment"}
+"""What the paper's letters stand for."""
+
 _row, _over = partial(figure, "hill"), partial(mean_figure, "hill")
 
 
@@ -50,21 +53,21 @@ def step_rows(empty: BodyFound, legs: Mapping[str, LegFound], paper: PrintedPape
     table, units = paper.tables["swings"], {"p": "kg*m^2", "q": "kg*m"}
     rows = []
     for n, unit in units.items():
-        own = getattr(empty.published, n)
+        own = empty.published[TERMS[n]]
         rows.append(_row(f"empty.{n}", f"{n} of the exoskeleton, eq. 9", unit, own.value, table["empty"][n]))
     for name, leg in legs.items():
         both = leg.body.published
         rows += [
-            _row(f"{n}.{name}", f"{n}' of {name}, eq. 10", unit, getattr(both, n).value,
+            _row(f"{n}.{name}", f"{n}' of {name}, eq. 10", unit, both[TERMS[n]].value,
                     table[_subject_key(name)][n] if _subject_key(name) in table.rows else None)
             for n, unit in units.items()
         ]  # fmt: skip
     for swing in SWINGS:
         words = {"two_sines": "the paper's swing", "rich": "a richer swing"}[swing]
-        p = {n: 100.0 * (leg.p[swing].value / leg.true_p - 1.0) for n, leg in legs.items()}
-        q = {n: 100.0 * (leg.q[swing].value / leg.restoring_q - 1.0) for n, leg in legs.items()}
-        weight = {n: 100.0 * (leg.q[swing].value / leg.true_q - 1.0) for n, leg in legs.items()}
-        sure = [196.0 * leg.p[swing].standard_error / leg.true_p for leg in legs.values()]
+        p = {n: 100.0 * (leg.inertia[swing].value / leg.true_inertia - 1.0) for n, leg in legs.items()}
+        q = {n: 100.0 * (leg.weight_moment[swing].value / leg.restoring_moment - 1.0) for n, leg in legs.items()}
+        weight = {n: 100.0 * (leg.weight_moment[swing].value / leg.true_weight_moment - 1.0) for n, leg in legs.items()}
+        sure = [196.0 * leg.inertia[swing].standard_error / leg.true_inertia for leg in legs.values()]
         rows += [
             _over(f"p.half_width.{swing}", f"Half the 95 % interval of p' - p, {words}", "%", sure),
             _over(f"p.error.{swing}", f"Error of p' - p, corrected, {words}", "%", p.values()),

@@ -14,7 +14,7 @@ from ...pages.quantities import number
 from ...pages.tables import number_table
 from ..row_sections import bracketed
 from .descent_figures import Compared, Paths, compared, paths
-from .rows import ESTIMATOR_WORDS, PRINTED_AS
+from .rows import ESTIMATOR_WORDS, PRINTED_AS, TERMS
 from .torque import BASELINES, RECORDED
 from .training import TRAINED
 
@@ -106,8 +106,10 @@ def _swings(made: HillPaper) -> Section:
 def _legs(made: HillPaper) -> Section:
     """Table 2 and what is wrong with it."""
     printed = made.printed.tables["swings"]
-    more = [100.0 * (s.leg.q["rich"].value / s.leg.true_q - 1.0) for s in made.subjects.values()]
-    empty = (_both(getattr(made.empty.published, n).value, printed["empty"][n].value) for n in ("p", "q"))
+    more = [
+        100.0 * (s.leg.weight_moment["rich"].value / s.leg.true_weight_moment - 1.0) for s in made.subjects.values()
+    ]
+    empty = (_both(made.empty.published[TERMS[n]].value, printed["empty"][n].value) for n in TERMS)
     rows = [("Empty", *empty, "", "", "", "")]
     for name, found in made.subjects.items():
         leg, key = found.leg, f"subject_{name[1:]}"
@@ -115,10 +117,13 @@ def _legs(made: HillPaper) -> Section:
         rows.append(
             (
                 name,
-                *(_both(getattr(leg.body.published, n).value, value) for n, value in shown.items()),
-                *(f"{leg.p[s].value:.3f} ± {1.96 * leg.p[s].standard_error:.3f}" for s in ("two_sines", "rich")),
-                f"{leg.true_p:.3f}",
-                f"{leg.q['rich'].value:.3f}, {leg.restoring_q:.3f}, {leg.true_q:.3f}",
+                *(_both(leg.body.published[TERMS[n]].value, value) for n, value in shown.items()),
+                *(
+                    f"{leg.inertia[s].value:.3f} ± {1.96 * leg.inertia[s].standard_error:.3f}"
+                    for s in ("two_sines", "rich")
+                ),
+                f"{leg.true_inertia:.3f}",
+                f"{leg.weight_moment['rich'].value:.3f}, {leg.restoring_moment:.3f}, {leg.true_weight_moment:.3f}",
             )
         )
     heads = ("", "p' eq. 10", "q' eq. 10", "p' − p, paper's swing", "p' − p, richer swing", "p' − p, true",

@@ -80,11 +80,11 @@ class LegFound:
     """A subject's leg."""
 
     body: BodyFound  # With the exoskeleton
-    p: Mapping[str, Parameter]  # p, q: p' - p and q' - q of the corrected form, by swing.
-    q: Mapping[str, Parameter]
-    true_p: float  # true_p, true_q: Of shank and foot alone.
-    true_q: float
-    restoring_q: float  # What the relaxed leg's whole restoring torque, tissue included, is as a q over the rich swing
+    inertia: Mapping[str, Parameter]  # p' - p of the corrected form, by swing [kg m^2]
+    weight_moment: Mapping[str, Parameter]  # q' - q of the same [kg m]
+    true_inertia: float  # Of shank and foot alone [kg m^2]
+    true_weight_moment: float  # Of the same [kg m]
+    restoring_moment: float  # The relaxed leg's whole restoring torque over the rich swing, tissue included [kg m]
 
 
 def find_leg(empty: BodyFound, taken: SubjectTaken) -> LegFound:

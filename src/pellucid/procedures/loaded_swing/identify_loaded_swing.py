@@ -43,9 +43,9 @@ class LegAlone:
     """One participant's leg."""
 
     loaded: SwingFit  # With the exoskeleton
-    p: Parameter  # p, q: p' - p [kg m^2] and q' - q [kg m]
-    q: Parameter
-    usual: tuple[float, float] | None  # p and q of a leg of that weight and height by Winter's shares
+    inertia: Parameter  # p' - p [kg m^2]
+    weight_moment: Parameter  # q' - q [kg m]
+    usual: tuple[float, float] | None  # Both of a leg of that weight and height by Winter's shares
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -142,13 +142,20 @@ def _findings(config, confidence, empty, legs, swings, wearers, checksums) -> Lo
 
     tables = [ParameterTable("Exoskeleton alone", empty.parameters)]
     tables += [
-        ParameterTable(f"{who}: leg", (replace(leg.p, name="p' - p"), replace(leg.q, name="q' - q")))
+        ParameterTable(f"{who}: leg", (replace(leg.inertia, name="p' - p"), replace(leg.weight_moment, name="q' - q")))
         for who, leg in legs.items()
     ]
     heads = ("Participant", "p' - p (kg*m^2)", "Winter's", "q' - q (kg*m)", "Winter's", "Residual (N*m)")
     nothing = (None, None)
     rows = tuple(
-        (who, leg.p.value, (leg.usual or nothing)[0], leg.q.value, (leg.usual or nothing)[1], leg.loaded.residual_rms)
+        (
+            who,
+            leg.inertia.value,
+            (leg.usual or nothing)[0],
+            leg.weight_moment.value,
+            (leg.usual or nothing)[1],
+            leg.loaded.residual_rms,
+        )
         for who, leg in legs.items()
     )
     results = [
@@ -157,8 +164,8 @@ def _findings(config, confidence, empty, legs, swings, wearers, checksums) -> Lo
         )
         for who, leg in legs.items()
         for name, value, unit, note, whose in (
-            ("p", leg.p.value, "kg*m^2", half(leg.p), (None, who)),
-            ("q", leg.q.value, "kg*m", half(leg.q), (None, who)),
+            ("p", leg.inertia.value, "kg*m^2", half(leg.inertia), (None, who)),
+            ("q", leg.weight_moment.value, "kg*m", half(leg.weight_moment), (None, who)),
             ("residual", leg.loaded.residual_rms, "N*m", "", (who,)),
         )
     ]
@@ -167,12 +174,12 @@ def _findings(config, confidence, empty, legs, swings, wearers, checksums) -> Lo
         ResultRow(f"{study}.exoskeleton.{name}", p.value, p.unit, "identify", "fitted", alone, "")
         for name, p in (("p", empty.inertia), ("q", empty.weight_moment))
     ]
-    mean = float(np.mean([leg.p.value for leg in legs.values()]))
+    mean = float(np.mean([leg.inertia.value for leg in legs.values()]))
     return LoadedSwingResult(
         study=study,
         headline=(
             f"{len(legs)} legs by difference: in the mean {mean:.3g} kg*m^2 about the knee, and "
-            f"{np.mean([leg.q.value for leg in legs.values()]):.3g} kg*m of weight and tissue."
+            f"{np.mean([leg.weight_moment.value for leg in legs.values()]):.3g} kg*m of weight and tissue."
         ),
         tables=(*tables, FigureTable("Legs", heads, rows)),
         verdicts=tuple(_verdicts(config, legs, confidence)),
@@ -190,24 +197,25 @@ def _findings(config, confidence, empty, legs, swings, wearers, checksums) -> Lo
 def _verdicts(config: StudyFile, legs: Mapping[str, LegAlone], confidence: float) -> list[Verdict]:
     told = []
     for who, leg in legs.items():
-        half = leg.p.interval(confidence)[1] - leg.p.value
-        if half > UNSURE * abs(leg.p.value):
+        half = leg.inertia.interval(confidence)[1] - leg.inertia.value
+        if half > UNSURE * abs(leg.inertia.value):
             told.append(
                 Verdict(
                     "warning",
-                    f"{who}: the swings do not tell the leg's inertia: {leg.p.value:.3g} +- {half:.2g} kg*m^2; inertia "
-                    f"and weight correlate by {leg.loaded.correlation:.2f}. Swing faster, within the same angles.",
+                    f"{who}: the swings do not tell the leg's inertia: {leg.inertia.value:.3g} +- {half:.2g} kg*m^2; "
+                    f"inertia and weight correlate by {leg.loaded.correlation:.2f}. Swing faster, within the "
+                    "same angles.",
                 )
             )
         mass = getattr(config.participants.get(who), "mass", None)
         # Twice Winter's shank is nobody's.
-        if mass and leg.p.value < leg.q.value**2 / (2.0 * WINTER_MASS * mass):
+        if mass and leg.inertia.value < leg.weight_moment.value**2 / (2.0 * WINTER_MASS * mass):
             told.append(
                 Verdict(
                     "warning", f"{who}: found p' - p below (q' - q)^2 / m for any leg of {mass:g} kg of body weight"
                 )
             )
-    more = {who: 100.0 * (leg.q.value / leg.usual[1] - 1.0) for who, leg in legs.items() if leg.usual}
+    more = {who: 100.0 * (leg.weight_moment.value / leg.usual[1] - 1.0) for who, leg in legs.items() if leg.usual}
     beyond = {who: share for who, share in more.items() if share > 10.0}
     if beyond:
         named = ", ".join(f"{who} by {share:.0f} %" for who, share in beyond.items())
@@ -250,7 +258,7 @@ def _cards(study, empty, legs, files, confidence) -> dict[str, ParameterCard]:
     ]
     made = {"orthosis": card("orthosis", "orthosis", orthosis, of(orthosis, empty.covariance), None)}
     for who, leg in legs.items():
-        limb = body(leg.p, leg.q)
+        limb = body(leg.inertia, leg.weight_moment)
         # The two bodies are of different recordings.
         both = of(limb, empty.covariance + leg.loaded.covariance)
         made[f"{who}.limb"] = card("limb", f"{who}.limb", limb, both, None, who)

@@ -22,7 +22,12 @@ def page(study: Study, findings: LoadedSwingResult) -> Page:
         )
     ]
     tiles += [
-        Tile(f"Leg, {who}", number(leg.p.value, leg.p.standard_error), "kg·m²", f"{number(leg.q.value, digits=3)} kg·m")
+        Tile(
+            f"Leg, {who}",
+            number(leg.inertia.value, leg.inertia.standard_error),
+            "kg·m²",
+            f"{number(leg.weight_moment.value, digits=3)} kg·m",
+        )
         for who, leg in findings.legs.items()
     ]
     told = tuple(prose(v.text) for v in findings.verdicts)
