@@ -50,7 +50,7 @@ def test_what_cannot_be_kept_is_not(tmp_path, x):
     "x",
     [
         None, True, 3, 2.5, float("inf"), "text", (1, (2.0, "a")), [1, 2], {"a": 1, 2: "b", ("a", 1): None},
-        frozenset({"a", "b"}), np.float64(2.5),
+        frozenset({"a", "b"}), np.float64(2.5), slice(1, None),
     ],
 )  # fmt: skip
 def test_values_keep_their_kinds(tmp_path, x):

@@ -98,6 +98,8 @@ class _Arrays:
             return {"m": [[self.plain(key), self.plain(value)] for key, value in x.items()]}
         if isinstance(x, Path):
             return {"p": str(x)}
+        if isinstance(x, slice):
+            return {"s": [self.plain(part) for part in (x.start, x.stop, x.step)]}
         raise _Unknown(f"{type(x).__module__}.{type(x).__qualname__} cannot be kept")
 
     def _place(self, x: np.ndarray) -> int:
@@ -127,6 +129,8 @@ def _object(x: Any, stored: Mapping[str, np.ndarray]) -> Any:
         return {_object(key, stored): _object(value, stored) for key, value in x["m"]}
     if "p" in x:
         return Path(x["p"])
+    if "s" in x:
+        return slice(*(_object(part, stored) for part in x["s"]))
     return _dataclass(x["d"], {name: _object(value, stored) for name, value in x["v"].items()})
 
 
