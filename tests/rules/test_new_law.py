@@ -3,11 +3,11 @@
 import json
 import shutil
 import subprocess
-import sys
 import sysconfig
 from pathlib import Path
 
 import pytest
+from copied_package import run_copied
 
 from pellucid import _core
 
@@ -160,7 +160,7 @@ def test_a_law_is_a_header_a_line_and_a_builder(tmp_path):
     text = text.replace("TransparentCompensation>;", "TransparentCompensation, GravityShare>;")
     text = text.replace('#include "joint_comp', '#include "gravity_share.hpp"\n#include "joint_comp')
     (core / "laws.hpp").write_text(text, encoding="utf-8")
-    builders = tmp_path / "src" / "pellucid" / "controllers" / "elbow_controllers.py"
+    builders = tmp_path / "src" / "pellucid" / "control" / "elbow_controllers.py"
     builders.write_text(builders.read_text(encoding="utf-8") + BUILDER, encoding="utf-8")
     parts = [changed(ROOT / part, tmp_path / part) for part in ("include", "bindings", "src/pellucid")]
     assert parts == [
@@ -188,11 +188,7 @@ def test_a_law_is_a_header_a_line_and_a_builder(tmp_path):
     module = tmp_path / f"new_laws{sysconfig.get_config_var('EXT_SUFFIX')}"
     subprocess.run(["c++", *options, *where, *sources, "-o", str(module)], cwd=tmp_path, check=True)
     shutil.copy(_core.__file__, tmp_path / "src" / "pellucid")
-    run = subprocess.run(
-        [sys.executable, "-c", USED, str(module), str(tmp_path / "tests" / "unit"), str(tmp_path / "out")],
-        env={"PYTHONPATH": str(tmp_path / "src"), "PATH": "/usr/bin:/bin"},
-        capture_output=True, text=True,
-    )  # fmt: skip
+    run = run_copied(tmp_path / "src", USED, module, tmp_path / "tests" / "unit", tmp_path / "out")
     assert run.returncode == 0, run.stderr
     said = json.loads(run.stdout.splitlines()[-1])
     assert said["effort"] == pytest.approx(said["expected"], rel=1e-9)

@@ -1,13 +1,9 @@
 """A new rig is two files, its class and its constants, or a class in one's own session; commands take it from there."""
 
 import json
-import os
-import shutil
-import subprocess
-import sys
-from pathlib import Path
 
 import pytest
+from copied_package import copied_package, run_copied
 
 import pellucid
 from pellucid.models.card import read_card
@@ -110,19 +106,14 @@ for command in (
 
 
 def test_a_new_rig_is_two_files_and_goes_from_init_to_export(tmp_path):
-    here, package = Path(pellucid.__file__).parent, tmp_path / "src" / "pellucid"
-    shutil.copytree(here, package, ignore=shutil.ignore_patterns("__pycache__"))
-    if not (package / "include").is_dir():
-        shutil.copytree(here.parents[1] / "include", tmp_path / "include")
+    package = copied_package(tmp_path)
     own = {"lab/pendulum/rig.py": PENDULUM, "lab/rigs/pendulum.toml": CONSTANTS}
     for file, text in own.items():
         (package / file).parent.mkdir(exist_ok=True)
         (package / file).write_text(text, encoding="utf-8")
     assert len(own) == 2
     study = tmp_path / "study"
-    environment = {**os.environ, "PYTHONPATH": str(package.parent)}
-    command = [sys.executable, "-c", COMMANDS, str(study)]
-    done = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=300, check=False)
+    done = run_copied(package.parent, COMMANDS, study)
     assert done.returncode == 0, done.stdout + done.stderr
     found = {p.name: p.value for p in read_card(study / "models" / "joint.json").parameters}
     truth = json.loads((study / "lab" / "truth.json").read_text(encoding="utf-8"))

@@ -3,12 +3,12 @@
 import json
 import shutil
 import subprocess
-import sys
 import sysconfig
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
+from copied_package import run_copied
 
 ROOT = Path(__file__).parents[2]
 HEADER = {
@@ -101,10 +101,7 @@ def test_a_friction_term_is_its_header_and_its_family(tmp_path):
         objects = list(pool.map(built, [*sources, folder / "src" / "nb_combined.cpp"]))
     module = tmp_path / "src" / "pellucid" / f"_core{sysconfig.get_config_var('EXT_SUFFIX')}"
     subprocess.run(["c++", "-shared", *map(str, objects), "-pthread", "-o", str(module)], check=True)
-    run = subprocess.run(
-        [sys.executable, "-c", USED, str(tmp_path / "out")],
-        env={"PYTHONPATH": str(tmp_path / "src"), "PATH": "/usr/bin:/bin"}, capture_output=True, text=True,
-    )  # fmt: skip
+    run = run_copied(tmp_path / "src", USED, tmp_path / "out")
     assert run.returncode == 0, run.stderr
     said = json.loads(run.stdout.splitlines()[-1])
     assert said["value"] == pytest.approx(0.07, rel=0.05)

@@ -16,7 +16,7 @@ from pellucid.lab.study import study_config
 from pellucid.lab.study_text import study_text
 from pellucid.procedures.registry import open_study
 
-KEPT = Path(__file__).parents[1] / "data" / "5239fe4"
+KEPT = Path(__file__).parents[1] / "data" / "5239fe4" / "lab"
 """Each rig's file and the study.toml that `simulate` wrote of it with seed 1, as of that commit."""
 
 RIGS = sorted(folder.name for folder in KEPT.iterdir())

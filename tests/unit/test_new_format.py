@@ -1,13 +1,7 @@
 """A new file format is one new file: a copy of the package with it opens a study's recordings."""
 
-import shutil
-import subprocess
-import sys
-from pathlib import Path
-
 import numpy as np
-
-import pellucid
+from copied_package import copied_package, run_copied
 
 READER = '''"""Lines of the angle and the torque, one sample each, after the rate in the first."""
 
@@ -54,8 +48,7 @@ print(pl.identify(study)["inertia"].value)
 
 
 def test_a_format_is_one_file(tmp_path, rng):
-    copy = tmp_path / "src" / "pellucid"
-    shutil.copytree(Path(pellucid.__file__).parent, copy, ignore=shutil.ignore_patterns("__pycache__"))
+    copy = copied_package(tmp_path)
     before = {path: path.stat().st_mtime_ns for path in copy.rglob("*") if path.is_file()}
     (copy / "recordings" / "readers" / "rig.py").write_text(READER, encoding="utf-8")
     t = np.arange(10000) / 250.0
@@ -72,11 +65,7 @@ def test_a_format_is_one_file(tmp_path, rng):
         (folder / f"{name}.rig").write_text(f"250\n{rows}\n", encoding="utf-8")
     touched = [path for path in copy.rglob("*") if path.is_file() and before.get(path) != path.stat().st_mtime_ns]
     assert [path.name for path in touched] == ["rig.py"]
-    run = subprocess.run(
-        [sys.executable, "-c", SCRIPT, str(folder)],
-        env={"PYTHONPATH": str(copy.parent), "PATH": "", "OPENBLAS_NUM_THREADS": "1"},
-        capture_output=True, text=True,
-    )  # fmt: skip
+    run = run_copied(copy.parent, SCRIPT, folder)
     assert run.returncode == 0, run.stderr
     count, inertia = run.stdout.split()
     assert count == "10000"

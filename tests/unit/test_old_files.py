@@ -15,7 +15,7 @@ from pellucid.models.parameter_card import read_parameter_card
 from pellucid.models.slider_card import read_slider_card
 from pellucid.recordings.results import read_rows
 
-OLD = Path(__file__).parents[1] / "data" / "5239fe4"
+OLD = Path(__file__).parents[1] / "data" / "5239fe4" / "commands"
 STUDIES = sorted(path.parent.name for path in OLD.glob("*/study.toml"))
 CARDS = sorted(str(path.relative_to(OLD)) for path in OLD.glob("*/models/*.json"))
 RIGS = sorted(path.stem for path in (OLD / "rigs").glob("*.toml"))

@@ -1,13 +1,8 @@
 """Estimators of torque as scikit-learn has them: its own checks, its tools, and one more estimator in one file."""
 
-import os
-import shutil
-import subprocess
-import sys
-from pathlib import Path
-
 import numpy as np
 import pytest
+from copied_package import copied_package, run_copied
 from made_muscles import trial
 from sklearn.base import clone
 from sklearn.model_selection import GroupKFold, cross_val_score
@@ -16,7 +11,6 @@ from sklearn.preprocessing import StandardScaler
 from sklearn.utils.estimator_checks import check_estimator
 from test_calibrate import leg
 
-import pellucid
 import pellucid as pl
 from pellucid._errors import IdentificationError
 from pellucid.estimators.hill import fit_hill
@@ -126,14 +120,9 @@ print(rows["leg.knee.neighbours.r2"])
 
 
 def test_an_estimator_is_one_file(tmp_path):
-    copy = tmp_path / "src" / "pellucid"
-    shutil.copytree(Path(pellucid.__file__).parent, copy, ignore=shutil.ignore_patterns("__pycache__"))
+    copy = copied_package(tmp_path)
     (copy / "estimators" / "families" / "neighbours.py").write_text(NEIGHBOURS, encoding="utf-8")
     study = leg(tmp_path / "leg")
-    run = subprocess.run(
-        [sys.executable, "-c", SCRIPT, str(study.folder)],
-        env={"PYTHONPATH": str(copy.parent), "PATH": os.environ["PATH"], "OPENBLAS_NUM_THREADS": "1"},
-        capture_output=True, text=True,
-    )  # fmt: skip
+    run = run_copied(copy.parent, SCRIPT, study.folder)
     assert run.returncode == 0, run.stderr
     assert float(run.stdout) > 0.5
