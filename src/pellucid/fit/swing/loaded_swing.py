@@ -23,7 +23,7 @@ from itertools import cycle
 import numpy as np
 
 from ..._errors import IdentificationError
-from ...models.filtered_dynamics import filtered_effort, filtered_jacobian, regressor
+from ...models.filtered_dynamics import filtered_effort, filtered_jacobian
 from ...models.joint import GRAVITY, INDEX, NAMES
 from ...signals.filters import zero_phase_lowpass
 from ...signals.motion import Filtering, Motion
@@ -190,12 +190,6 @@ class SwingForm:
     def regressor(self, motion: Swing) -> np.ndarray:
         """Torque that one unit of each coefficient takes along the samples kept, shape (n, k)."""
         return motion.rows(self.jacobian(np.zeros(len(self.terms)), motion)[1])
-
-    def along(self, position: np.ndarray, velocity: np.ndarray, acceleration: np.ndarray) -> np.ndarray:
-        """The same, (n, k), along a motion that passed no filter: `position`, `velocity`, `acceleration`, (n,)."""
-        chosen = self.selection()
-        terms = np.flatnonzero(chosen.any(axis=1))
-        return regressor(position - self.hanging, velocity, acceleration, tuple(terms)) @ chosen[terms]
 
     def _about_rest(self, motion: Swing) -> Motion:
         return replace(motion.whole, position=motion.whole.position - self.hanging)

@@ -15,8 +15,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..._errors import IdentificationError
+from ...models.joint import GRAVITY
 from ...protocols.fourier import FourierSeries, optimised_fourier
-from .loaded_swing import SwingForm, corrected
 
 _INSTANTS = 2000  # of a period
 _STEPS = 8  # acceleration limits tried
@@ -47,7 +47,7 @@ def swing_information(
     """How sure inertia and weight moment can be after a swing about where the body hangs. `inertia`, `weight_moment`
     [kg m^2], [kg m]; `noise` [N m]; `bandwidth` [Hz]; `duration` [s]."""
     time = np.arange(_INSTANTS) / _INSTANTS * series.period
-    matrix = _form(friction).along(*series.motion(time))
+    matrix = _regressor(*series.motion(time), friction=friction)
     count = 2.0 * bandwidth * duration
     covariance = noise**2 / count * np.linalg.inv(matrix.T @ matrix / len(matrix))
     inertial, gravity = inertia * matrix[:, 0], weight_moment * matrix[:, 1]
@@ -82,12 +82,11 @@ def better_swing(
     `inertia`, `weight_moment` [kg m^2], [kg m]; `reach` [rad]; `peak_torque` [N m]; `velocity`, `acceleration`
     [rad/s], [rad/s^2]; `fundamental` [Hz].
     """
-    form = _form(friction)
     best, least, lowest = None, np.inf, np.inf
     size = np.array([inertia, weight_moment, *([0.1 * weight_moment] * 3 if friction else [])])
     for limit in acceleration / 1.5 ** np.arange(_STEPS):
         series = optimised_fourier(
-            form.along,
+            lambda *motion: _regressor(*motion, friction=friction),
             fundamental=fundamental, harmonics=harmonics, low=-reach, high=reach, velocity=velocity,
             acceleration=float(limit), rng=rng, criterion="determinant", scales=size, restarts=2,
         )  # fmt: skip
@@ -105,5 +104,10 @@ def better_swing(
     return best
 
 
-def _form(friction: bool) -> SwingForm:
-    return corrected(0.0, friction=friction, viscous=friction, offset=friction)
+def _regressor(position: np.ndarray, velocity: np.ndarray, acceleration: np.ndarray, *, friction: bool) -> np.ndarray:
+    """A swing's terms, (n, k). With NumPy's sine: the optimum is so flat that the core's, a last bit away, moves it by
+    micro-radians, and what virtual rigs recorded with it would be another recording."""
+    columns = [acceleration, GRAVITY * np.sin(position)]
+    if friction:
+        columns += [velocity, np.sign(velocity), np.ones_like(position)]
+    return np.column_stack(columns)
