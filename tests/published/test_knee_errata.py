@@ -302,10 +302,10 @@ def test_b13_the_regression_s_target_and_split():
     x, y = x / x.std(), y / y.std()
     x2 = np.stack([x, np.roll(x, 40, axis=1)], axis=2)
 
-    def nearest(fitted, judged):
+    def nearest(fitted, evaluated):
         features, target = x2[fitted], y[fitted]
-        distance = np.sum((x2[judged][:, None] - features[None]) ** 2, axis=2)
-        return np.sqrt(np.mean((target[distance.argmin(axis=1)] - y[judged]) ** 2))
+        distance = np.sum((x2[evaluated][:, None] - features[None]) ** 2, axis=2)
+        return np.sqrt(np.mean((target[distance.argmin(axis=1)] - y[evaluated]) ** 2))
 
     trial = np.broadcast_to(np.arange(trials)[:, None], (trials, n))
     by_trial = nearest(trial < 6, trial >= 6)

@@ -21,12 +21,12 @@ def walking(data_folder, tmp_path_factory):
     return datasets.init(tmp_path_factory.mktemp("walking") / "study", dataset="lower_limb_walking")
 
 
-@pytest.mark.parametrize(("joint", "judged", "rest"), [("knee", 0.82, 0.79), ("ankle", 0.85, 0.86)])
-def test_torque_of_strides_never_seen(walking, joint, judged, rest):
+@pytest.mark.parametrize(("joint", "evaluated", "rest"), [("knee", 0.82, 0.79), ("ankle", 0.85, 0.86)])
+def test_torque_of_strides_never_seen(walking, joint, evaluated, rest):
     fitted, *held = moment_trials(walking, joint)
     found = fit_hill([fitted])
     scores = [score(t.torque, found.predict(t)).r2 for t in held]
-    assert scores[0] > judged
+    assert scores[0] > evaluated
     assert scores[1] > rest
     inside = [np.mean(np.abs(t.torque - found.predict(t)) <= found.half_width(t)) for t in held]
     assert min(inside) > 0.85

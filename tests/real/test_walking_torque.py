@@ -18,7 +18,7 @@ def study(data_folder, tmp_path_factory):
 
 
 @pytest.mark.parametrize(
-    ("joint", "estimator", "judged", "rest"),
+    ("joint", "estimator", "evaluated", "rest"),
     [
         ("knee", "ridge", 0.82, 0.80),
         ("knee", "tree", 0.79, 0.77),
@@ -30,13 +30,13 @@ def study(data_folder, tmp_path_factory):
         pytest.param("ankle", "bagging", 0.92, 0.91, marks=pytest.mark.slow),
     ],
 )
-def test_moments_of_strides_never_seen(study, joint, estimator, judged, rest):
+def test_moments_of_strides_never_seen(study, joint, estimator, evaluated, rest):
     fitted, *held = moment_trials(study, joint)
     assert (fitted.time[0], fitted.time[-1]) == pytest.approx((19.0, 23.99))
     assert [t.heldout for t in held] == [True, True]
     found = fit_torque_map([fitted], estimator)
     scores = [score(t.torque, found.predict(t)).r2 for t in held]
-    assert scores[0] > judged
+    assert scores[0] > evaluated
     assert scores[1] > rest
     # Cross-validation within five seconds hopes for more than later strides give, and not for much more.
     assert found.choice.score.r2 - min(scores) < 0.15

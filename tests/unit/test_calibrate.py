@@ -133,7 +133,7 @@ def orthosis(folder, *, cards=True, spoil=None):
 @pytest.fixture
 def quick(monkeypatch):
     """Estimators that take no time."""
-    monkeypatch.setattr(module, "JUDGED", ("ridge", "tree", "motion"))
+    monkeypatch.setattr(module, "EVALUATED", ("ridge", "tree", "motion"))
     monkeypatch.setattr(module, "CAUSAL", ("ridge",))
 
 
@@ -160,10 +160,10 @@ def test_the_card_says_the_same_as_the_map(tmp_path, quick):
     card = calibrate(study).cards["torque_map_knee"]
     write_parameter_card(tmp_path / "card.json", card)
     card = read_parameter_card(tmp_path / "card.json")
-    fitted, judged, _ = moment_trials(study, "knee")
+    fitted, evaluated, _ = moment_trials(study, "knee")
     found = fit_torque_map([fitted], "ridge", causal=True)
-    seen = features(judged, found.choice.features, causal=True)
-    expected = found.predict(judged)
+    seen = features(evaluated, found.choice.features, causal=True)
+    expected = found.predict(evaluated)
     for i in (0, 100, 399):
         values = dict(zip(seen.names, seen.x[i], strict=True))
         assert torque_of_card(card, values) == pytest.approx(expected[i], rel=1e-9)
@@ -293,7 +293,7 @@ def test_what_was_found_is_kept_until_something_changes(tmp_path, quick):
     assert Result.kept(study, procedure) is None
     found.save(study)
     kept = Result.kept(open_study(tmp_path), procedure)
-    for part in ("judged", "rows", "tables", "verdicts", "checksums"):
+    for part in ("evaluated", "rows", "tables", "verdicts", "checksums"):
         assert getattr(kept, part) == getattr(found, part)
     for a, b in zip(kept.traces, found.traces, strict=True):
         np.testing.assert_array_equal(a.predicted["ridge"], b.predicted["ridge"])

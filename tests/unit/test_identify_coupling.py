@@ -101,7 +101,7 @@ def test_the_strap_is_found_and_judged_against_the_true_mismatch(whole, found):
     ):
         low, high = parameter.interval()
         assert low <= true <= high
-    held = next(j for j in coupling.judged if j.split == "heldout")
+    held = next(j for j in coupling.evaluated if j.split == "heldout")
     truth = next(t for t in whole[2] if t.trial.name == held.recording).inside.truth
     assert fit_percent(truth.mismatch, held.predicted) > 95.0
     assert coupling.mean_fit() > 85.0

@@ -9,7 +9,7 @@ from made_muscles import MUSCLES, trial
 from pellucid._errors import IdentificationError, RecordingError
 from pellucid.estimators.hill import fit_hill
 from pellucid.estimators.muscle_faults import refuse_unfit
-from pellucid.procedures.emg_torque.judged import Calibrated, estimators_for
+from pellucid.procedures.emg_torque.evaluated import Calibrated, estimators_for
 
 
 def changed(made, muscle, change):

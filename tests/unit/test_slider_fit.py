@@ -36,12 +36,12 @@ def fit_of(*trials):
 )
 def test_held_out_trials_or_else_fitted_ones(trials, split, names, error):
     fit = fit_of(*trials)
-    assert fit.judged_split == split
-    assert [e.recording for e in fit.judged("pooled")] == names
-    assert fit.judged_error("pooled") == error
+    assert fit.evaluated_split == split
+    assert [e.recording for e in fit.evaluated("pooled")] == names
+    assert fit.evaluated_error("pooled") == error
 
 
 def test_nothing_to_judge_by():
     fit = fit_of(("fitted", np.nan))
-    assert fit.judged("pooled") == ()
-    assert np.isnan(fit.judged_error("pooled"))
+    assert fit.evaluated("pooled") == ()
+    assert np.isnan(fit.evaluated_error("pooled"))

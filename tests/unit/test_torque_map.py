@@ -114,16 +114,16 @@ def test_torque_is_no_feature():
 def test_blocks_cover_everything_once_and_keep_their_distance():
     time = np.arange(500) / FS
     folds = block_folds(time, 5, 0.2)
-    assert np.array_equal(np.concatenate([judged for _, judged in folds]), np.arange(500))
-    for fitted, judged in folds:
-        assert np.abs(time[fitted][:, None] - time[judged]).min() > 0.2
+    assert np.array_equal(np.concatenate([evaluated for _, evaluated in folds]), np.arange(500))
+    for fitted, evaluated in folds:
+        assert np.abs(time[fitted][:, None] - time[evaluated]).min() > 0.2
     with pytest.raises(IdentificationError, match="gaps of 10 s"):
         block_folds(time, 5, 10.0)
 
 
 def test_groups_are_left_out_whole():
     groups = np.array(["a", "a", "b", "c", "b"])
-    assert [judged.tolist() for _, judged in grouped_folds(groups)] == [[0, 1], [2, 4], [3]]
+    assert [evaluated.tolist() for _, evaluated in grouped_folds(groups)] == [[0, 1], [2, 4], [3]]
     with pytest.raises(IdentificationError, match="found 1 group"):
         grouped_folds(["a", "a"])
 
@@ -147,9 +147,9 @@ def test_an_unrelated_torque_is_not_predicted(name):
     y = np.concatenate([t.torque for t in trials])
     shuffled = np.random.default_rng(0).permutation(len(y))
     leaky, family = np.empty(len(y)), ESTIMATORS[f"{name}_published"]
-    for judged in np.array_split(shuffled, 5):
-        fitted = np.setdiff1d(shuffled, judged)
-        leaky[judged] = family.make(family.settings[0], None).fit(x[fitted], y[fitted]).predict(x[judged])
+    for evaluated in np.array_split(shuffled, 5):
+        fitted = np.setdiff1d(shuffled, evaluated)
+        leaky[evaluated] = family.make(family.settings[0], None).fit(x[fitted], y[fitted]).predict(x[evaluated])
     assert score(y, leaky).r2 > 0.5
     plain = f"{name}_published"
     assert torque_map_cv(trials, [plain])[plain].score.r2 < 0.1

@@ -34,7 +34,7 @@ def found(swings):
 
 
 def test_the_strap_explains_swings_it_was_not_fitted_on(found, truths):
-    held = [j for j in found.judged if j.split == "heldout"]
+    held = [j for j in found.evaluated if j.split == "heldout"]
     assert [j.recording for j in held] == ["swing_2"]
     assert fit_percent(truths[2].mismatch, held[0].predicted) > 90.0
     # Against the IMU no model does better than its error allows, but by chance.

@@ -47,7 +47,7 @@ def write_story(out: Path, made: Demonstration) -> Path:
 
 def told(made: Demonstration) -> list[tuple[str, str]]:
     """The story in a sentence a chapter, as page and command line tell it."""
-    off, error = percent(100.0 * _gravity_error(made)), 1e3 * made.fit.judged_error("load") * made.fit.gain
+    off, error = percent(100.0 * _gravity_error(made)), 1e3 * made.fit.evaluated_error("load") * made.fit.gain
     found = (
         f"A virtual elbow exoskeleton was identified from {_minutes(made):.0f} minutes of recordings: its gravity to "
         f"{off} % of the truth, the torque in trials never fitted to {number(error, digits=2)} mN·m."
@@ -132,10 +132,10 @@ def _identified(made: Demonstration) -> Section:
         rows.append(Row((words, unit_text(p.unit), *found, off, "yes" if low <= true <= high else "no")))
     heads = ("Parameter", "Unit", "Found", "95 % interval", "Truth", "Off by (%)", "Interval holds it")
     table = Table(heads, tuple(rows), frozenset({2, 3, 4, 5}), "With the carriage at 0.", True)
-    judged = {m: {e.recording: e for e in fit.judged(m)} for m in DRAWN}
-    trials = list(judged["pooled"])
-    errors = {SHORT[m]: np.array([judged[m][t].current for t in trials]) for m in DRAWN}
-    kinds = [PROTOCOLS.get(judged["pooled"][t].protocol, judged["pooled"][t].protocol) for t in trials]
+    evaluated = {m: {e.recording: e for e in fit.evaluated(m)} for m in DRAWN}
+    trials = list(evaluated["pooled"])
+    errors = {SHORT[m]: np.array([evaluated[m][t].current for t in trials]) for m in DRAWN}
+    kinds = [PROTOCOLS.get(evaluated["pooled"][t].protocol, evaluated["pooled"][t].protocol) for t in trials]
     places = len({round(m.slider, 3) for m in fit.motions if m.split == "fitted"})
     return Section(
         "identified",

@@ -77,19 +77,19 @@ class SliderFit:
         return self.estimates[method]
 
     @property
-    def judged_split(self) -> str:
+    def evaluated_split(self) -> str:
         """What methods are judged on: "heldout" where any held-out trial has an error, else "fitted"."""
         held = any(e.split == "heldout" and np.isfinite(e.current) for errors in self.errors.values() for e in errors)
         return "heldout" if held else "fitted"
 
-    def judged(self, method: str) -> tuple[TrialError, ...]:
+    def evaluated(self, method: str) -> tuple[TrialError, ...]:
         """A method's errors in the trials it is judged on; a trial in which nothing moved has none."""
-        split = self.judged_split
+        split = self.evaluated_split
         return tuple(e for e in self.errors[method] if e.split == split and np.isfinite(e.current))
 
-    def judged_error(self, method: str) -> float:
+    def evaluated_error(self, method: str) -> float:
         """Mean over those trials of the mean absolute current error [A]; NaN without any."""
-        return float(np.mean([e.current for e in self.judged(method)] or [np.nan]))
+        return float(np.mean([e.current for e in self.evaluated(method)] or [np.nan]))
 
     def mean_error(self, method: str, recordings: tuple[str, ...] | None = None) -> float:
         """Mean over trials of the mean absolute current error [A]: of those named, or of all held out."""

@@ -16,8 +16,8 @@ from ...signals.filters import central_difference, decimate, zero_phase_lowpass
 from ...signals.input_output import InputOutput
 from ..joint.gravity_holds import GravityFit, find_holds, fit_gravity, phasor_parameters
 from ..parameter import Parameter
-from ..transfer.pendulum_fit import PendulumFit, fit_pendulum, judged_pendulum
-from ..transfer.transfer_function_fit import Response, TransferFit, fit_records, judged
+from ..transfer.pendulum_fit import PendulumFit, evaluated_pendulum, fit_pendulum
+from ..transfer.transfer_function_fit import Response, TransferFit, evaluated, fit_records
 from ..uncertainty import sandwich
 from .strap_torque import Orthosis
 
@@ -96,8 +96,8 @@ def fit_orthosis(
         gravity,
         pendulum,
         linear,
-        {r.recording: judged_pendulum(pendulum, r) for r in checks},
-        {r.recording: judged(linear.transfer_function, r, hold=HOLD) for r in checks},
+        {r.recording: evaluated_pendulum(pendulum, r) for r in checks},
+        {r.recording: evaluated(linear.transfer_function, r, hold=HOLD) for r in checks},
         _covariance(sines, pendulum, gravity.gravity),
     )
 

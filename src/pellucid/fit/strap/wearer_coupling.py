@@ -40,7 +40,7 @@ SIDES = ("orthosis", "limb", "published")
 
 
 @dataclass(frozen=True, eq=False)
-class JudgedSwing:
+class EvaluatedSwing:
     """A swing, the mismatch that the IMU saw, and what the models make of it."""
 
     recording: str
@@ -71,18 +71,18 @@ class WearerCoupling:
     limb_side: CouplingFit | None  # None where the muscles' torque is not known, or that side gave nothing
     # ``"balance"``, least squares of the thesis's equation 2.2, and ``"two_poles"``, its equation 2.7
     published: Mapping[str, PublishedCoupling]
-    judged: tuple[JudgedSwing, ...]
+    evaluated: tuple[EvaluatedSwing, ...]
     slips: tuple[Slip, ...]  # Trials in which the strap slipped; they were not fitted
     verdicts: tuple[Verdict, ...]
 
     def mean_fit(self, model: str = "orthosis", split: str = "heldout") -> float:
         """Mean fit of a `model` over the trials of a `split` [%]; NaN where there are none."""
-        found = [j.fit[model] for j in self.judged if j.split == split and model in j.fit]
+        found = [j.fit[model] for j in self.evaluated if j.split == split and model in j.fit]
         return float(np.mean(found)) if found else float("nan")
 
     def mean_ceiling(self, split: str = "heldout") -> float:
         """Mean of the fit that the IMU's own error allows, over the trials of a `split` [%]."""
-        found = [j.ceiling for j in self.judged if j.split == split]
+        found = [j.ceiling for j in self.evaluated if j.split == split]
         return float(np.mean(found)) if found else float("nan")
 
 
@@ -114,12 +114,12 @@ def identify_wearer(
     angles = {s.name: limb_angle(s, instruments[s.name]) for s in swings} if muscles else {}
     other, failure = _limb_side(used, limb, angles, gain) if muscles else (None, "no torque of the muscles is known")
     published = _published(used, angles, orthosis, limb) if muscles else {}
-    judged = tuple(
+    evaluated = tuple(
         _judge(s, torques[s.name], instruments[s.name], fit, other, published, angles, orthosis, limb, imu_sd)
         for s in swings
     )
-    made = WearerCoupling(participant, fit, other, published, judged, tuple(slips), ())
-    return WearerCoupling(participant, fit, other, published, judged, tuple(slips), coupling_verdicts(made, failure))
+    made = WearerCoupling(participant, fit, other, published, evaluated, tuple(slips), ())
+    return WearerCoupling(participant, fit, other, published, evaluated, tuple(slips), coupling_verdicts(made, failure))
 
 
 def coupling_verdicts(found: WearerCoupling, no_limb: str = "") -> tuple[Verdict, ...]:
@@ -133,8 +133,8 @@ def coupling_verdicts(found: WearerCoupling, no_limb: str = "") -> tuple[Verdict
         )
         for s in found.slips
     ]
-    judged = [j for j in found.judged if j.split == "heldout"]
-    if judged:
+    evaluated = [j for j in found.evaluated if j.split == "heldout"]
+    if evaluated:
         reached, ceiling = found.mean_fit(), found.mean_ceiling()
         limit = f" (the IMU's own error allows {ceiling:.1f} %)" if np.isfinite(ceiling) else ""
         kind = "good" if reached > 0.8 * (ceiling if np.isfinite(ceiling) else 100.0) else "warning"
@@ -198,7 +198,7 @@ def _published(used, angles, orthosis, limb) -> dict[str, PublishedCoupling]:
     return {"balance": solve_balance(torques, seen, fs), "two_poles": fit_two_poles(torques, seen, fs)}
 
 
-def _judge(swing, torque, instrument, fit, other, published, angles, orthosis, limb, imu_sd) -> JudgedSwing:
+def _judge(swing, torque, instrument, fit, other, published, angles, orthosis, limb, imu_sd) -> EvaluatedSwing:
     time, seen, model = _compared(swing, torque.torque, instrument, fit)
     simulated = {"orthosis": model}
     if other is not None:
@@ -210,7 +210,7 @@ def _judge(swing, torque, instrument, fit, other, published, angles, orthosis, l
         simulated["published"] = np.interp(time, swing.time, literal)
     fits = {name: fit_percent(seen, values) for name, values in simulated.items()}
     ceiling = 100.0 * (1.0 - imu_sd / float(np.std(seen)))
-    return JudgedSwing(
+    return EvaluatedSwing(
         swing.name,
         swing.split,
         time,

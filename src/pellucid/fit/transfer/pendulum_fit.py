@@ -126,7 +126,7 @@ def fit_pendulum(
     return _finished(problem, found.x, lower, upper, int(found.nfev), bool(found.success), k)
 
 
-def judged_pendulum(fit: PendulumFit, record: InputOutput) -> Response:
+def evaluated_pendulum(fit: PendulumFit, record: InputOutput) -> Response:
     """Simulate a record with frozen parameters; only its initial state is estimated."""
     _require(record, 2)
     held = dict(zip(NAMES, fit.complete, strict=True))

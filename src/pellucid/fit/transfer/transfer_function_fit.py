@@ -171,7 +171,7 @@ def fit_records(
     return _finished(experiment, found, units)
 
 
-def judged(transfer_function: TransferFunction, record: InputOutput, *, hold: str, offset: bool = False) -> Response:
+def evaluated(transfer_function: TransferFunction, record: InputOutput, *, hold: str, offset: bool = False) -> Response:
     """Simulate a record with frozen coefficients; its initial state, and its offset if asked for, are estimated."""
     _require(record, transfer_function.order + offset, moving=False)
     zeros = len(transfer_function.numerator) - 1

@@ -189,7 +189,7 @@ def _mismatches(taken: KneeSession, coupling: WearerCoupling) -> tuple[Mismatch,
             j.recording, j.split, by_name[j.recording].time, taken.truth[j.recording].mismatch, j.predicted,
             j.published, j.time, j.seen,
         )
-        for j in coupling.judged
+        for j in coupling.evaluated
     )  # fmt: skip
 
 

@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 
 from ...fit.joint.gravity_holds import GravityFit, line_of_best_fit
 from ...fit.parameter import Parameter
-from ...fit.strap.wearer_coupling import JudgedSwing
+from ...fit.strap.wearer_coupling import EvaluatedSwing
 from ...fit.transfer.transfer_function_fit import Response
 from ...pages.drawing import Drawing, Head, dots, heads, key, line, one_panel, tidy
 from ...pages.quantities import number, unit_text
@@ -106,7 +106,7 @@ def limbs_figure(orthosis: GravityFit, wearers: Mapping[str, WearerStages]) -> D
     )
 
 
-def mismatch_figure(who: str, swing: JudgedSwing) -> Drawing:
+def mismatch_figure(who: str, swing: EvaluatedSwing) -> Drawing:
     """The mismatch in one swing: by the IMU, and by the models."""
     figure, axis = one_panel(3.2)
     axis.axhline(0.0, color=colour("faint"), linewidth=0.8, zorder=1)
@@ -175,6 +175,6 @@ def _interval(axis, row: float, parameter: Parameter, level: float, role: str) -
     dots(axis, np.array([parameter.value]), np.array([row]), colour(role), alpha=1.0, size=6.0)
 
 
-def drawn_swing(swings: Sequence[JudgedSwing]) -> JudgedSwing:
+def drawn_swing(swings: Sequence[EvaluatedSwing]) -> EvaluatedSwing:
     """The one to draw: the first that was held out, else the first."""
     return next((s for s in swings if s.split == "heldout"), swings[0])

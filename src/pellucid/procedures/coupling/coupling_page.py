@@ -88,7 +88,7 @@ def _limbs(findings: CouplingResult) -> Section:
 def _straps(findings: CouplingResult) -> Section:
     drawings = [draw(figures.straps_figure, findings.wearers, findings.confidence)]
     for who, stages in findings.wearers.items():
-        drawings.append(draw(figures.mismatch_figure, who, figures.drawn_swing(stages.coupling.judged)))
+        drawings.append(draw(figures.mismatch_figure, who, figures.drawn_swing(stages.coupling.evaluated)))
     return Section(
         "coupling_straps",
         "The straps",

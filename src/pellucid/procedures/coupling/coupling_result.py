@@ -87,8 +87,8 @@ def coupling_result(
 def _headline(orthosis: OrthosisFit, wearers: Mapping[str, WearerStages]) -> str:
     held = [w.coupling.mean_fit() for w in wearers.values()]
     straps = ", ".join(f"{who} {w.coupling.orthosis_side.stiffness.value:.3g} N*m/rad" for who, w in wearers.items())
-    judged = f", which explain {np.nanmean(held):.1f} % of held-out mismatch" if np.isfinite(held).any() else ""
-    return f"Straps of {straps}{judged}; orthosis {orthosis.mean_fit():.1f} % held out."
+    evaluated = f", which explain {np.nanmean(held):.1f} % of held-out mismatch" if np.isfinite(held).any() else ""
+    return f"Straps of {straps}{evaluated}; orthosis {orthosis.mean_fit():.1f} % held out."
 
 
 def _tables(orthosis: OrthosisFit, wearers: Mapping[str, WearerStages]) -> Iterator[ParameterTable | FigureTable]:
@@ -108,12 +108,12 @@ def _tables(orthosis: OrthosisFit, wearers: Mapping[str, WearerStages]) -> Itera
             known = tuple(p for p in (stages.limb.gravity, stages.limb.inertia) if np.isfinite(p.value))
             yield ParameterTable(f"{who}: limb", known)
     heads = ("Participant", "Split", "Recording", "Orthosis side [%]", "Limb side [%]", "Published [%]", "Ceiling [%]")
-    judged = [
+    evaluated = [
         (who, j.split, j.recording, *(j.fit.get(n) for n in ("orthosis", "limb", "published")), _known(j.ceiling))
         for who, stages in wearers.items()
-        for j in stages.coupling.judged
+        for j in stages.coupling.evaluated
     ]
-    yield FigureTable("Mismatch explained", heads, tuple(judged))
+    yield FigureTable("Mismatch explained", heads, tuple(evaluated))
 
 
 def _known(value: float) -> float | None:
@@ -221,11 +221,11 @@ def _coupling_rows(who: str, found: WearerCoupling, row, parameter, checksums) -
     names = {"orthosis": "fit", "limb": "limb_side.fit", "published": "published_form.fit"}
     against = "mean over swings not fitted, against the IMU's mismatch"
     for model, name in names.items():
-        if any(model in j.fit for j in found.judged):
+        if any(model in j.fit for j in found.evaluated):
             yield row(f"{head}.{name}", _known(found.mean_fit(model)), "%", "heldout", against)
             yield row(f"{head}.{name}.fitted", _known(found.mean_fit(model, "fitted")), "%", "fitted")
     yield row(f"{head}.ceiling", _known(found.mean_ceiling()), "%", "heldout", "what the IMU's own error allows")
-    for j in found.judged:
+    for j in found.evaluated:
         split = "heldout" if j.split == "heldout" else "fitted"
         yield row(f"{head}.fit.{j.recording}", j.fit["orthosis"], "%", split, checksum=checksums.get(j.recording))
         yield row(f"{head}.rmse.{j.recording}", j.rmse, "rad", split, checksum=checksums.get(j.recording))

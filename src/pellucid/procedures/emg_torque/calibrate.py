@@ -20,7 +20,7 @@ from ...recordings.study import Study
 from ...signals.emg_chain import emg_chain
 from ..result import FigureTable, Result
 from .calibration_rows import calibration_rows
-from .judged import CAUSAL, JUDGED, Calibrated, Judged, TorqueTrace, estimators_for
+from .evaluated import CAUSAL, EVALUATED, Calibrated, Evaluated, TorqueTrace, estimators_for
 from .leave_one_out import moments_left_out, repetitions_left_out
 from .leg_extension_trials import EXTENSION
 from .muscle_findings import (
@@ -45,7 +45,7 @@ Progress = Callable[[str, float], None]
 class CalibrationResult(Result):
     """What calibration found, with what its figures need."""
 
-    judged: tuple[Judged, ...] = field(default=(), repr=False)
+    evaluated: tuple[Evaluated, ...] = field(default=(), repr=False)
     traces: tuple[TorqueTrace, ...] = field(default=(), repr=False)
     muscles: tuple[MuscleSummary, ...] = field(default=(), repr=False)  # Calibrated ones, by joint or participant
 
@@ -62,16 +62,16 @@ def calibrate(study: Study, on_progress: Progress | None = None) -> CalibrationR
         raise IdentificationError(f"{study.folder}: found no table [emg_torque] in study.toml, expected one")
     tell = on_progress or (lambda text, share: None)
     found = _judge_by(study)(study, tell)
-    judged, trials = found.judged, found.trials
+    evaluated, trials = found.evaluated, found.trials
     return CalibrationResult(
         study=study.name,
-        headline=_headline(judged),
-        tables=(*_tables(judged), *muscle_tables(found.muscles)),
-        verdicts=(*_verdicts(study, judged, trials), *muscle_verdicts_of(found)),
-        rows=calibration_rows(study.name, judged, trials),
+        headline=_headline(evaluated),
+        tables=(*_tables(evaluated), *muscle_tables(found.muscles)),
+        verdicts=(*_verdicts(study, evaluated, trials), *muscle_verdicts_of(found)),
+        rows=calibration_rows(study.name, evaluated, trials),
         cards={**found.cards, **muscle_cards(study, found.muscles, trials)},
         checksums={trial.name: trial.checksum for trial in trials},
-        judged=tuple(judged),
+        evaluated=tuple(evaluated),
         traces=tuple(found.traces),
         muscles=muscle_summaries(found),
     )
@@ -95,7 +95,7 @@ def _by_recording(study: Study, tell: Progress) -> Calibrated:
     trials = {joint: moment_trials(study, joint) for joint in joints}
     runs = [
         (joint, name, causal)
-        for causal, names in ((False, JUDGED), (True, CAUSAL))
+        for causal, names in ((False, EVALUATED), (True, CAUSAL))
         for joint in joints
         for name in estimators_for(trials[joint], joint, found, names)
     ]
@@ -117,8 +117,8 @@ def _by_recording(study: Study, tell: Progress) -> Calibrated:
         for trial in held:
             made = fit.predict(trial)
             half = fit.half_width(trial) if name == "hill" else None
-            found.judged.append(
-                Judged(
+            found.evaluated.append(
+                Evaluated(
                     joint, name, causal, trial.name, score(trial.torque, made), fit.choice.score, fit.choice.words,
                     seconds=fit.fit.seconds if isinstance(fit, HillMap) else None,
                     coverage=None if half is None else float(np.mean(np.abs(trial.torque - made) <= half)),
@@ -146,7 +146,7 @@ def _by_repetition(study: Study, tell: Progress) -> Calibrated:
     for i, person in enumerate(people):
         body, joint = moved_body(study, person), study.config.emg_torque.joints[0]
         what = person or joint
-        for causal, names in ((False, JUDGED), (True, CAUSAL)):
+        for causal, names in ((False, EVALUATED), (True, CAUSAL)):
             trials = step_trials(study, person, body, causal=causal, joint=joint)
             base, span = (i + 0.8 * causal) / len(people), (0.2 if causal else 0.8) / len(people)
             names = estimators_for(trials, what, found, names)
@@ -158,7 +158,7 @@ def _by_repetition(study: Study, tell: Progress) -> Calibrated:
             )
             for name, result in results.items():
                 words = " / ".join(dict.fromkeys(choice.words for choice in result.choices))
-                found.judged.append(Judged(what, name, causal, "", result.score, None, words, "steps"))
+                found.evaluated.append(Evaluated(what, name, causal, "", result.score, None, words, "steps"))
             if causal:
                 card = f"torque_map_{what}"
                 found.cards[card] = torque_card(study, fit_torque_map(trials, CARD, causal=True), trials, card)
@@ -175,11 +175,11 @@ def _by_repetition(study: Study, tell: Progress) -> Calibrated:
     return found
 
 
-def _tables(judged: Sequence[Judged]) -> tuple[FigureTable, ...]:
+def _tables(evaluated: Sequence[Evaluated]) -> tuple[FigureTable, ...]:
     """One for each joint or person and each recording; R² within what was fitted stands beside the first."""
     tables = []
-    for what, recording in dict.fromkeys((each.what, each.recording) for each in judged):
-        own = [each for each in judged if (each.what, each.recording) == (what, recording)]
+    for what, recording in dict.fromkeys((each.what, each.recording) for each in evaluated):
+        own = [each for each in evaluated if (each.what, each.recording) == (what, recording)]
         rows = [
             (
                 ESTIMATORS[each.estimator].words + (", causal" if each.causal else ""),
@@ -196,17 +196,17 @@ def _tables(judged: Sequence[Judged]) -> tuple[FigureTable, ...]:
     return tuple(tables)
 
 
-def preferred(judged: Sequence[Judged], what: str) -> Judged:
+def preferred(evaluated: Sequence[Evaluated], what: str) -> Evaluated:
     """The estimator to name first: what is judged must not choose it."""
-    own = [e for e in judged if e.what == what and not e.causal and ESTIMATORS[e.estimator].muscles]
+    own = [e for e in evaluated if e.what == what and not e.causal and ESTIMATORS[e.estimator].muscles]
     own = [e for e in own if e.recording == own[0].recording]
     return min(own, key=lambda e: e.within.rmse if e.within is not None else inf)
 
 
-def _headline(judged: Sequence[Judged]) -> str:
+def _headline(evaluated: Sequence[Evaluated]) -> str:
     said = []
-    for what in dict.fromkeys(each.what for each in judged):
-        best = preferred(judged, what)
+    for what in dict.fromkeys(each.what for each in evaluated):
+        best = preferred(evaluated, what)
         said.append(
             f"{what}: {ESTIMATORS[best.estimator].words} errs by {best.score.rmse:.3g} {best.unit} "
             f"(R² {best.score.r2:.3f})"
@@ -214,11 +214,13 @@ def _headline(judged: Sequence[Judged]) -> str:
     return "; ".join(said) + ", on what was not fitted."
 
 
-def _verdicts(study: Study, judged: Sequence[Judged], trials: Sequence[TorqueTrial]) -> tuple[Verdict, ...]:
+def _verdicts(study: Study, evaluated: Sequence[Evaluated], trials: Sequence[TorqueTrial]) -> tuple[Verdict, ...]:
     said = []
-    for what in dict.fromkeys(each.what for each in judged):
-        best = preferred(judged, what)
-        bare = next((e for e in judged if (e.what, e.estimator, e.recording) == (what, "motion", best.recording)), None)
+    for what in dict.fromkeys(each.what for each in evaluated):
+        best = preferred(evaluated, what)
+        bare = next(
+            (e for e in evaluated if (e.what, e.estimator, e.recording) == (what, "motion", best.recording)), None
+        )
         if bare is not None and bare.score.rmse <= best.score.rmse:
             said.append(
                 Verdict(

@@ -30,8 +30,8 @@ def page(study: Study, findings: CalibrationResult) -> Page:
 
 def _tiles(findings: CalibrationResult) -> tuple[Tile, ...]:
     tiles = []
-    for what in dict.fromkeys(each.what for each in findings.judged):
-        best = preferred(findings.judged, what)
+    for what in dict.fromkeys(each.what for each in findings.evaluated):
+        best = preferred(findings.evaluated, what)
         more = f"{ESTIMATORS[best.estimator].words}; R² {best.score.r2:.3f}"
         tiles.append(Tile(f"Torque error, {what}", number(best.score.rmse, digits=3), "N·m RMS", more))
     return tuple(tiles)
@@ -39,8 +39,8 @@ def _tiles(findings: CalibrationResult) -> tuple[Tile, ...]:
 
 def _found(findings: CalibrationResult) -> Section:
     tables = figure_tables(findings)
-    first = findings.judged[0].recording
-    plain = [e for e in findings.judged if not e.causal and e.recording == first]
+    first = findings.evaluated[0].recording
+    plain = [e for e in findings.evaluated if not e.causal and e.recording == first]
     drawing = draw(
         figures.error_by_estimator,
         [(e.what, e.estimator, ESTIMATORS[e.estimator].words, e.score.rmse) for e in plain],
@@ -110,7 +110,7 @@ def _muscles(findings: CalibrationResult) -> Section | None:
 
 
 def _choices(findings: CalibrationResult) -> Section:
-    first = findings.judged[0].recording
+    first = findings.evaluated[0].recording
     rows = tuple(
         Row(
             (
@@ -120,7 +120,7 @@ def _choices(findings: CalibrationResult) -> Section:
                 "–" if each.within is None else f"{each.within.r2:.3f}",
             )
         )
-        for each in findings.judged
+        for each in findings.evaluated
         if each.recording == first
     )
     heads = ("Torque of", "Estimator", "Sees; settings", "R² within what was fitted")

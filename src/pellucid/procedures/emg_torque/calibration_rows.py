@@ -6,10 +6,12 @@ from collections.abc import Sequence
 
 from ...estimators.torque_trial import TorqueTrial
 from ...recordings.results import ResultRow
-from .judged import Judged
+from .evaluated import Evaluated
 
 
-def calibration_rows(study: str, judged: Sequence[Judged], trials: Sequence[TorqueTrial]) -> tuple[ResultRow, ...]:
+def calibration_rows(
+    study: str, evaluated: Sequence[Evaluated], trials: Sequence[TorqueTrial]
+) -> tuple[ResultRow, ...]:
     """Every figure; the first held-out recording's have no name in their id, the others' have."""
     sums = {trial.name: trial.checksum for trial in trials}
     first = next((trial.name for trial in trials if trial.heldout), "")
@@ -18,7 +20,7 @@ def calibration_rows(study: str, judged: Sequence[Judged], trials: Sequence[Torq
     def add(name: str, value: float, unit: str, note: str, *, split: str = "heldout", recording: str = "") -> None:
         rows.append(ResultRow(f"{study}.{name}", value, unit, "calibrate", split, sums.get(recording), note))
 
-    for each in judged:
+    for each in evaluated:
         how, note = each.estimator + (".causal" if each.causal else ""), each.choice
         if each.kind == "steps":
             add(f"emg.{each.what}.rmse.{how}", each.score.rmse, "N*m", note)

@@ -15,7 +15,7 @@ from ...fit.parameter import Verdict
 from ...models.parameter_card import ParameterCard
 from ...recordings.study import Study
 from ..result import ParameterTable
-from .judged import Calibrated
+from .evaluated import Calibrated
 
 CARD_KIND = "muscles"
 
@@ -135,7 +135,7 @@ def muscle_verdicts_of(found: Calibrated) -> tuple[Verdict, ...]:
             )
         )
         said += _against_regression(found, what)
-    for each in found.judged:
+    for each in found.evaluated:
         if each.coverage is not None and not each.causal:
             kind = "good" if each.coverage >= 0.9 else "warning"
             where = each.recording.replace("_", " ") or "each trial left out in turn"
@@ -152,7 +152,7 @@ def muscle_verdicts_of(found: Calibrated) -> tuple[Verdict, ...]:
 
 def _against_regression(found: Calibrated, what: str) -> list[Verdict]:
     """Muscles beside the regressions that see the same, on what was judged first."""
-    own = [e for e in found.judged if e.what == what and not e.causal]
+    own = [e for e in found.evaluated if e.what == what and not e.causal]
     own = [e for e in own if e.recording == own[0].recording] if own else []
     by = {e.estimator: e for e in own}
     if "hill" not in by or "ridge" not in by or by["hill"].kind == "normalised":

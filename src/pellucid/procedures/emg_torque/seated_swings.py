@@ -27,7 +27,7 @@ from ...recordings.recording import Recording
 from ...recordings.study import Study
 from ...signals.emg_chain import EmgChain, emg_chain
 from ..loaded_swing.identify_loaded_swing import LOADED, identify_swings
-from .judged import Calibrated, Judged, TorqueTrace, estimators_for
+from .evaluated import Calibrated, Evaluated, TorqueTrace, estimators_for
 from .muscle_findings import partial_errors
 
 SWINGS = "seated_swing"
@@ -149,8 +149,8 @@ def _judge(found: Calibrated, trials: list[TorqueTrial], who: str, tell: Callabl
             if name == "hill":
                 half[trial.name] = fit.half_width(trial)
             inside = np.abs(trial.torque - torque) <= half[trial.name] if name == "hill" else None
-            found.judged.append(
-                Judged(
+            found.evaluated.append(
+                Evaluated(
                     who, name, False, trial.name, score(trial.torque, torque), fit.choice.score, fit.choice.words,
                     seconds=fit.fit.seconds if muscles else None,
                     coverage=None if inside is None else float(np.mean(inside)),

@@ -15,14 +15,14 @@ from .identify_hinge import PROCESSING, HingeResult, HingeTrial
 
 def page(study: Study, findings: HingeResult) -> Page:
     """Everything that was found, as a page."""
-    judged = tuple(t for t in findings.trials if t.scores)
+    evaluated = tuple(t for t in findings.trials if t.scores)
     return study_page(
         title=f"{findings.study}: angle of a hinge",
         headline=findings.headline,
-        tiles=tuple(_tile(t) for t in judged),
+        tiles=tuple(_tile(t) for t in evaluated),
         sections=(
             _found(findings),
-            *([_angles(study, judged)] if judged else []),
+            *([_angles(study, evaluated)] if evaluated else []),
             _hinges(findings),
             Section(
                 "hinge_method", "How", paragraphs=(f"{PROCESSING[0].upper()}{PROCESSING[1:]}.",), notes=study.notes
@@ -46,9 +46,9 @@ def _found(findings: HingeResult) -> Section:
     return Section("hinge_found", "What was found", told, figure_tables(findings))
 
 
-def _angles(study: Study, judged: tuple[HingeTrial, ...]) -> Section:
+def _angles(study: Study, evaluated: tuple[HingeTrial, ...]) -> Section:
     drawings = []
-    for i, trial in enumerate(judged):
+    for i, trial in enumerate(evaluated):
         start = float(trial.reference.time[0]) + study.config.hinge.score_from
         drawings.append(draw(figures.angle_figure, trial, start, f"angle_{i + 1}"))
         drawings.append(draw(figures.error_figure, trial, start, f"error_{i + 1}"))

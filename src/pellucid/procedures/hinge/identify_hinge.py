@@ -130,10 +130,10 @@ def hinge_trial(recording: Recording, table: HingeTable) -> HingeTrial:
     trial = HingeTrial(recording.name, hinge, offline, causal, sum(imu.interpolated for imu in imus))
     if not has_reference(recording, table.proximal, table.distal):
         return trial
-    return _judged(trial, recording, imus, table, start)
+    return _evaluated(trial, recording, imus, table, start)
 
 
-def _judged(
+def _evaluated(
     trial: HingeTrial, recording: Recording, imus: list[Inertial], table: HingeTable, start: float
 ) -> HingeTrial:
     reference = hinge_reference(recording, table.proximal, table.distal, table.jump)
@@ -206,16 +206,16 @@ def _excluded(trial: HingeTrial) -> str:
 
 
 def _headline(trials: list[HingeTrial]) -> str:
-    judged = [np.degrees(t.scores["offline"].rms) for t in trials if t.scores]
+    evaluated = [np.degrees(t.scores["offline"].rms) for t in trials if t.scores]
     what = f"{len(trials)} recording{'s' if len(trials) > 1 else ''} of a hinge between two IMUs"
-    if not judged:
+    if not evaluated:
         return f"{what}: axis, centre and angle found; no reference to judge the angle by."
-    return f"{what}: the angle is within {min(judged):.2f} to {max(judged):.2f} deg RMS of the reference."
+    return f"{what}: the angle is within {min(evaluated):.2f} to {max(evaluated):.2f} deg RMS of the reference."
 
 
 def _error_tables(trials: list[HingeTrial]) -> list[FigureTable]:
-    judged = [t for t in trials if t.scores]
-    if not judged:
+    evaluated = [t for t in trials if t.scores]
+    if not evaluated:
         return []
     ways = ("offline", "causal", "own delay", "no delay", "rates alone")
     heads = ("recording", *(f"{way} [deg]" for way in ways), "delay found [ms]", "excluded samples")
@@ -226,7 +226,7 @@ def _error_tables(trials: list[HingeTrial]) -> list[FigureTable]:
             1e3 * t.alignment.delay,
             t.reference.excluded,
         )
-        for t in judged
+        for t in evaluated
     )
     return [FigureTable("RMS error of the angle, after the calibration", heads, rows)]
 

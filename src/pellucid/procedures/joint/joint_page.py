@@ -228,10 +228,10 @@ def _parameters(fit: JointResult, estimate: JointEstimate, level: float) -> Tabl
 def _families_words(fit: JointResult) -> str:
     if len(fit.families) == 1:
         return f"Only one family was asked for, {fit.best}: {FAMILIES.get(fit.best, fit.best)}."
-    judged = any(np.isfinite(f.heldout_effort_error) for f in fit.families.values())
+    evaluated = any(np.isfinite(f.heldout_effort_error) for f in fit.families.values())
     return "A richer model always fits better; whether it knows more shows on recordings that were not fitted. " + (
         "Best is the simplest family whose held-out error is close to the smallest."
-        if judged
+        if evaluated
         else "Nothing was held out here, so fitted errors decide, which favours rich models."
     )
 

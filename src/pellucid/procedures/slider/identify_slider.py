@@ -137,8 +137,8 @@ def filter_note(config: StudyFile) -> str:
 
 def slider_verdicts(fit: SliderFit) -> tuple[Verdict, ...]:
     """What the figures say, in sentences."""
-    error = {name: fit.judged_error(name) for name in fit.estimates}
-    split = "held-out trials" if fit.judged_split == "heldout" else "fitted trials (nothing is held out)"
+    error = {name: fit.evaluated_error(name) for name in fit.estimates}
+    split = "held-out trials" if fit.evaluated_split == "heldout" else "fitted trials (nothing is held out)"
     said = [
         Verdict(
             "good" if error["dissociated"] < error["pooled"] else "warning",

@@ -99,8 +99,8 @@ def slider_sections(fit: SliderFit, *, level: float = 0.95) -> tuple[tuple[Tile,
 
 def headline(fit: SliderFit) -> str:
     """The finding in a few sentences."""
-    error = {m: fit.judged_error(m) for m in DRAWN}
-    trials, use = len(fit.judged("pooled")), _use(fit)
+    error = {m: fit.evaluated_error(m) for m in DRAWN}
+    trials, use = len(fit.evaluated("pooled")), _use(fit)
     factor = error["pooled"] / error["dissociated"]
     return (
         f"Identified from {sum(m.split == 'fitted' for m in fit.motions)} recordings. Over {trials} {use} trials, a "
@@ -118,7 +118,7 @@ def slider_tiles(fit: SliderFit) -> tuple[Tile, ...]:
         *(
             Tile(
                 f"Error, {SHORT[m]}",
-                number(fit.judged_error(m), digits=3),
+                number(fit.evaluated_error(m), digits=3),
                 "A",
                 f"{len(fit[m].values)} parameters; {_use(fit)} trials",
             )
@@ -137,7 +137,7 @@ def slider_tiles(fit: SliderFit) -> tuple[Tile, ...]:
 
 
 def _use(fit: SliderFit) -> str:
-    return "held-out" if fit.judged_split == "heldout" else "fitted"
+    return "held-out" if fit.evaluated_split == "heldout" else "fitted"
 
 
 def _angles(fit: SliderFit) -> np.ndarray:
@@ -264,10 +264,10 @@ def _friction(fit: SliderFit, middle: float, angles: np.ndarray) -> Drawing:
 
 
 def _errors(fit: SliderFit) -> Section:
-    judged = {m: {e.recording: e for e in fit.judged(m)} for m in DRAWN}
-    names = list(judged["pooled"])
-    errors = {SHORT[m]: np.array([judged[m][n].current for n in names]) for m in DRAWN}
-    protocols = [judged["pooled"][n].protocol for n in names]
+    evaluated = {m: {e.recording: e for e in fit.evaluated(m)} for m in DRAWN}
+    names = list(evaluated["pooled"])
+    errors = {SHORT[m]: np.array([evaluated[m][n].current for n in names]) for m in DRAWN}
+    protocols = [evaluated["pooled"][n].protocol for n in names]
     use = _use(fit)
     drawings = [
         draw(figures.paired_errors, errors, [PROTOCOLS.get(p, p.replace("_", " ")) for p in protocols], roles=ROLES)
@@ -275,7 +275,7 @@ def _errors(fit: SliderFit) -> Section:
     trace = _trace(fit, names)
     if trace is not None:
         drawings.append(trace)
-    labels = [f"{n.replace('_', ' ')}, {1e3 * judged['pooled'][n].slider:.0f} mm" for n in names]
+    labels = [f"{n.replace('_', ' ')}, {1e3 * evaluated['pooled'][n].slider:.0f} mm" for n in names]
     drawings.append(draw(figures.error_by_trial, labels, errors, roles=ROLES))
     rows = []
     for protocol in dict.fromkeys(protocols):
@@ -352,9 +352,9 @@ def _geometry(fit: SliderFit) -> Section:
 
 def _methods(fit: SliderFit, level: float) -> Section:
     rows = []
-    best = min(("dissociated", "load"), key=fit.judged_error)
+    best = min(("dissociated", "load"), key=fit.evaluated_error)
     for method, estimate in fit.estimates.items():
-        error = fit.judged_error(method)
+        error = fit.evaluated_error(method)
         seen = [e.current for e in fit.errors[method] if e.split == "fitted" and np.isfinite(e.current)]
         rows.append(
             Row(

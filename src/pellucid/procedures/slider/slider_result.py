@@ -27,8 +27,8 @@ class SliderResult(Result):
 
 def slider_result(study: Study, fit: SliderFit) -> SliderResult:
     """A fit with its tables, rows and cards."""
-    split = "held-out" if fit.judged_split == "heldout" else "fitted"
-    errors = {name: fit.judged_error(name) for name in fit.estimates}
+    split = "held-out" if fit.evaluated_split == "heldout" else "fitted"
+    errors = {name: fit.evaluated_error(name) for name in fit.estimates}
     rows = tuple((METHODS[n], len(fit[n].values), e, e * fit.gain) for n, e in errors.items())
     return SliderResult(
         study=fit.study,
@@ -62,7 +62,7 @@ def slider_card(study: Study, fit: SliderFit, estimate: SliderEstimate) -> Slide
         known=dict(model.known) if isinstance(model, SliderJointModel) else {},
         rail=fit.rail,
         drive={"gain": fit.gain},
-        heldout_error=fit.judged_error(estimate.method) if fit.judged_split == "heldout" else None,
+        heldout_error=fit.evaluated_error(estimate.method) if fit.evaluated_split == "heldout" else None,
         residual_sd=estimate.residual_sd,
         processing=fit.filter_note,
         confidence=level,
@@ -82,9 +82,9 @@ def slider_rows(fit: SliderFit) -> Iterator[ResultRow]:
         yield replace(plain, id=f"{fit.study}.static.{p.name}", value=p.value, unit=p.unit)
     for method, estimate in fit.estimates.items():
         head = f"{fit.study}.{method}"
-        trials, error = len(fit.judged(method)), fit.judged_error(method)
+        trials, error = len(fit.evaluated(method)), fit.evaluated_error(method)
         note = f"mean over {trials} trials of the mean absolute error while the joint moves; {fit.filter_note}"
-        own = replace(plain, split=fit.judged_split, note=note)
+        own = replace(plain, split=fit.evaluated_split, note=note)
         yield replace(own, id=f"{head}.error", value=error, unit="A")
         yield replace(own, id=f"{head}.torque_error", value=fit.gain * error, unit="N*m")
         for p in estimate.parameters:

@@ -10,7 +10,7 @@ import numpy as np
 
 from ..._errors import IdentificationError, PellucidError
 from ...fit.parameter import Verdict
-from ...fit.transfer.transfer_function_fit import SAMPLES_EACH, Response, TransferFit, fit_records, judged
+from ...fit.transfer.transfer_function_fit import SAMPLES_EACH, Response, TransferFit, evaluated, fit_records
 from ...models.parameter_card import ParameterCard
 from ...recordings.quality import Fault
 from ...recordings.recording import Recording
@@ -66,7 +66,7 @@ def identify_transfer(study: Study, on_progress: Progress | None = None) -> Tran
     fits: dict[str, TransferFit] = {}
     heldout: dict[str, Response] = {}
     refused: dict[str, str] = {}
-    unjudged: dict[str, str] = {}
+    unevaluated: dict[str, str] = {}
 
     def fit(*records: InputOutput) -> TransferFit:
         return fit_records(records, asked.poles, asked.zeros, hold=asked.hold, units=units)
@@ -85,7 +85,7 @@ def identify_transfer(study: Study, on_progress: Progress | None = None) -> Tran
             try:
                 heldout[name] = _last_part(ready[name], fit, asked.hold)
             except PellucidError as error:
-                unjudged[name] = str(error)
+                unevaluated[name] = str(error)
     tell("judging", 0.9)
     for recording in (r for r in recordings if r.use == "validate" and r.name in ready):
         group = [r.name for r in recordings if r.name in fits and _same(r, recording)]
@@ -97,7 +97,7 @@ def identify_transfer(study: Study, on_progress: Progress | None = None) -> Tran
             joined = "+".join(group)
             if joined not in fits:
                 fits[joined] = fit(*(ready[n] for n in group))
-            heldout[recording.name] = judged(fits[joined].transfer_function, ready[recording.name], hold=asked.hold)
+            heldout[recording.name] = evaluated(fits[joined].transfer_function, ready[recording.name], hold=asked.hold)
         except PellucidError as error:
             refused[recording.name] = str(error)
     if not fits:
@@ -107,7 +107,7 @@ def identify_transfer(study: Study, on_progress: Progress | None = None) -> Tran
         study=study.name,
         headline=_headline(recordings, fits, heldout),
         tables=_tables(recordings, fits, heldout, refused),
-        verdicts=tuple(_verdicts(fits, heldout, refused, unjudged, notes)),
+        verdicts=tuple(_verdicts(fits, heldout, refused, unevaluated, notes)),
         rows=(),
         cards={},
         checksums={r.name: r.checksum for r in recordings},
@@ -118,7 +118,7 @@ def identify_transfer(study: Study, on_progress: Progress | None = None) -> Tran
         units=units,
         channels=channels,
     )
-    rows = tuple(_rows(made, recordings, notes, unjudged))
+    rows = tuple(_rows(made, recordings, notes, unevaluated))
     return replace(made, rows=rows, cards=_cards(made))
 
 
@@ -166,7 +166,7 @@ def _same(one: Recording, other: Recording) -> bool:
 def _last_part(record: InputOutput, fit: Callable[..., TransferFit], hold: str) -> Response:
     cut = round((1.0 - HELD_BACK) * len(record))
     found = fit(record.part(0, cut, "fitted"))
-    return judged(found.transfer_function, record.part(cut, len(record), "heldout"), hold=hold)
+    return evaluated(found.transfer_function, record.part(cut, len(record), "heldout"), hold=hold)
 
 
 # --- what is said ---------------------------------------------------------------------------------------------------
@@ -192,7 +192,7 @@ def _tables(
     refused: Mapping[str, str],
 ) -> tuple[ParameterTable | FigureTable, ...]:
     shown = next(iter(fits.values()))
-    judged_rows = tuple(
+    evaluated_rows = tuple(
         (
             r.name,
             fits[r.name].responses[0].fit if r.name in fits else None,
@@ -201,7 +201,7 @@ def _tables(
         for r in recordings
     )
     tables: list[ParameterTable | FigureTable] = [
-        FigureTable("Fit of the simulated output", ("Recording", "Fit [%]", "Held out [%]"), judged_rows)
+        FigureTable("Fit of the simulated output", ("Recording", "Fit [%]", "Held out [%]"), evaluated_rows)
     ]
     for title, each in (("Coefficients", shown.parameters), ("Inertia, damping, stiffness", shown.physical)):
         if each:
@@ -220,7 +220,7 @@ def _verdicts(
     fits: Mapping[str, TransferFit],
     heldout: Mapping[str, Response],
     refused: Mapping[str, str],
-    unjudged: Mapping[str, str],
+    unevaluated: Mapping[str, str],
     notes: Mapping[str, tuple[str, ...]],
 ) -> Iterator[Verdict]:
     good = {n: f for n, f in fits.items() if min(r.fit for r in f.responses) >= POOR}
@@ -251,7 +251,7 @@ def _verdicts(
             yield Verdict("note", f"Recording {name}: {note}.")
     for name, reason in refused.items():
         yield Verdict("warning", f"Recording {name}: refused. {reason}.")
-    for name, reason in unjudged.items():
+    for name, reason in unevaluated.items():
         yield Verdict("note", f"Recording {name}: not judged held out. {reason}.")
 
 
@@ -262,7 +262,7 @@ def _rows(
     made: TransferResult,
     recordings: tuple[Recording, ...],
     notes: Mapping[str, tuple[str, ...]],
-    unjudged: Mapping[str, str],
+    unevaluated: Mapping[str, str],
 ) -> Iterator[ResultRow]:
     head = f"{made.study}.transfer_function"
     for r in recordings:
@@ -283,7 +283,7 @@ def _rows(
         yield replace(own, id=f"{head}.fit.{r.name}", value=response.fit, note=about)
         last = replace(own, id=f"{head}.heldout_fit.{r.name}", split="heldout")
         if out is None:
-            yield replace(last, note=unjudged.get(r.name, "not judged"))
+            yield replace(last, note=unevaluated.get(r.name, "not judged"))
         else:
             yield replace(last, value=out.fit, note="last third; coefficients from the rest, initial state estimated")
         yield replace(own, id=f"{head}.rmse.{r.name}", value=response.rmse, unit=made.units[1])

@@ -14,7 +14,7 @@ from ...estimators.hill import HillMap
 from ...estimators.torque_trial import TorqueTrial
 from ...fit.parameter import Verdict
 
-JUDGED = tuple(ESTIMATORS)
+EVALUATED = tuple(ESTIMATORS)
 """Estimators that `calibrate` reports, in the order of its tables."""
 
 CAUSAL = ("boost", "ridge", "hill")
@@ -22,7 +22,7 @@ CAUSAL = ("boost", "ridge", "hill")
 
 
 @dataclass(frozen=True)
-class Judged:
+class Evaluated:
     """One estimator on one recording (or on all of a person's), with what it was chosen to see."""
 
     what: str  # Joint, or participant
@@ -63,7 +63,7 @@ class TorqueTrace:
 class Calibrated:
     """All that one way of judging found."""
 
-    judged: list[Judged] = field(default_factory=list)
+    evaluated: list[Evaluated] = field(default_factory=list)
     traces: list[TorqueTrace] = field(default_factory=list)
     trials: list[TorqueTrial] = field(default_factory=list)  # That took part
     cards: dict = field(default_factory=dict)
@@ -75,7 +75,7 @@ class Calibrated:
 
 
 def estimators_for(
-    trials: Sequence[TorqueTrial], what: str, found: Calibrated, names: Sequence[str] = JUDGED
+    trials: Sequence[TorqueTrial], what: str, found: Calibrated, names: Sequence[str] = EVALUATED
 ) -> list[str]:
     """Estimators that these trials can be given to; those with muscles need geometry and relative envelopes."""
     from ...estimators.muscle_trials import driven_muscles
