@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from pellucid.fit.parameter import Parameter, Verdict
+from pellucid.procedures.registry import open_study
 from pellucid.procedures.result import FigureTable, ParameterTable, Result
 from pellucid.recordings.kept import TREE, keep, read_kept
 from pellucid.recordings.results import ResultRow
@@ -105,3 +106,27 @@ def test_a_result_is_a_table_of_parameters():
     assert "so it is" in str(found)
     assert "inertia" in str(found)
     assert found._repr_html_().count("<table") == 2
+
+
+def test_a_fingerprint_sees_cards_written_anew_and_files_that_lie_elsewhere(make_study, tmp_path):
+    study = make_study()
+    card = tmp_path / "elsewhere" / "card.json"
+    card.parent.mkdir()
+    card.write_text("1", encoding="utf-8")
+    before = study.fingerprint([card])
+    assert study.fingerprint([card]) == before
+    card.write_text("2", encoding="utf-8")
+    assert study.fingerprint([card]) != before
+
+
+def test_a_study_of_recordings_that_lie_elsewhere_has_a_fingerprint(make_study, tmp_path):
+    study = make_study()
+    (recording, *_) = study.files()
+    away = tmp_path / "away.csv"
+    away.write_bytes(recording.read_bytes())
+    path = study.folder / "study.toml"
+    text = path.read_text(encoding="utf-8")
+    path.write_text(text.replace(str(recording.relative_to(study.folder)), str(away)), encoding="utf-8")
+    moved = open_study(study.folder)
+    assert away in moved.files()
+    assert len(moved.fingerprint()) == 64

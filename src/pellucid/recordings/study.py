@@ -95,11 +95,16 @@ class Study:
         """SHA-256 of study.toml, of every recording's file, of `more` files, and of Pellucid's own code."""
         from .kept import code_fingerprint
 
-        parts = [code_fingerprint()]
-        for path in (self.folder / STUDY_FILE, *self.files(), *more):
+        digests = {}
+        for path in (self.folder / STUDY_FILE, *self.files()):
             if path not in self._digests:
                 self._digests[path] = checksum(path) if path.is_file() else ""
-            parts.append(f"{path.relative_to(self.folder)} {self._digests[path]}")
+            digests[path] = self._digests[path]
+        # Cards are written anew while a study is open; its recordings are read once.
+        digests |= {path: checksum(path) if path.is_file() else "" for path in more}
+        parts = [code_fingerprint()]
+        # A file may lie outside the study's folder.
+        parts += [f"{os.path.relpath(path, self.folder)} {digest}" for path, digest in digests.items()]
         return hashlib.sha256("\n".join(parts).encode()).hexdigest()
 
     def recordings(self, use: str | None = None) -> tuple[Recording, ...]:
