@@ -27,9 +27,10 @@ def settled(sections: np.ndarray) -> np.ndarray:
     """The state (k, 2) of each of the `sections` (k, 6) in which a constant input of 1 leaves the cascade."""
     states, level = np.empty((len(sections), 2)), 1.0
     for state, section in zip(states, sections, strict=True):
-        b, a = section[:3], section[3:]
-        state[:] = level * np.linalg.solve([[1.0 + a[1], -1.0], [a[2], 1.0]], b[1:] - a[1:] * b[0])
-        level *= b.sum() / a.sum()
+        b, (_, a1, a2) = section[:3], section[3:]
+        gain = b.sum() / (1.0 + a1 + a2)  # of poles near 1 the sums from the left are exact, a solver's pivots are not
+        state[:] = level * (gain - b[0]), level * (b[2] - a2 * gain)
+        level *= gain
     return states
 
 
