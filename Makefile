@@ -10,7 +10,7 @@ PYTEST := OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 $(BIN)/python -m pytest -n au
 NUMERIC = tests/property $(shell grep -lE 'pellucid\.(fit|estimators|signals)' tests/unit/test_*.py)
 CORE   := $(wildcard include/pellucid/*.hpp bindings/*.cpp bindings/*.hpp) CMakeLists.txt pyproject.toml
 
-.PHONY: demo test core-test python-test numeric-test fuzz bench clean
+.PHONY: demo test core-test python-test numeric-test fuzz bench evidence clean
 
 demo: $(VENV)/.installed
 	$(BIN)/pellucid demo --out $(DEMO)
@@ -39,6 +39,10 @@ fuzz: $(VENV)/.installed
 bench: $(VENV)/.installed
 	$(BIN)/uv pip install --python $(BIN)/python -q -e '.[benchmark]'
 	$(BIN)/python -m benchmarks
+
+# Proofs of what is claimed besides speed: make evidence PROOFS="coverage scale" for some of them.
+evidence: $(VENV)/.installed
+	$(BIN)/python -m evidence $(PROOFS) --out $(or $(EVIDENCE),evidence.json)
 
 $(VENV)/.installed: $(CORE)
 	test -x $(BIN)/uv || ($(PYTHON) -m venv $(VENV) && $(BIN)/pip install -q uv)

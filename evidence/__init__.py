@@ -1,0 +1,1 @@
+"""What Pellucid claims besides speed, measured: ``python -m evidence [NAME ...] [--out FILE]``."""
