@@ -13,7 +13,7 @@ from pellucid.fit.joint.friction_solver import solve_family
 from pellucid.fit.joint.reweighting import solve_robust, solve_weighted
 from pellucid.fit.regression import stack
 from pellucid.models.joint import joint_model
-from pellucid.procedures.joint.joint_verdicts import sign_error
+from pellucid.procedures.joint.drive_sign import sign_error
 from pellucid.signals.motion import Filtering
 
 

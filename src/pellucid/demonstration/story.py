@@ -197,7 +197,7 @@ def _people(made: Demonstration) -> Section:
             draw(assessment_figures.profile_figure, findings.profiles, findings.profile_of, findings.conditions),
             draw(assessment_figures.index_figure, drawn, findings.conditions),
         ),
-        tuple(prose(v.text) for v in findings.verdicts if v.kind == "warning"),
+        tuple(prose(v.said) for v in findings.verdicts if v.kind in ("wrong", "warning")),
         links=(("Full report", "people/report/index.html"), ("The study", "people/study.toml")),
     )
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 from ..models.card import CardParameter
@@ -68,9 +69,41 @@ class Whiteness:
     effective_share: float
 
 
+KINDS = ("wrong", "warning", "note", "good")
+"""Of verdicts, worst first."""
+
+
 @dataclass(frozen=True)
 class Verdict:
-    """One plain sentence on what the recordings do or do not show. `kind` is "good", "note" or "warning"."""
+    """What the recordings do or do not show.
+
+    Parameters
+    ----------
+    kind : str
+        "wrong" (the figures are not the machine's until this is mended), "warning" (some of them cannot be trusted),
+        "note" or "good".
+    text : str
+        What was found, in plain sentences.
+    do : str
+        What to write, or to record, in a sentence; empty where nothing is to be done.
+    finding : str
+        Its short name.
+    weight : float
+        Of two verdicts of one kind the heavier comes first.
+    """
 
     kind: str
     text: str
+    do: str = ""
+    finding: str = ""
+    weight: float = 0.0
+
+    @property
+    def said(self) -> str:
+        """What was found, and what to do."""
+        return f"{self.text} {self.do}".rstrip()
+
+
+def ranked(verdicts: Iterable[Verdict]) -> tuple[Verdict, ...]:
+    """The same, worst first: praise never stands above a fault."""
+    return tuple(sorted(verdicts, key=lambda v: (KINDS.index(v.kind), -v.weight)))

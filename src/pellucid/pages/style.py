@@ -23,6 +23,7 @@ COLOURS: Mapping[str, tuple[str, str]] = MappingProxyType(
         "fitted": ("#1f66ad", "#6eb1f2"),
         "heldout": ("#c4570e", "#f2a05f"),
         "good": ("#1b7f5c", "#5cc79f"),
+        "wrong": ("#b3261e", "#ff8f85"),
         "symmetric": ("#6f7780", "#a9b1ba"),
         "directional": ("#0b7f83", "#4cc4c4"),
         "load": ("#7848a8", "#b894e6"),

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from ..fit.parameter import Parameter
     from .result import Result
 
-MARKS = {"good": ("+", "green"), "note": ("·", "dim"), "warning": ("!", "yellow")}
+MARKS = {"good": ("+", "green"), "note": ("·", "dim"), "warning": ("!", "yellow"), "wrong": ("✗", "bold red")}
 WIDTH = 100
 
 
@@ -35,7 +35,7 @@ def print_result(out: Console, result: Result) -> None:
         for row in rows:
             table.add_row(*map(markup.escape, row))
         out.print(table)
-    print_sentences(out, [(v.kind, units_in(v.text)) for v in result.verdicts])
+    print_sentences(out, [(v.kind, units_in(v.said)) for v in result.verdicts])
     out.print()
     if result.prose:
         out.print(result.prose, markup=False)

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 from html import escape
 from typing import TYPE_CHECKING, Self
 
-from ..fit.parameter import Parameter, Verdict
+from ..fit.parameter import Parameter, Verdict, ranked
 from ..models.card import Card, write_card
 from ..models.parameter_card import ParameterCard, write_parameter_card
 from ..recordings.kept import keep, read_kept
@@ -50,7 +50,7 @@ class Result:
         The result in one sentence.
     tables : tuple of ParameterTable or FigureTable
     verdicts : tuple of Verdict
-        What the recordings do and do not show.
+        What the recordings do and do not show, worst first.
     rows : tuple of ResultRow
         Every figure, all of one command.
     cards : Mapping[str, Card or ParameterCard]
@@ -116,7 +116,7 @@ class Result:
         """Headline, tables and verdicts, for a notebook."""
         from .print_result import html_tables
 
-        said = "".join(f"<li>{escape(v.text)}</li>" for v in self.verdicts)
+        said = "".join(f"<li>{escape(v.said)}</li>" for v in self.verdicts)
         return f"<p>{escape(self.headline)}</p>{html_tables(self)}<ul>{said}</ul>"
 
     @property
@@ -176,5 +176,11 @@ def fingerprint(study: Study, procedure: Procedure) -> str:
 
 
 def found_by(procedure: Procedure, study: Study, result: Result) -> Result:
-    """A result with what it was made from and by."""
-    return replace(result, procedure=procedure.name, command=procedure.command, made_from=fingerprint(study, procedure))
+    """A result with what it was made from and by, its verdicts worst first."""
+    return replace(
+        result,
+        verdicts=ranked(result.verdicts),
+        procedure=procedure.name,
+        command=procedure.command,
+        made_from=fingerprint(study, procedure),
+    )

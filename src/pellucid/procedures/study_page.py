@@ -26,7 +26,7 @@ def study_page(
         tuple(sections),
         f"Written by pellucid {version('pellucid')}. Every figure is beside this page as SVG and PDF, every number in "
         "results.json.",
-        tuple((v.kind, prose(v.text)) for v in verdicts),
+        tuple((v.kind, prose(v.said)) for v in verdicts),
     )
 
 

@@ -72,10 +72,10 @@ def _found(findings: AssessmentResult) -> Section:
         "What was found, and what was not",
         (
             *map(prose, findings.paragraph.split("\n\n")),
-            *(prose(v.text) for v in findings.verdicts if v.kind != "note"),
+            *(prose(v.said) for v in findings.verdicts if v.kind != "note"),
         ),
         tuple(_table(each) for each in shown if each.rows),
-        notes=tuple(prose(v.text) for v in findings.verdicts if v.kind == "note"),
+        notes=tuple(prose(v.said) for v in findings.verdicts if v.kind == "note"),
     )
 
 

@@ -47,9 +47,9 @@ def _found(findings: CouplingResult) -> Section:
     return Section(
         "coupling_found",
         "What was found",
-        tuple(prose(v.text) for v in findings.verdicts if v.kind != "note"),
+        tuple(prose(v.said) for v in findings.verdicts if v.kind != "note"),
         figure_tables(findings),
-        notes=tuple(prose(v.text) for v in findings.verdicts if v.kind == "note"),
+        notes=tuple(prose(v.said) for v in findings.verdicts if v.kind == "note"),
     )
 
 

@@ -49,7 +49,7 @@ def _found(findings: CalibrationResult) -> Section:
         caption="RMS error of the torque on what was not fitted"
         + (f" ({first})." if first else ", each repetition left out in turn."),
     )
-    return Section("emg_found", "What was found", tuple(prose(v.text) for v in findings.verdicts), tables, (drawing,))
+    return Section("emg_found", "What was found", tuple(prose(v.said) for v in findings.verdicts), tables, (drawing,))
 
 
 def _traces(findings: CalibrationResult) -> Section:

@@ -42,7 +42,7 @@ def _tile(trial: HingeTrial) -> Tile:
 
 
 def _found(findings: HingeResult) -> Section:
-    told = tuple(prose(v.text) for v in findings.verdicts)
+    told = tuple(prose(v.said) for v in findings.verdicts)
     return Section("hinge_found", "What was found", told, figure_tables(findings))
 
 

@@ -19,9 +19,12 @@ from ...recordings.quality import drive_channel, require_sound
 from ...recordings.study import Study
 from ...recordings.study_file import JointTable
 from ...signals.effort import drive_model
+from ..findings import findings_of
 from ..procedure import Progress, quiet
+from . import findings
+from .drive_sign import sign_error
+from .joint_case import JointCase
 from .joint_result import JointResult, completed, traces_of
-from .joint_verdicts import sign_error, verdicts
 from .recorded_motions import filtering_of, motions
 
 
@@ -85,11 +88,12 @@ def identify_joint(
             failures[name] = str(error)
     tell("verdicts", 1.0 - 0.3 / (len(names) + 0.5))
     best = best_family(fits)
+    case = JointCase(study, everything, data, fits, best, machine, failures, constant, no_constant)
     found = JointResult(
         study=study.name,
         headline="",
         tables=(),
-        verdicts=tuple(verdicts(study, fits, best, failures, data, constant, no_constant)),
+        verdicts=findings_of(findings, case),
         rows=(),
         cards={},
         checksums={r.name: r.checksum for r in recordings},

@@ -9,7 +9,7 @@ from ...models.joint import joint_model
 from ...recordings.quality import Fault, drive_channel, inspect
 from ...recordings.study import Study
 from ...signals.effort import drive_model
-from .joint_verdicts import sign_error
+from .drive_sign import sign_error
 from .recorded_motions import motions
 
 

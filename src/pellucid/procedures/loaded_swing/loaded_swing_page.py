@@ -30,7 +30,7 @@ def page(study: Study, findings: LoadedSwingResult) -> Page:
         )
         for who, leg in findings.legs.items()
     ]
-    told = tuple(prose(v.text) for v in findings.verdicts)
+    told = tuple(prose(v.said) for v in findings.verdicts)
     return study_page(
         title=f"{findings.study}: legs in an exoskeleton",
         headline=prose(findings.headline),

@@ -163,9 +163,9 @@ def _found(fit: SliderFit, level: float) -> Section:
     return Section(
         "found",
         "What was found",
-        tuple(prose(v.text) for v in fit.verdicts if v.kind != "note"),
+        tuple(prose(v.said) for v in fit.verdicts if v.kind != "note"),
         tuple(tables),
-        notes=tuple(prose(v.text) for v in fit.verdicts if v.kind == "note"),
+        notes=tuple(prose(v.said) for v in fit.verdicts if v.kind == "note"),
     )
 
 

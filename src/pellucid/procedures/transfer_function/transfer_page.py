@@ -76,10 +76,10 @@ def _found(found: TransferResult) -> Section:
     return Section(
         "found",
         "What was found",
-        tuple(prose(v.text) for v in found.verdicts if v.kind != "note"),
+        tuple(prose(v.said) for v in found.verdicts if v.kind != "note"),
         tuple(tables),
         (draw(figures.fits, names, inside, outside),),
-        tuple(prose(v.text) for v in found.verdicts if v.kind == "note"),
+        tuple(prose(v.said) for v in found.verdicts if v.kind == "note"),
     )
 
 

@@ -1,0 +1,74 @@
+"""Parameters that the recordings do not show: on a bound, told from nothing, or hidden by another."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from ....fit.joint.joint_estimate import JointEstimate
+from ....fit.parameter import Verdict
+from ..joint_case import JointCase
+
+MEANING = {
+    "inertia": "it hardly accelerates",
+    "gravity": "it hardly leaves its resting angle",
+    "gravity_cosine": "its range of angles is too small",
+    "stribeck": "it spends too little time just above zero speed",
+    "stribeck_velocity": "it spends too little time just above zero speed",
+    "load_friction": "the load hardly changes",
+    "load_motoring": "the load hardly changes",
+    "load_generating": "the load hardly changes",
+    "coulomb": "the other friction terms explain what it would",
+    "coulomb_positive": "the other friction terms explain what it would",
+    "coulomb_negative": "the other friction terms explain what it would",
+    "offset": "friction in the two directions hides it",
+}
+NEGLIGIBLE = 0.05  # share of the RMS effort below which an interval around zero settles the matter
+TRADE_OFF = 0.9  # correlation of two estimates above which one is said to hide the other
+
+
+def find(case: JointCase) -> Iterator[Verdict]:
+    """Each parameter of the best family that is on its bound or not told from zero."""
+    top = max(float(np.abs(m.velocity).max()) for m in case.data.motions)
+    speed = f"{np.degrees(top):.3g} deg/s" if case.rotary else f"{top:.3g} m/s"
+    for parameter in case.fit.estimate.parameters:
+        name = parameter.name.replace("_", " ")
+        if parameter.influence == 0.0:
+            continue  # the velocity of a Stribeck level that came out zero says nothing
+        if parameter.at_bound:
+            yield Verdict(
+                "note",
+                f"{name} is held at its physical bound ({parameter.value:.3g} {parameter.unit}): there is none to "
+                "see, or the model misses something that pushes it there.",
+            )
+        elif not parameter.identifiable:
+            low, high = parameter.interval(case.level)
+            if 0.5 * (high - low) * parameter.influence < NEGLIGIBLE:
+                yield Verdict(
+                    "note",
+                    f"{name} is indistinguishable from zero: at most {max(abs(low), abs(high)):.2g} "
+                    f"{parameter.unit}, too little to matter.",
+                )
+                continue
+            why = _rival(case.fit.estimate, parameter.name) or MEANING.get(
+                parameter.name, f"it never moves faster than {speed}"
+            )
+            yield Verdict(
+                "warning",
+                f"{name} is not identifiable from these recordings: {why} (interval {low:.3g} to {high:.3g} "
+                f"{parameter.unit}).",
+            )
+
+
+def _rival(estimate: JointEstimate, name: str) -> str | None:
+    """The parameter that hides another one, where two estimates are nearly proportional."""
+    names = [p.name for p in estimate.parameters]
+    sd = np.sqrt(np.diag(estimate.covariance))
+    i = names.index(name)
+    correlation = estimate.covariance[i] / np.maximum(sd * sd[i], np.finfo(float).tiny)
+    correlation[i] = 0.0
+    j = int(np.argmax(np.abs(correlation)))
+    if abs(correlation[j]) < TRADE_OFF:
+        return None
+    return f"it trades off against {names[j].replace('_', ' ')} (correlation {correlation[j]:+.2f})"

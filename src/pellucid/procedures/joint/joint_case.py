@@ -1,0 +1,43 @@
+"""What findings of a joint look at: the study, its motions, and every family fitted to them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+from ...fit.joint.friction_family import FamilyFit
+from ...fit.joint.replay import Machine
+from ...fit.parameter import Parameter
+from ...fit.regression import Stack
+from ...recordings.study import Study
+from ...signals.motion import Motion
+
+
+@dataclass(frozen=True)
+class JointCase:
+    """A joint as identified, before anything is said of it."""
+
+    study: Study
+    motions: tuple[Motion, ...]  # Of every recording, fitted and held out
+    data: Stack  # The fitted ones
+    fits: Mapping[str, FamilyFit]
+    best: str
+    machine: Machine = field(default_factory=Machine)
+    failures: Mapping[str, str] = field(default_factory=dict)  # Families that could not be fitted, and why
+    constant: Parameter | None = None  # Of the drive, from known payloads
+    no_constant: str = ""  # Why the payloads give none
+
+    @property
+    def fit(self) -> FamilyFit:
+        """The best family."""
+        return self.fits[self.best]
+
+    @property
+    def level(self) -> float:
+        """Confidence of the study's intervals."""
+        return self.study.model.confidence
+
+    @property
+    def rotary(self) -> bool:
+        """Whether the joint turns."""
+        return self.study.rig.motion == "rotary"

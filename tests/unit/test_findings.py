@@ -1,0 +1,53 @@
+"""Findings: a file each, told worst first, and none where there is nothing to tell."""
+
+import importlib
+import sys
+
+import pytest
+
+from pellucid.fit.parameter import KINDS, Verdict, ranked
+from pellucid.procedures.findings import finders, findings_of
+from pellucid.procedures.joint import findings
+
+FILE = '''"""A joint that is cold."""
+
+from pellucid.fit.parameter import Verdict
+
+
+def find(case):
+    """How cold it is."""
+    yield Verdict("warning", f"It is {case} degrees cold.", "Warm it up.", weight=2.0)
+    yield Verdict("good", "It turns.")
+'''
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    package = tmp_path / "told_of_the_cold"
+    package.mkdir()
+    (package / "__init__.py").write_text("")
+    monkeypatch.syspath_prepend(tmp_path)
+    yield package
+    for name in [n for n in sys.modules if n.startswith(package.name)]:
+        del sys.modules[name]
+
+
+def test_a_finding_is_one_file(folder):
+    (folder / "cold.py").write_text(FILE)
+    (folder / "not_one.py").write_text("shared = 1\n")
+    told = findings_of(importlib.import_module(folder.name), -3)
+    assert [(v.finding, v.kind) for v in told] == [("cold", "warning"), ("cold", "good")]
+    assert told[0].said == "It is -3 degrees cold. Warm it up."
+    assert told[1].said == "It turns."
+
+
+def test_worst_comes_first_and_praise_last():
+    told = [Verdict("good", "a"), Verdict("note", "b"), Verdict("warning", "c"), Verdict("warning", "d", weight=1.0)]
+    told += [Verdict("wrong", "e"), Verdict("note", "f")]
+    assert [v.text for v in ranked(told)] == ["e", "d", "c", "b", "f", "a"]
+    assert [v.kind for v in ranked(told)] == sorted((v.kind for v in told), key=KINDS.index)
+
+
+def test_every_file_of_the_joints_findings_finds():
+    names = {name for name, _ in finders(findings)}
+    assert {"prediction", "weak_parameter", "estimators_disagree"} <= names
