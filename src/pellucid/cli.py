@@ -20,7 +20,6 @@ if TYPE_CHECKING:
     from rich.console import Console
 
     from .procedures.result import Result
-    from .recordings.quality import Fault
     from .recordings.study import Study
 
 app = typer.Typer(
@@ -93,6 +92,7 @@ def check(folder: Folder) -> None:
     """Are these recordings fit to identify from? Status 1 if not."""
     from .procedures.registry import asked, open_study
     from .procedures.run import check as run
+    from .recordings.quality import grouped
 
     study = open_study(folder)
     with _progress() as tell:
@@ -100,7 +100,7 @@ def check(folder: Folder) -> None:
         faults = run(study)
     out = _console()
     refused = [f for f in faults if f.severity == "refuse"]
-    _list(out, [("warning", f.message) for f in refused] + [("note", text) for text in _grouped(faults)])
+    _list(out, [("warning", f.message) for f in refused] + [("note", text) for text in grouped(faults)])
     if refused:
         _say(out, f"Not fit to identify from: {_count(len(refused), 'fault')}.")
         raise typer.Exit(1)
@@ -385,22 +385,6 @@ def _list(out: Console, items: Sequence[tuple[str, str]]) -> None:
     from .procedures.print_result import print_sentences
 
     print_sentences(out, items)
-
-
-def _grouped(faults: Sequence[Fault], most: int = 3) -> list[str]:
-    """Messages of notes; of many that differ only in their file, the first, and how many more there are."""
-    kinds: dict[tuple[str, str], list[str]] = {}
-    for fault in faults:
-        if fault.severity != "refuse":
-            what = (fault.kind, fault.channel) if len(faults) > most else (fault.message, "")
-            kinds.setdefault(what, []).append(fault.message)
-    said = []
-    for messages in kinds.values():
-        if len(messages) <= most:
-            said += messages
-        else:
-            said.append(f"{messages[0]} (and {len(messages) - 1} more like it)")
-    return said
 
 
 def _count(n: int, what: str) -> str:

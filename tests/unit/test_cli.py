@@ -118,8 +118,9 @@ def test_report_reads_no_recording_of_what_is_kept(bench, monkeypatch):
     def read(path):
         raise AssertionError(f"{path} is read again")
 
-    monkeypatch.setattr("pellucid.recordings.readers.read_columns", read)
-    assert run(cli.app, ["report", str(bench.folder)]).exit_code == 0
+    with monkeypatch.context() as patch:
+        patch.setattr("pellucid.recordings.readers.read_columns", read)
+        assert run(cli.app, ["report", str(bench.folder)]).exit_code == 0
     recording = next((bench.folder / "recordings").iterdir())
     recording.write_text(recording.read_text() + "\n", encoding="utf-8")
     assert run(cli.app, ["report", str(bench.folder)]).exit_code == 0

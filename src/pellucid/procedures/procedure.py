@@ -54,6 +54,12 @@ class Procedure(ABC):
     def faults(self, study: Study) -> list[Fault]:
         """What keeps recordings from being used, or is to be known of them; RecordingError if one is unreadable."""
 
+    def cut(self, study: Study) -> list[Fault]:
+        """What of the recordings it leaves out, to be told beside what it found."""
+        from ..recordings.quality import cut_faults
+
+        return [fault for recording in study.recordings() for fault in cut_faults(recording)]
+
     @abstractmethod
     def run(self, study: Study, tell: Progress = quiet, **options) -> Result:
         """Everything that was found; a PellucidError where recordings cannot carry it."""

@@ -9,7 +9,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from .._errors import IdentificationError
-from ..recordings.quality import Fault
+from ..fit.parameter import Verdict
+from ..recordings.quality import Fault, grouped
 from ..recordings.study import Study
 from .procedure import Procedure, Progress, quiet
 from .registry import PROCEDURES, asked
@@ -29,7 +30,8 @@ def check(study: Study) -> list[Fault]:
     Returns
     -------
     list of Fault
-        `severity` "refuse" stops a procedure, "note" does not; the refusing ones first.
+        `severity` "refuse" stops a procedure; of "cut" it is said what is left out, of "note" what is remarkable; the
+        refusing ones first.
 
     Raises
     ------
@@ -215,7 +217,9 @@ def report(
 
 def _run(procedure: Procedure, study: Study, on_progress: Progress | None, **options) -> Result:
     tell = on_progress or quiet
-    found = found_by(procedure, study, procedure.run(study, tell, **options))
+    found = procedure.run(study, tell, **options)
+    cut = tuple(Verdict("note", text) for text in grouped(procedure.cut(study)))
+    found = found_by(procedure, study, replace(found, verdicts=found.verdicts + cut))
     tell("done", 1.0)
     return found
 

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from .._errors import RecordingError
+from .cut import GAP_STEPS
 from .recording import Recording
 
 if TYPE_CHECKING:
@@ -16,9 +18,6 @@ if TYPE_CHECKING:
 
 JITTER_SHARE = 0.1
 """Share of the time step by which 1 sample in 100 may be off before samples count as unevenly spaced."""
-
-GAP_STEPS = 1.5
-"""A time step longer than this many typical ones is a gap: a sample is missing."""
 
 MIN_ROWS = 50
 """Samples that must be left after trimming and decimation: ten for each of a joint's five parameters."""
@@ -74,7 +73,7 @@ class Fault:
     Attributes
     ----------
     severity : str
-        ``"refuse"``: nothing may be identified from it; ``"note"``: told, and used.
+        ``"refuse"``: nothing may be identified from it; ``"cut"``: used, but without it; ``"note"``: told, and used.
     kind : str
         ``"missing_channel"``, ``"missing_samples"``, ``"time_order"``, ``"sampling_jitter"``, ``"gap"``, ``"rate"``,
         ``"too_few_samples"``, ``"clipped"``, ``"frozen_encoder"``, ``"wrap"`` or ``"magnitude"``; of markers also
@@ -107,7 +106,7 @@ def inspect(recording: Recording, study: Study) -> list[Fault]:
 
     A reversed sign or too little excitation shows only in a regression; identification looks for those.
     """
-    faults: list[Fault] = []
+    faults = cut_faults(recording)
 
     def add(severity: str, kind: str, channel: str, found: str, expected: str) -> None:
         where = f"{recording.path.name} (recording {recording.name}), channel {channel}"
@@ -128,6 +127,38 @@ def inspect(recording: Recording, study: Study) -> list[Fault]:
     if recording.optical is not None:
         faults += _optical_faults(recording)
     return sorted(faults, key=lambda fault: fault.severity != "refuse")
+
+
+def cut_faults(recording: Recording) -> list[Fault]:
+    """What was cut out of a recording, and of what other instruments recorded with it."""
+    faults = []
+    for of in (recording, *recording.streams.values()):
+        for cut in of.cuts:
+            found = f"{cut.found} at {cut.start:.6g} s ({cut.where})"
+            message = f"{of.path.name} (recording {of.name}), channel {cut.channel}: found {found}, cut out"
+            faults.append(Fault("cut", cut.kind, of.path.name, cut.channel, found, "none", message))
+    return faults
+
+
+def grouped(faults: Sequence[Fault], most: int = 3, most_cuts: int = 10) -> list[str]:
+    """Messages of what does not refuse; of many that differ only in their file, the first, and how many more there
+    are."""
+    kinds: dict[tuple[str, ...], list[str]] = {}
+    for fault in faults:
+        if fault.severity == "cut":
+            kinds.setdefault((fault.kind, fault.channel, fault.file), []).append(fault.message)
+        elif fault.severity != "refuse":
+            what = (fault.kind, fault.channel) if len(faults) > most else (fault.message, "")
+            kinds.setdefault(what, []).append(fault.message)
+    said = []
+    for what, messages in kinds.items():
+        # A cut is told with its place; where there are many of one kind in one file, the first ones are.
+        told = most_cuts if len(what) == 3 else 1
+        if len(messages) <= max(most, told):
+            said += messages
+        else:
+            said += [*messages[: told - 1], f"{messages[told - 1]} (and {len(messages) - told} more like it)"]
+    return said
 
 
 def require_sound(recording: Recording, study: Study) -> None:

@@ -11,6 +11,7 @@ from types import MappingProxyType
 import numpy as np
 
 from .._errors import RecordingError
+from .cut import Cut, sound_samples, spans_between
 from .optical import OpticalRecording
 
 
@@ -90,6 +91,8 @@ class Recording:
     streams : Mapping[str, Recording]
         What other instruments recorded of the trial, each on its own clock, all of it even where the recording is a
         window.
+    cuts : tuple of Cut
+        What was found in it that nothing is to be made of, and what study.toml excludes, by time.
 
     Raises
     ------
@@ -112,6 +115,7 @@ class Recording:
     streams: Mapping[str, Recording] = field(default_factory=dict, repr=False)
     amplitude: float | None = None
     repetition: int | None = None
+    cuts: tuple[Cut, ...] = ()
 
     def __post_init__(self):
         if "time" not in self.channels:
@@ -216,3 +220,15 @@ class Recording:
         on = self["enabled"] != 0.0 if "enabled" in self else np.ones(len(self), dtype=bool)
         on.flags.writeable = False
         return on
+
+    @cached_property
+    def sound(self) -> np.ndarray:
+        """Samples that no cut holds, shape (n,) bool."""
+        sound = sound_samples(len(self), self.cuts)
+        sound.flags.writeable = False
+        return sound
+
+    @cached_property
+    def spans(self) -> tuple[slice, ...]:
+        """Runs of sound samples, in order: no filter may cross their borders. A gap in time ends one too."""
+        return spans_between(len(self), self.cuts)

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from .._errors import RecordingError
+from .cut import Cut
 from .optical import OpticalRecording, read_optical
 from .recording import Channel, Payload, Recording
 
@@ -191,6 +192,7 @@ class Study:
             streams={stream: self._load_stream(entry, name, stream, files) for stream in entry.streams},
             amplitude=entry.amplitude,
             repetition=entry.repetition,
+            cuts=_excluded(entry, path, channels["time"].samples),
         )
         self._loaded[name] = recording
         return recording
@@ -272,6 +274,24 @@ def _channels(columns: Columns, specs: dict[str, ChannelSpec], window) -> dict[s
             )
         values = {name: samples[inside] for name, samples in values.items()}
     return {name: Channel(name, values[name], spec.si_unit, spec.column) for name, spec in specs.items()}
+
+
+def _excluded(entry: RecordingEntry, path: Path, time: np.ndarray) -> tuple[Cut, ...]:
+    """What study.toml leaves out of a recording whose samples were taken at `time`, shape (n,) [s]."""
+    cuts = []
+    for start, stop in entry.exclude:
+        inside = np.flatnonzero((time >= start) & (time < stop))
+        if inside.size:
+            first, last = int(inside[0]), int(inside[-1])
+            found = "what study.toml excludes"
+            cuts.append(Cut("excluded", "time", float(time[first]), stop, first, last, found, by="hand"))
+        elif entry.file is not None:
+            # Of many files some are shorter than others; of one, a stretch that is not there is a mistake.
+            raise RecordingError(
+                f"{path.name} (recording {entry.name}): exclude {start:g} s to {stop:g} s holds no sample, found times "
+                f"from {np.nanmin(time):g} s to {np.nanmax(time):g} s"
+            )
+    return tuple(sorted(cuts, key=lambda cut: cut.first))
 
 
 def _require_the_files_units(columns: Columns, specs: dict[str, ChannelSpec]) -> None:

@@ -590,6 +590,8 @@ class RecordingEntry(StudyTable):
         ``"fit"`` or ``"validate"``.
     window : tuple of float or None
         Samples with start <= time < end are taken, on the file's own clock [s].
+    exclude : tuple of tuple of float
+        Samples with start <= time < end are left out, on the file's own clock [s].
     participant, condition : str or None
         Who, and under which condition.
     repetition : int or None
@@ -616,6 +618,7 @@ class RecordingEntry(StudyTable):
     protocol: str | None = None
     use: Literal["fit", "validate"] = "fit"
     window: tuple[quantity("s"), quantity("s")] | None = None
+    exclude: tuple[tuple[quantity("s"), quantity("s")], ...] = ()
     participant: str | None = None
     condition: str | None = None
     repetition: int | None = Field(None, ge=1)
@@ -638,6 +641,9 @@ class RecordingEntry(StudyTable):
             )
         if self.window is not None and self.window[0] >= self.window[1]:
             raise ValueError(f"window: found {self.window[0]:g} s to {self.window[1]:g} s, expected start before end")
+        for start, stop in self.exclude:
+            if start >= stop:
+                raise ValueError(f"exclude: found {start:g} s to {stop:g} s, expected start before end")
         return self
 
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from .._errors import RecordingError
-from ..recordings.quality import GAP_STEPS
+from ..recordings.cut import GAP_STEPS
 from ..recordings.recording import Recording
 
 

@@ -10,7 +10,7 @@ from ...recordings.quality import Fault, drive_channel, inspect
 from ...recordings.study import Study
 from ...signals.effort import drive_model
 from .drive_sign import sign_error
-from .recorded_motions import motions
+from .recorded_motions import left_out, motions
 
 
 def joint_faults(study: Study) -> list[Fault]:
@@ -18,6 +18,7 @@ def joint_faults(study: Study) -> list[Fault]:
     faults = [fault for recording in study.recordings() for fault in inspect(recording, study)]
     if any(fault.severity == "refuse" for fault in faults):
         return faults
+    faults += left_out(study)
     try:
         data = stack([m for m in motions(study) if m.split == "fitted"])
         model = joint_model(

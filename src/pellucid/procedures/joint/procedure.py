@@ -2,8 +2,13 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 from ...recordings.study import Study
 from ..procedure import Procedure, late
+
+if TYPE_CHECKING:
+    from ...recordings.quality import Fault
 
 
 class JointProcedure(Procedure):
@@ -13,6 +18,12 @@ class JointProcedure(Procedure):
     faults = late("joint.joint_faults", "joint_faults")
     run = late("joint.identify_joint", "identify_joint")
     page = late("joint.joint_page", "page")
+
+    def cut(self, study: Study) -> list[Fault]:
+        """Cuts, and what between them is too short."""
+        from .recorded_motions import left_out
+
+        return super().cut(study) + left_out(study)
 
     def asked(self, study: Study) -> bool:
         alone = any(table.alone for table in study.config.procedures.values())

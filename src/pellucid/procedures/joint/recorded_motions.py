@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from ..._errors import RecordingError
+from ...recordings.quality import Fault
 from ...recordings.recording import Recording
 from ...recordings.study import Study
 from ...recordings.study_file import Processing
@@ -23,52 +24,60 @@ def filtering_of(processing: Processing) -> Filtering:
 
 
 def motions(study: Study, use: str | None = None) -> tuple[Motion, ...]:
-    """Every stretch of every recording of a study in which the drive was enabled, filtered and differentiated."""
+    """Every stretch of every recording of a study in which nothing was cut out and the drive was enabled, filtered and
+    differentiated."""
     model = drive_model(study.rig)
-    return tuple(m for r in study.recordings(use) for m in _stretches(r, study, model))
+    return tuple(m for r in study.recordings(use) for m in _motions_of(r, study, model))
 
 
-def _stretches(recording: Recording, study: Study, model: DriveModel) -> Iterator[Motion]:
+def left_out(study: Study) -> list[Fault]:
+    """Stretches between cuts that are too short to be used."""
+    fewest, faults = shortest(filtering_of(study.processing)), []
+    for recording in study.recordings():
+        for stretch in _stretches(recording, study.processing) if recording.cuts else ():
+            n = len(stretch.time)
+            if n < fewest:
+                found = f"{n} samples between cuts, from {stretch.time[0]:.6g} s to {stretch.time[-1]:.6g} s"
+                where = f"{recording.path.name} (recording {recording.name})"
+                message = f"{where}: found {found}, expected at least {fewest}; left out"
+                faults.append(
+                    Fault("cut", "short_stretch", recording.path.name, "time", found, f"{fewest} samples", message)
+                )
+    return faults
+
+
+def _motions_of(recording: Recording, study: Study, model: DriveModel) -> Iterator[Motion]:
     processing, loop = study.processing, study.rig.loop
     if "position" not in recording:
         raise RecordingError(
             f"{recording.path}: no channel 'position'; found {', '.join(recording.channels)}. "
             "Identification needs the joint's position in [channels]"
         )
-    fs, time, channels = evenly_sampled(recording, processing)
-    even = replace(
-        recording,
-        channels={
-            "time": replace(recording.channels["time"], samples=time),
-            **{n: replace(recording.channels[n], samples=x) for n, x in channels.items()},
-        },
-    )
-    command = command_of(even, study.rig)
-    injected = even[loop.injected] if loop is not None and loop.injected and loop.injected in even else None
-    reference = even["reference"] if "reference" in even.channels else None
     filtering = filtering_of(processing)
     fewest = shortest(filtering)
-    stretches = [s for s in runs(np.asarray(even.enabled, bool)) if s.stop - s.start >= fewest]
+    stretches = [s for s in _stretches(recording, processing) if len(s.time) >= fewest]
     if not stretches:
         raise RecordingError(
-            f"{recording.path}: {len(time)} samples, no enabled stretch of at least {fewest}; "
+            f"{recording.path}: {len(recording)} samples, no enabled stretch of at least {fewest}; "
             "expected a longer recording, a smaller [processing] decimate or trim"
         )
-    for part in stretches:
+    for stretch in stretches:
+        command = command_of(stretch.recording, study.rig)
+        injected = loop.injected if loop is not None else None
         try:
             yield motion_of(
-                time[part],
-                even["position"][part],
-                command[part],
+                stretch.time,
+                stretch.recording["position"],
+                command,
                 filtering,
                 gain=model.gain,
                 back_emf=model.back_emf,
-                fs=fs,
-                start=recording.start,
+                fs=stretch.fs,
+                start=stretch.start,
                 recording=recording.name,
                 split="fitted" if recording.use == "fit" else "heldout",
-                reference=None if reference is None else reference[part],
-                injected=None if injected is None else injected[part],
+                reference=stretch.recording["reference"] if "reference" in recording else None,
+                injected=stretch.recording[injected] if injected and injected in recording else None,
                 payload=(0.0, 0.0)
                 if recording.payload is None
                 else (recording.payload.mass, recording.payload.distance),
@@ -77,15 +86,39 @@ def _stretches(recording: Recording, study: Study, model: DriveModel) -> Iterato
             raise RecordingError(f"{recording.path}: {error}") from None
 
 
-def evenly_sampled(recording: Recording, processing: Processing) -> tuple[float, np.ndarray, dict[str, np.ndarray]]:
-    """Sampling rate [Hz], time, shape (n,), and channels on an even grid; interpolated only where the study says so.
-    `processing` [Hz]."""
-    time = recording.time
-    values = {name: channel.samples for name, channel in recording.channels.items() if name != "time"}
+@dataclass(frozen=True)
+class _Stretch:
+    """Consecutive samples of a recording on an even grid, with the drive enabled."""
+
+    recording: Recording
+    fs: float
+    start: str
+
+    @property
+    def time(self) -> np.ndarray:
+        return self.recording.time
+
+
+def _stretches(recording: Recording, processing: Processing) -> Iterator[_Stretch]:
+    for span in recording.spans:
+        fs, channels = evenly_sampled(recording, span, processing)
+        enabled = channels["enabled"] != 0.0 if "enabled" in channels else np.ones(len(channels["time"]), bool)
+        for part in runs(enabled):
+            cut = {n: replace(recording.channels[n], samples=x[part]) for n, x in channels.items()}
+            # Where it was cut the machine moves, wherever the recording itself begins.
+            start = "measured" if part.start == 0 and span.start > 0 else recording.start
+            yield _Stretch(replace(recording, channels=cut, cuts=()), fs, start)
+
+
+def evenly_sampled(recording: Recording, span: slice, processing: Processing) -> tuple[float, dict[str, np.ndarray]]:
+    """Sampling rate [Hz] and channels, each shape (n,), of a span on an even grid; interpolated only where the study
+    says so."""
+    values = {name: channel.samples[span] for name, channel in recording.channels.items()}
     if processing.resample is None:
-        return recording.fs, time, values
-    fs = processing.resample
+        return recording.fs, values
+    fs, time = processing.resample, values["time"]
     grid = time[0] + np.arange(int(np.floor((time[-1] - time[0]) * fs)) + 1) / fs
     held = {"enabled"}
     nearest = np.clip(np.searchsorted(time, grid, side="right") - 1, 0, len(time) - 1)
-    return fs, grid, {n: x[nearest] if n in held else np.interp(grid, time, x) for n, x in values.items()}
+    even = {n: x[nearest] if n in held else np.interp(grid, time, x) for n, x in values.items() if n != "time"}
+    return fs, {"time": grid, **even}
