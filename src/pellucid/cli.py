@@ -239,6 +239,9 @@ def export(
         tuple[float, float] | None, typer.Option(metavar="UP DOWN", help="Of fc and pcfr, as people chose them.")
     ] = None,
     period: Annotated[float | None, typer.Option(metavar="S", help="Of the controller [s].")] = None,
+    allow_outside: Annotated[
+        bool, typer.Option("--allow-outside", help="The card may lie outside the study's folder.")
+    ] = False,
 ) -> None:
     """Write the controller as source for a microcontroller."""
     from .deployment.export import export as run
@@ -249,7 +252,7 @@ def export(
     with _progress() as tell:
         tell("building the controller", 0.1)
         asked = {"participant": participant, "card": card, "slider": slider, "controller": controller}
-        made = run(study, to, out, **asked, exponents=exponents, period=period)
+        made = run(study, to, out, **asked, exponents=exponents, period=period, allow_outside=allow_outside)
         tell("running it on a Cortex-M4F in QEMU", 0.7)
         absent = missing_tools()
         found = None if absent else measure(made)

@@ -55,6 +55,9 @@ _SI_TEXTS = (
     "V*s/rad", "V*s^2/rad", "V*s/m", "V*s^2/m", "A*s/rad", "A*s^2/rad", "A*s/m", "A*s^2/m", "V/A",
 )  # fmt: skip
 
+# Pint also reads what only a program may hold, comments for one.
+_TEXT = re.compile(r"[\w°%^*/(). -]+")
+
 _NUMBER = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?|[-+]?inf|nan)\s*(.*?)\s*", re.DOTALL)
 
 
@@ -166,6 +169,8 @@ def _parse(unit: str, where: str) -> tuple[float, float, frozenset]:
         return 1.0, 0.0, frozenset()
     registry = _registry()
     try:
+        if _TEXT.fullmatch(unit) is None:
+            raise ValueError(unit)
         # Pint reads a leading 1 as a number, which a unit may not hold.
         text = re.sub(r"^\s*1\s*/", "dimensionless/", unit)
         parsed = registry.parse_units(text)

@@ -2,6 +2,7 @@
 
 import ctypes
 import json
+import re
 import shutil
 import subprocess
 from dataclasses import asdict, replace
@@ -18,7 +19,7 @@ from pellucid.cli import app
 from pellucid.control.control_law import LAWS, ControlLaw
 from pellucid.control.coupling import Coupling
 from pellucid.control.residual_compensator import design
-from pellucid.deployment.c_folder import core_headers, needed_headers, write_c_folder
+from pellucid.deployment.c_folder import check_here, core_headers, needed_headers, write_c_folder
 from pellucid.deployment.controller_values import ControllerValues
 from pellucid.deployment.joint_values import joint_values
 from pellucid.deployment.microcontroller import measure, missing_tools
@@ -328,6 +329,83 @@ def test_what_cannot_be_exported_is_told(study, given, said):
     with pytest.raises(PellucidError, match=said):
         pellucid.export(study, **given)
     assert not (study.folder / "controller").exists()
+
+
+HOSTILE = 'N*m */\nint owned(void);\n#error "owned" \\\n/* '
+
+
+def planted(study, **changed):
+    """The study's card, changed by hand."""
+    path = study.models_dir / "joint.json"
+    path.write_text(json.dumps(json.loads(path.read_text(encoding="utf-8")) | changed), encoding="utf-8")
+    return study
+
+
+@pytest.mark.parametrize(
+    ("changed", "said"),
+    [
+        ({"effort_unit": HOSTILE}, r"found the effort_unit .* expected one of N\*m, A, V"),
+        ({"effort_unit": "N"}, "found the effort_unit 'N', expected"),
+        ({"motion": HOSTILE}, "found the motion .* expected one of rotary, prismatic"),
+        ({"motion": ["rotary"]}, "not a model card"),
+        ({"effort_unit": {"N*m": 1}}, "not a model card"),
+    ],
+)
+def test_a_card_in_a_unit_that_is_none_is_refused(study, changed, said):
+    with pytest.raises(PellucidError, match=said):
+        pellucid.export(planted(study, **changed))
+    assert not (study.folder / "controller").exists()
+
+
+@pytest.mark.parametrize("unit", [HOSTILE, "m # */ int x; /*", "", 3])
+def test_a_cards_parameter_in_a_unit_that_is_none_is_refused(study, unit):
+    card = json.loads((study.models_dir / "joint.json").read_text(encoding="utf-8"))
+    card["parameters"][0]["unit"] = unit
+    with pytest.raises(PellucidError, match=r"joint\.json: inertia: "):
+        pellucid.export(planted(study, parameters=card["parameters"]))
+
+
+def test_no_word_of_a_study_or_a_card_leaves_its_comment(study, tmp_path):
+    """Whatever names, remarks, notes and units say: the code is the same without its comments."""
+
+    def code(values, name, folder):
+        made = write_c_folder(name, values, tmp_path / folder)
+        texts = [p.read_text(encoding="utf-8") for p in sorted(made.glob("*.[hc]*"))]
+        return [re.sub(r"/\*.*?\*/|//[^\n]*", "", text, flags=re.DOTALL) for text in texts]
+
+    good = joint_values(study)
+    remarks = dict.fromkeys(good.numbers, HOSTILE)
+    bad = replace(good, effort_unit=HOSTILE, cards=(HOSTILE,), checksums={HOSTILE: HOSTILE}, remarks=remarks)
+    assert code(bad, HOSTILE, "bad") == code(good, "bench", "good")
+
+
+@compiled
+def test_what_lies_in_the_folder_already_is_neither_compiled_nor_run(study, tmp_path):
+    folder, sign = study.folder / "controller", tmp_path / "owned"
+    (folder / "include").mkdir(parents=True)
+    (folder / "include" / "cstddef").write_text("#error owned\n", encoding="utf-8")
+    (folder / "build").mkdir()
+    (folder / "build" / "record").write_text(f"#!/bin/sh\ntouch {sign}\n", encoding="utf-8")
+    (folder / "build" / "record").chmod(0o755)
+    pellucid.export(study)
+    assert check_here(folder)[1] == 0
+    (folder / "GNUmakefile").write_text(f"record check:\n\ttouch {sign}\n", encoding="utf-8")
+    assert check_here(folder)[1] == 0
+    with pytest.raises(PellucidError, match="found GNUmakefile, expected none"):
+        pellucid.export(study)
+    assert not sign.exists()
+
+
+@pytest.mark.parametrize("how", ["relative", "absolute", "link"])
+def test_a_card_outside_the_study_only_where_that_is_said(study, tmp_path, how):
+    other = tmp_path.parent / f"{tmp_path.name}-other.json"
+    (study.models_dir / "joint.json").rename(other)
+    (study.models_dir / "link.json").symlink_to(other)
+    card = {"relative": f"../../{other.name}", "absolute": str(other), "link": "link.json"}[how]
+    run = CliRunner().invoke(app, ["export", str(study.folder), "--card", card])
+    assert isinstance(run.exception, PellucidError)
+    assert "found a card outside the study's folder" in str(run.exception)
+    assert joint_values(study, card=card, allow_outside=True).numbers["gravity_sine"] == 1.5
 
 
 def test_a_folder_is_whole_without_a_compiler(study, monkeypatch):

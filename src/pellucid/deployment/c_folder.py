@@ -5,8 +5,11 @@ from __future__ import annotations
 import re
 import shutil
 import subprocess
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from importlib.metadata import version
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import numpy as np
 
@@ -31,8 +34,11 @@ TEMPLATES = {
 }
 """What is rendered, and the folder that it goes to."""
 
+HEADERS, OUTPUTS = "include/pellucid", "test/vector_outputs.h"
+"""Where the core's headers are, and what this machine answered to the test vector."""
+
 COMPILERS = ("make", "cc", "c++")
-"""What `record` and `check_here` need."""
+"""What playing the test vector needs."""
 
 LARGEST = "3.40282347e+38f"
 """The largest float, which stands for no limit."""
@@ -60,11 +66,12 @@ def needed_headers(header: str) -> list[str]:
 
 def write_c_folder(study: str, values: ControllerValues, out: Path) -> Path:
     """Write the folder; files that it has from before are replaced, all others stay."""
+    obeyed = {"GNUmakefile", "makefile"}.intersection(path.name for path in (out.iterdir() if out.is_dir() else ()))
+    if obeyed:
+        raise PellucidError(f"{out}: found {obeyed.pop()}, expected none: make would obey it, not the controller's own")
     law = LAWS[values.law]
     headers = needed_headers(law.header)
-    for name in headers:
-        text = (core_headers() / "pellucid" / name).read_text(encoding="utf-8")
-        write_text_atomically(out / "include" / "pellucid" / name, text)
+    files = {f"{HEADERS}/{name}": (core_headers() / "pellucid" / name).read_text(encoding="utf-8") for name in headers}
 
     def unit(of: Field | LawSensor) -> str:
         return of.unit(values.motion, values.effort_unit)
@@ -82,39 +89,61 @@ def write_c_folder(study: str, values: ControllerValues, out: Path) -> Path:
         "effort_unit": values.effort_unit,
         "literal": _literal,
     }
-    for name, folder in TEMPLATES.items():
-        write_text_atomically(out / folder / name, _render(f"{name}.j2", **content))
-    (out / "test" / "vector_outputs.h").unlink(missing_ok=True)
-    record(out, vector.motion)
+    files |= {_place(name): _render(f"{name}.j2", **content) for name in TEMPLATES}
+    files |= _answers(files, out, vector.motion)
+    (out / OUTPUTS).unlink(missing_ok=True)
+    for name, text in files.items():
+        write_text_atomically(out / name, text)
     return out
 
 
-def record(folder: Path, motion: int = 0) -> bool:
-    """Let this machine answer the test vector, and write the answers down."""
+def _answers(files: Mapping[str, str], out: Path, motion: int) -> dict[str, str]:
+    """This machine's to the test vector, as one file more; none without a compiler."""
     if not all(map(shutil.which, COMPILERS)):
-        return False
-    run = subprocess.run(["make", "-s", "record"], cwd=folder, capture_output=True, text=True)
+        return {}
+    # Nothing is compiled but what was just rendered, whatever lies in the folder already.
+    with TemporaryDirectory() as scratch:
+        for name, text in files.items():
+            path = Path(scratch) / name
+            path.parent.mkdir(parents=True, exist_ok=True)
+            path.write_text(text, encoding="utf-8")
+        run = subprocess.run(["make", "-s", "record"], cwd=scratch, capture_output=True, text=True)
     if run.returncode:
-        raise PellucidError(f"{folder}: found that it does not compile:\n{run.stderr.strip()}")
+        raise PellucidError(f"{out}: found that it does not compile:\n{run.stderr.strip()}")
     outputs = [(int(bits, 16), int(fault)) for bits, fault in (line.split() for line in run.stdout.splitlines())]
-    write_text_atomically(folder / "test" / "vector_outputs.h", _render("vector_outputs.h.j2", outputs=outputs))
-    shutil.rmtree(folder / "build")
     wrong = next((fault for _, fault in outputs[:motion] if fault), 0)
     if wrong:
-        raise PellucidError(f"{folder}: found fault {wrong} in the test vector's motion, expected none: see its README")
-    return True
+        raise PellucidError(f"{out}: found fault {wrong} in the test vector's motion, expected none")
+    return {OUTPUTS: _render("vector_outputs.h.j2", outputs=outputs)}
+
+
+@contextmanager
+def copied(folder: Path) -> Iterator[Path]:
+    """A controller's own files in a folder that goes again: what else lies beside them is neither compiled nor run."""
+    names = [OUTPUTS, *map(_place, TEMPLATES)]
+    names += [f"{HEADERS}/{path.name}" for path in (core_headers() / "pellucid").glob("*.hpp")]
+    with TemporaryDirectory() as scratch:
+        for name in names:
+            if (folder / name).is_file():
+                (Path(scratch) / name).parent.mkdir(parents=True, exist_ok=True)
+                shutil.copyfile(folder / name, Path(scratch) / name)
+        yield Path(scratch)
 
 
 def check_here(folder: Path) -> tuple[int, int] | None:
     """Play the test vector on this machine, as ``make check`` does."""
-    if not (folder / "test" / "vector_outputs.h").is_file() or not all(map(shutil.which, COMPILERS)):
+    if not (folder / OUTPUTS).is_file() or not all(map(shutil.which, COMPILERS)):
         return None
-    run = subprocess.run(["make", "-s", "check"], cwd=folder, capture_output=True, text=True)
-    shutil.rmtree(folder / "build", ignore_errors=True)
+    with copied(folder) as copy:
+        run = subprocess.run(["make", "-s", "check"], cwd=copy, capture_output=True, text=True)
     said = dict(line.split() for line in run.stdout.splitlines() if len(line.split()) == 2)
     if not {"steps", "wrong"} <= set(said):
         raise PellucidError(f"{folder}: make check failed:\n{run.stderr.strip()}")
     return int(said["steps"]), int(said["wrong"])
+
+
+def _place(template: str) -> str:
+    return f"{TEMPLATES[template]}/{template}".lstrip("/")
 
 
 def _render(template: str, **content: object) -> str:
@@ -126,8 +155,17 @@ def _render(template: str, **content: object) -> str:
         trim_blocks=True,
         lstrip_blocks=True,
         keep_trailing_newline=True,
+        finalize=_within_a_line,
     )
     return environment.get_template(template).render(**content)
+
+
+def _within_a_line(x: object) -> object:
+    """What is put into a template: no name, unit or remark ends a comment, begins one or goes on in the next line."""
+    if not isinstance(x, str):
+        return x
+    x = re.sub(r"[\x00-\x1f\x7f\x85\u2028\u2029\\]", " ", x)
+    return re.sub(r"\*(?=/)|/(?=[*/])|\?(?=\?)", r"\g<0> ", x)
 
 
 def _literal(x: float) -> str:

@@ -27,6 +27,7 @@ def export(
     controller: str | None = None,
     exponents: tuple[float, float] | None = None,
     period: float | None = None,
+    allow_outside: bool = False,
 ) -> Path:
     """Write the controller that the study's model cards make possible, ready to be compiled for a robot.
 
@@ -53,6 +54,8 @@ def export(
         k of equation 8, upwards and downwards, for "fc" and "pcfr"; None: the paper's.
     period : float or None
         Of the controller [s]; None: 1 ms, or that of the recordings of an orthosis.
+    allow_outside : bool
+        Whether `card` may lie outside the study's folder.
 
     Returns
     -------
@@ -62,7 +65,8 @@ def export(
     Raises
     ------
     PellucidError
-        If `to` is no language known, a card is missing, or the study has no controller that can be exported.
+        If `to` is no language known, a card is missing or outside, or the study has no controller that can be
+        exported.
 
     Examples
     --------
@@ -75,7 +79,7 @@ def export(
     """
     values = values_for(
         study, to, card=card, slider=slider, participant=participant, controller=controller, exponents=exponents,
-        period=period,
+        period=period, allow_outside=allow_outside,
     )  # fmt: skip
     return write_c_folder(study.name, values, study.folder / "controller" if out is None else Path(out))
 
@@ -90,6 +94,7 @@ def values_for(
     controller: str | None = None,
     exponents: tuple[float, float] | None = None,
     period: float | None = None,
+    allow_outside: bool = False,
 ) -> ControllerValues:
     """The numbers that `export` writes."""
     if to not in LANGUAGES:
@@ -116,4 +121,4 @@ def values_for(
     if exponents is not None:
         raise PellucidError(f"export of {study.name}: found exponents without a controller, expected fc or pcfr")
     given = {} if period is None else {"period": period}
-    return joint_values(study, card=card, slider=slider, **given)
+    return joint_values(study, card=card, slider=slider, allow_outside=allow_outside, **given)

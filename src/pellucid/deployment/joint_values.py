@@ -26,15 +26,25 @@ CARDS = ("joint.json", "slider.load.json", "slider.consistent.json")
 
 
 def joint_values(
-    study: Study, *, card: str | None = None, slider: float | None = None, period: float = PERIOD
+    study: Study,
+    *,
+    card: str | None = None,
+    slider: float | None = None,
+    period: float = PERIOD,
+    allow_outside: bool = False,
 ) -> ControllerValues:
     """Compensation of gravity and friction by a card that `identify` wrote.
 
     `card` is its file name in the models folder of `study`, or the first of `CARDS` that is there; `slider` where a
-    carriage is, or amid its rail [m]; `period` in [s].
+    carriage is, or amid its rail [m]; `period` in [s]; `allow_outside` of the study's folder.
     """
     name = card or next((n for n in CARDS if (study.models_dir / n).is_file()), CARDS[study.rig.slider is not None])
     path = study.models_dir / name
+    if not (allow_outside or path.resolve().is_relative_to(study.folder.resolve())):
+        raise PellucidError(
+            f"{path}: found a card outside the study's folder, expected one in {study.models_dir}; --allow-outside "
+            "(allow_outside=True) takes it all the same"
+        )
     found = (read_slider_card if read_table(path).get("kind") == "slider" else read_card)(path)
     given = study.rig.limits
     try:

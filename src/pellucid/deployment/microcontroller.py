@@ -8,11 +8,11 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from hashlib import sha256
 from pathlib import Path
-from tempfile import TemporaryDirectory
 
 from .._errors import PellucidError
 from ..recordings.results import ResultRow, write_rows
 from ..recordings.study import Study
+from .c_folder import copied
 
 COMMAND = "export"
 
@@ -57,8 +57,7 @@ def measure(folder: Path) -> OnCortexM4:
     absent = missing_tools()
     if absent:
         raise PellucidError(f"{folder}: found no {', '.join(absent)}, expected the tools for a Cortex-M4 and QEMU")
-    with TemporaryDirectory() as scratch:
-        copy = Path(shutil.copytree(folder, Path(scratch) / "controller", ignore=shutil.ignore_patterns("build")))
+    with copied(folder) as copy:
         checked, counted = _said(copy, "m4"), _said(copy, "count")
         text, data = _size(copy)
     return OnCortexM4(

@@ -12,10 +12,14 @@ import numpy as np
 
 from .._atomic import write_text_atomically
 from .._errors import PellucidError
+from ..units import to_si_factor
 from .joint import SYMBOLS, JointModel
 
 FORMAT = 1
 """Version of the card's layout; a reader refuses a newer one."""
+
+EFFORTS: Mapping[str, tuple[str, ...]] = {"rotary": ("N*m", "A", "V"), "prismatic": ("N", "A", "V")}
+"""Units that an effort may have, by motion."""
 
 
 @dataclass(frozen=True)
@@ -61,9 +65,20 @@ class Card:
             covariance = tuple(tuple(row) for row in table["covariance"])
             plain = {key: tuple(value) if isinstance(value, list) else value for key, value in table.items()}
             given = {"parameters": parameters, "covariance": covariance, "known": dict(table["known"])}
-            return cls(**(plain | given))
-        except (KeyError, TypeError) as error:
+            card = cls(**(plain | given))
+        except (KeyError, TypeError, ValueError) as error:
             raise PellucidError(f"{path}: not a model card of format {FORMAT}: {error}") from None
+        require_units(path, parameters)
+        return card
+
+    def __post_init__(self):
+        # A card may be a stranger's, and its units reach pages and source.
+        if self.motion not in EFFORTS:
+            raise ValueError(f"found the motion {self.motion!r}, expected one of {', '.join(EFFORTS)}")
+        if self.effort_unit not in EFFORTS[self.motion]:
+            raise ValueError(
+                f"found the effort_unit {self.effort_unit!r}, expected one of {', '.join(EFFORTS[self.motion])}"
+            )
 
     @property
     def values(self) -> np.ndarray:
@@ -124,6 +139,12 @@ def read_card(path: Path) -> ModelCard:
     if unknown:
         raise PellucidError(f"{path}: unknown parameters {', '.join(unknown)}")
     return card
+
+
+def require_units(path: Path, parameters: Iterable[CardParameter]) -> None:
+    """Refuse a card's parameter whose unit is none."""
+    for p in parameters:
+        to_si_factor(p.unit, None, f"{path}: {p.name}")
 
 
 def read_table(path: Path) -> dict:

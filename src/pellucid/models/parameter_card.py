@@ -11,7 +11,7 @@ import numpy as np
 
 from .._atomic import write_text_atomically
 from .._errors import PellucidError
-from .card import FORMAT, CardParameter, named, read_table
+from .card import FORMAT, CardParameter, named, read_table, require_units
 
 
 @dataclass(frozen=True)
@@ -80,9 +80,11 @@ def read_parameter_card(path: Path) -> ParameterCard:
         parameters = tuple(CardParameter(**{**r, **{key: _number(r[key]) for key in numbers}}) for r in rows)
         covariance = tuple(tuple(_number(x) for x in row) for row in table["covariance"])
         plain = {key: value for key, value in table.items() if key != "format"}
-        return ParameterCard(**{**plain, "parameters": parameters, "covariance": covariance})
-    except (KeyError, TypeError) as error:
+        card = ParameterCard(**{**plain, "parameters": parameters, "covariance": covariance})
+    except (KeyError, TypeError, ValueError) as error:
         raise PellucidError(f"{path}: not a card of parameters: {error}") from None
+    require_units(path, parameters)
+    return card
 
 
 def _number(x: float | None) -> float:

@@ -22,7 +22,7 @@ from matplotlib.patches import PathPatch
 from matplotlib.path import Path as Outline
 from matplotlib.ticker import MaxNLocator
 
-from .._atomic import write_text_atomically
+from .._atomic import write_bytes_atomically, write_text_atomically
 from .series import broken, outline
 from .style import COLOURS, FIGURE_WIDTH, RC, SANS, colour
 
@@ -70,10 +70,12 @@ class Drawing:
         """Write ``<name>.svg`` and ``<name>.pdf`` into `folder`."""
         folder = Path(folder)
         drawn = write_text_atomically(folder / f"{self.name}.svg", self.svg)
-        printed = folder / f"{self.name}.pdf"
+        printed = io.BytesIO()
         with matplotlib.rc_context(dict(RC)), _outlines_alone():
-            self.figure.savefig(printed, metadata={"CreationDate": None, "ModDate": None}, facecolor=colour("paper"))
-        return drawn, printed
+            self.figure.savefig(
+                printed, format="pdf", metadata={"CreationDate": None, "ModDate": None}, facecolor=colour("paper")
+            )
+        return drawn, write_bytes_atomically(folder / f"{self.name}.pdf", printed.getbuffer())
 
 
 @contextmanager

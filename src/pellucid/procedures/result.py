@@ -11,7 +11,8 @@ from ..fit.parameter import Parameter, Verdict, ranked
 from ..models.card import Card, write_card
 from ..models.parameter_card import ParameterCard, write_parameter_card
 from ..recordings.kept import keep, read_kept
-from ..recordings.results import ResultRow, write_rows
+from ..recordings.lock import locked
+from ..recordings.results import ResultRow, replace_rows
 
 if TYPE_CHECKING:
     from ..recordings.study import Study
@@ -152,15 +153,19 @@ class Result:
         ------
         OSError
             If the study's folder cannot be written.
+        PellucidError
+            If another command goes on writing this study's results for a minute.
         """
-        study.models_dir.mkdir(exist_ok=True)
-        for name, card in self.cards.items():
-            write = write_card if isinstance(card, Card) else write_parameter_card
-            write(study.models_dir / f"{name}.json", card)
-        write_rows(study.results_path, self.command, self.rows)
-        self.save_more(study)
-        if self.made_from:
-            keep(study.kept_path(self.procedure), self.made_from, self.for_page())
+        # Cards, rows and what is kept come from one command, however many run at once.
+        with locked(study.results_path):
+            study.models_dir.mkdir(exist_ok=True)
+            for name, card in self.cards.items():
+                write = write_card if isinstance(card, Card) else write_parameter_card
+                write(study.models_dir / f"{name}.json", card)
+            replace_rows(study.results_path, self.command, self.rows)
+            self.save_more(study)
+            if self.made_from:
+                keep(study.kept_path(self.procedure), self.made_from, self.for_page())
         return self.rows
 
     @classmethod

@@ -13,6 +13,7 @@ from typing import Any
 
 from .._atomic import write_text_atomically
 from .._errors import RecordingError
+from .lock import locked
 
 SPLITS = ("fitted", "heldout", "simulated")
 
@@ -50,8 +51,14 @@ def checksum_of_all(checksums: Iterable[str]) -> str:
 
 
 def write_rows(path: str | os.PathLike, command: str, rows: Iterable[ResultRow]) -> tuple[ResultRow, ...]:
-    """Put a command's rows in place of those it wrote before; all other rows stay."""
-    path = Path(path)
+    """Put a command's rows in place of those it wrote before; all other rows stay, those of a command that writes at
+    the same time too."""
+    with locked(path):
+        return replace_rows(Path(path), command, rows)
+
+
+def replace_rows(path: Path, command: str, rows: Iterable[ResultRow]) -> tuple[ResultRow, ...]:
+    """`write_rows` for who holds the lock of `path`."""
     rows = tuple(_finite(row) for row in rows)
     for row in rows:
         if row.command != command:
