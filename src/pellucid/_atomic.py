@@ -4,7 +4,10 @@ from __future__ import annotations
 
 import os
 import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
+from typing import BinaryIO
 
 
 def write_text_atomically(path: str | os.PathLike, text: str) -> Path:
@@ -14,12 +17,20 @@ def write_text_atomically(path: str | os.PathLike, text: str) -> Path:
 
 def write_bytes_atomically(path: str | os.PathLike, content: bytes | memoryview) -> Path:
     """`write_text_atomically` of bytes."""
+    with atomically(path) as file:
+        file.write(content)
+    return Path(path)
+
+
+@contextmanager
+def atomically(path: str | os.PathLike) -> Iterator[BinaryIO]:
+    """A file to be written in parts, renamed into place when all are there."""
     path = Path(path)
     path.parent.mkdir(parents=True, exist_ok=True)
     handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.", suffix=".tmp")
     try:
         with os.fdopen(handle, "wb") as file:
-            file.write(content)
+            yield file
             file.flush()
             os.fsync(file.fileno())
         # mkstemp makes private files; a result is meant to be read by the whole lab.
@@ -28,7 +39,6 @@ def write_bytes_atomically(path: str | os.PathLike, content: bytes | memoryview)
     except BaseException:
         Path(temporary).unlink(missing_ok=True)
         raise
-    return path
 
 
 def _umask() -> int:

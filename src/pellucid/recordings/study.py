@@ -98,9 +98,7 @@ class Study:
 
         digests = {}
         for path in (self.folder / STUDY_FILE, *self.files()):
-            if path not in self._digests:
-                self._digests[path] = checksum(path) if path.is_file() else ""
-            digests[path] = self._digests[path]
+            digests[path] = self._digest(path)
         # Cards are written anew while a study is open; its recordings are read once.
         digests |= {path: checksum(path) if path.is_file() else "" for path in more}
         parts = [code_fingerprint()]
@@ -123,7 +121,7 @@ class Study:
         """
         if use not in (None, "fit", "validate"):
             raise RecordingError(f'use: found {use!r}, expected "fit", "validate" or None')
-        files: dict[Path, tuple[Columns, str]] = {}
+        files: dict[Path, Columns] = {}
         found = [
             self._load(entry, name, path, files)
             for entry in self.config.recordings
@@ -173,7 +171,7 @@ class Study:
     def _load(self, entry, name, path, files) -> Recording:
         if name in self._loaded:
             return self._loaded[name]
-        columns, digest = _read_once(path, files)
+        columns, digest = self._read_once(path, files)
         channels = _channels(columns, self.config.channels_of(entry), entry.window)
         payload = Payload(entry.payload.mass, entry.payload.distance) if entry.payload else None
         recording = Recording(
@@ -197,9 +195,26 @@ class Study:
         self._loaded[name] = recording
         return recording
 
+    def _read_once(self, path: Path, files: dict[Path, Columns]) -> tuple[Columns, str]:
+        from .kept_columns import kept_columns
+
+        digest = self._digest(path)
+        if path not in files:
+            files[path] = kept_columns(self.folder / "kept", path, digest)
+        return files[path], digest
+
+    def _digest(self, path: Path) -> str:
+        """SHA-256 of a file, taken once."""
+        if path not in self._digests:
+            try:
+                self._digests[path] = checksum(path)
+            except OSError:  # whoever reads it says so
+                self._digests[path] = ""
+        return self._digests[path]
+
     def _load_stream(self, entry, name, stream, files) -> Recording:
         path = self._beside(entry, entry.streams[stream], f"the stream {stream}")
-        columns, digest = _read_once(path, files)
+        columns, digest = self._read_once(path, files)
         channels = _channels(columns, self.config.streams[stream].channels, None)
         return Recording(f"{name}.{stream}", path, digest, entry.use, channels, entry.protocol, entry.participant)
 
@@ -214,7 +229,7 @@ class Study:
     def _load_optical(self, entry, files) -> OpticalRecording | None:
         if entry.optical is None:
             return None
-        columns, digest = _read_once(self._beside(entry, entry.optical, "optical"), files)
+        columns, digest = self._read_once(self._beside(entry, entry.optical, "optical"), files)
         rail, spec = self.config.rail, self.config.optical
         time = _to_si(columns.column(spec.time.column, "time"), spec.time)
         return read_optical(columns, digest, time, spec, rail.marker if rail is not None else None)
@@ -234,14 +249,6 @@ def checksum(path: Path) -> str:
         return hashlib.file_digest(file, "sha256").hexdigest()
 
 
-def _read_once(path: Path, files: dict[Path, tuple[Columns, str]]) -> tuple[Columns, str]:
-    if path not in files:
-        from .readers import read_columns
-
-        files[path] = (read_columns(path), checksum(path))
-    return files[path]
-
-
 def _channels(columns: Columns, specs: dict[str, ChannelSpec], window) -> dict[str, Channel]:
     _require_the_files_units(columns, specs)
     for name, spec in specs.items():
@@ -250,11 +257,11 @@ def _channels(columns: Columns, specs: dict[str, ChannelSpec], window) -> dict[s
                 f"{columns.path.name}: channel {name}: study.toml says {spec.unit}, the file's header says "
                 f"{columns.angle_unit}"
             )
-    stored = {name: columns.column(spec.column, name) for name, spec in specs.items() if spec.rate is None}
-    values = {name: _to_si(samples, specs[name]) for name, samples in stored.items()}
+    # One column after another: of hours each takes much memory.
+    values = {n: _to_si(columns.column(spec.column, n), spec) for n, spec in specs.items() if spec.rate is None}
     rate = specs["time"].rate
     if rate is not None:
-        values["time"] = np.arange(max((len(samples) for samples in stored.values()), default=0)) / rate
+        values["time"] = np.arange(max((len(samples) for samples in values.values()), default=0)) / rate
     time = values["time"]
     n = len(time)
     for name, samples in values.items():
@@ -273,6 +280,8 @@ def _channels(columns: Columns, specs: dict[str, ChannelSpec], window) -> dict[s
                 f"found times from {np.nanmin(time):g} s to {np.nanmax(time):g} s"
             )
         values = {name: samples[inside] for name, samples in values.items()}
+    for samples in values.values():
+        samples.flags.writeable = False  # nobody else has them: a channel needs no copy
     return {name: Channel(name, values[name], spec.si_unit, spec.column) for name, spec in specs.items()}
 
 
@@ -314,7 +323,11 @@ def _to_si(stored: np.ndarray, spec: ChannelSpec) -> np.ndarray:
         # Unwrapping steps over a gap; the missing samples stay missing.
         known = np.isfinite(values)
         values[known] = np.unwrap(values[known], period=2.0**spec.wrap_bits)
-    return (spec.sign * spec.scale * values + spec.offset) * spec.si_factor + spec.si_offset
+    values *= spec.sign * spec.scale
+    values += spec.offset
+    values *= spec.si_factor
+    values += spec.si_offset
+    return values
 
 
 def _present(folder: Path) -> str:

@@ -9,8 +9,11 @@ import numpy as np
 
 from ..._errors import RecordingError
 from ._columns import Columns
+from ._number_table import LONG, number_table
 
 ENDINGS = (".csv", ".tsv", ".txt", ".dat")
+
+HEAD = 1 << 16  # bytes that hold all that stands above the numbers
 
 _COMMENT = ("#", "%", "//", "!")
 _MISSING = {"", "nan", "na", "n/a", "null", "none", "-", "--", "missing"}
@@ -29,6 +32,8 @@ def read(path: Path) -> Columns:
     also be named on a line each, ``Channel 1: 'RF'``, as Biometrics' DataLOG does; titles without a delimiter name no
     columns.
     """
+    if path.stat().st_size >= LONG and (columns := _long(path)) is not None:
+        return columns
     lines = [(number, line) for number, line in enumerate(_decode(path).splitlines(), 1) if line.strip()]
     comments = [line for _, line in lines if line.lstrip().startswith(_COMMENT)]
     lines = [(number, line) for number, line in lines if not line.lstrip().startswith(_COMMENT)]
@@ -57,6 +62,31 @@ def read(path: Path) -> Columns:
         else:
             values[name] = np.ascontiguousarray(table[:, i])
     return Columns(path, values)
+
+
+def _long(path: Path) -> Columns | None:
+    """The columns of a file that holds nothing but numbers below its header; None where that is not so sure."""
+    with path.open("rb") as file:
+        head = file.read(HEAD).splitlines(keepends=True)[:-1]
+    if any(b"\0" in line or not line.endswith(b"\n") for line in head):
+        return None
+    try:
+        text = [line.decode("utf-8" if i else "utf-8-sig") for i, line in enumerate(head)]
+    except UnicodeDecodeError:
+        return None
+    lines = [(i, line) for i, line in enumerate(text) if line.strip()]
+    comments = [line for _, line in lines if line.lstrip().startswith(_COMMENT)]
+    lines = [(i, line) for i, line in lines if not line.lstrip().startswith(_COMMENT)]
+    delimiter = _delimiter([line for _, line in lines[:20]])
+    first = next((i for i, (_, line) in enumerate(lines[:20]) if _is_data(_split(line, delimiter))), None)
+    if delimiter is None or first is None:
+        return None
+    at, row = lines[first]
+    fields = _split(row, delimiter)
+    names = _names(path, _header(lines[:first], comments, delimiter, len(fields)), len(fields))
+    decimal = "," if delimiter != "," and any(_COMMA_NUMBER.fullmatch(field) for field in fields) else "."
+    columns = number_table(path, sum(map(len, head[:at])), len(fields), delimiter, decimal)
+    return None if columns is None else Columns(path, dict(zip(names, columns, strict=True)))
 
 
 def _decode(path: Path) -> str:

@@ -1,0 +1,156 @@
+"""Hours of recordings: what `pellucid identify` costs beside plain NumPy and SciPy, fresh processes all of them.
+
+A virtual joint follows two hours of movements at 1 kHz; its CSV file (time, position, current) is identified with all
+five friction families and intervals, first as it is and then again from what was kept of it. Beside it stands the
+least a user would write: read the file, filter, differentiate, thin, solve one family. All processor time counts, of
+children too, start-up included.
+"""
+
+from __future__ import annotations
+
+import os
+import statistics
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+
+from pellucid._atomic import write_text_atomically
+from pellucid.lab.bench.rig import BenchRig, bench_joint
+from pellucid.lab.rig import Trial
+from pellucid.lab.study_text import study_text
+from pellucid.models.joint import FAMILIES
+from pellucid.procedures.registry import open_study
+from pellucid.protocols.excitation import multisine, point_to_point
+from pellucid.recordings.results import ResultRow
+from pellucid.recordings.study import STUDY_FILE
+from pellucid.signals.effort import drive_model
+
+SEED = 20261121
+HOURS = 2.0
+SHORT = 100.0  # s
+SHARE = 6  # of the long one is identified too
+REPEATS = 3  # of the short one
+COMMAND_LINE = "from pellucid.cli import main; main()"
+START_UP = "import pellucid.cli, pellucid.procedures.run, pellucid.procedures.joint.identify_joint, scipy.optimize"
+PLAIN = """
+import sys
+import numpy as np
+from scipy import signal
+time, position, current = np.loadtxt(sys.argv[1], delimiter=",", skiprows=2).T
+lowpass, order, keep, dead_band, trim, gain = map(float, sys.argv[2:])
+fs = (len(time) - 1) / (time[-1] - time[0])
+sos = signal.butter(int(order), lowpass, fs=fs, output="sos")
+q, effort = signal.sosfiltfilt(sos, position), signal.sosfiltfilt(sos, gain * current)
+v = np.gradient(q, 1.0 / fs)
+columns = [np.gradient(v, 1.0 / fs), np.sin(q), v, np.sign(v), np.ones_like(v), effort]
+block = np.column_stack([x[int(trim) : len(x) - int(trim) : int(keep)] for x in columns])
+block = block[np.abs(block[:, 2]) > dead_band]
+values, rest, *_ = np.linalg.lstsq(block[:, :-1], block[:, -1], rcond=None)
+inverse = np.linalg.inv(block[:, :-1].T @ block[:, :-1])
+print(values, 1.96 * np.sqrt(np.diag(inverse) * rest / len(block)))
+"""
+
+
+def movements(rig: BenchRig, duration: float, rng: np.random.Generator) -> np.ndarray:
+    """A reference, (n,) [rad], of a `duration` [s]: minutes of moves between targets and minutes of waves in turn."""
+    span = rig["motion_range"]
+    centre, half = 0.5 * (span["low"] + span["high"]), 0.5 * (span["high"] - span["low"])
+    steps = point_to_point(duration, rig.rate, dwell=0.2, rng=rng, **span)
+    waves = multisine(60.0, rig.rate, fundamental=0.1, harmonics=12, amplitude=half, centre=centre, rng=rng)
+    minute, made = round(60.0 * rig.rate), steps
+    ease = np.minimum(1.0, np.minimum(np.arange(minute), np.arange(minute)[::-1]) / rig.rate)
+    for first in range(minute, len(made) - minute + 1, 3 * minute):
+        # From the steps into the waves and back within a second.
+        made[first : first + minute] = (1.0 - ease) * steps[first : first + minute] + ease * waves
+    return made
+
+
+def record(folder: Path, seconds: float) -> Path:
+    """A study in a `folder` whose only recording is a CSV file of `seconds`: time, position, current."""
+    rig, rng = bench_joint(), np.random.default_rng(SEED)
+    reference = movements(rig, seconds, rng)
+    read = rig.play(reference, 1, rng)
+    columns = np.column_stack([read["time"], read["position"][0], read["current"][0]])
+    said = rig.study([rig.record(Trial("long", reference=reference[:1000]), rng)])
+    del said["channels"]["reference"], said["rig"]["loop"]
+    said["model"]["families"] = list(FAMILIES)
+    path = folder / said["recordings"][0]["file"]
+    path.parent.mkdir(parents=True)
+    with path.open("w", encoding="utf-8") as file:
+        file.write("# units: time [s], position [rad], current [A]\ntime,position,current\n")
+        for first in range(0, len(columns), 100_000):
+            rows = columns[first : first + 100_000]
+            file.write(("%.3f,%.6f,%.4f\n" * len(rows)) % tuple(rows.ravel().tolist()))
+    write_text_atomically(folder / STUDY_FILE, study_text({**said, "name": "hours"}, rig.comments))
+    return path
+
+
+def used(*arguments: str) -> tuple[float, float, float]:
+    """Processor seconds of one run of this Python, of its children too, its wall seconds, and its largest memory
+    [MB]."""
+    began = time.perf_counter()
+    started = subprocess.Popen(
+        [sys.executable, *arguments],
+        cwd=Path(__file__).parents[1],
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+        env={"OPENBLAS_NUM_THREADS": "1", **os.environ},
+    )
+    _, status, spent = os.wait4(started.pid, 0)
+    wall = time.perf_counter() - began
+    started.returncode = os.waitstatus_to_exitcode(status)
+    if started.returncode:
+        raise RuntimeError(f"{' '.join(arguments)}: exit status {started.returncode}")
+    return spent.ru_utime + spent.ru_stime, wall, spent.ru_maxrss / 1024.0
+
+
+def identified(folder: Path) -> tuple[float, float, float]:
+    """What `pellucid identify` of a study takes, as `used` tells it."""
+    return used("-c", COMMAND_LINE, "identify", str(folder))
+
+
+def plain(folder: Path, path: Path) -> tuple[float, float, float]:
+    """What plain NumPy and SciPy take for one family of it."""
+    study = open_study(folder)
+    p = study.processing
+    told = (p.lowpass, p.order, p.decimate, p.dead_band, p.trim, drive_model(study.rig).gain)
+    return used("-c", PLAIN, str(path), *map(str, told))
+
+
+def rows() -> Iterator[ResultRow]:
+    """Processor seconds over the rival's, memory, seconds of 100 s of data, and seconds per hour of 20 min over 2 h."""
+    with tempfile.TemporaryDirectory() as place:
+        folder = Path(place) / "hours"
+        path = record(folder, 3600.0 * HOURS)
+        theirs = plain(folder, path)
+        first = identified(folder)
+        again = identified(folder)
+        size = path.stat().st_size
+        short, part = Path(place) / "short", Path(place) / "part"
+        record(short, SHORT)
+        record(part, 3600.0 * HOURS / SHARE)
+        started = [used("-c", START_UP)[1] for _ in range(REPEATS)]
+        taken = [identified(short)[1] for _ in range(REPEATS)]
+        shorter = identified(part)
+    told = f"{HOURS:g} h at 1 kHz, CSV of {size / 1e6:.0f} MB, {len(FAMILIES)} families with intervals"
+    rival = "over numpy.loadtxt, sosfiltfilt and lstsq of one family"
+    wall = statistics.median(taken) - statistics.median(started)
+    beside = f"beside {theirs[2]:.0f} MB of NumPy"
+    yield _row("numpy.cpu", theirs[0], "s", f"plain: loadtxt, sosfiltfilt, lstsq of one family, {HOURS:g} h at 1 kHz")
+    for name, (cpu, seconds, memory) in (("first", first), ("again", again)):
+        yield _row(f"identify.cpu.{name}", cpu, "s", f"{told}; {seconds:.0f} s of wall time, {memory:.0f} MB")
+        yield _row(f"identify.over_numpy.{name}", cpu / theirs[0], "1", f"{told}; processor, {rival}")
+    yield _row("identify.memory", max(first[2], again[2]), "MB", f"{told}; largest resident set, {beside}")
+    spread = f"{min(taken):.1f} to {max(taken):.1f} s with start-up"
+    yield _row("identify.short.wall", wall, "s", f"{SHORT:g} s at 1 kHz after start-up, median of {REPEATS}; {spread}")
+    growth = first[0] / shorter[0]
+    yield _row("identify.growth", growth, "1", f"processor of {HOURS:g} h over that of a {SHARE}th of it")
+
+
+def _row(name: str, value: float, unit: str, note: str) -> ResultRow:
+    return ResultRow(f"scale.{name}", value, unit, "evidence", "simulated", None, note)

@@ -1,0 +1,135 @@
+"""Files of hours: Arrow's reader finds the bits of the tolerant one, or leaves the file to it; columns are kept."""
+
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from pellucid.recordings import kept_columns as keeping
+from pellucid.recordings.readers import _number_table, csv
+from pellucid.recordings.readers.read import read_columns
+
+DRAWN = np.random.default_rng(7)
+NUMBERS = [
+    *(repr(x) for x in DRAWN.standard_normal(300).tolist()),
+    "0.1",
+    "5e-324",
+    "1.7976931348623157e308",
+    "-0.0",
+    "1e22",
+]
+ROWS = "\n".join(f"{i * 0.001:.3f},{x},{DRAWN.normal():.4f}" for i, x in enumerate(NUMBERS)) + "\n"
+
+
+def both(path, monkeypatch):
+    """What each reader makes of a file, and whether the fast one took it."""
+    slow = csv.read(path)
+    monkeypatch.setattr(csv, "LONG", 1)
+    taken = csv._long(path) is not None
+    return csv.read(path), slow, taken
+
+
+@pytest.mark.parametrize(
+    ("content", "fast"),
+    [
+        (f"t,q,i\n{ROWS}", True),
+        (f"# a comment\nTitle\nt [s],q [deg],i\ns,deg,A\n{ROWS}", True),
+        (ROWS, True),
+        ("t,q,i\n" + ROWS.replace("\n", "\r\n"), True),
+        ("t;q;i\n" + ROWS.replace(",", ";").replace(".", ","), True),
+        ("t\tq\ti\n" + ROWS.replace(",", "\t"), True),
+        ("\ufefft,q,i\n" + ROWS, True),
+        (f"t,q,i\n{ROWS}0.9,,NaN\n1.0,NA,null\n", True),
+        (f"t,q,i\n\n{ROWS}\n", True),
+        (f"t,q,i\n{ROWS}# a comment\n0.9,1,2\n", False),
+        (f"t,q,i\n{ROWS}0.9,true,word\n", False),
+        (f't,q,i\n{ROWS}"0.9","1","2"\n', False),
+        ("t,q,i,\n" + ROWS.replace("\n", ",\n"), False),
+        ("t q i\n" + ROWS.replace(",", "  "), False),
+        ("t\u00b0,q,i\n" + ROWS, True),
+    ],
+)
+def test_both_readers_find_the_same_bits(tmp_path, monkeypatch, content, fast):
+    path = tmp_path / "a.csv"
+    path.write_bytes(content.encode())
+    found, slow, taken = both(path, monkeypatch)
+    assert taken == fast
+    assert found.names == slow.names
+    for name in slow.names:
+        a, b = found.values[name], slow.values[name]
+        if isinstance(b, str):
+            assert a == b
+        else:
+            np.testing.assert_array_equal(a.view(np.int64)[~np.isnan(b)], b.view(np.int64)[~np.isnan(b)])
+            np.testing.assert_array_equal(np.isnan(a), np.isnan(b))
+
+
+def test_blocks_of_any_size_are_the_same(tmp_path, monkeypatch):
+    path = tmp_path / "a.csv"
+    path.write_text(ROWS * 40)
+    whole = _number_table.number_table(path, 0, 3, ",", ".")
+    monkeypatch.setattr(_number_table, "BLOCK", 700)
+    for a, b in zip(whole, _number_table.number_table(path, 0, 3, ",", "."), strict=True):
+        np.testing.assert_array_equal(a, b)
+    assert len(whole[0]) == 40 * len(NUMBERS)
+
+
+@pytest.fixture
+def long_file(tmp_path, monkeypatch):
+    monkeypatch.setattr(keeping, "FROM", 1)
+    path = tmp_path / "a.csv"
+    path.write_text("t,q,i,label\n" + ROWS.replace("\n", ",x\n"))
+    return path
+
+
+def counted(monkeypatch):
+    opened: list[Path] = []
+    monkeypatch.setattr(keeping, "read_columns", lambda path: opened.append(path) or read_columns(path))
+    return opened
+
+
+def test_text_is_parsed_once(tmp_path, long_file, monkeypatch):
+    opened = counted(monkeypatch)
+    first = keeping.kept_columns(tmp_path / "kept", long_file, "0" * 64)
+    again = keeping.kept_columns(tmp_path / "kept", long_file, "0" * 64)
+    assert len(opened) == 1
+    assert again.names == first.names == ("t", "q", "i", "label")
+    assert again.values["label"] == first.values["label"]
+    np.testing.assert_array_equal(again["q"], read_columns(long_file)["q"])
+    keeping.kept_columns(tmp_path / "kept", long_file, "1" * 64)
+    assert len(opened) == 2
+
+
+def test_what_is_damaged_is_read_again_from_its_file(tmp_path, long_file):
+    keeping.kept_columns(tmp_path / "kept", long_file, "0" * 64)
+    (kept,) = (tmp_path / "kept").iterdir()
+    content = bytearray(kept.read_bytes())
+    content[-4000] ^= 1
+    kept.write_bytes(content)
+    found = keeping.kept_columns(tmp_path / "kept", long_file, "0" * 64)
+    for name in "tqi":
+        np.testing.assert_array_equal(found[name], read_columns(long_file)[name])
+    kept.write_bytes(content[:100])
+    np.testing.assert_array_equal(
+        keeping.kept_columns(tmp_path / "kept", long_file, "0" * 64)["q"], read_columns(long_file)["q"]
+    )
+
+
+def test_a_folder_that_cannot_be_written_keeps_nothing(tmp_path, long_file, monkeypatch):
+    def refuse(*_):
+        raise PermissionError
+
+    monkeypatch.setattr(keeping, "atomically", refuse)
+    found = keeping.kept_columns(tmp_path / "kept", long_file, "0" * 64)
+    np.testing.assert_array_equal(found["q"], read_columns(long_file)["q"])
+
+
+def test_what_was_used_longest_ago_is_forgotten_first(tmp_path, long_file, monkeypatch):
+    for i, digest in enumerate("012"):
+        keeping.kept_columns(tmp_path / "kept", long_file, digest * 64)
+        kept = next((tmp_path / "kept").glob(f"{digest * 32}*"))
+        os.utime(kept, (i, i))
+    monkeypatch.setattr(keeping, "MOST", 3 * kept.stat().st_size + 10)
+    keeping.kept_columns(tmp_path / "kept", long_file, "3" * 64)
+    assert sorted(path.name[0] for path in (tmp_path / "kept").iterdir()) == ["1", "2", "3"]
