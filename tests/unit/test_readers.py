@@ -10,7 +10,7 @@ import scipy.io
 from pellucid._errors import RecordingError
 from pellucid.procedures.registry import open_study
 from pellucid.recordings import Channel, channels_toml, write_csv, write_text_atomically
-from pellucid.recordings.readers import read_columns
+from pellucid.recordings.readers import mat, read_columns
 
 
 def text(tmp_path, content, name="a.csv", encoding="utf-8"):
@@ -154,7 +154,7 @@ def test_a_newer_mat_file_says_what_to_do(tmp_path, monkeypatch):
     path.write_bytes(b"MATLAB 7.3 MAT-file, Platform: GLNXA64".ljust(512, b" "))
     monkeypatch.setitem(__import__("sys").modules, "h5py", None)
     with pytest.raises(RecordingError, match=r"version 7.3, which needs h5py"):
-        read_columns(path)
+        mat.read(path)
 
 
 @pytest.mark.parametrize(

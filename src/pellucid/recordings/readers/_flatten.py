@@ -3,21 +3,27 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from ._caps import require_few
 
-def flatten(value: Any, prefix: str, into: dict[str, np.ndarray]) -> None:
-    """Add the numeric leaves of `value` to `into`, each shape (n,) float64; what is not a number is left out."""
+
+def flatten(value: Any, prefix: str, into: dict[str, np.ndarray], path: Path) -> None:
+    """Add the numeric leaves of `value`, of the file `path`, to `into`, each shape (n,) float64; what is not a number
+    is left out."""
+    require_few(path, len(into))
     if isinstance(value, Mapping):
         for key, item in value.items():
-            flatten(item, f"{prefix}.{key}" if prefix else str(key), into)
+            flatten(item, f"{prefix}.{key}" if prefix else str(key), into, path)
     elif isinstance(value, (list, tuple)) and value and all(isinstance(item, Mapping) for item in value):
         fields = dict.fromkeys(key for item in value for key in item)
+        require_few(path, len(into) + len(fields))
         for key in fields:
             # A field some entries lack is a missing sample there, not a shorter column.
-            flatten([item.get(key) for item in value], f"{prefix}.{key}" if prefix else str(key), into)
+            flatten([item.get(key) for item in value], f"{prefix}.{key}" if prefix else str(key), into, path)
     else:
         array = _numbers(value)
         if array is None or array.size == 0:
@@ -26,6 +32,7 @@ def flatten(value: Any, prefix: str, into: dict[str, np.ndarray]) -> None:
         if squeezed.ndim <= 1:
             into[prefix] = np.ascontiguousarray(squeezed.reshape(-1))
         elif squeezed.ndim == 2:
+            require_few(path, len(into) + squeezed.shape[1])
             for column in range(squeezed.shape[1]):
                 into[f"{prefix}.{column}"] = np.ascontiguousarray(squeezed[:, column])
 
@@ -41,5 +48,5 @@ def _numbers(value: Any) -> np.ndarray | None:
         return None
     try:
         return np.asarray(value, dtype=np.float64)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         return None

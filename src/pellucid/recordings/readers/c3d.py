@@ -17,6 +17,7 @@ from ..._errors import RecordingError
 from ._columns import Columns
 
 ENDINGS = (".c3d",)
+APART = ("ezc3d",)
 
 POINT_TIME, ANALOG_TIME = "point.time", "analog.time"
 AXES = ("x", "y", "z")

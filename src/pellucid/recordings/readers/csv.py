@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from ..._errors import RecordingError
+from ._caps import require_few
 from ._columns import Columns
 from ._number_table import LONG, number_table
 
@@ -158,8 +159,10 @@ def _header(above: list[tuple[int, str]], comments: list[str], delimiter: str | 
 
 
 def _names(path: Path, header: list[str] | None, width: int) -> list[str]:
+    require_few(path, width)
     if header is None:
         return [str(i) for i in range(width)]
+    require_few(path, len(header))
     names = [name if name else str(i) for i, name in enumerate(header)]
     while len(names) > width and not header[len(names) - 1]:
         names.pop()

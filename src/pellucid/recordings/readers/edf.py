@@ -16,6 +16,7 @@ from ..._errors import RecordingError
 from ._columns import Columns
 
 ENDINGS = (".edf", ".bdf")
+APART = ("edfio",)
 
 
 def read(path: Path) -> Columns:
@@ -47,6 +48,8 @@ def _content(path: Path) -> Any:
         warnings.simplefilter("error")
         try:
             content = opened(path)
+        except MemoryError:
+            raise
         except Exception as error:  # the library raises whatever parsing bytes raises
             kind = path.suffix[1:].upper()
             raise RecordingError(f"{path.name}: not readable as {kind}, truncated or damaged: {error}") from error

@@ -17,9 +17,12 @@ ENDINGS = (".json",)
 def read(path: Path) -> Columns:
     """Numeric leaves of a JSON file by dotted path, each shape (n,) float64; booleans are 0 and 1."""
     try:
-        content = json.loads(path.read_text(encoding="utf-8-sig"))
+        # An integer of any length is a float, as every other number here.
+        content = json.loads(path.read_text(encoding="utf-8-sig"), parse_int=float)
+        into: dict[str, np.ndarray] = {}
+        flatten(content, "", into, path)
+    except RecordingError:
+        raise
     except (ValueError, RecursionError) as error:
         raise RecordingError(f"{path.name}: not readable as JSON, truncated or damaged: {error}") from error
-    into: dict[str, np.ndarray] = {}
-    flatten(content, "", into)
     return Columns(path, into)

@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+import math
 import warnings
 from pathlib import Path
 
 import numpy as np
 
 from ..._errors import RecordingError
+from ._caps import require_small
 from ._columns import Columns
 from ._flatten import flatten
 
 ENDINGS = (".mat",)
+APART = ("scipy.io", "h5py")
 
 
 def read(path: Path) -> Columns:
@@ -27,12 +30,14 @@ def read(path: Path) -> Columns:
             # Function workspaces repeat an unnamed variable, which says nothing about the recording.
             warnings.simplefilter("ignore")
             content = loadmat(path, simplify_cells=True)
+    except MemoryError:
+        raise
     except Exception as error:  # SciPy raises a dozen types for damaged files
         raise RecordingError(f"{path.name}: not readable as a MAT file, truncated or damaged: {error}") from error
     into: dict[str, np.ndarray] = {}
     for name, value in content.items():
         if isinstance(name, str) and not name.startswith("__"):
-            flatten(_structs(value), name, into)
+            flatten(_structs(value), name, into, path)
     return Columns(path, into)
 
 
@@ -54,15 +59,29 @@ def _read_hdf5(path: Path) -> Columns:
             "or save it in MATLAB with save(..., '-v7')"
         ) from None
     into: dict[str, np.ndarray] = {}
+    held = 0.0
 
     def visit(name, item):
+        nonlocal held
         if isinstance(item, h5py.Dataset) and item.dtype.kind in "fiub" and not name.startswith("#"):
+            _require_inside(path, name, item)
+            held += item.size
+            # What is stored in pieces is unpacked a piece at a time, and a piece may be larger than the whole.
+            require_small(path, max(held, math.prod(item.chunks or ()) * item.dtype.itemsize / 8.0))
             # MATLAB stores columns first, HDF5 rows first.
-            flatten(np.asarray(item[()]).T, name.replace("/", "."), into)
+            flatten(np.asarray(item[()]).T, name.replace("/", "."), into, path)
 
     try:
         with h5py.File(path, "r") as file:
             file.visititems(visit)
-    except OSError as error:
+    except (RecordingError, MemoryError):
+        raise
+    except Exception as error:  # the library raises a dozen types for damaged files
         raise RecordingError(f"{path.name}: not readable as a MAT file, truncated or damaged: {error}") from error
     return Columns(path, into)
+
+
+def _require_inside(path: Path, name: str, item) -> None:
+    """Refuse what a file says is in another one: it may be any of this computer's."""
+    if item.external or item.is_virtual:
+        raise RecordingError(f"{path.name}: found that {name} is stored in another file, expected it in this one")

@@ -1,7 +1,8 @@
 """Which reader opens which file: a module of this package that names the endings it reads is a format.
 
 Such a module has ``ENDINGS``, a tuple of file endings with their dot, and ``read(path)``, which returns `Columns`.
-Where several read one ending, those with ``recognises(path)`` are asked first, by the file's content.
+Where several read one ending, those with ``recognises(path)`` are asked first, by the file's content. What reads with
+a library that a damaged file may crash, or that unpacks, says ``APART``, the libraries: a process of its own runs it.
 """
 
 from __future__ import annotations
@@ -13,7 +14,8 @@ from pathlib import Path
 from pkgutil import iter_modules
 from types import ModuleType
 
-from ..._errors import RecordingError
+from ..._errors import PellucidError, RecordingError
+from ._caps import require_few, require_size
 from ._columns import Columns
 
 
@@ -68,8 +70,7 @@ def read_columns(path: str | os.PathLike) -> Columns:
     path = Path(path)
     if not path.is_file():
         raise RecordingError(f"{path}: no such file")
-    if path.stat().st_size == 0:
-        raise RecordingError(f"{path.name}: the file is empty (0 bytes), expected recorded samples")
+    require_size(path)
     readers = formats().get(path.suffix.lower())
     if readers is None:
         raise RecordingError(
@@ -77,9 +78,19 @@ def read_columns(path: str | os.PathLike) -> Columns:
         )
     try:
         reader = next((r for r in readers[:-1] if r.recognises(path)), readers[-1])
-        columns = reader.read(path)
+        if hasattr(reader, "APART"):
+            from ._apart import read_apart
+
+            columns = read_apart(reader.__name__.rpartition(".")[2], path)
+        else:
+            columns = reader.read(path)
+    except PellucidError:
+        raise
     except OSError as error:
         raise RecordingError(f"{path}: not readable: {error}") from error
+    except Exception as error:  # whatever parsing raises on bytes that nobody expected
+        raise RecordingError(f"{path.name}: not readable, truncated or damaged: {error!r}") from error
+    require_few(path, len(columns.values))
     if all(isinstance(value, str) for value in columns.values.values()):
         raise RecordingError(f"{path.name}: found no numeric column")
     return columns

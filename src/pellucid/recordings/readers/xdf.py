@@ -17,6 +17,7 @@ from ..._errors import RecordingError
 from ._columns import Columns
 
 ENDINGS = (".xdf",)
+APART = ("pyxdf",)
 
 MAGIC = b"XDF:"
 
@@ -70,6 +71,8 @@ def _streams(path: Path) -> list[Any]:
     before, logger.disabled = logger.disabled, True
     try:
         streams, _ = pyxdf.load_xdf(str(path))
+    except MemoryError:
+        raise
     except Exception as error:  # the library raises whatever parsing bytes raises
         raise RecordingError(f"{path.name}: not readable as an XDF file, truncated or damaged: {error}") from error
     finally:

@@ -1,0 +1,114 @@
+"""Many short trials in forked processes, each of which may die, run on or swell without the others."""
+
+from __future__ import annotations
+
+import json
+import os
+import select
+import signal
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+MOST_SECONDS, MOST_BYTES = 10.0, 1e9
+"""Above which a trial is over its limit [s], [B]."""
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """Of one trial."""
+
+    said: str  # What it returned; of one that died, how
+    seconds: float
+    bytes: float  # Largest memory of its process and of the one that reads for it, up to then
+    died: bool = False
+
+    @property
+    def over(self) -> bool:
+        """Whether it took longer or more than it may."""
+        return self.seconds > MOST_SECONDS or self.bytes > MOST_BYTES
+
+
+def tried(cases: Sequence[Any], run: Callable[[Any], str], workers: int = 2) -> list[Outcome]:
+    """Outcome of `run` of every case, in their order."""
+    shares = [list(range(i, len(cases), workers)) for i in range(workers)]
+    found: dict[int, Outcome] = {}
+    running = [_start(cases, run, share) for share in shares if share]
+    while running:
+        ready = select.select([worker.pipe for worker in running], [], [], 0.5)[0]
+        for worker in list(running):
+            line = worker.pipe.readline() if worker.pipe in ready else b""
+            if line:
+                i, said, seconds, held = json.loads(line)
+                found[i] = Outcome(said, seconds, held)
+                worker.share.remove(i)
+                worker.since = time.monotonic()
+            elif worker.pipe in ready or time.monotonic() - worker.since > 2.0 * MOST_SECONDS:
+                running.remove(worker)
+                os.kill(worker.pid, signal.SIGKILL)
+                worker.pipe.close()
+                status = os.waitstatus_to_exitcode(os.waitpid(worker.pid, 0)[1])
+                if not worker.share:
+                    continue
+                took = time.monotonic() - worker.since
+                found[worker.share[0]] = Outcome(f"died with status {status}", took, 0.0, died=took <= MOST_SECONDS)
+                if worker.share[1:]:
+                    running.append(_start(cases, run, worker.share[1:]))
+    return [found[i] for i in range(len(cases))]
+
+
+@dataclass
+class _Worker:
+    pid: int
+    pipe: Any
+    share: list[int]  # Of cases, those that are still to be tried
+    since: float
+
+
+def _start(cases, run, share):
+    read, write = os.pipe()
+    pid = os.fork()
+    if pid:
+        os.close(write)
+        return _Worker(pid, os.fdopen(read, "rb", buffering=0), share, time.monotonic())
+    try:
+        os.close(read)
+        with os.fdopen(write, "wb", buffering=0) as out:
+            for i in share:
+                _forget()
+                begun = time.monotonic()
+                said = run(cases[i])
+                out.write(json.dumps([i, said, time.monotonic() - begun, _held()]).encode() + b"\n")
+    finally:
+        for process in _readers():
+            process.kill()
+        os._exit(0)
+
+
+def _readers():
+    from pellucid.recordings.readers import _apart
+
+    return [process for pid, process in _apart._running.items() if pid == os.getpid()]
+
+
+def _forget() -> None:
+    """Let peaks of memory begin anew."""
+    for pid in (os.getpid(), *(process.pid for process in _readers())):
+        try:
+            with open(f"/proc/{pid}/clear_refs", "w", encoding="ascii") as peaks:
+                peaks.write("5")
+        except OSError:
+            continue
+
+
+def _held() -> float:
+    """Peak memory of this process and of the one that reads for it [B]."""
+    peaks = [0]
+    for pid in (os.getpid(), *(process.pid for process in _readers())):
+        try:
+            with open(f"/proc/{pid}/status", encoding="ascii") as status:
+                peaks += [1024 * int(line.split()[1]) for line in status if line.startswith("VmHWM")]
+        except OSError:
+            continue
+    return float(max(peaks))

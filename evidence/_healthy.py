@@ -1,0 +1,187 @@
+"""A healthy recording in every format that there is a reader for: what damage is done to."""
+
+from __future__ import annotations
+
+import json
+import struct
+from collections.abc import Callable, Iterator, Mapping
+from pathlib import Path
+
+import numpy as np
+
+Swing = Mapping[str, np.ndarray]
+
+TOML = """name = "bench"
+notes = ["a bench"]
+
+[rig]
+joint = "elbow"
+motion = "rotary"
+lifts = "flexion"
+
+[rig.drive]
+kind = "current"
+torque_constant = "2 N*m/A"
+limit = "5 A"
+
+[rig.limits]
+position_min = "-2 rad"
+position_max = "2 rad"
+velocity = "10 rad/s"
+effort = "20 N*m"
+
+[channels]
+time = {{ column = "{time}", unit = "s" }}
+position = {{ column = "{position}", unit = "rad" }}
+current = {{ column = "{current}", unit = "A" }}
+
+[processing]
+lowpass = "20 Hz"
+decimate = 5
+trim = 20
+dead_band = "0.01 rad/s"
+
+[model]
+families = ["symmetric"]
+gravity = "sine"
+
+[[recordings]]
+name = "sweep"
+file = "recordings/sweep{ending}"
+protocol = "multisine"
+use = "fit"
+
+[[recordings]]
+name = "again"
+file = "recordings/sweep{ending}"
+use = "validate"
+window = ["1 s", "6 s"]
+"""
+
+
+def swing(n: int = 2000, fs: float = 200.0) -> Swing:
+    """A pendulum of 0.05 kg*m^2 and 1.5 N*m, driven through three sines: t, q, i, each shape (n,)."""
+    t = np.arange(n) / fs
+    parts = [(0.5, 0.4, 0.0), (0.3, 1.1, 0.7), (0.1, 2.3, 1.9)]
+    q, v, a = np.zeros(n), np.zeros(n), np.zeros(n)
+    for amplitude, frequency, phase in parts:
+        w = 2 * np.pi * frequency
+        q += amplitude * np.sin(w * t + phase)
+        v += amplitude * w * np.cos(w * t + phase)
+        a -= amplitude * w**2 * np.sin(w * t + phase)
+    return {"t": t, "q": q, "i": (0.05 * a + 1.5 * np.sin(q) + 0.1 * v + 0.2 * np.tanh(v / 0.05)) / 2.0}
+
+
+def _table(between: str) -> Callable[[Path, Swing], None]:
+    def write(path: Path, swing: Swing) -> None:
+        rows = [between.join(f"{x:.6g}" for x in row) for row in zip(*swing.values(), strict=True)]
+        path.write_text("\n".join((between.join(swing), *rows)) + "\n", encoding="utf-8")
+
+    return write
+
+
+def _json(path: Path, swing: Swing) -> None:
+    path.write_text(json.dumps({name: np.round(x, 6).tolist() for name, x in swing.items()}), encoding="utf-8")
+
+
+def _mat(path: Path, swing: Swing) -> None:
+    import scipy.io
+
+    scipy.io.savemat(path, {**swing, "log": {"q": swing["q"][:9], "who": "me"}}, do_compression=True)
+
+
+def _mat_hdf5(path: Path, swing: Swing) -> None:
+    import h5py
+
+    with h5py.File(path, "w", userblock_size=512) as file:
+        for name, x in swing.items():
+            file.create_dataset(name, data=x[None], chunks=(1, 200), compression="gzip")
+        file.create_dataset("log/q", data=swing["q"][:9])
+    with path.open("r+b") as file:
+        file.write(b"MATLAB 7.3 MAT-file, Platform: GLNXA64".ljust(124) + b"\x00\x02IM")
+
+
+def _storage(path: Path, swing: Swing) -> None:
+    rows = ["\t".join(f"{x:.6g}" for x in row) for row in zip(*swing.values(), strict=True)]
+    head = f"Swing\nversion=1\nnRows={len(rows)}\nnColumns=3\ninDegrees=no\nendheader"
+    path.write_text("\n".join((head, "\t".join(swing), *rows)) + "\n", encoding="utf-8")
+
+
+def _c3d(path: Path, swing: Swing) -> None:
+    import ezc3d
+
+    made, n = ezc3d.c3d(), len(swing["t"])
+    made["parameters"]["POINT"]["RATE"]["value"] = [200.0]
+    made["parameters"]["POINT"]["LABELS"]["value"] = ("wrist",)
+    made["data"]["points"] = np.ones((4, 1, n))
+    made["parameters"]["ANALOG"]["RATE"]["value"] = [200.0]
+    made["parameters"]["ANALOG"]["LABELS"]["value"] = ("q", "i")
+    made["data"]["analogs"] = np.array([swing["q"], swing["i"]])[None]
+    made.write(str(path))
+
+
+def _edf(path: Path, swing: Swing) -> None:
+    import edfio
+
+    one, file = (edfio.BdfSignal, edfio.Bdf) if path.suffix == ".bdf" else (edfio.EdfSignal, edfio.Edf)
+    units = {"q": "rad", "i": "A"}
+    file([one(swing[c], 200, label=c, physical_dimension=u, physical_range=(-5, 5)) for c, u in units.items()]).write(
+        path
+    )
+
+
+def _xdf(path: Path, swing: Swing) -> None:
+    def chunk(tag: int, content: bytes) -> bytes:
+        return struct.pack("<BIH", 4, len(content) + 2, tag) + content
+
+    head, t = struct.pack("<I", 1), swing["t"] + 50.0
+    labels = "".join(f"<channel><label>{c}</label></channel>" for c in "qi")
+    info = (
+        "<info><name>rig</name><type>x</type><channel_count>2</channel_count><nominal_srate>200</nominal_srate>"
+        f"<channel_format>float32</channel_format><desc><channels>{labels}</channels></desc></info>"
+    )
+    made = (
+        b"XDF:" + chunk(1, b"<?xml version='1.0'?><info><version>1.0</version></info>") + chunk(2, head + info.encode())
+    )
+    made += b"".join(chunk(4, head + struct.pack("<dd", at, 0.0)) for at in (t[0], t[-1]))
+    rows = (struct.pack("<Bdff", 8, *row) for row in zip(t, swing["q"], swing["i"], strict=True))
+    made += chunk(3, head + struct.pack("<BI", 4, len(t)) + b"".join(rows))
+    foot = f"<info><first_timestamp>{t[0]}</first_timestamp><sample_count>{len(t)}</sample_count></info>"
+    path.write_bytes(made + chunk(6, head + foot.encode()))
+
+
+PLAIN = ("t", "q", "i")
+WRITERS: Mapping[str, tuple[tuple[Callable[[Path, Swing], None], tuple[str, str, str]], ...]] = {
+    ".csv": ((_table(","), PLAIN),),
+    ".tsv": ((_table("\t"), PLAIN),),
+    ".txt": ((_table(" "), PLAIN),),
+    ".dat": ((_table(";"), PLAIN), (_storage, PLAIN)),
+    ".json": ((_json, PLAIN),),
+    ".mat": ((_mat, PLAIN), (_mat_hdf5, PLAIN)),
+    ".sto": ((_storage, PLAIN),),
+    ".mot": ((_storage, PLAIN),),
+    ".c3d": ((_c3d, ("analog.time", "q", "i")),),
+    ".edf": ((_edf, ("time", "q", "i")),),
+    ".bdf": ((_edf, ("time", "q", "i")),),
+    ".xdf": ((_xdf, ("rig.time", "rig.q", "rig.i")),),
+}
+"""By ending: what writes a recording, and the names that its columns of time, position and current then have."""
+
+
+def healthy(folder: Path, n: int = 2000) -> Iterator[Path]:
+    """Studies, each in a folder of its own with a recording in one format: every ending that has a reader.
+
+    An ending that nothing here writes gets every other format's files: a new reader is tried too.
+    """
+    from pellucid.recordings.readers.read import formats
+
+    known = swing(n)
+    others = tuple(each for many in WRITERS.values() for each in many)
+    for ending in sorted(formats()):
+        for number, (write, (time, position, current)) in enumerate(WRITERS.get(ending, others)):
+            study = folder / f"{ending[1:]}-{number}"
+            (study / "recordings").mkdir(parents=True)
+            write(study / "recordings" / f"sweep{ending}", known)
+            said = TOML.format(ending=ending, time=time, position=position, current=current)
+            (study / "study.toml").write_text(said, encoding="utf-8")
+            yield study

@@ -1,0 +1,188 @@
+"""Recordings made to harm: what crashes a library, unpacks without end, or points at another file."""
+
+import json
+import os
+import zlib
+
+import h5py
+import numpy as np
+import pytest
+import scipy.io
+
+from pellucid._errors import RecordingError
+from pellucid.recordings.readers import _apart, _caps, read_columns
+
+KILLER = '''"""A reader whose library dies."""
+
+import os
+import time
+
+APART = ("numpy",)
+
+
+def read(path):
+    """Nothing: it dies, or never ends, as the file says."""
+    if b"slow" in path.read_bytes():
+        time.sleep(60.0)
+    os.abort()
+'''
+
+
+def hdf5(path, **datasets):
+    with h5py.File(path, "w") as file:
+        for name, options in datasets.items():
+            file.create_dataset(name, **options)
+    return path
+
+
+@pytest.fixture
+def killer(monkeypatch):
+    """A reader beside the package's own; whoever asks for it must start its process anew."""
+    path = _apart.Path(_apart.__file__).with_name("_killer.py")
+    path.write_text(KILLER)
+    yield "_killer"
+    path.unlink()
+
+
+def test_a_library_that_crashes_takes_one_file_with_it(tmp_path, killer):
+    path = tmp_path / "a.mat"
+    path.write_bytes(b"x")
+    with pytest.raises(RecordingError, match=r"a\.mat: not readable.*crashed on it \(status -6\)"):
+        _apart.read_apart(killer, path)
+    scipy.io.savemat(path, {"t": np.arange(9.0)})
+    assert read_columns(path)["t"].tolist() == list(range(9))
+    assert not list(tmp_path.glob("core*"))
+
+
+def test_a_library_that_never_ends_is_ended(tmp_path, killer, monkeypatch):
+    monkeypatch.setenv("PELLUCID_MOST_SECONDS", "0.2")
+    path = tmp_path / "a.mat"
+    path.write_bytes(b"slow")
+    with pytest.raises(RecordingError, match="took more than 0.2 s; to wait longer: PELLUCID_MOST_SECONDS"):
+        _apart.read_apart(killer, path)
+
+
+def test_what_is_read_apart_is_what_the_reader_reads(tmp_path):
+    from pellucid.recordings.readers import mat
+
+    path = tmp_path / "a.mat"
+    scipy.io.savemat(path, {"t": np.arange(5.0), "log": {"q": np.eye(3), "n": 3}})
+    here, apart = mat.read(path), read_columns(path)
+    assert here.names == apart.names
+    assert all((here[name] == apart[name]).all() for name in here.names)
+
+
+def test_a_small_file_does_not_swell(tmp_path):
+    path = hdf5(
+        tmp_path / "a.mat", q={"shape": (530_000_000,), "dtype": "f8", "chunks": (1_000_000,), "compression": 9}
+    )
+    assert path.stat().st_size < 10_000
+    with pytest.raises(
+        RecordingError, match=r"5.3e\+08 numbers in \d+ bytes, .* expected at most 128 MB; .*MOST_BYTES"
+    ):
+        read_columns(path)
+
+
+def test_a_piece_may_not_be_larger_than_the_whole(tmp_path):
+    path = hdf5(
+        tmp_path / "a.mat",
+        q={"shape": (3,), "dtype": "f8", "maxshape": (None,), "chunks": (50_000_000,), "compression": 9},
+    )
+    with pytest.raises(RecordingError, match="expected at most 128 MB"):
+        read_columns(path)
+
+
+def test_an_older_file_does_not_swell_either(tmp_path):
+    # A variable of 4e8 bytes of zeros, packed twice into almost nothing by hand: SciPy would write it, but not hold it.
+    def element(kind, content):
+        return np.array([kind, len(content)], "<u4").tobytes() + content + b"\0" * (-len(content) % 8)
+
+    n = 50_000_000
+    head = (
+        element(6, np.array([6, 0], "<u4").tobytes()) + element(5, np.array([1, n], "<i4").tobytes()) + element(1, b"q")
+    )
+    numbers = np.array([9, 8 * n], "<u4").tobytes()
+    packer = zlib.compressobj(9)
+    packed = packer.compress(np.array([14, len(head) + len(numbers) + 8 * n], "<u4").tobytes() + head + numbers)
+    packed += b"".join(packer.compress(bytes(8_000_000)) for _ in range(n // 1_000_000)) + packer.flush()
+    path = tmp_path / "a.mat"
+    start = b"MATLAB 5.0 MAT-file".ljust(124) + b"\x00\x01IM"
+    path.write_bytes(start + np.array([15, len(packed)], "<u4").tobytes() + packed)
+    with pytest.raises(RecordingError, match=r"a\.mat: found more than \d+ MB to unpack.*PELLUCID_MOST_BYTES"):
+        read_columns(path)
+
+
+@pytest.mark.parametrize("how", ["external", "virtual", "link"])
+def test_a_file_shows_nothing_of_another(tmp_path, how):
+    secret = hdf5(tmp_path / "secret.h5", q={"data": np.full(100, 42.0)})
+    path = tmp_path / "a.mat"
+    with h5py.File(path, "w") as file:
+        file["t"] = np.arange(100.0)
+        if how == "external":
+            file.create_dataset("q", (100,), "f8", external=[(str(secret), 0, h5py.h5f.UNLIMITED)])
+        elif how == "virtual":
+            layout = h5py.VirtualLayout((100,), "f8")
+            layout[:] = h5py.VirtualSource(secret, "q", shape=(100,))
+            file.create_virtual_dataset("q", layout)
+        else:
+            file["q"] = h5py.ExternalLink(str(secret), "q")
+    if how == "link":
+        assert read_columns(path).names == ("t",)
+    else:
+        with pytest.raises(RecordingError, match=r"a\.mat: found that q is stored in another file"):
+            read_columns(path)
+
+
+@pytest.mark.parametrize("ending", ["csv", "json", "mat"])
+def test_columns_are_counted(tmp_path, ending):
+    names, path = [f"c{i}" for i in range(20_000)], tmp_path / f"a.{ending}"
+    if ending == "csv":
+        path.write_text("\n".join([",".join(names), *[",".join("1" * len(names))] * 3]))
+    elif ending == "json":
+        path.write_text(json.dumps([{name: 1.0} for name in names]))
+    else:
+        scipy.io.savemat(path, {"q": np.ones((3, 20_000))})
+    with pytest.raises(RecordingError, match="20000 columns or more, expected at most 5000; .*PELLUCID_MOST_COLUMNS"):
+        read_columns(path)
+
+
+def test_a_cap_can_be_raised(tmp_path, monkeypatch):
+    path = tmp_path / "a.json"
+    path.write_text(json.dumps({f"c{i}": [1.0] for i in range(6000)}))
+    monkeypatch.setenv("PELLUCID_MOST_COLUMNS", "7000")
+    assert len(read_columns(path).names) == 6000
+    monkeypatch.setenv("PELLUCID_MOST_COLUMNS", "many")
+    with pytest.raises(RecordingError, match='PELLUCID_MOST_COLUMNS: found "many", expected a number'):
+        read_columns(path)
+
+
+def test_a_file_larger_than_any_recording_is_not_opened(tmp_path):
+    path = tmp_path / "a.csv"
+    path.touch()
+    os.truncate(path, int(_caps.FILE_BYTES) + 1)
+    with pytest.raises(RecordingError, match=r"a\.csv: found 4000000001 bytes, expected at most 4e\+09"):
+        read_columns(path)
+
+
+@pytest.mark.parametrize(
+    "text",
+    ['{"t": [1, 1' + "0" * 400 + "]}", '{"t": ' + "9" * 5000 + "}", "[" * 100_000, '{"a":' * 900 + "[1]" + "}" * 900],
+)
+def test_numbers_and_trees_of_any_size(tmp_path, text):
+    path = tmp_path / "a.json"
+    path.write_text(text)
+    try:
+        assert all(len(column) for column in read_columns(path).values.values())
+    except RecordingError as error:
+        assert "a.json" in str(error)
+
+
+def test_nothing_is_imported_from_where_the_user_stands(tmp_path, monkeypatch):
+    for module in ("numpy", "json", "scipy", "ezc3d"):
+        (tmp_path / f"{module}.py").write_text("open('was_imported', 'w')\n")
+    scipy.io.savemat(tmp_path / "a.mat", {"t": np.arange(9.0)})
+    monkeypatch.chdir(tmp_path)
+    if os.getpid() in _apart._running:
+        _apart._end(_apart._running[os.getpid()])
+    assert len(read_columns("a.mat")["t"]) == 9
+    assert not (tmp_path / "was_imported").exists()
