@@ -10,9 +10,10 @@ import numpy as np
 
 NASTY = (
     b"NaN", b"inf", b"-1e999", b"1e-320", b"1" * 5000, b"-1", b"0", b"", b"\x00\x00\x00\x00", b"\xff\xff\xff\xff",
-    b"\xff\xff\xff\x7f", b"=cmd|' /C calc'!A0", b"*/ #error", b"^^5c", b"$(touch x)", b"../../../etc/passwd", b"\xf0\x9f\x92\xa9",
-    b"\xed\xa0\x80", b"[" * 2000, b"{\"a\":" * 500, b"<a>" * 500, b"<!DOCTYPE a [<!ENTITY b 'c'>]>", b",,,,", b"\r", b"\n\n",
-    b"\t", b";", b'"', b"'", b"#", b"true", b"null",
+    b"\xff\xff\xff\x7f", b"=cmd|' /C calc'!A0", b"*/ #error", b"^^5c", b"$(touch x)", b"../../../etc/passwd",
+    b"\xf0\x9f\x92\xa9", b"\xed\xa0\x80", b"[" * 2000, b"{\"a\":" * 500, b"<a>" * 500,
+    b"<!DOCTYPE a [<!ENTITY b 'c'>]>", b",,,,", b"\r",
+    b"\n\n", b"\t", b";", b'"', b"'", b"#", b"true", b"null",
 )  # fmt: skip
 """What numbers, names and headers are replaced by."""
 
@@ -22,13 +23,16 @@ VALUES = (
     '"10**10**10 m"', '"__import__(\'os\') m"', '"1 m" ', '"../../etc/passwd"', '"/etc/passwd"', '"*/ x /*"', '"^^5c"',
     '"=1+1"', '"<script>"', '"$\\\\frac"', '"\\u0000"', '"\\u202e"', '"a\\nb"', "[]", "{}", "[[]]", "[1, 2, 3, 4, 5]",
     "[nan, nan, nan]", '{ column = "q" }', '{ a = { a = { a = 1 } } }', "1979-05-27T07:32:00Z", "07:32:00",
-    '"' + "a" * 5000 + '"', "[" * 300 + "]" * 300, '"%s%n"', '"{marker}{axis}{0.__class__}"', "-0.0", "5e-324", '"**"', '"*"',
+    '"' + "a" * 5000 + '"', "[" * 300 + "]" * 300, '"%s%n"', '"{marker}{axis}{0.__class__}"', "-0.0", "5e-324", '"**"',
+    '"*"',
 )  # fmt: skip
 """Of keys in TOML."""
 
 JSON_VALUES = (
-    None, True, 0, -1, 1e30, -1e308, 5e-324, float("nan"), float("inf"), 10**400, "", "0", "NaN", "*/ x /*", "^^5c", "=1+1",
-    "<script>", "../../etc/passwd", "\x00", "\ud800", "a" * 5000, [], {}, [[]], [1, 2, 3], [None], {"a": 1}, {"value": 1}, "sideways",
+    None, True, 0, -1, 1e30, -1e308, 5e-324, float("nan"), float("inf"), 10**400, "", "0", "NaN", "*/ x /*", "^^5c",
+    "=1+1", "<script>", "../../etc/passwd", "\x00", "\ud800", "a" * 5000, [], {}, [[]], [1, 2, 3],
+    [None], {"a": 1}, {"value": 1},
+    "sideways",
 )  # fmt: skip
 
 
@@ -103,10 +107,8 @@ def damaged_toml(text: str, rng: np.random.Generator) -> bytes:
         elif kind == 7 and lines[at].startswith("["):
             lines[at] = lines[at].replace("[", "[[").replace("]", "]]") if rng.random() < 0.5 else "[x]"
         else:
-            lines.insert(
-                at,
-                f"{('a', 'name', 'unit', 'file', 'kind', 'columns')[int(rng.integers(6))]} = {VALUES[int(rng.integers(len(VALUES)))]}",
-            )
+            key = ("a", "name", "unit", "file", "kind", "columns")[int(rng.integers(6))]
+            lines.insert(at, f"{key} = {VALUES[int(rng.integers(len(VALUES)))]}")
     return "\n".join(lines).encode("utf-8", "surrogatepass")
 
 

