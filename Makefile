@@ -20,7 +20,7 @@ test: $(VENV)/.installed core-test
 	$(PYTEST)
 
 python-test: $(VENV)/.installed
-	$(PYTEST) -q
+	$(PYTEST) -q $(TESTS)
 
 numeric-test: $(VENV)/.installed
 	$(PYTEST) -q $(NUMERIC)
