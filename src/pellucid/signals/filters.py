@@ -65,9 +65,12 @@ def decimate(samples: np.ndarray, factor: int) -> np.ndarray:
     """Keep one sample in `factor` along axis 0, after a zero-phase anti-aliasing filter (Chebyshev I, order 8, 0.8
     of the new Nyquist frequency). Both sides of a regression must pass through it. `samples` (n,); gives (ceil(n
     / factor),)."""
-    if factor == 1:
-        return samples
-    return _anti_aliasing(factor)(samples)[::factor]
+    return anti_aliased(samples, factor)[::factor]
+
+
+def anti_aliased(samples: np.ndarray, factor: int) -> np.ndarray:
+    """`samples`, (n,) or (n, k), without what one sample in `factor` could not tell; the same number of them."""
+    return samples if factor == 1 else _anti_aliasing(factor)(samples)
 
 
 def runs(mask: np.ndarray) -> list[slice]:

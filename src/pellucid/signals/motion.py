@@ -85,6 +85,11 @@ class Motion:
         """The samples, (n,) or (n, k), that a regression uses."""
         return self.reduce(samples)[self.moving]
 
+    @property
+    def kept(self) -> np.ndarray:
+        """Samples at which rows are taken, shape (m,)."""
+        return np.arange(len(self.position))[self.inner][:: self.filtering.decimate][self.moving]
+
     @cached_property
     def moving(self) -> np.ndarray:
         """Reduced samples of which filters drew no more than `SLOW_SHARE` from samples slower than the dead band, shape

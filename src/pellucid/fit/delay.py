@@ -1,0 +1,180 @@
+r"""How late one side of a regression is: the shift of the effort that leaves the smallest residual, with an interval.
+
+.. math::
+   \tau(t + d) = W(t)\,\beta + \rho, \qquad
+   \partial\rho/\partial d = \tau'(t + d) \approx (W \beta)'
+
+solved by Gauss-Newton steps in which the modelled effort's slope stands for the measured one's, whose noise would bias
+the estimate towards zero [1]_. What friction is taken for moves the answer: a sign that changes late looks like a late
+effort. So the delay is estimated with several models, each richer than the last; the richest gives the value, and the
+interval reaches over all of theirs.
+
+.. [1] T. Soderstrom, P. Stoica, "Instrumental variable methods for system identification", 1983.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from .uncertainty import long_run_covariance
+
+REACH = 0.2
+"""Delays are looked for up to here [s]."""
+
+STARTS = 41
+"""Delays that are tried before steps are taken from the best of them."""
+
+BLOCKS = 10
+"""Stretches of equal length whose scatter stands beside the covariance of neighbours."""
+
+
+@dataclass(frozen=True)
+class DrivenRows:
+    """One stretch: the effort that may be late, (n,), what is not, (n,), at a rate `fs` [Hz], and which samples, (m,),
+    enter a regression."""
+
+    driven: np.ndarray
+    own: np.ndarray
+    fs: float
+    kept: np.ndarray
+
+    def at(self, delay: float) -> tuple[np.ndarray, np.ndarray]:
+        """The effort, (m,), had it come `delay` [s] earlier, and which rows, (m,) bool, are recorded."""
+        place = self.kept + delay * self.fs
+        inside = (place >= 1.0) & (place <= len(self.driven) - 3.0)
+        return between(self.driven, np.where(inside, place, 1.0)) - self.own[self.kept], inside
+
+
+@dataclass(frozen=True)
+class Columns:
+    """A model linear in its free values: intercept (n,), regressor (n, p) of one stretch, and the slopes of both, at the
+    rows that enter a regression."""
+
+    intercept: np.ndarray
+    regressor: np.ndarray
+    intercept_slope: np.ndarray
+    regressor_slope: np.ndarray
+
+    @classmethod
+    def of(cls, intercept: np.ndarray, regressor: np.ndarray, rows: DrivenRows) -> Columns:
+        """The same from full-rate arrays, filtered as `rows` were."""
+        slopes = (np.gradient(x, 1.0 / rows.fs, axis=0)[rows.kept] for x in (intercept, regressor))
+        return cls(intercept[rows.kept], regressor[rows.kept], *slopes)
+
+
+@dataclass(frozen=True)
+class DelayFit:
+    """The delay that one model gives [s], its standard error, the model's values, (p,), and residuals' mean square
+    without the delay and with it."""
+
+    delay: float
+    error: float
+    values: np.ndarray
+    before: float
+    after: float
+
+
+@dataclass(frozen=True)
+class Delay:
+    """How much later the effort is than the motion [s], the interval that holds it with all models, and how much of the
+    residual's mean square it explains."""
+
+    value: float
+    low: float
+    high: float
+    explained: float
+
+    @property
+    def least(self) -> float:
+        """The interval's end nearest to zero [s]; 0 where the interval holds it."""
+        return max(self.low, 0.0) + min(self.high, 0.0)
+
+
+def between(samples: np.ndarray, place: np.ndarray) -> np.ndarray:
+    """Samples, (n,), at fractional places, (m,), by cubics through four neighbours."""
+    left = np.clip(np.floor(place).astype(int), 1, len(samples) - 3)
+    x = place - left
+    before, here, after, last = (samples[left + k] for k in (-1, 0, 1, 2))
+    return (
+        here * (1.0 - x * x) * (1.0 - 0.5 * x)
+        + after * x * (1.0 + x) * (1.0 - 0.5 * x)
+        - before * x * (1.0 - x) * (2.0 - x) / 6.0
+        - last * x * (1.0 - x * x) / 6.0
+    )
+
+
+def fit_delay(rows: Sequence[DrivenRows], model: Sequence[Columns], start: float | None = None) -> DelayFit | None:
+    """The delay at which one `model` leaves the smallest residual, from a `start` [s] or the best of a grid; None where
+    nothing shows it."""
+    intercept = np.concatenate([c.intercept for c in model])
+    w = np.concatenate([c.regressor for c in model])
+    scale = np.linalg.norm(w, axis=0)
+    w = w[:, scale > 0.0] / scale[scale > 0.0]
+    slopes = np.concatenate([c.regressor_slope for c in model])[:, scale > 0.0] / scale[scale > 0.0]
+    intercept_slope = np.concatenate([c.intercept_slope for c in model])
+    basis = _basis(w)
+
+    def shifted(delay: float) -> tuple[np.ndarray, np.ndarray]:
+        parts = [r.at(delay) for r in rows]
+        return np.concatenate([y for y, _ in parts]) - intercept, np.concatenate([inside for _, inside in parts])
+
+    def misfit(delay: float) -> float:
+        y, inside = shifted(delay)
+        y, q = y[inside], basis[inside]
+        return float(np.sum((y - q @ (q.T @ y)) ** 2) / max(inside.sum(), 1))
+
+    before = misfit(0.0)
+    if start is None:
+        tried = np.linspace(-REACH, REACH, STARTS)
+        start = float(tried[np.argmin([misfit(d) for d in tried])])
+    delay = start
+    for _ in range(20):
+        y, inside = shifted(delay)
+        if inside.sum() < 2 * w.shape[1]:
+            return None
+        values = np.linalg.lstsq(w[inside], y[inside], rcond=1e-9)[0]
+        residual = np.where(inside, y - w @ values, 0.0)
+        slope = np.where(inside, intercept_slope + slopes @ values, 0.0)
+        q = _basis(w * inside[:, None])
+        seen = slope - q @ (q.T @ slope)
+        information = float(seen @ seen)
+        if not information > 1e-6 * float(slope @ slope) > 0.0:
+            return None
+        step = -float(seen @ residual) / information
+        delay += float(np.clip(step, -0.25 * REACH, 0.25 * REACH))
+        if abs(delay) > 1.5 * REACH:
+            return None
+        if abs(step) < 1e-7:
+            break
+    error = _error(seen * residual, [len(r.kept) for r in rows], w.shape[1] + 1) / information
+    after = float(np.mean(residual[inside] ** 2))
+    whole = np.zeros(len(scale))
+    whole[scale > 0.0] = values / scale[scale > 0.0]
+    return DelayFit(delay, error, whole, before, after)
+
+
+def over_models(fits: Sequence[DelayFit], quantile: float) -> Delay:
+    """The richest model's delay, with the interval that holds all of theirs, each `quantile` standard errors wide."""
+    last = fits[-1]
+    low = min(f.delay - quantile * f.error for f in fits)
+    high = max(f.delay + quantile * f.error for f in fits)
+    return Delay(last.delay, low, high, 1.0 - last.after / last.before if last.before > 0.0 else 0.0)
+
+
+def _basis(w: np.ndarray) -> np.ndarray:
+    """An orthonormal basis, (m, r), of the columns of `w`, (m, p), proportional ones once."""
+    left, singular, _ = np.linalg.svd(w, full_matrices=False)
+    return left[:, singular > 1e-9 * singular[0]]
+
+
+def _error(scores: np.ndarray, lengths: Sequence[int], freed: int) -> float:
+    """Standard deviation of the sum of scores, (m,): from neighbours' covariance or from the scatter of blocks, the
+    larger."""
+    m = len(scores)
+    neighbours = float(long_run_covariance(scores[:, None], lengths)[0, 0]) if max(lengths) > 8 else 0.0
+    sums = np.array([block.sum() for block in np.array_split(scores, BLOCKS)])
+    scatter = BLOCKS / (BLOCKS - 1) * float(np.sum((sums - sums.mean()) ** 2))
+    return float(np.sqrt(max(neighbours, scatter, 0.0) * m / max(m - freed, 1)))
