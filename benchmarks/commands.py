@@ -16,7 +16,7 @@ from pathlib import Path
 
 import numpy as np
 
-from pellucid.procedures.joint.recorded_motions import motions
+from pellucid.procedures.joint.aligned_motions import motions
 from pellucid.signals.effort import drive_model
 
 from .identification import study_at

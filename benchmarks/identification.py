@@ -28,7 +28,7 @@ from pellucid.lab.study import write_study
 from pellucid.models.joint import joint_model
 from pellucid.models.simulate import substeps_for
 from pellucid.procedures.joint.identify_joint import machine_of
-from pellucid.procedures.joint.recorded_motions import motions
+from pellucid.procedures.joint.aligned_motions import motions
 from pellucid.recordings.study import Study
 from pellucid.signals.effort import drive_model
 

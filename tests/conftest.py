@@ -150,7 +150,7 @@ def emps_data(emps_study):
     """The symmetric model, and the EMPS recording to fit, reduced."""
     from pellucid.fit.regression import stack
     from pellucid.models.joint import joint_model
-    from pellucid.procedures.joint.recorded_motions import motions
+    from pellucid.procedures.joint.aligned_motions import motions
 
     model = joint_model("symmetric", motion="prismatic", effort_unit="N", gravity="none")
     return model, stack(motions(emps_study, "fit"))

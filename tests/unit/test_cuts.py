@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from pellucid._errors import RecordingError, StudyError
-from pellucid.procedures.joint.recorded_motions import motions
+from pellucid.procedures.joint.aligned_motions import motions
 from pellucid.procedures.run import check, identify
 from pellucid.recordings.cut import Cut, sound_samples, spans_between
 

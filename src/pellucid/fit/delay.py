@@ -27,6 +27,19 @@ REACH = 0.2
 STARTS = 41
 """Delays that are tried before steps are taken from the best of them."""
 
+AS_GOOD = 1.5
+"""A model counts that leaves at most so many times what the richest leaves, in mean square."""
+
+SURE = 4.0
+"""Standard errors by which a delay must be off zero before anything is moved on its account."""
+
+WORTH = 0.15
+"""Share of the residual's mean square that a delay explains before it is one: what friction models lack looks like one
+of some milliseconds, and explains less."""
+
+ALIKE = 1.1
+"""By how much the residual's mean square may exceed the smallest of those tried."""
+
 BLOCKS = 10
 """Stretches of equal length whose scatter stands beside the covariance of neighbours."""
 
@@ -79,18 +92,20 @@ class DelayFit:
 
 @dataclass(frozen=True)
 class Delay:
-    """How much later the effort is than the motion [s], the interval that holds it with all models, and how much of the
-    residual's mean square it explains."""
+    """How much later the effort is than the motion, and how sure that is."""
 
-    value: float
-    low: float
+    value: float  # [s]
+    error: float  # Its standard error [s]
+    low: float  # low, high: What holds the delay by every model that explains the effort about as well [s]
     high: float
-    explained: float
+    explained: float  # Least share of the residual's mean square that it explains, of those models
+    certain: (
+        float  # What is left of it, signed, where those intervals are `SURE` standard errors wide; 0 for nothing [s]
+    )
 
-    @property
-    def least(self) -> float:
-        """The interval's end nearest to zero [s]; 0 where the interval holds it."""
-        return max(self.low, 0.0) + min(self.high, 0.0)
+    def clear(self, step: float) -> bool:
+        """Whether it is more than a drive's sampling, every `step` [s], or what friction is taken for would make."""
+        return abs(self.certain) > step and self.explained >= WORTH
 
 
 def between(samples: np.ndarray, place: np.ndarray) -> np.ndarray:
@@ -126,11 +141,9 @@ def fit_delay(rows: Sequence[DrivenRows], model: Sequence[Columns], start: float
         y, q = y[inside], basis[inside]
         return float(np.sum((y - q @ (q.T @ y)) ** 2) / max(inside.sum(), 1))
 
-    before = misfit(0.0)
-    if start is None:
-        tried = np.linspace(-REACH, REACH, STARTS)
-        start = float(tried[np.argmin([misfit(d) for d in tried])])
-    delay = start
+    tried = np.linspace(-REACH, REACH, STARTS)
+    left = np.array([misfit(d) for d in tried])
+    before, delay = misfit(0.0), float(tried[np.argmin(left)]) if start is None else start
     for _ in range(20):
         y, inside = shifted(delay)
         if inside.sum() < 2 * w.shape[1]:
@@ -138,7 +151,7 @@ def fit_delay(rows: Sequence[DrivenRows], model: Sequence[Columns], start: float
         values = np.linalg.lstsq(w[inside], y[inside], rcond=1e-9)[0]
         residual = np.where(inside, y - w @ values, 0.0)
         slope = np.where(inside, intercept_slope + slopes @ values, 0.0)
-        q = _basis(w * inside[:, None])
+        q = basis if inside.all() else _basis(w * inside[:, None])
         seen = slope - q @ (q.T @ slope)
         information = float(seen @ seen)
         if not information > 1e-6 * float(slope @ slope) > 0.0:
@@ -149,19 +162,29 @@ def fit_delay(rows: Sequence[DrivenRows], model: Sequence[Columns], start: float
             return None
         if abs(step) < 1e-7:
             break
-    error = _error(seen * residual, [len(r.kept) for r in rows], w.shape[1] + 1) / information
     after = float(np.mean(residual[inside] ** 2))
+    if after > ALIKE * min(left.min(), before):
+        return None  # noise moved the steps elsewhere than to the smallest residual
+    error = _error(seen * residual, [len(r.kept) for r in rows], w.shape[1] + 1) / information
     whole = np.zeros(len(scale))
     whole[scale > 0.0] = values / scale[scale > 0.0]
     return DelayFit(delay, error, whole, before, after)
 
 
-def over_models(fits: Sequence[DelayFit], quantile: float) -> Delay:
-    """The richest model's delay, with the interval that holds all of theirs, each `quantile` standard errors wide."""
+def over_models(fits: Sequence[DelayFit], quantile: float, step: float) -> Delay:
+    """The delay of the simplest model that agrees with the richest within a sampling `step` [s]: finer than that they
+    cannot be told apart, and it confuses a delay with the least. The interval holds the delays of all that agree or
+    leave about as little residual, each `quantile` standard errors wide."""
     last = fits[-1]
-    low = min(f.delay - quantile * f.error for f in fits)
-    high = max(f.delay + quantile * f.error for f in fits)
-    return Delay(last.delay, low, high, 1.0 - last.after / last.before if last.before > 0.0 else 0.0)
+    first = next(f for f in fits if abs(f.delay - last.delay) <= step)
+    good = [f for f in fits if f.after <= AS_GOOD * last.after or abs(f.delay - last.delay) <= step]
+
+    def reach(errors: float) -> tuple[float, float]:
+        return min(f.delay - errors * f.error for f in good), max(f.delay + errors * f.error for f in good)
+
+    low, high = reach(SURE)
+    explained = min(1.0 - f.after / f.before if f.before > 0.0 else 0.0 for f in good)
+    return Delay(first.delay, first.error, *reach(quantile), explained, max(low, 0.0) + min(high, 0.0))
 
 
 def _basis(w: np.ndarray) -> np.ndarray:

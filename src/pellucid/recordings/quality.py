@@ -11,6 +11,7 @@ import numpy as np
 
 from .._errors import RecordingError
 from .cut import GAP_STEPS
+from .delay import MOVED
 from .recording import Recording
 
 if TYPE_CHECKING:
@@ -133,7 +134,7 @@ def cut_faults(recording: Recording) -> list[Fault]:
     """What was cut out of a recording, and of what other instruments recorded with it."""
     faults = []
     for of in (recording, *recording.streams.values()):
-        for cut in of.cuts:
+        for cut in (c for c in of.cuts if c.kind != MOVED):
             found = f"{cut.found} at {cut.start:.6g} s ({cut.where})"
             message = f"{of.path.name} (recording {of.name}), channel {cut.channel}: found {found}, cut out"
             faults.append(Fault("cut", cut.kind, of.path.name, cut.channel, found, "none", message))
@@ -442,10 +443,7 @@ def _check_wrap(recording, add) -> None:
 
 
 def _check_clipped(recording, study, drive, add) -> None:
-    specs = study.config.channels
-    for entry in study.config.recordings:
-        if recording.name == entry.name or recording.name.startswith(f"{entry.name}."):
-            specs = study.config.channels_of(entry)
+    specs = study.specs_of(recording)
     loop = study.rig.loop
     limits = [limit for limit in (study.rig.drive.limit, loop.limit if loop else None) if limit is not None]
     for name, channel in recording.channels.items():

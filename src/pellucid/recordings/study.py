@@ -13,6 +13,7 @@ import numpy as np
 
 from .._errors import RecordingError
 from .cut import Cut
+from .delay import moved
 from .optical import OpticalRecording, read_optical
 from .recording import Channel, Payload, Recording
 
@@ -39,6 +40,7 @@ class Study:
     config: StudyFile = field(repr=False)
     _loaded: dict = field(default_factory=dict, repr=False)
     _digests: dict[Path, str] = field(default_factory=dict, repr=False)
+    found: dict = field(default_factory=dict, repr=False)  # What a procedure found of the recordings, not to ask twice
 
     @property
     def name(self) -> str:
@@ -192,6 +194,8 @@ class Study:
             repetition=entry.repetition,
             cuts=_excluded(entry, path, channels["time"].samples),
         )
+        specs = self.config.channels_of(entry)
+        recording = moved(recording, {n: s.delay for n, s in specs.items() if isinstance(s.delay, float)})
         self._loaded[name] = recording
         return recording
 
@@ -211,6 +215,12 @@ class Study:
             except OSError:  # whoever reads it says so
                 self._digests[path] = ""
         return self._digests[path]
+
+    def specs_of(self, recording: Recording) -> dict[str, ChannelSpec]:
+        """What study.toml says of a recording's channels."""
+        named = {entry.name: entry for entry in self.config.recordings}
+        begun = [name for name in named if recording.name == name or recording.name.startswith(f"{name}.")]
+        return self.config.channels_of(named[max(begun, key=len)]) if begun else self.config.channels
 
     def _load_stream(self, entry, name, stream, files) -> Recording:
         path = self._beside(entry, entry.streams[stream], f"the stream {stream}")

@@ -301,6 +301,10 @@ class Participant(StudyTable):
     shank_length: quantity("m", gt=0) | None = None
 
 
+DRIVEN = ("torque", "force", "current", "voltage", "duty")
+"""Channels of a drive, whose delay against the position can be estimated."""
+
+
 class ChannelSpec(StudyTable):
     """Where a channel's numbers are and what they mean: one entry of ``[channels]``.
 
@@ -331,6 +335,8 @@ class ChannelSpec(StudyTable):
         Of a file that has no column of times: sample n is at n / rate [Hz].
     clip : str
         ``"refuse"``, or ``"accept"`` where the channel may rest at its largest value.
+    delay : str, float or None
+        How much later the channel is than the file's time says [s]; ``"auto"`` or None: estimated where it can be.
     si_factor, si_offset : float
         SI value = value * si_factor + si_offset.
     si_unit : str
@@ -348,6 +354,7 @@ class ChannelSpec(StudyTable):
     missing: Literal["NaN"] | float | None = None
     rate: quantity("Hz", gt=0) | None = None
     clip: Literal["refuse", "accept"] = "refuse"
+    delay: Annotated[Literal["auto"] | float | None, Field(json_schema_extra={"type": "string"})] = None
     si_factor: float = Field(validation_alias=DERIVED + "si_factor")
     si_offset: float = Field(validation_alias=DERIVED + "si_offset")
     si_unit: str = Field(validation_alias=DERIVED + "si_unit")
@@ -358,6 +365,19 @@ class ChannelSpec(StudyTable):
         if isinstance(column, bool) or (isinstance(column, int) and column < 0):
             raise ValueError(f"found {column!r}, expected a column's name or its number from 0")
         return column
+
+    @field_validator("delay", mode="before")
+    @classmethod
+    def _a_time_or_auto(cls, delay: Any) -> Any:
+        return delay if delay in ("auto", None) else parse_quantity(delay, "s", "")
+
+    @model_validator(mode="after")
+    def _of_a_signal(self) -> ChannelSpec:
+        if self.delay is not None and self.name == "time":
+            raise ValueError("found a delay of time, expected one of the channel that is late")
+        if self.delay == "auto" and self.name.partition(".")[0] not in DRIVEN:
+            raise ValueError(f'found delay = "auto", which is estimated of {", ".join(DRIVEN)} alone; expected a time')
+        return self
 
     @field_validator("scale")
     @classmethod

@@ -17,9 +17,12 @@ STRIBECK_AT = 0.05
 """Share of the top speed below which the rich model's extra friction has fallen to a third."""
 
 
-def drive_delay(plain: JointModel, motions: Sequence[Motion], back_emf: float, quantile: float) -> Delay | None:
+def drive_delay(
+    plain: JointModel, motions: Sequence[Motion], back_emf: float, *, quantile: float, step: float
+) -> Delay | None:
     """How late the effort of `motions` is, by a `plain` model (symmetric friction) and richer ones; None where they do
-    not show it. `back_emf` [N*m*s/rad or N*s/m] acts at once; the interval reaches `quantile` standard errors."""
+    not show it. `back_emf` [N*m*s/rad or N*s/m] acts at once; the interval reaches `quantile` standard errors; the drive
+    was sampled every `step` [s]."""
     rows = []
     for m in motions:
         both = np.column_stack([m.effort + back_emf * m.velocity, back_emf * m.velocity])
@@ -38,7 +41,7 @@ def drive_delay(plain: JointModel, motions: Sequence[Motion], back_emf: float, q
             return None
         fits.append(found)
         values = dict(zip(model.names, found.values, strict=True))
-    return over_models(fits, quantile)
+    return over_models(fits, quantile, step)
 
 
 def _richer(plain: JointModel, motions: Sequence[Motion]) -> tuple[JointModel, ...]:
@@ -50,7 +53,7 @@ def _richer(plain: JointModel, motions: Sequence[Motion]) -> tuple[JointModel, .
 
     def model(family: str) -> JointModel:
         made = joint_model(
-            family, motion=plain.motion, effort_unit=plain.effort_unit, gravity=gravity, known=plain.known, separate_load=True
+            family, motion=plain.motion, effort_unit=plain.effort_unit, gravity=gravity, known=plain.known
         )
         return replace(made, payload_scale=plain.payload_scale)
 

@@ -22,10 +22,11 @@ from ...signals.effort import drive_model
 from ..findings import findings_of
 from ..procedure import Progress, quiet
 from . import findings
+from .aligned_motions import motions
 from .drive_sign import sign_error
 from .joint_case import JointCase
 from .joint_result import JointResult, completed, traces_of
-from .recorded_motions import filtering_of, motions
+from .recorded_motions import filtering_of
 
 
 def identify_joint(

@@ -9,8 +9,9 @@ from ...models.joint import joint_model
 from ...recordings.quality import Fault, drive_channel, inspect
 from ...recordings.study import Study
 from ...signals.effort import drive_model
+from .aligned_motions import alignment, motions
 from .drive_sign import sign_error
-from .recorded_motions import left_out, motions
+from .recorded_motions import left_out
 
 
 def joint_faults(study: Study) -> list[Fault]:
@@ -30,6 +31,7 @@ def joint_faults(study: Study) -> list[Fault]:
         )
         solve_family(model, data)
         sign_error(model, data, drive_channel(study.recordings("fit")[0], study))
+        faults += _late(study)
     except PellucidError as error:
         faults.append(
             Fault(
@@ -43,3 +45,13 @@ def joint_faults(study: Study) -> list[Fault]:
             )
         )
     return faults
+
+
+def _late(study: Study) -> list[Fault]:
+    """That the drive was recorded late, or early, and was moved."""
+    found = alignment(study)
+    if found is None or not found.said:
+        return []
+    file = study.recordings("fit")[0].path.name
+    late = f"{1e3 * found.moved:.3g} ms"
+    return [Fault("note", "delay", file, found.channel, late, "0 s", f"{found.said} {found.do}".rstrip())]

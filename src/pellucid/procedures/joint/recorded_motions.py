@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -23,11 +23,11 @@ def filtering_of(processing: Processing) -> Filtering:
     return Filtering(p.lowpass, p.order, p.decimate, p.dead_band, p.trim)
 
 
-def motions(study: Study, use: str | None = None) -> tuple[Motion, ...]:
-    """Every stretch of every recording of a study in which nothing was cut out and the drive was enabled, filtered and
+def motions_of(recordings: Iterable[Recording], study: Study) -> tuple[Motion, ...]:
+    """Every stretch of `recordings` of a study in which nothing was cut out and the drive was enabled, filtered and
     differentiated."""
     model = drive_model(study.rig)
-    return tuple(m for r in study.recordings(use) for m in _motions_of(r, study, model))
+    return tuple(m for r in recordings for m in _motions_of(r, study, model))
 
 
 def left_out(study: Study) -> list[Fault]:

@@ -1,0 +1,90 @@
+"""Channels that lie late against the others, moved to where they belong; no sample is taken from beyond a cut."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+
+from .cut import Cut
+from .recording import Recording
+
+MOVED = "moved"
+"""Kind of the cuts in which a moved channel has no sample; the delay itself is told, they are not."""
+
+EVEN = 1e-6
+"""Share of a step within which a time counts as a sample's own."""
+
+
+def moved(recording: Recording, delays: Mapping[str, float]) -> Recording:
+    """The recording with each channel of `delays` so much earlier [s]; where its record then begins later or ends
+    earlier than the others, so does the whole."""
+    delays = {name: delay for name, delay in delays.items() if delay != 0.0 and name in recording}
+    if not delays or not (np.diff(recording.time) > 0.0).all():
+        return recording  # time that does not increase is refused later
+    time, channels = recording.time, dict(recording.channels)
+    lost = np.zeros(len(recording), bool)
+    for name, delay in delays.items():
+        old, new = channels[name].samples, np.full(len(time), np.nan)
+        for span in recording.spans:
+            new[span] = at_times(time[span], old[span], time[span] + delay, hold=name.partition(".")[0] == "enabled")
+            lost[span] |= np.isnan(new[span]) & ~np.isnan(old[span])
+        channels[name] = replace(channels[name], samples=new)
+    kept = np.flatnonzero(~lost)
+    if not kept.size:
+        return replace(recording, channels=channels, cuts=(*recording.cuts, _cut(recording, 0, len(lost) - 1)))
+    whole = slice(int(kept[0]), int(kept[-1]) + 1)
+    edges = np.flatnonzero(np.diff(np.concatenate(([0], lost[whole].view(np.int8), [0]))))
+    cuts = [*recording.cuts]
+    cuts += [_cut(recording, whole.start + a, whole.start + b - 1) for a, b in edges.reshape(-1, 2).tolist()]
+    inside = [cut for cut in cuts if cut.last >= whole.start and cut.first < whole.stop]
+    return replace(
+        recording,
+        channels={name: replace(c, samples=c.samples[whole]) for name, c in channels.items()},
+        cuts=tuple(
+            replace(
+                cut, first=max(cut.first, whole.start) - whole.start, last=min(cut.last, whole.stop - 1) - whole.start
+            )
+            for cut in sorted(inside, key=lambda cut: cut.first)
+        ),
+    )
+
+
+def _cut(recording: Recording, first: int, last: int) -> Cut:
+    time = recording.time
+    return Cut(MOVED, "time", float(time[first]), float(time[min(last + 1, len(time) - 1)]), first, last, "no sample")
+
+
+def at_times(time: np.ndarray, samples: np.ndarray, wanted: np.ndarray, *, hold: bool = False) -> np.ndarray:
+    """Samples, (n,) at `time`, (n,) [s], at the times `wanted`, (m,): by cubics through neighbours, or as last sampled;
+    NaN beyond the record and beside a missing sample."""
+    n = len(time)
+    if n < 2:
+        return np.full(len(wanted), np.nan)
+    step = float(np.median(np.diff(time)))
+    left = np.clip(np.searchsorted(time, wanted, side="right") - 1, 0, n - 2)
+    width = time[left + 1] - time[left]
+    x = (wanted - time[left]) / width
+    near = EVEN * step / width
+    known = (x > -near) & (x < 1.0 + near)
+    start, end = samples[left], samples[left + 1]
+    on = np.abs(x) <= near, np.abs(x - 1.0) <= near
+    if hold:
+        value = np.where(x >= 1.0 - near, end, start)
+    else:
+        slope = _slopes(time, samples)
+        # A straight line where a neighbour is missing.
+        chord = (end - start) / width
+        first, last = (np.where(np.isfinite(s), s, chord) * width for s in (slope[left], slope[left + 1]))
+        rise = end - start
+        value = start + x * (first + x * (3.0 * rise - 2.0 * first - last + x * (first + last - 2.0 * rise)))
+        value = np.where(on[0], start, np.where(on[1], end, value))
+    return np.where(known, value, np.nan)
+
+
+def _slopes(time: np.ndarray, samples: np.ndarray) -> np.ndarray:
+    """Slope at each sample, of the parabola through it and its neighbours, shape (n,)."""
+    if len(time) < 3:
+        return np.full(len(time), np.nan)
+    return np.gradient(samples, time)

@@ -1,0 +1,119 @@
+"""A channel that was recorded late is found and moved; what is not late stays as it is."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from pellucid._errors import StudyError
+from pellucid.lab.bench.rig import bench_joint
+from pellucid.lab.study import write_study
+from pellucid.procedures.joint.aligned_motions import alignment, motions
+from pellucid.procedures.registry import open_study
+from pellucid.procedures.run import check, identify
+from pellucid.recordings.cut import Cut
+from pellucid.recordings.delay import at_times, moved
+from pellucid.recordings.recording import Channel, Recording
+
+
+def recording(cuts=(), **channels) -> Recording:
+    made = {name: Channel(name, samples, "1", name) for name, samples in channels.items()}
+    return Recording("a", Path("a.csv"), "", "fit", made, cuts=cuts)
+
+
+@pytest.fixture(scope="module")
+def bench(tmp_path_factory):
+    """A virtual joint's study: its friction is richer than any family."""
+    rig = bench_joint()
+    return write_study(tmp_path_factory.mktemp("late") / "bench", rig, name="bench", seed=5, trials=rig.trials(5)[:2])
+
+
+def late(study, channel: str, samples: int):
+    """The study as if `channel` had been recorded so many samples late."""
+    loaded = {}
+    for r in study.recordings():
+        column = r.channels[channel]
+        shifted = column.samples[np.clip(np.arange(len(r)) - samples, 0, len(r) - 1)]
+        loaded[r.name] = replace(r, channels={**r.channels, channel: replace(column, samples=shifted)})
+    return replace(study, _loaded=loaded, found={})
+
+
+def test_whole_samples_are_moved_exactly():
+    n = np.arange(50.0)
+    found = moved(recording(time=0.01 * n, position=n, current=n - 3.0), {"current": 0.03})
+    assert len(found) == 47
+    assert np.array_equal(found["current"], found["position"])
+
+
+def test_parts_of_a_sample_are_moved_by_a_smooth_curve():
+    time = np.arange(400) / 100.0
+    early = at_times(time, np.sin(6.0 * time), time - 0.0043)
+    inside = np.isfinite(early)
+    assert inside.sum() == 399
+    assert early[2:-1] == pytest.approx(np.sin(6.0 * (time[2:-1] - 0.0043)), abs=2e-5)
+
+
+def test_nothing_is_taken_from_beyond_a_cut():
+    n = np.arange(60.0)
+    cut = Cut("spike", "current", 0.30, 0.32, 30, 31, "a spike")
+    found = moved(recording(cuts=(cut,), time=0.01 * n, current=n), {"current": 0.05})
+    assert [(s.start, s.stop) for s in found.spans] == [(0, 25), (32, 55)]
+    assert np.array_equal(found["current"][0:25], n[5:30])
+
+
+@pytest.mark.parametrize("samples", [20, -20])
+def test_a_late_drive_is_moved_on_a_joint_richer_than_the_model(bench, samples):
+    """The bench reads its current half a sample early."""
+    found = alignment(late(bench, "current", samples))
+    assert found.moved == pytest.approx(1e-3 * (samples - 0.5), abs=2.5e-3)
+    assert found.delay.low < 1e-3 * (samples - 0.5) < found.delay.high
+
+
+def test_a_late_encoder_is_an_early_drive(bench):
+    found = alignment(late(bench, "position", 20))
+    assert found.moved == pytest.approx(-0.0205, abs=2.5e-3)
+    assert found.said.startswith("position comes 2")
+
+
+def test_of_a_drive_in_time_nothing_is_said_or_moved(bench):
+    assert alignment(bench).moved == 0.0
+    assert alignment(bench).said == ""
+    assert not [fault for fault in check(bench) if fault.kind == "delay"]
+    raw = [r["current"][0] for r in bench.recordings()]
+    assert [m.command[0] for m in motions(bench)] == raw
+
+
+def test_it_is_told_with_what_to_write(bench):
+    study = late(bench, "current", 20)
+    fault = next(fault for fault in check(study) if fault.kind == "delay")
+    assert fault.severity == "note"
+    assert "current comes" in fault.message
+    assert 'delay = "0 s"' in fault.message
+    verdict = next(
+        v for v in identify(study, families=["symmetric"], thorough=False).verdicts if v.finding == "late_drive"
+    )
+    assert verdict.kind == "warning"
+
+
+def test_a_delay_by_hand_is_taken_and_none_is_estimated(bench, tmp_path):
+    text = (bench.folder / "study.toml").read_text()
+    before, after = text.split('current = { column = "current", unit = "A" }')
+    for folder in ("recordings", "lab"):
+        (tmp_path / folder).symlink_to(bench.folder / folder)
+
+    def said(delay: str):
+        key = f'current = {{ column = "current", unit = "A", delay = "{delay}" }}'
+        (tmp_path / "study.toml").write_text(before + key + after)
+        return open_study(tmp_path)
+
+    study = said("4 ms")
+    assert alignment(study) is None
+    assert np.array_equal(study.recordings()[0]["current"], bench.recordings()[0]["current"][4:])
+    assert alignment(said("0 s")) is None
+    asked = alignment(said("auto"))
+    assert asked.asked
+    assert "No delay of current" in asked.said
+    with pytest.raises(StudyError, match="expected a time"):
+        (tmp_path / "study.toml").write_text(text.replace('unit = "rad" }', 'unit = "rad", delay = "auto" }'))
+        open_study(tmp_path)
