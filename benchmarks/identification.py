@@ -27,8 +27,8 @@ from pellucid.lab.bench.rig import bench_joint
 from pellucid.lab.study import write_study
 from pellucid.models.joint import joint_model
 from pellucid.models.simulate import substeps_for
-from pellucid.procedures.joint.identify_joint import machine_of
 from pellucid.procedures.joint.aligned_motions import motions
+from pellucid.procedures.joint.identify_joint import machine_of
 from pellucid.recordings.study import Study
 from pellucid.signals.effort import drive_model
 

@@ -114,6 +114,6 @@ def test_a_delay_by_hand_is_taken_and_none_is_estimated(bench, tmp_path):
     asked = alignment(said("auto"))
     assert asked.asked
     assert "No delay of current" in asked.said
+    (tmp_path / "study.toml").write_text(text.replace('unit = "rad" }', 'unit = "rad", delay = "auto" }'))
     with pytest.raises(StudyError, match="expected a time"):
-        (tmp_path / "study.toml").write_text(text.replace('unit = "rad" }', 'unit = "rad", delay = "auto" }'))
         open_study(tmp_path)

@@ -63,8 +63,8 @@ class DrivenRows:
 
 @dataclass(frozen=True)
 class Columns:
-    """A model linear in its free values: intercept (n,), regressor (n, p) of one stretch, and the slopes of both, at the
-    rows that enter a regression."""
+    """A model linear in its free values: intercept (n,), regressor (n, p) of one stretch and the slopes of both, where
+    rows are taken."""
 
     intercept: np.ndarray
     regressor: np.ndarray

@@ -21,8 +21,8 @@ def drive_delay(
     plain: JointModel, motions: Sequence[Motion], back_emf: float, *, quantile: float, step: float
 ) -> Delay | None:
     """How late the effort of `motions` is, by a `plain` model (symmetric friction) and richer ones; None where they do
-    not show it. `back_emf` [N*m*s/rad or N*s/m] acts at once; the interval reaches `quantile` standard errors; the drive
-    was sampled every `step` [s]."""
+    not show it. `back_emf` [N*m*s/rad or N*s/m] acts at once; the interval reaches `quantile` standard errors; `step`
+    [s] is that of the recordings."""
     rows = []
     for m in motions:
         both = np.column_stack([m.effort + back_emf * m.velocity, back_emf * m.velocity])
