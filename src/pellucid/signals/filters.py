@@ -65,7 +65,7 @@ def decimate(samples: np.ndarray, factor: int) -> np.ndarray:
     """Keep one sample in `factor` along axis 0, after a zero-phase anti-aliasing filter (Chebyshev I, order 8, 0.8
     of the new Nyquist frequency). Both sides of a regression must pass through it. `samples` (n,); gives (ceil(n
     / factor),)."""
-    return anti_aliased(samples, factor)[::factor]
+    return samples if factor == 1 else anti_aliased(samples, factor)[::factor]
 
 
 def anti_aliased(samples: np.ndarray, factor: int) -> np.ndarray:
