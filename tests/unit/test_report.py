@@ -250,4 +250,7 @@ def test_a_bound_makes_an_interval_one_sided():
 
 def test_prose():
     assert prose("interval -0.5 to 2e-3 N*m, R2 0.9") == "Interval −0.5 to 2e-3 N·m, R² 0.9"
-    assert prose("Estimator 'wls' disagrees on viscous_positive") == "Estimator weighted disagrees on viscous +"
+    assert (
+        prose("Estimator 'wls' disagrees on viscous_positive")
+        == "Estimator weighted least squares disagrees on viscous +"
+    )

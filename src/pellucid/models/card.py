@@ -109,6 +109,8 @@ class ModelCard(Card):
         Version that wrote it.
     joint : str
         What study.toml calls it.
+    purpose : str
+        What the estimator was chosen for, "torque" or "simulation"; empty where nothing was chosen.
     """
 
     velocity_range: float
@@ -119,6 +121,7 @@ class ModelCard(Card):
     checksums: Mapping[str, str]
     pellucid: str
     joint: str = "joint"
+    purpose: str = ""
     format: int = field(default=FORMAT)
 
     def model(self) -> JointModel:

@@ -48,8 +48,8 @@ FAMILIES: Mapping[str, str] = MappingProxyType(
 METHODS: Mapping[str, str] = MappingProxyType(
     {
         "ls": "least squares",
-        "wls": "weighted",
-        "irls": "robust",
+        "wls": "weighted least squares",
+        "irls": "robust least squares",
         "iv": "instrumental variables",
         "didim": "DIDIM",
         "output_error": "output error",

@@ -107,7 +107,9 @@ def _card(path: Path, family: str | None) -> Card:
     slider = path / "models" / f"slider.{family or 'load'}.json"
     if slider.is_file():
         return read_slider_card(slider)
-    return read_card(path / "models" / ("joint.json" if family is None else f"joint.{family}.json"))
+    # A headline may be by any estimator; like is compared with like, by least squares.
+    family = family or read_card(path / "models" / "joint.json").family
+    return read_card(path / "models" / f"joint.{family}.json")
 
 
 def _part(card: Card, names: list[str]) -> np.ndarray:

@@ -550,6 +550,8 @@ class Model(StudyTable):
         ``"none"``, ``"sine"`` or ``"sine+cosine"`` (the zero of the encoder is not known).
     known : Mapping[str, float]
         Parameters held at a known value, in SI.
+    purpose : str
+        What the headline's values are for: ``"torque"`` or ``"simulation"``.
     confidence : float
         Of the intervals, in (0, 1).
     """
@@ -557,6 +559,7 @@ class Model(StudyTable):
     families: tuple[Literal[tuple(FAMILIES)], ...] = tuple(FAMILIES)
     gravity: Literal["none", "sine", "sine+cosine"]
     known: dict[str, float] = Field({})
+    purpose: Literal["torque", "simulation"] = "torque"
     confidence: float = Field(0.95, gt=0, lt=1)
 
     @model_validator(mode="before")

@@ -10,22 +10,22 @@ import numpy as np
 from ..._errors import IdentificationError
 from ...models.joint import JointModel
 from ...signals.motion import Motion
+from ..crossed_residuals import crossed_residuals
 from ..parameter import Parameter
 from ..regression import Solution, Stack
 from .closed_loop import solve_didim, solve_instrumental, solve_output_error
 from .consistency import enforce_pseudo_inertia
+from .estimator_choice import EstimatorChoice, estimator_choice
 from .evaluation import Prediction, pooled, predict
 from .friction_solver import solve_family, with_known_stribeck_velocity
 from .joint_estimate import JointEstimate, estimated
 from .replay import Machine, Simulation, simulation_of
 from .reweighting import solve_robust, solve_weighted
 
-PARSIMONY = 1.03
-
 
 @dataclass(frozen=True)
 class FamilyFit:
-    """One friction family: its reference estimate, the other estimators, and how it predicts and simulates.
+    """One friction family: its least-squares estimate, the other estimators, and how it predicts and simulates.
 
     `heldout_effort_error` [%] and `heldout_r2` pool all validation recordings (nan where there are none).
     """
@@ -42,6 +42,20 @@ class FamilyFit:
     fitted_r2: float = float("nan")
     heldout_effort_error: float = float("nan")
     heldout_r2: float = float("nan")
+    choice: EstimatorChoice = field(default_factory=EstimatorChoice)
+    crossed: tuple[np.ndarray, ...] = ()
+    """Where nothing is held out: residuals of blocks of the fitted recordings, each predicted from the others."""
+
+    @property
+    def headline(self) -> FamilyFit:
+        """The same with the chosen estimator's values, predictions and errors in the place of least squares'."""
+        if self.choice.method == self.estimate.method:
+            return self
+        chosen, made = self.others[self.choice.method], self.choice.predictions
+        fitted, heldout = pooled(made, "fitted"), pooled(made, "heldout")
+        return FamilyFit(
+            chosen.model, chosen, self.others, made, self.simulations, self.failures, *fitted, *heldout, self.choice
+        )
 
     @property
     def family(self) -> str:
@@ -50,18 +64,6 @@ class FamilyFit:
 
     def __getitem__(self, name: str) -> Parameter:
         return self.estimate[name]
-
-
-def best_family(fits: dict[str, FamilyFit]) -> str:
-    """The simplest family whose held-out effort error is within `PARSIMONY` of the smallest (fitted effort where
-    nothing is held out)."""
-
-    def error(name: str) -> float:
-        fit = fits[name]
-        return fit.heldout_effort_error if np.isfinite(fit.heldout_effort_error) else fit.fitted_effort_error
-
-    smallest = min(error(name) for name in fits)
-    return min((n for n in fits if error(n) <= PARSIMONY * smallest), key=lambda n: len(fits[n].model.symbols))
 
 
 def fit_family(
@@ -73,9 +75,11 @@ def fit_family(
     level: float,
     moving_mass: float | None = None,
     thorough: bool = True,
+    purpose: str = "torque",
 ) -> FamilyFit:
     """Fit a `model` to `data`, predict and simulate `everything` a `machine` recorded; intervals at `level`, a body of
-    at most `moving_mass` [kg]; `thorough` also by weighted, robust and closed-loop methods."""
+    at most `moving_mass` [kg]; `thorough` also by weighted, robust and closed-loop methods, of which one is
+    chosen for a `purpose`."""
     first, note = solve_family(model, data), ()
     if moving_mass is not None:
         first, note = enforce_pseudo_inertia(model, data, first, moving_mass)
@@ -84,7 +88,14 @@ def fit_family(
     predictions = predict(model, first.values, everything, half_width)
     fitted, heldout = pooled(predictions, "fitted"), pooled(predictions, "heldout")
     more = _thorough(model, data, first, everything, machine, level) if thorough else ({}, {}, {})
-    return FamilyFit(model, estimate, more[0], predictions, more[1], more[2], *fitted, *heldout)
+    estimates = {"ls": estimate, **more[0]}
+    by_method = {"ls": predictions}
+    for name, other in more[0].items():
+        if other.converged:
+            by_method[name] = predict(other.model, other.array, everything, half_width)
+    choice = estimator_choice(purpose, by_method, {n: estimates[n] for n in by_method}, more[1], everything, machine)
+    crossed = () if np.isfinite(heldout[0]) else crossed_residuals(first, data.lengths)
+    return FamilyFit(model, estimate, more[0], predictions, more[1], more[2], *fitted, *heldout, choice, crossed)
 
 
 def _thorough(

@@ -9,7 +9,8 @@ import numpy as np
 
 from ..._errors import IdentificationError
 from ...fit.joint.drive_constant import drive_constant
-from ...fit.joint.friction_family import FamilyFit, best_family, fit_family
+from ...fit.joint.family_choice import best_family
+from ...fit.joint.friction_family import FamilyFit, fit_family
 from ...fit.joint.replay import Machine
 from ...fit.parameter import Parameter
 from ...fit.regression import stack
@@ -82,6 +83,7 @@ def identify_joint(
                 level=study.model.confidence,
                 moving_mass=study.rig.moving_mass,
                 thorough=thorough,
+                purpose=study.model.purpose,
             )
         except IdentificationError as error:
             if name in ("symmetric", names[0]):

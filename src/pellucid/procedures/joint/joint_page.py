@@ -48,7 +48,7 @@ WHAT_ESTIMATORS_DO = (
 
 def page(study: Study, result: JointResult) -> Page:
     """Everything that was found, as a page."""
-    best = result.families[result.best]
+    best = result.headlined
     simulated, compared = result.simulated, _compared_family(result)
     effort = EFFORTS.get(result.effort_unit, "Effort").lower()
     several = len(result.families) > 1
@@ -57,8 +57,8 @@ def page(study: Study, result: JointResult) -> Page:
             "parameters",
             "Parameters",
             (
-                f"The {result.best} model: {FAMILIES.get(result.best, result.best)}. Values are the filtered "
-                "least-squares estimate; the last digit shown is the second uncertain one.",
+                f"The {result.best} model: {FAMILIES.get(result.best, result.best)}. "
+                f"{_by_whom(best)} The last digit shown is the second uncertain one.",
             ),
             (_parameters(result, best.estimate, result.confidence),),
             notes=tuple(prose(note) for note in best.estimate.notes),
@@ -149,7 +149,7 @@ def _compared_family(fit: JointResult) -> FamilyFit | None:
 
 
 def _headline(study: Study, fit: JointResult) -> str:
-    best = fit.families[fit.best]
+    best = fit.headlined
     names = {s: [p.recording for p in best.predictions if p.split == s] for s in ("fitted", "heldout")}
     used = {s: len(dict.fromkeys(n)) for s, n in names.items()}
 
@@ -177,7 +177,7 @@ def _headline(study: Study, fit: JointResult) -> str:
 
 
 def _tiles(fit: JointResult, level: float) -> list[Tile]:
-    best = fit.families[fit.best]
+    best = fit.headlined
     tiles = []
     if np.isfinite(best.heldout_effort_error):
         tiles.append(
@@ -197,6 +197,20 @@ def _tiles(fit: JointResult, level: float) -> list[Tile]:
     if fit.drive_constant is not None:
         tiles.append(_tile(fit.drive_constant, level))
     return tiles
+
+
+def _by_whom(best: FamilyFit) -> str:
+    """Whose values are shown, and why."""
+    chosen = METHODS[best.estimate.method]
+    if not best.others:
+        return f"Values are by {chosen} on filtered data."
+    if best.choice.torque is None:
+        return f"Values are by {chosen} on filtered data: nothing is held out that could choose among estimators."
+    aim = {"torque": "the torque", "simulation": "the simulated motion"}[best.choice.purpose]
+    return (
+        f"Values are by {chosen}: of {len(best.choice.torque.errors)} estimators the plainest that is not "
+        f"significantly worse than the best for {aim} on held-out recordings."
+    )
 
 
 def _tile(p: Parameter, level: float) -> Tile:
@@ -230,9 +244,9 @@ def _families_words(fit: JointResult) -> str:
         return f"Only one family was asked for, {fit.best}: {FAMILIES.get(fit.best, fit.best)}."
     evaluated = any(np.isfinite(f.heldout_effort_error) for f in fit.families.values())
     return "A richer model always fits better; whether it knows more shows on recordings that were not fitted. " + (
-        "Best is the simplest family whose held-out error is close to the smallest."
+        "Best is the simplest family that is not significantly worse than the one with the smallest held-out error."
         if evaluated
-        else "Nothing was held out here, so fitted errors decide, which favours rich models."
+        else "Nothing was held out here: blocks of what was fitted, each predicted from the others, decide."
     )
 
 
@@ -268,7 +282,7 @@ def _by_recording(fit: JointResult) -> Table:
         for f in fit.families.values():
             found = [p for p in f.predictions if p.recording == recording]
             cells.append(percent(found[0].effort_error) if found else "–")
-        best = [p for p in fit.families[fit.best].predictions if p.recording == recording]
+        best = [p for p in fit.headlined.predictions if p.recording == recording]
         cells.append(f"{100.0 * best[0].coverage:.1f}" if best else "–")
         rows.append(Row(tuple(cells)))
     heads = ("Recording", "Use", *(f"{f} (%)" for f in fit.families), f"inside the interval, {fit.best} (%)")

@@ -13,6 +13,7 @@ from ...fit.joint.joint_estimate import JointEstimate
 from ...fit.joint.replay import Simulation, relative_error
 from ...fit.parameter import Parameter
 from ...models.card import ModelCard
+from ...pages.quantities import METHODS
 from ...recordings.results import ResultRow, checksum_of_all
 from ...recordings.study import Study
 from ...signals.effort import drive_model
@@ -50,11 +51,16 @@ class JointResult(Result):
 
     @property
     def estimates(self) -> Mapping[str, Parameter]:
-        """Parameters of the best family by name, of every family as ``"load.inertia"``."""
-        found = {p.name: p for p in self.families[self.best].estimate.parameters}
+        """The headline's parameters by name, least squares' of every family as ``"load.inertia"``."""
+        found = {p.name: p for p in self.headlined.estimate.parameters}
         if self.drive_constant is not None:
             found[self.drive_constant.name] = self.drive_constant
         return found | {f"{n}.{p.name}": p for n, family in self.families.items() for p in family.estimate.parameters}
+
+    @property
+    def headlined(self) -> FamilyFit:
+        """The best family, by the estimator that was chosen."""
+        return self.families[self.best].headline
 
     @property
     def simulated(self) -> FamilyFit | None:
@@ -76,22 +82,25 @@ def completed(study: Study, found: JointResult) -> JointResult:
         headline=_headline(found.families, found.best),
         tables=_tables(found.families, found.best, found.drive_constant),
         rows=tuple(rows_of(found)),
-        cards={**cards, "joint": cards[f"joint.{found.best}"]},
+        cards={**cards, "joint": card_of(study, found, found.headlined)},
     )
 
 
 def _headline(families: Mapping[str, FamilyFit], best: str) -> str:
-    one = families[best]
+    one = families[best].headline
     held = np.isfinite(one.heldout_effort_error)
     split, error = ("held-out", one.heldout_effort_error) if held else ("fitted", one.fitted_effort_error)
-    return f"{best} friction, {split} effort error {error:.3g} %"
+    by = f" by {METHODS[one.estimate.method]}" if one.others else ""
+    return f"{best} friction{by}, {split} effort error {error:.3g} %"
 
 
 def _tables(
     families: Mapping[str, FamilyFit], best: str, constant: Parameter | None
 ) -> tuple[ParameterTable | FigureTable, ...]:
-    shown = (*families[best].estimate.parameters, *(() if constant is None else (constant,)))
-    parameters = ParameterTable(f"Parameters with {best} friction", shown)
+    chosen = families[best].headline.estimate
+    by = f", by {METHODS[chosen.method]}" if families[best].others else ""
+    shown = (*chosen.parameters, *(() if constant is None else (constant,)))
+    parameters = ParameterTable(f"Parameters with {best} friction{by}", shown)
     if len(families) == 1:
         return (parameters,)
     heads = ("family", "parameters", "fitted %", "held out %", "held-out R²", "")
@@ -130,7 +139,7 @@ def traces_of(motions: Sequence[Motion]) -> tuple[Trace, ...]:
 
 
 def card_of(study: Study, fit: JointResult, family: FamilyFit) -> ModelCard:
-    """The model card of one family's least-squares estimate."""
+    """The model card of a family's estimate: of least squares, or of what was chosen."""
     level = study.model.confidence
     drive = drive_model(study.rig)
     fitted = [p for p in family.predictions if p.split == "fitted"]
@@ -153,6 +162,7 @@ def card_of(study: Study, fit: JointResult, family: FamilyFit) -> ModelCard:
         checksums=dict(fit.checksums),
         pellucid=version("pellucid"),
         joint=study.rig.joint,
+        purpose=study.model.purpose,
     )
 
 
@@ -165,6 +175,7 @@ def rows_of(fit: JointResult) -> Iterator[ResultRow]:
         yield ResultRow(
             f"{fit.study}.drive.constant", p.value, p.unit, COMMAND, "fitted", together, _interval_note(p.interval())
         )
+    yield from _headline_rows(fit, together)
     for name, family in fit.families.items():
         head = f"{fit.study}.{name}"
         plain = ResultRow("", None, "1", COMMAND, "fitted", together, fit.filter_note)
@@ -183,6 +194,26 @@ def rows_of(fit: JointResult) -> Iterator[ResultRow]:
         for method, simulations in family.simulations.items():
             prefix = head if method == "ls" else f"{head}.{method}"
             yield from _simulation_rows(prefix, fit, simulations, plain)
+
+
+def _headline_rows(fit: JointResult, together: str) -> Iterator[ResultRow]:
+    one = fit.headlined
+    how = f"method {one.estimate.method}; family {fit.best}; chosen for {one.choice.purpose}"
+    plain = ResultRow("", None, "1", COMMAND, "fitted", together, how)
+    head = f"{fit.study}.headline"
+    for p in one.estimate.parameters:
+        note = f"{_interval_note(p.interval())}; {how}; {fit.filter_note}"
+        yield replace(plain, id=f"{head}.{p.name}", value=p.value, unit=p.unit, note=note)
+    held = replace(plain, split="heldout")
+    if np.isfinite(one.heldout_effort_error):
+        yield replace(held, id=f"{head}.heldout.effort_error", value=one.heldout_effort_error, unit="%")
+    unit, scale = ("deg", 180.0 / np.pi) if fit.motion == "rotary" else ("mm", 1e3)
+    for method, error in (one.choice.simulation.errors if one.choice.simulation else {}).items():
+        note = f"position simulated from the command, over what is held out, by {method}"
+        yield replace(held, id=f"{head}.heldout.{method}.rmse_{unit}", value=scale * error, unit=unit, note=note)
+    for method, error in (one.choice.torque.errors if one.choice.torque else {}).items():
+        note = f"effort predicted, over what is held out, by {method}"
+        yield replace(held, id=f"{head}.heldout.{method}.effort_rmse", value=error, unit=fit.effort_unit, note=note)
 
 
 def _interval_note(interval: tuple[float, float]) -> str:

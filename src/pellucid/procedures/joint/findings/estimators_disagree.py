@@ -1,36 +1,98 @@
-"""Where estimators disagree with least squares by more than both intervals allow."""
+"""Where estimators of the same parameters disagree by more than their intervals allow, and whose values are used."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 
 import numpy as np
+from scipy.special import ndtri
 
-from ....fit.parameter import Verdict
+from ....fit.block_test import Contest
+from ....fit.joint.joint_estimate import JointEstimate
+from ....fit.parameter import Parameter, Verdict
+from ....pages.quantities import METHODS, label, number, unit_text
 from ..joint_case import JointCase
 
-METHODS = {
-    "wls": "Weighted least squares",
-    "irls": "Robust least squares",
-    "iv": "The instrumental-variable estimate",
-    "didim": "DIDIM",
-    "output_error": "The output-error fit",
-}
+NOTICEABLE = 0.02  # share of the RMS effort that a difference between two values must make
+FAR = 1.2  # times the best one's error on held-out data, from where an estimator is the wrong one to take
 
 
 def find(case: JointCase) -> Iterator[Verdict]:
-    """Each estimator that disagrees, and on what."""
-    for name, other in case.fit.others.items():
-        apart = [
-            q.name.replace("_", " ")
-            for q in other.parameters
-            for p in (case.fit.estimate[q.name],)
-            if abs(p.value - q.value) > 3.0 * np.hypot(p.standard_error, q.standard_error) and not q.at_bound
-        ]
-        if apart:
-            yield Verdict(
-                "note",
-                f"{METHODS.get(name, name)} disagrees with ordinary least squares on {', '.join(apart)} by more than "
-                "three standard errors: the friction model is not the whole truth, and each method weighs the misfit "
-                "differently.",
-            )
+    """On what which estimators disagree, how each does on what is held out, and which is the headline."""
+    fit, choice = case.fit, case.fit.choice
+    estimates = {fit.estimate.method: fit.estimate, **{n: e for n, e in fit.others.items() if e.converged}}
+    apart = {p.name: _apart(p, estimates, case.level) for p in fit.estimate.parameters}
+    apart = {name: methods for name, methods in apart.items() if methods}
+    worse = {what: found for what, found in _contests(case).items() if _far(found, choice.method)}
+    winners = {found.winner for found in _contests(case).values()}
+    shown = {"ls", choice.method, *winners, *(m for methods in apart.values() for m in methods)}
+    involved = [m for m in estimates if m in shown]
+    if apart:
+        told = "; ".join(
+            f"{label(name)} is " + ", ".join(f"{_value(estimates[m][name])} by {METHODS[m]}" for m in ("ls", *methods))
+            for name, methods in apart.items()
+        )
+        text = f"Estimators disagree by more than their intervals: {told}. The model is not the whole truth, and each "
+        text += "weighs what it misses differently."
+        yield Verdict("warning", f"{text} {_used(case, involved)}", _advice(case), weight=10.0)
+    elif worse:
+        text = f"The headline's values are the better ones for {choice.purpose}, but not for {' and '.join(worse)}."
+        yield Verdict("warning", f"{text} {_used(case, involved)}", _advice(case), weight=5.0)
+    elif choice.method != "ls":
+        text = f"Ordinary least squares does significantly worse than {METHODS[choice.method]} on what is held out."
+        yield Verdict("note", f"{text} {_used(case, involved)}", weight=5.0)
+
+
+def _apart(parameter: Parameter, estimates: dict[str, JointEstimate], level: float) -> list[str]:
+    """Methods whose interval of a parameter, at a level for all comparisons together, leaves least squares' alone."""
+    if parameter.at_bound:
+        return []
+    count = max(1, sum(len(e.parameters) for m, e in estimates.items() if m != "ls"))
+    times = float(ndtri(1.0 - 0.5 * (1.0 - level) / count))
+    found = []
+    for method, estimate in estimates.items():
+        other = estimate.get(parameter.name)
+        if method == "ls" or other is None or other.at_bound:
+            continue
+        difference = abs(other.value - parameter.value)
+        sure = difference > times * np.hypot(other.standard_error, parameter.standard_error)
+        if sure and difference * parameter.influence > NOTICEABLE:
+            found.append(method)
+    return found
+
+
+def _contests(case: JointCase) -> dict[str, Contest]:
+    found = {"torque": case.fit.choice.torque, "simulation": case.fit.choice.simulation}
+    return {what: contest for what, contest in found.items() if contest is not None}
+
+
+def _far(found: Contest, method: str) -> bool:
+    return method in found.errors and found.worse(method) and found.errors[method] > FAR * found.errors[found.winner]
+
+
+def _value(p: Parameter) -> str:
+    half = 1.96 * p.standard_error
+    return f"{number(p.value, p.standard_error)} ± {number(half, p.standard_error)} {unit_text(p.unit)}".rstrip()
+
+
+def _used(case: JointCase, involved: list[str]) -> str:
+    """How each of the methods does, and whose values are the headline's."""
+    choice = case.fit.choice
+    if choice.torque is None:
+        return f"Nothing is held out that could choose: the headline is by {METHODS[choice.method]}."
+    said = []
+    if choice.simulation is not None:
+        scale, unit = (float(np.degrees(1.0)), "deg") if case.rotary else (1e3, "mm")
+        said.append(f"the motion is simulated to {_errors(choice.simulation, involved, unit, scale)}")
+    said.append(f"effort is predicted to {_errors(choice.torque, involved, case.fit.model.effort_unit)}")
+    return f"On what is held out, {' and '.join(said)}. The headline is by {METHODS[choice.method]}."
+
+
+def _errors(found: Contest, involved: list[str], unit: str, scale: float = 1.0) -> str:
+    each = [f"{number(scale * found.errors[m], digits=3)} by {METHODS[m]}" for m in involved if m in found.errors]
+    return f"{', '.join(each)} ({unit_text(unit)}, RMS)"
+
+
+def _advice(case: JointCase) -> str:
+    other = "simulation" if case.fit.choice.purpose == "torque" else "torque"
+    return f'It is chosen for {case.fit.choice.purpose}; write [model] purpose = "{other}" to have it for {other}.'

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from ....fit.parameter import Verdict
+from ....pages.quantities import METHODS
 from ..joint_case import JointCase
-from .estimators_disagree import METHODS
 
 
 def find(case: JointCase) -> Iterator[Verdict]:
@@ -14,4 +14,5 @@ def find(case: JointCase) -> Iterator[Verdict]:
     for family, why in case.failures.items():
         yield Verdict("note", f"The '{family}' family could not be fitted: {why}.")
     for what, why in case.fit.failures.items():
-        yield Verdict("warning", f"{METHODS.get(what, what)} came to nothing: {why}.")
+        name = METHODS.get(what, what)
+        yield Verdict("warning", f"{name[0].upper()}{name[1:]} came to nothing: {why}.")

@@ -1,28 +1,53 @@
-"""How the best family predicts effort that it has never seen."""
+"""How the headline's model predicts effort that it has never seen, and on how many independent samples that stands."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 
-import numpy as np
-
+from ....fit.block_test import independent_samples
 from ....fit.parameter import Verdict
 from ..joint_case import JointCase
 
+FAILED = 0.5  # R2 below which a model does not explain the effort
+SOUND = 0.8  # R2 above which it does
+FEW = 20.0  # independent samples
+
 
 def find(case: JointCase) -> Iterator[Verdict]:
-    """The held-out error of the best family, or that nothing is held out."""
-    fit = case.fit
-    if not np.isfinite(fit.heldout_effort_error):
+    """The held-out error of the best family, that it fails, or that nothing is held out."""
+    fit = case.fit.headline
+    held = [p.residual for p in fit.predictions if p.split == "heldout"]
+    if fit.fitted_r2 < FAILED:
+        yield Verdict(
+            "wrong",
+            "The fit failed: even of what was fitted, the model explains no more than "
+            f"{100 * max(fit.fitted_r2, 0.0):.0f} % of the variance "
+            f"(error {fit.fitted_effort_error:.3g} %). Nothing below is this machine's.",
+            "Check units, signs and offsets of the channels, and the drive's constant.",
+            weight=10.0,
+        )
+    if not held:
         yield Verdict(
             "warning",
             'No recording is held out (use = "validate"): nothing here says how the model predicts new data.',
         )
         return
+    count = independent_samples(held)
+    error = f"an error of {fit.heldout_effort_error:.2g} % (R2 {fit.heldout_r2:.3f}, {count:.0f} independent samples)"
+    if fit.heldout_r2 < FAILED:
+        yield Verdict(
+            "wrong",
+            f"The '{case.best}' family fails on recordings it has never seen: {error}; on the fitted recordings "
+            f"{fit.fitted_effort_error:.2g} %.",
+            "Check that held-out recordings are of the same machine, in the same units, and move in the same range.",
+            weight=9.0,
+        )
+        return
+    few = count < FEW
     yield Verdict(
-        "good" if fit.heldout_r2 > 0.8 else "warning",
-        f"The '{case.best}' family predicts effort it has never seen with an error of "
-        f"{fit.heldout_effort_error:.2g} % (R2 {fit.heldout_r2:.3f}); on the fitted recordings "
+        "good" if fit.heldout_r2 > SOUND and fit.fitted_r2 > FAILED and not few else "note" if few else "warning",
+        f"The '{case.best}' family predicts effort it has never seen with {error}; on the fitted recordings "
         f"{fit.fitted_effort_error:.2g} %.",
+        "So few say little: hold out more." if few else "",
         weight=1.0,
     )
