@@ -1,7 +1,9 @@
 """Findings: a file each, told worst first, and none where there is nothing to tell."""
 
 import importlib
+import re
 import sys
+from pathlib import Path
 
 import pytest
 
@@ -51,3 +53,9 @@ def test_worst_comes_first_and_praise_last():
 def test_every_file_of_the_joints_findings_finds():
     names = {name for name, _ in finders(findings)}
     assert {"prediction", "weak_parameter", "estimators_disagree"} <= names
+
+
+def test_the_docs_explain_every_finding():
+    page = Path(__file__).parents[2] / "docs" / "verdicts.md"
+    explained = set(re.findall(r"^\| `(\w+)` \|", page.read_text(encoding="utf-8"), re.MULTILINE))
+    assert explained == {name for name, _ in finders(findings)}

@@ -22,7 +22,7 @@ from ..signals.correlation_length import correlation_length
 LEVEL = 0.05  # of the one-sided test
 MEMORY = 2.0  # correlation lengths in a block
 COUNTED = 12  # blocks up to which every choice of signs is tried
-ALIKE = 1e-3  # share of the smaller mean square below which two losses are one: rounding decides nothing
+ALIKE = 0.01  # share of the smaller mean square below which two losses are one: rounding decides nothing
 
 
 @dataclass(frozen=True)
