@@ -8,6 +8,8 @@ from __future__ import annotations
 
 import math
 import re
+from collections.abc import Mapping
+from dataclasses import dataclass
 from functools import lru_cache
 
 from ._errors import StudyError
@@ -59,6 +61,25 @@ _SI_TEXTS = (
 _TEXT = re.compile(r"[\w°%^*/(). -]+")
 
 _NUMBER = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?|[-+]?inf|nan)\s*(.*?)\s*", re.DOTALL)
+
+
+@dataclass(frozen=True)
+class Coordinate:
+    """What a joint moves along, an angle or a length, and how people are told of it."""
+
+    unit: str  # SI
+    shown: str  # shown, factor: Unit of tables, and how many of it make one of `unit`
+    factor: float
+    effort: str  # SI unit of what moves it
+    radian: float  # What counts as a radian where a rule names an angle [unit]
+    ways: Mapping[str, str]  # What a direction, "up" or "down", is called
+
+
+COORDINATES: Mapping[str, Coordinate] = {
+    "rad": Coordinate("rad", "deg", math.degrees(1.0), "N*m", 1.0, {"up": "upwards", "down": "downwards"}),
+    "m": Coordinate("m", "mm", 1e3, "N", 0.1, {"up": "forwards", "down": "backwards"}),
+}
+"""By their SI unit."""
 
 
 def parse_quantity(text: str | float, expected: str | tuple[str, ...] | None, where: str) -> float:

@@ -2,6 +2,7 @@
 
 import csv
 import json
+import re
 from types import SimpleNamespace
 
 import made_pointing
@@ -249,18 +250,88 @@ def test_emg_on_another_clock_is_refused(tmp_path, late, said):
         assess(small(tmp_path, participants=2, change=shift, with_emg=True))
 
 
-def test_a_marker_that_is_lost_for_most_of_a_recording_is_refused_by_name(tmp_path):
+def test_a_recording_with_too_many_gaps_is_left_out_by_name_and_its_participant_with_it(tmp_path):
     def hide(person, condition, time, angle, target, emg):
         if (person, condition) == ("P2", "Ctrl"):
             angle = np.where(time > 3.0, np.nan, angle)
         return time, angle, target, emg
 
     study = small(tmp_path, change=hide, markers=True)
-    with pytest.raises(RecordingError, match=r"P2_Ctrl\.csv .*markers elbow and wrist: found .*missing samples"):
-        assess(study)
-    (told,) = [f for f in check(study) if f.kind == "lost_marker"]
-    assert "wrist lost in" in told.message
-    assert "elbow lost in" not in told.message
+    found = assess(study)
+    assert found.participants == ("P1", "P3")
+    assert found.without == {"P2": "none that can be used in Ctrl"}
+    (told,) = [v.text for v in found.verdicts if v.kind == "warning" and "P2_Ctrl.csv" in v.text]
+    assert "markers elbow and wrist: found missing samples in" in told
+    assert "wrist lost in" in told
+    assert "elbow lost in" not in told
+    assert "the recording P2_Ctrl is left out" in told
+    assert "P2 left out: none that can be used in Ctrl" in next(row.note for row in found.rows)
+    (said,) = [f for f in check(study) if f.kind == "gap"]
+    assert (said.severity, said.file) == ("cut", "P2_Ctrl.csv")
+    # What is left is what the study would be without this participant.
+    alone = assess(small(tmp_path / "without", missing=(("P2", "Ctrl"),), markers=True))
+    assert (found.assessed["duration"].table.values == alone.assessed["duration"].table.values).all()
+
+
+@pytest.mark.parametrize("markers", [False, True])
+def test_a_recording_that_never_saw_the_angle_stops_nothing(tmp_path, markers):
+    def hide(person, condition, time, angle, target, emg):
+        return time, angle * (np.nan if (person, condition) == ("P1", "PCFr") else 1.0), target, emg
+
+    study = small(tmp_path, change=hide, markers=markers)
+    assert assess(study).participants == ("P2", "P3")
+    assert [f.severity for f in check(study) if f.file == "P1_PCFr.csv"] == ["cut"]
+
+
+def test_who_is_left_out_for_one_condition_alone_is_said(tmp_path):
+    def hide(person, condition, time, angle, target, emg):
+        spoilt = person in ("P1", "P3") and condition == "PCFr"
+        return time, np.where(spoilt & (time > 3.0), np.nan, angle), target, emg
+
+    found = assess(small(tmp_path, participants=5, change=hide))
+    assert found.participants == ("P2", "P4", "P5")
+    assert any("All 2 of 5 participants who are left out lack PCFr" in v.text for v in found.verdicts)
+
+
+def test_a_study_along_a_line_speaks_of_metres_and_newtons(tmp_path):
+    """The rotary study with every radian a decimetre: the same times, everything else in m, mm and N."""
+    rotary = assess(small(tmp_path / "rotary", repetitions=2))
+    study = small(tmp_path / "line", repetitions=2)
+    path = study.folder / "study.toml"
+    text = path.read_text(encoding="utf-8").replace('motion = "rotary"', 'motion = "prismatic"')
+    text = text.replace('joint = "elbow"\n', "").replace('lifts = "flexion"', 'lifts = "forwards"')
+    text = text.replace('"N*m"', '"N"').replace('column = "target", unit = "deg"', f'column = "target", {LINE}')
+    path.write_text(text.replace('column = "angle", unit = "deg"', f'column = "angle", {LINE}'), encoding="utf-8")
+    study = open_study(study.folder)
+    assert [f.message for f in check(study)] == []
+    found = assess(study)
+    units = {name: each.table.index.unit for name, each in found.assessed.items()}
+    assert units["vmax"] == "m/s"
+    assert units["acceleration"] == "m/s^2"
+    assert units["end_absolute"] == "m"
+    assert units["torque_rms"] == "N"
+    assert found.assessed["vmax"].table.values == pytest.approx(0.1 * rotary.assessed["vmax"].table.values, rel=1e-5)
+    assert found.assessed["duration"].table.values == pytest.approx(rotary.assessed["duration"].table.values, rel=1e-9)
+    slopes = [[line.velocity_slope for line in each.isochrony] for each in (found, rotary)]
+    assert slopes[0] == pytest.approx(slopes[1], rel=0.01)
+    page = write_report(study, found).read_text(encoding="utf-8")
+    told = [str(found), page, *(f"{row.unit} {row.note}" for row in found.rows)]
+    told += [p.read_text(encoding="utf-8") for p in write_tables(tmp_path / "tables", found)]
+    assert not [m[0] for text in told for m in re.finditer(ANGULAR, text)]
+    assert "End error (mm)" in told[0]
+    assert "Peak velocity (m/s)" in told[0]
+
+
+ANGULAR = r".{0,40}(?:\brad\b|\bdeg\b|N·m|N\*m|\b[Tt]orque\b|upward).{0,40}"
+LINE = 'unit = "mm", scale = 1.7453292519943295'  # Degrees of a radian that is a decimetre
+
+
+def test_where_everybody_lacks_something_nothing_is_compared(tmp_path):
+    def hide(person, condition, time, angle, target, emg):
+        return time, np.where((condition == "PCFr") & (time > 3.0), np.nan, angle), target, emg
+
+    with pytest.raises(RecordingError, match="P1: none that can be used in PCFr; P2"):
+        assess(small(tmp_path, change=hide))
 
 
 def test_a_simulation_on_a_cluster_is_the_same(tmp_path):

@@ -7,10 +7,11 @@ that the participant has in every condition: a movement left out does not tip th
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ..units import COORDINATES, Coordinate
 from .measured import DOWN, UP, Measured
 
 
@@ -35,7 +36,8 @@ class Index:
     @property
     def shown(self) -> tuple[float, str]:
         """Factor and unit with which tables and figures show it."""
-        return (float(np.degrees(1.0)), "deg") if self.unit == "rad" else (1.0, self.unit)
+        along = COORDINATES.get(self.unit)
+        return (1.0, self.unit) if along is None else (along.factor, along.shown)
 
 
 INDICES = {
@@ -59,7 +61,25 @@ INDICES = {
         Index("work", "Work against the robot", "Work", "J", "work"),
     )
 }
-"""All indices, in the order of tables."""
+"""All indices of an angle, in the order of tables."""
+
+
+def indices_along(along: Coordinate) -> Mapping[str, Index]:
+    """The same of an angle or of a place: names stay, units and words follow."""
+    if along.unit == "rad":
+        return INDICES
+    units = {"N*m": along.effort}
+    words = {"torque": "force", "Torque": "Force", "upwards": "forwards", "downwards": "backwards", ", up": ", forth",
+             ", down": ", back"}  # fmt: skip
+
+    def of(index: Index) -> Index:
+        said = [index.words, index.short]
+        for one, other in words.items():
+            said = [text.replace(one, other) for text in said]
+        unit = units.get(index.unit, index.unit.replace("rad", along.unit))
+        return replace(index, words=said[0], short=said[1], unit=unit)
+
+    return {name: of(index) for name, index in INDICES.items()}
 
 
 @dataclass(frozen=True, eq=False)
@@ -141,14 +161,22 @@ class Isochrony:
     duration_intercept: float
     points: tuple[tuple[float, float, float], ...]  # Means over participants
     people: tuple[tuple[tuple[float, float, float], ...], ...]  # Each participant's own points
+    unit: str = "rad"  # Or "m": all that is [rad] here is then [m]
 
 
 def isochrony(
-    movements: Sequence[Measured], participants: Sequence[str], conditions: Sequence[str]
+    movements: Sequence[Measured],
+    participants: Sequence[str],
+    conditions: Sequence[str],
+    along: Coordinate = COORDINATES["rad"],
 ) -> tuple[Isochrony, ...]:
     """Isochrony of every condition and direction with at least three amplitudes; `movements` of `participants` under
-    `conditions`.
+    `conditions`, `along` an angle or a place.
     """
+
+    def si(amplitudes: Sequence[float]) -> np.ndarray:
+        return np.asarray(amplitudes) / along.factor
+
     velocity, duration = cell_means(movements, "vmean"), cell_means(movements, "duration")
     found = []
     for condition in conditions:
@@ -162,25 +190,25 @@ def isochrony(
                 continue
             v = [np.mean([vs[a] for _, _, vs, _ in each]) for a in amplitudes]
             t = [np.mean([ts[a] for _, _, _, ts in each]) for a in amplitudes]
-            radians = np.radians(amplitudes)
-            slope, intercept, r2 = affine(radians, np.array(v))
-            dslope, dintercept, _ = affine(radians, np.array(t))
+            slope, intercept, r2 = affine(si(amplitudes), np.array(v))
+            dslope, dintercept, _ = affine(si(amplitudes), np.array(t))
             found.append(
                 Isochrony(
                     condition, direction, tuple(person for person, *_ in each),
-                    tuple(affine(np.radians(a), np.array([vs[x] for x in a]))[2] for _, a, vs, _ in each),
+                    tuple(affine(si(a), np.array([vs[x] for x in a]))[2] for _, a, vs, _ in each),
                     slope, intercept, r2,
-                    tuple(affine(np.radians(a), np.array([ts[x] for x in a]))[2] for _, a, _, ts in each),
+                    tuple(affine(si(a), np.array([ts[x] for x in a]))[2] for _, a, _, ts in each),
                     dslope, dintercept,
-                    tuple(zip(radians.tolist(), map(float, v), map(float, t), strict=True)),
-                    tuple(tuple((float(np.radians(x)), vs[x], ts[x]) for x in a) for _, a, vs, ts in each),
+                    tuple(zip(si(amplitudes).tolist(), map(float, v), map(float, t), strict=True)),
+                    tuple(tuple((float(si(x)), vs[x], ts[x]) for x in a) for _, a, vs, ts in each),
+                    along.unit,
                 )
             )  # fmt: skip
     return tuple(found)
 
 
 def _person_line(person, condition, direction, velocity: Mapping, duration: Mapping):
-    """Amplitudes in degrees with the person's mean velocity and duration; None with fewer than three."""
+    """Amplitudes [deg or mm] with the person's mean velocity and duration; None with fewer than three."""
     cells = [
         key[2] for key in velocity
         if key[:2] == (person, condition) and key[2][1] == direction and key[2][0] is not None

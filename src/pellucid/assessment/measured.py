@@ -19,6 +19,7 @@ class Measured:
     condition: str
     recording: str
     movement: Movement
-    # Labelled amplitude in degrees (None where there is none, or too many) and direction: movements that are alike
+    # Labelled amplitude [deg, of a place mm] (None where there is none, or too many) and direction: movements that are
+    # alike
     cell: tuple[float | None, str]
     values: Mapping[str, float]  # By index, in SI; NaN where it could not be had

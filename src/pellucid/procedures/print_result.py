@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from html import escape
 from io import StringIO
@@ -10,6 +11,7 @@ from typing import TYPE_CHECKING
 
 from rich import markup
 from rich.box import SIMPLE_HEAD
+from rich.cells import cell_len
 from rich.console import Console
 from rich.padding import Padding
 from rich.table import Table
@@ -25,16 +27,19 @@ if TYPE_CHECKING:
 MARKS = {"good": ("+", "green"), "note": ("·", "dim"), "warning": ("!", "yellow"), "wrong": ("✗", "bold red")}
 WIDTH = 100
 
+GAP, EDGES = 3, 2
+"""Characters between a table's columns, and on its sides."""
+
+_FIGURE = re.compile(r"[<>+−-]?\.?\d")
+
 
 def print_result(out: Console, result: Result) -> None:
     """Headline, every table, every verdict."""
     say(out, f"\n{result.study}: {units_in(result.headline)}")
     for title, heads, rows in _tables(result):
         say(out, f"\n{title}")
-        table = plain_table(*heads)
-        for row in rows:
-            table.add_row(*map(markup.escape, row))
-        out.print(table)
+        for table in fitting_tables(heads, rows, out.width):
+            out.print(table)
     print_sentences(out, [(v.kind, units_in(v.said)) for v in result.verdicts])
     out.print()
     if result.prose:
@@ -74,6 +79,44 @@ def plain_table(*heads: str) -> Table:
             no_wrap=not head.endswith("~"),
         )
     return table
+
+
+def fitting_tables(heads: Sequence[str], rows: Sequence[Sequence[str]], width: int) -> list[Table]:
+    """A table, and where that is too wide for a terminal of `width` characters several with the same first columns:
+    words wrap, a figure is never cut."""
+    width -= EDGES
+    words = max(next((i for i, column in enumerate(zip(*rows, strict=True)) if any(map(_FIGURE.match, column))), 1), 1)
+    columns = [(head, [row[i] for row in rows]) for i, head in enumerate(heads)]
+    least = [_widths(head, cells)[0] + GAP for head, cells in columns]
+    own = min(sum(least[:words]), width // 2)
+    parts: list[list[int]] = [[]]
+    for i in range(words, len(columns)):
+        if parts[-1] and own + sum(least[j] for j in parts[-1]) + least[i] > width:
+            parts.append([])
+        parts[-1].append(i)
+    return [_fitted([columns[i] for i in (*range(words), *part)], width) for part in parts]
+
+
+def _fitted(columns: Sequence[tuple[str, Sequence[str]]], width: int) -> Table:
+    """A table whose columns are as wide as they need to be, and as they may."""
+    table = plain_table(*(head for head, _ in columns))
+    widths = [_widths(head, cells) for head, cells in columns]
+    free = max(width - sum(least + GAP for least, _ in widths), 0)
+    for column, (least, whole) in zip(table.columns, widths, strict=True):
+        more = min(whole - least, free)
+        column.width, column.no_wrap, column.overflow, free = least + more, False, "fold", free - more
+    for cells in zip(*(cells for _, cells in columns), strict=True):
+        table.add_row(*map(markup.escape, cells))
+    return table
+
+
+def _widths(head: str, cells: Sequence[str]) -> tuple[int, int]:
+    """Characters that a column needs at least, and to be whole: what holds figures needs all of them."""
+    head = head.removeprefix(">").removesuffix("~")
+    parts = [line for cell in (head, *cells) for line in cell.splitlines()]
+    whole = max(map(cell_len, parts), default=0)
+    unbroken = [cell for cell in cells if _FIGURE.match(cell)] + head.split() + " ".join(cells).split()
+    return min(max(map(cell_len, unbroken), default=0), whole), whole
 
 
 def print_sentences(out: Console, items: Sequence[tuple[str, str]]) -> None:

@@ -824,7 +824,7 @@ def channel_unit(name: str, units: Mapping[str, Any], given: str | None = None) 
         "time": "s", "position": "<coordinate>", "reference": "<reference>", "velocity": "<velocity>",
         "acceleration": "<acceleration>", "current": "A", "voltage": "V", "duty": "1", "supply": "V", "torque": "N*m",
         "force": "N", "enabled": "1", "temperature": "K", "motor_position": "<coordinate>",
-        "target": "<coordinate>", "interaction": "N*m",
+        "target": "<coordinate>", "interaction": "<effort>",
     }  # fmt: skip
     head, _, joint = name.rpartition(".")
     own = units.get("joints", {}).get(joint)

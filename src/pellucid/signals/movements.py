@@ -21,6 +21,7 @@ from typing import Literal
 import numpy as np
 
 from .._errors import RecordingError
+from ..units import COORDINATES
 from .filters import central_difference, runs, zero_phase_lowpass
 
 FEWEST = 8
@@ -68,6 +69,11 @@ class Kinematics:
     acceleration: np.ndarray
     lost: np.ndarray  # (n,) Samples that were missing for longer than is bridged
     fs: float  # [Hz]
+    unit: str = "rad"  # Or "m", of a place in place of an angle: all that is [rad] here is then [m]
+
+
+class NoAngle(RecordingError):
+    """A recording without a sample of its angle."""
 
 
 @dataclass(frozen=True)
@@ -113,12 +119,14 @@ class NoMovement:
     expected: str
 
 
-def kinematics(time: np.ndarray, angle: np.ndarray, rule: MovementRule, *, where: str = "") -> Kinematics:
-    """Filter an angle and differentiate it twice. `time`, `angle` (n,) [s], [rad]."""
+def kinematics(
+    time: np.ndarray, angle: np.ndarray, rule: MovementRule, *, where: str = "", unit: str = "rad"
+) -> Kinematics:
+    """Filter an angle and differentiate it twice. `time`, `angle` (n,) [s], [rad] or another `unit`."""
     time, angle = np.asarray(time, float), np.asarray(angle, float)
     seen = np.isfinite(angle) & np.isfinite(time)
     if seen.sum() < 2 or np.any(np.diff(time[np.isfinite(time)]) <= 0.0):
-        raise RecordingError(
+        raise (NoAngle if seen.sum() < 2 else RecordingError)(
             f"{where or 'angle'}: found {int(seen.sum())} samples, expected many, at times that increase"
         )
     steps = np.diff(time)
@@ -135,7 +143,7 @@ def kinematics(time: np.ndarray, angle: np.ndarray, rule: MovementRule, *, where
     except ValueError as error:
         raise RecordingError(f"{where or 'angle'}: {error}") from None
     velocity = central_difference(smooth, fs)
-    return Kinematics(even, smooth, velocity, central_difference(velocity, fs), lost, fs)
+    return Kinematics(even, smooth, velocity, central_difference(velocity, fs), lost, fs, unit)
 
 
 def target_stretches(time: np.ndarray, target: np.ndarray) -> list[Stretch]:
@@ -218,8 +226,9 @@ def _movement(motion: Kinematics, stretch: Stretch, rule: MovementRule) -> Movem
     top = speed[peak]
     if stretch.amplitude is not None and direction * went < LEAST_TRAVEL * abs(stretch.amplitude):
         kind = "direction" if direction * went < -0.2 * abs(stretch.amplitude) else "still"
-        moved = f"{np.degrees(direction * went):.3g} deg towards the target"
-        return NoMovement(stretch, kind, moved, f"{np.degrees(abs(stretch.amplitude)):.3g} deg")
+        along = COORDINATES[motion.unit]
+        moved = f"{along.factor * direction * went:.3g} {along.shown} towards the target"
+        return NoMovement(stretch, kind, moved, f"{along.factor * abs(stretch.amplitude):.3g} {along.shown}")
     if top <= 0.0:
         return NoMovement(stretch, "still", "no motion", "a movement")
     above = speed > rule.threshold * top

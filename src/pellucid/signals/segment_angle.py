@@ -6,6 +6,7 @@ import numpy as np
 
 from .._errors import RecordingError
 from ..recordings.optical import OpticalRecording
+from .movements import NoAngle
 
 LEANING = 0.1
 """Mean horizontal share of the segment's direction below which it has no side to point to."""
@@ -29,7 +30,7 @@ def segment_angle(optical: OpticalRecording, proximal: str, distal: str) -> np.n
     seen = np.isfinite(length)
     where = f"{optical.path.name}: markers {proximal} and {distal}"
     if not seen.any():
-        raise RecordingError(f"{where}: found no frame that saw both, expected most")
+        raise NoAngle(f"{where}: found no frame that saw both, expected most")
     if np.median(length[seen]) < 1e-3:
         raise RecordingError(f"{where}: found them {1e3 * np.median(length[seen]):.2g} mm apart, expected a segment")
     direction = line / length[:, None]

@@ -11,20 +11,21 @@ import numpy as np
 
 from ..._errors import RecordingError, StudyError
 from ...assessment.comparison import compare_conditions
-from ...assessment.indices import INDICES, index_table, isochrony
+from ...assessment.indices import INDICES, index_table, indices_along, isochrony
 from ...assessment.measured import UP, Measured
 from ...assessment.power import EFFECTS, needed_for_effects
 from ...recordings.quality import Fault
 from ...recordings.recording import Recording
 from ...recordings.study import Study
 from ...signals.movements import MovementRule
+from ...units import Coordinate
 from .assessment_result import Assessed, AssessmentResult, Needed, Profile, Sensitivity
 from .assessment_rows import result_rows
 from .assessment_tables import tables
 from .clocks import delay_notes, with_assumed_delays
 from .measured_study import MeasuredStudy, activities, joined, measure
-from .pointing import PointingRecord, assessed, labels, pointing_record, with_rule
-from .pointing_faults import pointing_faults
+from .pointing import PointingRecord, assessed, labels, with_rule
+from .pointing_faults import pointing_faults, usable_records
 from .procedure import AssessmentTable
 from .statements import headline, paragraph, verdicts
 
@@ -78,10 +79,13 @@ def assess_recordings(
     tell = on_progress or (lambda text, share: None)
     used = assessed(recordings)
     conditions = _conditions(used, spec.control)
-    participants, without = _participants(used, conditions)
-    used = [r for r in used if r.participant in participants]
     tell("finding movements", 0.1)
-    records = [pointing_record(recording, spec) for recording in used]
+    records, gaps = usable_records(used, spec)
+    unusable = {recording.name: gap.message for recording, gap in zip(_others(used, records), gaps, strict=True)}
+    participants, absent, without = _participants(used, records, conditions)
+    records = [record for record in records if record.recording.participant in participants]
+    used = [record.recording for record in records]
+    along = _along(records)
     named = labels(records)
     faults = [fault for record in records for fault in pointing_faults(record, spec, named)]
     _require_none_refused(faults)
@@ -104,15 +108,15 @@ def assess_recordings(
             shifted.append(measure(own, spec, with_rule(spec), moved, largest, named=named, detailed=False))
     measured = {words: joined(each) for words, each in parts.items() if any(part.movements for part in each)}
     whole = next(iter(measured.values()))
-    found = _assessed(whole.movements, participants, conditions, spec)
-    sensitivity = _sensitivity(measured, spec, participants, conditions)
+    found = _assessed(whole.movements, participants, conditions, spec, along)
+    sensitivity = _sensitivity(measured, spec, participants, conditions, along)
     if any(part.movements for part in shifted):
         words = f"{1e3 * delays.span:.0f} ms"
-        sensitivity += _sensitivity({words: joined(shifted)}, spec, participants, conditions, TIMED)
+        sensitivity += _sensitivity({words: joined(shifted)}, spec, participants, conditions, along, TIMED)
     tell("participants needed", 0.85)
     needed = _needed(found, spec, len(conditions) - 1, studies, executor)
-    lines = isochrony(whole.movements, participants, conditions)
-    profiles, profile_of = _profiles(whole, participants, conditions)
+    lines = isochrony(whole.movements, participants, conditions, along)
+    profiles, profile_of = _profiles(whole, participants, conditions, along)
     left_out = Counter()
     for reasons in whole.left_out.values():
         left_out.update(reasons)
@@ -129,6 +133,9 @@ def assess_recordings(
         conditions=conditions,
         participants=participants,
         without=without,
+        absent=absent,
+        unusable=unusable,
+        unit=along.unit,
         movements=len(whole.movements),
         left_out=dict(left_out),
         assessed=found,
@@ -175,21 +182,41 @@ def _conditions(used: Sequence[Recording], control: str) -> tuple[str, ...]:
     return (control, *(condition for condition in found if condition != control))
 
 
-def _participants(used: Sequence[Recording], conditions: Sequence[str]) -> tuple[tuple[str, ...], dict[str, str]]:
-    """Those recorded in every condition, and why the others are left out."""
-    recorded: dict[str, set[str]] = {}
-    for recording in used:
-        recorded.setdefault(recording.participant, set()).add(recording.condition)
+def _others(used: Sequence[Recording], records: Sequence[PointingRecord]) -> list[Recording]:
+    kept = {id(record.recording) for record in records}
+    return [recording for recording in used if id(recording) not in kept]
+
+
+def _along(records: Sequence[PointingRecord]) -> Coordinate:
+    """What people moved along, the same in all recordings."""
+    first = records[0]
+    other = next((record for record in records if record.along != first.along), None)
+    if other is not None:
+        raise RecordingError(
+            f"{other.where}, {other.source}: found {other.along.unit}, expected {first.along.unit} as in {first.where}"
+        )
+    return first.along
+
+
+def _participants(
+    used: Sequence[Recording], records: Sequence[PointingRecord], conditions: Sequence[str]
+) -> tuple[tuple[str, ...], dict[str, tuple[str, ...]], dict[str, str]]:
+    """Those with a usable recording in every condition; which ones the others lack, and why they are left out."""
+    people = tuple(dict.fromkeys(recording.participant for recording in used))
+    there = {(r.recording.participant, r.recording.condition) for r in records}
+    absent = {person: tuple(c for c in conditions if (person, c) not in there) for person in people}
+    absent = {person: own for person, own in absent.items() if own}
+    taken = {(r.participant, r.condition) for r in used}
     without = {}
-    for person, own in recorded.items():
-        absent = [condition for condition in conditions if condition not in own]
-        if absent:
-            without[person] = f"no recording in {', '.join(absent)}"
-    kept = tuple(person for person in recorded if person not in without)
+    for person, own in absent.items():
+        never, unseen = ([c for c in own if ((person, c) in taken) == seen] for seen in (False, True))
+        said = [f"no recording in {', '.join(never)}"] if never else []
+        without[person] = " and ".join([*said, *([f"none that can be used in {', '.join(unseen)}"] if unseen else [])])
+    kept = tuple(person for person in people if person not in absent)
     if not kept:
         said = "; ".join(f"{person}: {why}" for person, why in without.items())
         raise RecordingError(f"assess: found nobody who was recorded in all of {', '.join(conditions)} ({said})")
-    return kept, without
+    return kept, absent, without
 
 
 def _assessed(
@@ -197,11 +224,12 @@ def _assessed(
     participants: Sequence[str],
     conditions: Sequence[str],
     spec: AssessmentTable,
+    along: Coordinate,
     names: Sequence[str] = tuple(INDICES),
 ) -> dict[str, Assessed]:
-    found = {}
+    found, indices = {}, indices_along(along)
     for name in names:
-        table = index_table(movements, INDICES[name], participants, conditions, spec.control)
+        table = index_table(movements, indices[name], participants, conditions, spec.control)
         if table is None:
             continue
         # A stream of its own for each index: leaving one out does not move another's interval.
@@ -248,12 +276,13 @@ def _sensitivity(
     spec: AssessmentTable,
     participants: Sequence[str],
     conditions: Sequence[str],
+    along: Coordinate,
     names: Sequence[str] = WATCHED,
 ) -> tuple[Sensitivity, ...]:
     return tuple(
         _sensitive(words, each, condition, spec.control)
         for words, whole in measured.items()
-        for each in _assessed(whole.movements, participants, conditions, spec, names).values()
+        for each in _assessed(whole.movements, participants, conditions, spec, along, names).values()
         for condition in each.table.conditions
         if condition != spec.control
     )
@@ -288,7 +317,7 @@ def _needed(
 
 
 def _profiles(
-    whole: MeasuredStudy, participants: Sequence[str], conditions: Sequence[str]
+    whole: MeasuredStudy, participants: Sequence[str], conditions: Sequence[str], along: Coordinate
 ) -> tuple[tuple[Profile, ...], str]:
     """Mean movements upwards of the middle amplitude, from their start; each participant counts the same."""
     cells = {m.cell for m in whole.movements if m.cell[1] == UP} or {m.cell for m in whole.movements}
@@ -307,7 +336,8 @@ def _profiles(
                 people.append(np.mean([_about_start(whole, m, time) for m in own], axis=0))
         if people:
             made.append(Profile(condition, time, *np.mean(people, axis=0)))
-    said = f"{cell[0]:g} deg {cell[1]}" if cell[0] is not None else f"movements {cell[1]}"
+    way = cell[1] if along.unit == "rad" else along.ways[cell[1]]
+    said = f"{cell[0]:g} {along.shown} {way}" if cell[0] is not None else f"movements {way}"
     return tuple(made), said
 
 

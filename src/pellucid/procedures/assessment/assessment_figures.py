@@ -14,6 +14,7 @@ from ...assessment.indices import DOWN, UP, Isochrony
 from ...pages.drawing import Drawing, dots, key, line, tidy
 from ...pages.quantities import unit_text
 from ...pages.style import FIGURE_WIDTH, colour
+from ...units import COORDINATES, Coordinate
 from .assessment_result import Assessed, Profile
 
 TONES = ("measured", "fitted", "heldout", "directional", "load", "stribeck", "combined", "good")
@@ -27,16 +28,25 @@ def tones(conditions: Sequence[str]) -> dict[str, str]:
     return {c: colour(TONES[min(i, len(TONES) - 1)]) for i, c in enumerate(conditions)}
 
 
-def profile_figure(profiles: Sequence[Profile], what: str, conditions: Sequence[str]) -> Drawing:
-    """Mean angle, velocity and acceleration of one kind of movement, from its start."""
+def profile_figure(
+    profiles: Sequence[Profile], what: str, conditions: Sequence[str], along: Coordinate = COORDINATES["rad"]
+) -> Drawing:
+    """Mean angle or place, velocity and acceleration of one kind of movement, from its start."""
     tone = tones(conditions)
     figure = Figure(figsize=(FIGURE_WIDTH, 3.2), layout="constrained")
     axes = figure.subplots(1, 3)
-    parts = (("Angle (deg)", "angle"), ("Velocity (deg/s)", "velocity"), ("Acceleration (deg/s²)", "acceleration"))
+    first, unit = "Angle" if along.unit == "rad" else "Position", along.shown
+    parts = (
+        (f"{first} ({unit})", "angle"),
+        (f"Velocity ({unit}/s)", "velocity"),
+        (f"Acceleration ({unit}/s²)", "acceleration"),
+    )
     for axis, (text, name) in zip(axes, parts, strict=True):
         axis.axhline(0.0, color=colour("faint"), linewidth=0.8, zorder=1)
         for profile in profiles:
-            line(axis, profile.time, np.degrees(getattr(profile, name)), color=tone[profile.condition], linewidth=1.5)
+            line(
+                axis, profile.time, along.factor * getattr(profile, name), color=tone[profile.condition], linewidth=1.5
+            )
         tidy(axis, first=True, text=text)
         axis.set_xlabel("Time from start (s)")
     key(axes[0], [(profile.condition, tone[profile.condition]) for profile in profiles])
@@ -51,7 +61,9 @@ def profile_figure(profiles: Sequence[Profile], what: str, conditions: Sequence[
 def isochrony_figure(lines: Sequence[Isochrony], conditions: Sequence[str]) -> Drawing:
     """Mean velocity, and duration, over amplitude: every participant, means over them, and straight lines."""
     tone = tones(conditions)
-    directions = [d for d in DIRECTIONS if any(each.direction == d for each in lines)]
+    along = COORDINATES[lines[0].unit]
+    names = DIRECTIONS if along.unit == "rad" else {UP: "Forwards", DOWN: "Backwards"}
+    directions = [d for d in names if any(each.direction == d for each in lines)]
     figure = Figure(figsize=(FIGURE_WIDTH, 5.6), layout="constrained")
     axes = figure.subplots(2, len(directions), squeeze=False, sharex=True, sharey="row")
     for column, direction in enumerate(directions):
@@ -59,27 +71,27 @@ def isochrony_figure(lines: Sequence[Isochrony], conditions: Sequence[str]) -> D
         for each in (x for x in lines if x.direction == direction):
             for person in each.people:
                 own = np.array(person).T
-                for axis, values in ((top, np.degrees(own[1])), (bottom, own[2])):
-                    line(axis, np.degrees(own[0]), values, color=tone[each.condition], linewidth=0.7, alpha=0.35)
+                for axis, values in ((top, along.factor * own[1]), (bottom, own[2])):
+                    line(axis, along.factor * own[0], values, color=tone[each.condition], linewidth=0.7, alpha=0.35)
             amplitude, velocity, duration = np.array(each.points).T
             for axis, values, slope, offset, scale in (
-                (top, velocity, each.velocity_slope, each.velocity_intercept, np.degrees(1.0)),
+                (top, velocity, each.velocity_slope, each.velocity_intercept, along.factor),
                 (bottom, duration, each.duration_slope, each.duration_intercept, 1.0),
             ):
-                degrees = np.degrees(amplitude)
-                line(axis, degrees, scale * (slope * amplitude + offset), color=tone[each.condition], linewidth=1.3)
-                dots(axis, degrees, scale * values, tone[each.condition], alpha=0.9, size=6.0)
-        top.set_title(DIRECTIONS[direction], fontweight="bold")
-        tidy(top, first=column == 0, text="Mean velocity (deg/s)")
+                far = along.factor * amplitude
+                line(axis, far, scale * (slope * amplitude + offset), color=tone[each.condition], linewidth=1.3)
+                dots(axis, far, scale * values, tone[each.condition], alpha=0.9, size=6.0)
+        top.set_title(names[direction], fontweight="bold")
+        tidy(top, first=column == 0, text=f"Mean velocity ({along.shown}/s)")
         tidy(bottom, first=column == 0, text="Duration (s)")
-        bottom.set_xlabel("Amplitude (deg)")
+        bottom.set_xlabel(f"Amplitude ({along.shown})")
         bottom.margins(x=0.04)
     shown = [c for c in conditions if any(each.condition == c for each in lines)]
     axes[0, -1].set_ylim(top=1.1 * axes[0, -1].get_ylim()[1])
     key(axes[0, -1], [(c, tone[c]) for c in shown])
     said = "; ".join(
         f"{each.condition} {each.direction} {each.velocity_slope:.2f} 1/s, "
-        f"{np.degrees(each.velocity_intercept):.0f} deg/s"
+        f"{along.factor * each.velocity_intercept:.0f} {along.shown}/s"
         for each in lines
     )
     return Drawing(

@@ -6,7 +6,7 @@ from importlib.metadata import version
 
 from ...pages.drawing import draw
 from ...pages.page import Page, Section, Tile
-from ...pages.quantities import cell_text, number, prose
+from ...pages.quantities import cell_text, number, prose, unit_text
 from ...pages.tables import Row, Table
 from ...recordings.study import Study
 from ..result import FigureTable
@@ -55,7 +55,10 @@ def _tiles(findings: AssessmentResult) -> tuple[Tile, ...]:
         elif against:
             shown, unit = {c: 100.0 * (against[c].relative or 0.0) for c in others}, f"% against {findings.control}"
         elif others:
-            shown, unit = {c: float(each.table.column(c).mean()) for c in others}, "N·m RMS"
+            shown, unit = (
+                {c: float(each.table.column(c).mean()) for c in others},
+                f"{unit_text(findings.along.effort)} RMS",
+            )
         least = min(shown, key=lambda c: abs(shown[c]))
         rest = ", ".join(f"{c} {number(v, digits=3)}" for c, v in shown.items() if c != least)
         made.append(Tile(f"{words}, {least}", number(shown[least], digits=3), unit, rest))
@@ -87,7 +90,7 @@ def _people(findings: AssessmentResult) -> Section:
 
 
 def _movements(findings: AssessmentResult) -> Section:
-    drawing = draw(figures.profile_figure, findings.profiles, findings.profile_of, findings.conditions)
+    drawing = draw(figures.profile_figure, findings.profiles, findings.profile_of, findings.conditions, findings.along)
     return Section("assess_movements", "Movements", drawings=(drawing,))
 
 

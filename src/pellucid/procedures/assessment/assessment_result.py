@@ -8,9 +8,10 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from ...assessment.comparison import ConditionComparison
-from ...assessment.indices import IndexTable, Isochrony
+from ...assessment.indices import Index, IndexTable, Isochrony, indices_along
 from ...assessment.measured import Measured
 from ...recordings.study import Study
+from ...units import COORDINATES, Coordinate
 from ..result import Result
 
 
@@ -77,6 +78,8 @@ class AssessmentResult(Result):
     conditions: tuple[str, ...] = ()  # conditions, participants: That were compared; control is the first condition
     participants: tuple[str, ...] = ()
     without: Mapping[str, str] = field(default_factory=dict)  # Participants who were left out, and why
+    absent: Mapping[str, tuple[str, ...]] = field(default_factory=dict)  # Conditions that each of them lacks
+    unusable: Mapping[str, str] = field(default_factory=dict)  # Recordings that were left out, and why
     movements: int = 0  # That were used
     left_out: Mapping[str, int] = field(default_factory=dict)  # Stretches without a movement that could be used, by why
     assessed: Mapping[str, Assessed] = field(default_factory=dict, repr=False)  # By index
@@ -87,6 +90,17 @@ class AssessmentResult(Result):
     profile_of: str = ""  # Which movements the profiles are the means of
     # Every movement that was used, by the study's own rule
     measured: tuple[Measured, ...] = field(default=(), repr=False)
+    unit: str = "rad"  # Of what people moved along: "rad", or "m"
+
+    @property
+    def along(self) -> Coordinate:
+        """What people moved along."""
+        return COORDINATES[self.unit]
+
+    @property
+    def indices(self) -> Mapping[str, Index]:
+        """Every index there could be, in this unit."""
+        return indices_along(self.along)
 
     def written(self, study: Study) -> str:
         return f"Tables for a paper in {study.folder / 'tables'}"

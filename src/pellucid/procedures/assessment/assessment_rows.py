@@ -41,8 +41,13 @@ def result_rows(found: AssessmentResult) -> tuple[ResultRow, ...]:
             for name, value in _describe(np.array(r2)).items():
                 add(f"{head}.{what}.r2.{name}", value, "1", "each participant's own line")
         add(f"{head}.velocity.slope", line.velocity_slope, "1/s", "mean velocity over amplitude, means of participants")
-        add(f"{head}.velocity.intercept", line.velocity_intercept, "rad/s")
-        add(f"{head}.duration.slope", line.duration_slope, "s/rad", "duration over amplitude, means of participants")
+        add(f"{head}.velocity.intercept", line.velocity_intercept, f"{found.unit}/s")
+        add(
+            f"{head}.duration.slope",
+            line.duration_slope,
+            f"s/{found.unit}",
+            "duration over amplitude, means of participants",
+        )
         add(f"{head}.duration.intercept", line.duration_intercept, "s")
     for s in found.sensitivity:
         rule = re.sub(r"[^a-z0-9]+", "_", s.words.replace(" Hz", "hz").replace("%", "percent").lower())

@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ...assessment.indices import INDICES
 from ...assessment.power import SIZES
 from ..result import FigureTable
 
@@ -14,7 +13,7 @@ if TYPE_CHECKING:
     from .assessment_result import Assessed, AssessmentResult, Needed
 
 MINUS = "\N{MINUS SIGN}"
-UNITS = {"rad/s": "rad/s", "rad/s^2": "rad/s²", "N*m": "N·m", "1": ""}
+UNITS = {"rad/s^2": "rad/s²", "m/s^2": "m/s²", "N*m": "N·m", "1": ""}
 
 SHOWN = ("duration", "vmax", "end_absolute", "emg_level", "emgacc", "torque_rms")
 """Indices with a table of their own among an assessment's tables; a report has one for each."""
@@ -103,7 +102,7 @@ def needed_table(found: AssessmentResult) -> FigureTable:
     for name in dict.fromkeys(each.index for each in found.needed if each.index):
         # What people differ by is the same behind every change.
         spread = 100.0 * changes[0] / cells[name, changes[0]].effect
-        rows.append((INDICES[name].short, _short(spread), *(_people(cells[name, change]) for change in changes)))
+        rows.append((found.indices[name].short, _short(spread), *(_people(cells[name, change]) for change in changes)))
     heads = ("Index", "SD of changes %", *(f"{100 * change:g} %" for change in changes))
     return FigureTable(
         f"Participants who would show a change from {found.control} in 8 of 10 studies", heads, tuple(rows)
@@ -214,9 +213,10 @@ def isochrony_table(found: AssessmentResult) -> FigureTable:
         r2 = np.array(line.velocity_r2)
         sd = float(np.std(r2, ddof=1)) if len(r2) > 1 else None
         described = float(r2.mean()), sd, float(r2.min()), float(np.median(r2)), float(r2.max())
-        rows.append((line.condition, line.direction, *described, line.velocity_slope, line.velocity_intercept))
+        way = line.direction if found.unit == "rad" else found.along.ways[line.direction]
+        rows.append((line.condition, way, *described, line.velocity_slope, line.velocity_intercept))
     heads = ("", "", "R²", "SD", "Min", "Median", "Max", "Slope", "Offset")
-    title = "Isochrony: mean velocity (rad/s) = slope (1/s) × amplitude + offset; R² of each participant"
+    title = f"Isochrony: mean velocity ({found.unit}/s) = slope (1/s) × amplitude + offset; R² of each participant"
     return FigureTable(title, heads, tuple(rows))
 
 
@@ -228,10 +228,10 @@ def sensitivity_table(found: AssessmentResult) -> FigureTable:
     for index, condition in dict.fromkeys((s.index, s.condition) for s in found.sensitivity):
         own = [cells.get((rule, index, condition)) for rule in rules]
         changes = (None if s is None or np.isnan(s.change) else _fixed(100.0 * s.change, 1) for s in own)
-        rows.append((INDICES[index].short, f"{condition} %", *changes))
+        rows.append((found.indices[index].short, f"{condition} %", *changes))
         last = [c for i, c in dict.fromkeys((s.index, s.condition) for s in found.sensitivity) if i == index][-1]
         if condition == last:
-            rows.append((INDICES[index].short, "p", *(None if s is None else p_text(s.p_value) for s in own)))
+            rows.append((found.indices[index].short, "p", *(None if s is None else p_text(s.p_value) for s in own)))
     title = f"Change from {found.control} by other filters, thresholds and ends of movements (first column: as chosen)"
     return FigureTable(title, ("Index", "", *rules), tuple(rows))
 
@@ -245,6 +245,6 @@ def range_table(found: AssessmentResult) -> FigureTable:
         p = [s.p_value for s in own if np.isfinite(s.p_value)]
         told = (p_text(min(p)), p_text(max(p))) if p else (None, None)
         cells = (_fixed(each, 1) for each in (changes[0], min(changes), max(changes)))
-        rows.append((INDICES[index].short, condition, *cells, *told))
+        rows.append((found.indices[index].short, condition, *cells, *told))
     title = f"Change from {found.control} (%) as chosen, and over all filters, thresholds and ends tried"
     return FigureTable(title, ("Index", "", "Chosen", "Least", "Most", "p from", "to"), tuple(rows))

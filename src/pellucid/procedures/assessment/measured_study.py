@@ -6,8 +6,6 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
-import numpy as np
-
 from ..._errors import RecordingError
 from ...assessment.emg_index import Activity, emg_per_acceleration, maxima
 from ...assessment.end_error import end_error, target_zero
@@ -15,9 +13,10 @@ from ...assessment.interaction import interaction
 from ...assessment.measured import DOWN, UP, Measured
 from ...assessment.movement_indices import smoothness
 from ...recordings.quality import Fault
-from ...signals.amplitude_check import RANDOM
+from ...signals.amplitude_check import OWN, RANDOM
 from ...signals.movements import Kinematics, Movement, MovementRule
 from ...signals.resampling import linear
+from ...units import Coordinate
 from .clocks import emg_on_motions_clock
 from .pointing import PointingRecord, PointingSettings, drop_mistaken, labels
 from .recorded_activity import activity
@@ -74,7 +73,7 @@ def measure(
         reasons = Counter(each.kind for each in without)
         # Who aimed at a target and missed it did so; a label without a target may be another movement's.
         if named and not pooled and spec.target not in record.recording:
-            found, mistaken = drop_mistaken(found, named)
+            found, mistaken = drop_mistaken(found, named, OWN * record.along.radian)
             if mistaken:
                 reasons["amplitude"] = mistaken
         left_out[name] = dict(reasons)
@@ -84,7 +83,10 @@ def measure(
         recording = record.recording
         motion = motions[recording.name]
         for movement in movements[recording.name]:
-            cell = (None if pooled else _degrees(movement.amplitude, named), UP if movement.direction > 0 else DOWN)
+            cell = (
+                None if pooled else _shown(movement.amplitude, named, record.along),
+                UP if movement.direction > 0 else DOWN,
+            )
             values = _indices(record, motion, movement, spec, emg.get(recording.name), largest)
             values |= end_error(motion, movement, zeros[recording.participant])
             if detailed:
@@ -114,10 +116,10 @@ def joined(parts: Sequence[MeasuredStudy]) -> MeasuredStudy:
     return MeasuredStudy(parts[0].rule, movements, left_out, motions)
 
 
-def _degrees(amplitude: float | None, named: Sequence[float]) -> float | None:
+def _shown(amplitude: float | None, named: Sequence[float], along: Coordinate) -> float | None:
     if amplitude is None:
         return None
-    return round(float(np.degrees(min(named, key=lambda each: abs(each - amplitude)))), 1)
+    return round(along.factor * min(named, key=lambda each: abs(each - amplitude)), 1)
 
 
 def _indices(record, motion, movement, spec, made, largest) -> dict[str, float]:

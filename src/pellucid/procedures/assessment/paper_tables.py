@@ -82,7 +82,7 @@ def participant_values(found: AssessmentResult) -> tuple[tuple[str, ...], list[t
 def movement_values(found: AssessmentResult) -> tuple[tuple[str, ...], list[tuple]]:
     """Every movement that was used, one a row: whose it is, when, and all its values in SI."""
     names = tuple(dict.fromkeys(name for m in found.measured for name in m.values))
-    heads = ("participant", "condition", "recording", "start", "amplitude_deg", "direction", *names)
+    heads = ("participant", "condition", "recording", "start", f"amplitude_{found.along.shown}", "direction", *names)
     rows = [
         (m.participant, m.condition, m.recording, round(m.movement.start, 4), *m.cell, *map(m.values.get, names))
         for m in found.measured

@@ -29,6 +29,7 @@ from ...signals.movements import (
     target_stretches,
 )
 from ...signals.segment_angle import segment_angle
+from ...units import COORDINATES, Coordinate
 
 LEAST = 0.05
 """Travel [rad] that makes a movement where no target says so: three degrees."""
@@ -88,6 +89,11 @@ class PointingRecord:
         return f"{self.recording.path.name} (recording {self.recording.name})"
 
     @property
+    def along(self) -> Coordinate:
+        """An angle, or a place where the channel is one: all that is [rad] here is then [m]."""
+        return COORDINATES[_unit(self.recording, self.source)]
+
+    @property
     def of_markers(self) -> bool:
         """Whether the angle is one of markers, whose clock is the motion capture's."""
         return self.source.startswith("markers ")
@@ -104,7 +110,7 @@ class PointingRecord:
         wanted = rule.lowpass, rule.order
         if wanted not in self._kept:
             self._kept.clear()
-            self._kept[wanted] = kinematics(self.time, self.angle, rule, where=self.where)
+            self._kept[wanted] = kinematics(self.time, self.angle, rule, where=self.where, unit=self.along.unit)
         return self._kept[wanted]
 
     def movements(self, rule: MovementRule) -> tuple[Kinematics, list[Movement], list[NoMovement]]:
@@ -146,14 +152,21 @@ def pointing_record(recording: Recording, spec: PointingSettings) -> PointingRec
         stretches = target_stretches(recording.time, recording[spec.target])
         what = f"no step of the channel {spec.target}, expected one before each movement"
     else:
-        motion = kinematics(time, angle, rule, where=where)
-        stretches = rest_stretches(motion, rule, least=LEAST, amplitude=recording.amplitude)
+        unit = _unit(recording, source)
+        motion = kinematics(time, angle, rule, where=where, unit=unit)
+        least = LEAST * COORDINATES[unit].radian
+        stretches = rest_stretches(motion, rule, least=least, amplitude=recording.amplitude)
         if recording.amplitude is not None:
             stretches = [stretch for stretch in stretches if stretch.amplitude is not None]
         what = "no movement, expected some with rests in between"
     if not stretches:
         raise RecordingError(f"{where}: found {what}")
     return PointingRecord(recording, time, angle, tuple(stretches), delay, source, drift)
+
+
+def _unit(recording: Recording, source: str) -> str:
+    channel = recording.channels.get(source)
+    return "m" if channel is not None and channel.unit == "m" else "rad"
 
 
 def _on_recordings_clock(
@@ -186,15 +199,17 @@ def _on_recordings_clock(
 def labels(records: Sequence[PointingRecord]) -> list[float]:
     """All amplitudes that are labelled, without sign [rad], each once."""
     named = sorted(abs(s.amplitude) for record in records for s in record.stretches if s.amplitude is not None)
-    groups = np.split(named, np.flatnonzero(np.diff(named) > SAME) + 1) if named else []
+    same = SAME * records[0].along.radian if records else SAME
+    groups = np.split(named, np.flatnonzero(np.diff(named) > same) + 1) if named else []
     return [float(group.mean()) for group in groups]
 
 
-def drop_mistaken(found: Sequence[Movement], labels: Sequence[float]) -> tuple[list[Movement], int]:
-    """Movements that went as far as they are labelled, and how many did not. `labels` [rad]."""
+def drop_mistaken(found: Sequence[Movement], labels: Sequence[float], own: float = OWN) -> tuple[list[Movement], int]:
+    """Movements that went as far as they are labelled, and how many did not. `labels` [rad], a label their `own`
+    within [rad]."""
     levels = np.asarray(labels)
     kept = [
-        m for m in found if m.amplitude is None or abs(levels[np.argmin(np.abs(levels - m.reach))] - m.amplitude) <= OWN
+        m for m in found if m.amplitude is None or abs(levels[np.argmin(np.abs(levels - m.reach))] - m.amplitude) <= own
     ]
     return kept, len(found) - len(kept)
 

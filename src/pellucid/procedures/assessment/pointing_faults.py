@@ -13,8 +13,8 @@ from ...recordings.recording import Recording
 from ...recordings.study import Study
 from ...signals.amplitude_check import MISTAKEN, strays
 from ...signals.emg_quality import inspect_emg
-from ...signals.movements import Movement, MovementRule
-from .pointing import PointingRecord, assessed, labels, pointing_record
+from ...signals.movements import Movement, MovementRule, NoAngle
+from .pointing import PointingRecord, PointingSettings, assessed, labels, pointing_record, with_rule
 from .procedure import AssessmentTable
 
 SCALE = (0.75, 1.35)
@@ -34,10 +34,11 @@ def assessment_faults(study: Study) -> list[Fault]:
     """What is wrong with recordings that are to be assessed. `study` [assessment]."""
     spec = study.config.assessment
     faults: list[Fault] = []
-    records = []
+    records: list[PointingRecord] = []
     for recording in assessed(study.recordings()):
         try:
-            records.append(pointing_record(recording, spec))
+            own, gaps = usable_records((recording,), spec)
+            records, faults = [*records, *own], [*faults, *gaps]
         except RecordingError as error:
             faults.append(_refused(recording, spec, str(error)))
         if spec.agonists or spec.antagonists:
@@ -45,22 +46,53 @@ def assessment_faults(study: Study) -> list[Fault]:
     named = labels(records)
     for record in records:
         faults += pointing_faults(record, spec, named)
-    faults += _missing_conditions(study, [record.recording for record in records])
+    faults += _missing_conditions(assessed(study.recordings()), [record.recording for record in records])
     return faults
+
+
+def usable_records(recordings: Sequence[Recording], spec: PointingSettings) -> tuple[list[PointingRecord], list[Fault]]:
+    """Recordings as far as their angle was seen, and a fault for each of the others: one file does not stop a study."""
+    records, faults = [], []
+    for recording in recordings:
+        try:
+            record = pointing_record(recording, spec)
+            said = _gaps(record, spec)
+        except NoAngle as error:
+            said = str(error)
+        if not said:
+            records.append(record)
+            continue
+        message = f"{said}: the recording {recording.name} is left out"
+        faults.append(Fault("cut", "gap", recording.path.name, spec.angle, said, "an angle throughout", message))
+    return records, faults
+
+
+def _gaps(record: PointingRecord, spec: PointingSettings) -> str:
+    """Why most movements cannot be seen, where it is that samples are missing; else empty."""
+    _, found, left_out = record.movements(with_rule(spec))
+    lost = sum(each.kind == "lost" for each in left_out)
+    total = len(found) + len(left_out)
+    if lost <= 0.5 * total:
+        return ""
+    one = next(each for each in left_out if each.kind == "lost")
+    return (
+        f"{record.where}, {record.source}: found missing samples in {lost} of {total} movements (the first at "
+        f"{one.stretch.begin:.4g} s){_which_marker(record, spec)}, expected an angle throughout"
+    )
 
 
 def _refused(recording: Recording, spec: AssessmentTable, message: str) -> Fault:
     return Fault("refuse", "movements", recording.path.name, spec.angle, message, "movements", message)
 
 
-def _missing_conditions(study: Study, recordings: Sequence[Recording]) -> list[Fault]:
+def _missing_conditions(recordings: Sequence[Recording], usable: Sequence[Recording]) -> list[Fault]:
     conditions = list(dict.fromkeys(recording.condition for recording in recordings))
     faults = []
     for person in dict.fromkeys(recording.participant for recording in recordings):
-        own = {recording.condition for recording in recordings if recording.participant == person}
+        own = {recording.condition for recording in usable if recording.participant == person}
         absent = ", ".join(condition for condition in conditions if condition not in own)
         if absent:
-            message = f"participant {person}: found no recording in {absent}: left out of every comparison"
+            message = f"participant {person}: found no usable recording in {absent}: left out of every comparison"
             faults.append(Fault("note", "condition", "study.toml", "", absent, "every condition", message))
     return faults
 
@@ -146,13 +178,16 @@ def _label_faults(
             f"movements {scale:.3g} times as large as their labels say",
             "amplitudes as labelled: look at the units of angle and target, and at what the angle is an angle of",
         )
-    found = strays(reach, label, labels)
+    found = strays(reach, label, labels, record.along)
     share = float(found.wrong.mean())
     if found.mislabelled or (share > MISTAKEN and not aimed):
         said = found.mislabelled or f"{int(found.wrong.sum())} of {len(named)} movements {found.commonest(label)}"
         return fault("refuse", "amplitude", said, "movements that go as far as their labels say")
     if share > MISTAKEN:
-        miss = np.degrees(float(np.median(np.abs(reach - label)[found.wrong])))
-        what = f"{int(found.wrong.sum())} of {len(named)} movements that missed by {miss:.2g} deg in the median"
+        miss = record.along.factor * float(np.median(np.abs(reach - label)[found.wrong]))
+        what = (
+            f"{int(found.wrong.sum())} of {len(named)} movements that missed by {miss:.2g} {record.along.shown} in the "
+            "median"
+        )
         return fault("note", "missed", f"{what}, nearer to another target", "targets that are reached; they are used")
     return []

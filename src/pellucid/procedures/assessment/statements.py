@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ...assessment.indices import INDICES
 from ...assessment.signed_rank import smallest_p
 from ...fit.parameter import Verdict
 from .assessment_tables import UNITS
@@ -151,7 +151,7 @@ def _isochrony_sentence(found: AssessmentResult) -> list[str]:
         return []
     means = {(line.condition, line.direction): float(np.mean(line.velocity_r2)) for line in found.isochrony}
     (condition, direction), lowest = min(means.items(), key=lambda item: item[1])
-    where = f"{lowest:.2f}, in {condition} {direction}wards"
+    where = f"{lowest:.2f}, in {condition} {found.along.ways[direction]}"
     if lowest >= ISOCHRONOUS:
         said = f"grew with amplitude along a straight line in every condition (mean R² at least {where})"
     else:
@@ -175,7 +175,7 @@ def _limits(found: AssessmentResult, alpha: float) -> str:
     if short:
         each = min(short, key=lambda e: e.participants)
         return (
-            f"A change of {INDICES[each.index].words.lower()} by {100 * each.change:g} % would have needed about "
+            f"A change of {found.indices[each.index].words.lower()} by {100 * each.change:g} % would have needed about "
             f"{each.participants} participants to be found in 8 of 10 studies."
         )
     enough = [each for each in planned if each.participants is not None]
@@ -183,16 +183,18 @@ def _limits(found: AssessmentResult, alpha: float) -> str:
         return "How many participants would be needed cannot be told from fewer than three."
     each = min(enough, key=lambda e: (e.index != "duration", e.change))
     return (
-        f"There were participants enough to find a change of {INDICES[each.index].words.lower()} by "
+        f"There were participants enough to find a change of {found.indices[each.index].words.lower()} by "
         f"{100 * each.change:g} % in 8 of 10 studies like this one."
     )
 
 
 def verdicts(found: AssessmentResult, notes: Sequence[str] = ()) -> tuple[Verdict, ...]:
     """What a reader must know before using the numbers."""
-    said = [
+    said = [Verdict("warning", f"{why}.") for why in found.unusable.values()]
+    said += [
         Verdict("warning", f"{person} is left out of every comparison: {why}.") for person, why in found.without.items()
     ]
+    said += _one_sided(found)
     if len(found.participants) == 1:
         said.append(
             Verdict("warning", f"Only {found.participants[0]} can be compared: one participant, so nothing is tested.")
@@ -208,6 +210,24 @@ def verdicts(found: AssessmentResult, notes: Sequence[str] = ()) -> tuple[Verdic
     return tuple(said)
 
 
+def _one_sided(found: AssessmentResult) -> list[Verdict]:
+    """Whether what was left out leans to one condition: who is left may be whom it disturbs least."""
+    if len(found.without) < 2:
+        return []
+    absent = Counter(condition for own in found.absent.values() for condition in own)
+    condition, count = absent.most_common(1)[0]
+    if count < len(found.without) or len(absent) > 1:
+        return []
+    total = len(found.without) + len(found.participants)
+    return [
+        Verdict(
+            "warning",
+            f"All {count} of {total} participants who are left out lack {condition}: those who are left may be the "
+            "ones whom it disturbs least.",
+        )
+    ]
+
+
 def _filter_verdicts(found: AssessmentResult) -> list[Verdict]:
     """Does another filter or rule turn a result around?"""
     alpha = 1.0 - found.confidence
@@ -217,7 +237,7 @@ def _filter_verdicts(found: AssessmentResult) -> list[Verdict]:
         yes, no = ([words for words, q in p.items() if (q < alpha) == differs] for differs in (True, False))
         if yes and no:
             said = f"only with {_listed(yes)}" if len(yes) <= len(no) else f"not with {_listed(no)}"
-            turned.append(f"{_mean_of(INDICES[index].words)[5:]} ({said})")
+            turned.append(f"{_mean_of(found.indices[index].words)[5:]} ({said})")
     if not turned:
         return []
     text = f"Whether conditions differ hangs on the filter or on where movements end: {'; '.join(turned)}."

@@ -1,0 +1,62 @@
+"""Tables on a terminal: what does not fit stands below, and no figure is cut."""
+
+import re
+from io import StringIO
+
+import pytest
+from rich.console import Console
+
+from pellucid.fit.parameter import Parameter
+from pellucid.procedures.print_result import print_result
+from pellucid.procedures.result import FigureTable, ParameterTable, Result
+
+CELLS = ("0.474±0.031*", "−1.25e−05", "<0.001", "16.2 to 27.5")
+
+
+def printed(width, *tables):
+    result = Result(study="s", headline="", tables=tables, verdicts=(), rows=(), cards={}, checksums={})
+    text = StringIO()
+    print_result(Console(width=width, highlight=False, no_color=True, file=text), result)
+    return text.getvalue()
+
+
+def wide(conditions):
+    heads = ("Index", "", *(f"Condition {i} (rad/s)" for i in range(conditions)))
+    rows = tuple((f"Peak velocity {i}", "upwards", *(CELLS[(i + j) % 4] for j in range(conditions))) for i in range(3))
+    return FigureTable("Means", heads, rows)
+
+
+@pytest.mark.parametrize("width", [40, 60, 80, 100])
+@pytest.mark.parametrize("conditions", [1, 4, 9])
+def test_every_figure_is_whole_whatever_the_width(width, conditions):
+    text = printed(width, wide(conditions))
+    assert "…" not in text
+    assert max(map(len, text.splitlines())) <= width
+    flat = " ".join(text.split())
+    for i in range(3):
+        for cell in {CELLS[(i + j) % 4] for j in range(conditions)}:
+            shown = sum(CELLS[(k + j) % 4] == cell for k in range(3) for j in range(conditions))
+            assert flat.count(cell) == shown
+    assert flat.count("Condition") == conditions
+
+
+def test_what_stands_below_has_its_rows_names_again():
+    text = printed(60, wide(6))
+    tables = len(re.findall("Index", text))
+    assert tables >= 2
+    assert text.count("Peak velocity 1") == tables
+
+
+def test_words_wrap_and_leave_figures_their_place():
+    said = "on its lower bound, and hardly seen in these recordings; hold the joint still for a while at several angles"
+    parameters = (Parameter("load_friction_motoring", "N*m*s/rad", 0.123456, 0.0123, at_bound=True),)
+    rows = (("least squares of everything that was recorded", 1234.5, said), ("b", 2.0, ""))
+    text = printed(60, ParameterTable("P", parameters), FigureTable("F", ("Method", "RMS (N*m)", "Remark"), rows))
+    assert "…" not in text
+    assert "0.123" in text
+    assert max(map(len, text.splitlines())) <= 60
+    assert all(word in text for word in said.split())
+
+
+def test_a_table_without_a_row_is_a_head():
+    assert "Method" in printed(80, FigureTable("F", ("Method", "RMS"), ()))
