@@ -5,18 +5,18 @@ With scores :math:`s_t = z_t \rho_t`, the covariance of an estimate is
 .. math::
    C = (Z^T W)^{-1} \, S \, (W^T Z)^{-1}, \qquad S = \sum_{t,u} E[s_t s_u^T]
 
-where Z = W for least squares. One filter for all scores takes most of their memory away [4]_; what is left comes from sums
-over all blocks of b neighbours, overlapping batches [1]_, which is what a moving-block bootstrap [2]_ tends to:
+where Z = W for least squares. One filter for all scores takes most of their memory away [4]_; what is left comes from
+sums over all blocks of b neighbours, overlapping batches [1]_, which is what a moving-block bootstrap [2]_ tends to:
 
 .. math::
    u_t = s_t - \bar s - r (s_{t-1} - \bar s), \qquad B_t = \sum_{i=t}^{t+b-1} u_i, \qquad
    S = \frac{k^2}{(1 - r)^2 (1 - b/m)} \, \frac{1}{b} \sum_t B_t B_t^T
 
-b is ten correlation times [3]_ of the residual. r = tr(G_0^{-1} G_1)/p, of the scores' autocovariances at lags 0 and 1, is
-the same whatever the parameters' units or combinations; a filter or a window of its own for each score would keep what
-nearly equal columns share from cancelling. Scores sum to nothing, so that b/m of their variance is missing from what
-blocks vary by; k, Student's quantile for 1.5 m/b degrees of freedom over the normal one, allows for how few blocks there
-are. Blocks never reach across two stretches. For white residuals S tends to the textbook's.
+b is ten correlation times [3]_ of the residual. r = tr(G_0^{-1} G_1)/p, of the scores' autocovariances at lags 0 and 1,
+is the same whatever the parameters' units or combinations; a filter or a window of its own for each score would keep
+what nearly equal columns share from cancelling. Scores sum to nothing, so that b/m of their variance is missing from
+what blocks vary by; k, Student's quantile for 1.5 m/b degrees of freedom over the normal one, allows for how few blocks
+there are. Blocks never reach across two stretches. For white residuals S tends to the textbook's.
 
 .. [1] M. S. Meketon, B. Schmeiser, "Overlapping batch means: something for nothing?", Proc. Winter Simulation
    Conference, 1984.
@@ -84,6 +84,8 @@ def long_run_covariance(scores: np.ndarray, residual: np.ndarray, lengths: Seque
     # Where a bound holds a parameter its scores have a mean, which is no noise.
     centred = scores - scores.mean(axis=0)
     parts = [centred[rows] for rows in _stretches(lengths) if rows.stop - rows.start > 1]
+    if not parts:
+        return centred.T @ centred
     now = sum(part[:-1].T @ part[:-1] for part in parts)
     next_ = sum(part[:-1].T @ part[1:] for part in parts)
     common = float(np.trace(np.linalg.pinv(now, hermitian=True) @ next_)) / p
