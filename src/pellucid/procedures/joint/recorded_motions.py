@@ -32,9 +32,11 @@ def motions_of(recordings: Iterable[Recording], study: Study) -> tuple[Motion, .
 
 def left_out(study: Study) -> list[Fault]:
     """Stretches between cuts that are too short to be used."""
-    fewest, faults = shortest(filtering_of(study.processing)), []
+    faults = []
     for recording in study.recordings():
-        for stretch in _stretches(recording, study.processing) if recording.cuts else ():
+        processing = study.processing_of(recording)
+        fewest = shortest(filtering_of(processing))
+        for stretch in stretches_of(recording, processing) if recording.cuts else ():
             n = len(stretch.time)
             if n < fewest:
                 found = f"{n} samples between cuts, from {stretch.time[0]:.6g} s to {stretch.time[-1]:.6g} s"
@@ -47,7 +49,7 @@ def left_out(study: Study) -> list[Fault]:
 
 
 def _motions_of(recording: Recording, study: Study, model: DriveModel) -> Iterator[Motion]:
-    processing, loop = study.processing, study.rig.loop
+    processing, loop = study.processing_of(recording), study.rig.loop
     if "position" not in recording:
         raise RecordingError(
             f"{recording.path}: no channel 'position'; found {', '.join(recording.channels)}. "
@@ -55,7 +57,7 @@ def _motions_of(recording: Recording, study: Study, model: DriveModel) -> Iterat
         )
     filtering = filtering_of(processing)
     fewest = shortest(filtering)
-    stretches = [s for s in _stretches(recording, processing) if len(s.time) >= fewest]
+    stretches = [s for s in stretches_of(recording, processing) if len(s.time) >= fewest]
     if not stretches:
         raise RecordingError(
             f"{recording.path}: {len(recording)} samples, no enabled stretch of at least {fewest}; "
@@ -74,6 +76,7 @@ def _motions_of(recording: Recording, study: Study, model: DriveModel) -> Iterat
                 back_emf=model.back_emf,
                 fs=stretch.fs,
                 start=stretch.start,
+                velocity=stretch.recording["velocity"] if processing.velocity == "recorded" else None,
                 recording=recording.name,
                 split="fitted" if recording.use == "fit" else "heldout",
                 reference=stretch.recording["reference"] if "reference" in recording else None,
@@ -87,7 +90,7 @@ def _motions_of(recording: Recording, study: Study, model: DriveModel) -> Iterat
 
 
 @dataclass(frozen=True)
-class _Stretch:
+class Stretch:
     """Consecutive samples of a recording on an even grid, with the drive enabled."""
 
     recording: Recording
@@ -99,7 +102,8 @@ class _Stretch:
         return self.recording.time
 
 
-def _stretches(recording: Recording, processing: Processing) -> Iterator[_Stretch]:
+def stretches_of(recording: Recording, processing: Processing) -> Iterator[Stretch]:
+    """Every stretch of a recording in which nothing was cut out and the drive was enabled."""
     for span in recording.spans:
         fs, channels = evenly_sampled(recording, span, processing)
         enabled = channels["enabled"] != 0.0 if "enabled" in channels else np.ones(len(channels["time"]), bool)
@@ -107,7 +111,7 @@ def _stretches(recording: Recording, processing: Processing) -> Iterator[_Stretc
             cut = {n: replace(recording.channels[n], samples=x[part]) for n, x in channels.items()}
             # Where it was cut the machine moves, wherever the recording itself begins.
             start = "measured" if part.start == 0 and span.start > 0 else recording.start
-            yield _Stretch(replace(recording, channels=cut, cuts=()), fs, start)
+            yield Stretch(replace(recording, channels=cut, cuts=()), fs, start)
 
 
 def evenly_sampled(recording: Recording, span: slice, processing: Processing) -> tuple[float, dict[str, np.ndarray]]:
