@@ -81,7 +81,7 @@ def test_an_effort_may_be_a_difference_of_columns(study, bench):
 def test_what_is_taken_off_must_be_there(study):
     with pytest.raises(RecordingError, match="idle"):
         study(current='column = "i", minus = "idle", unit = "A"').recordings()
-    with pytest.raises(StudyError, match="minus.column: missing"):
+    with pytest.raises(StudyError, match=r"minus\.column: missing"):
         study(current='column = "i", minus = { scale = 2.0 }, unit = "A"')
 
 
