@@ -99,6 +99,7 @@ class Stretch:
 
     @property
     def time(self) -> np.ndarray:
+        """Shape (n,) [s]."""
         return self.recording.time
 
 
