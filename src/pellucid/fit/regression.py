@@ -102,7 +102,8 @@ def predicted(model: ForceModel, values: np.ndarray, motions: Sequence[FittedMot
 
 def rows_of(model: ForceModel, values: np.ndarray, data: Stack) -> tuple[np.ndarray, np.ndarray]:
     """Regressor (m, p) and modelled effort (m,) at `values`, (p,)."""
-    rows = data.reduced([np.column_stack(model.jacobian(values, m)) for m in data.motions])
+    # One motion after another: of hours, a regressor before it is thinned would take all memory.
+    rows = np.concatenate([m.rows(np.column_stack(model.jacobian(values, m))) for m in data.motions])
     return rows[:, 1:], rows[:, 0]
 
 

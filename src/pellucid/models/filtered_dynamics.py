@@ -20,6 +20,8 @@ SMOOTH_TERMS = tuple(
 )
 """Core parameters whose effort is smooth in the states; the others multiply the sign of velocity."""
 
+KEPT = 50_000  # samples of a motion whose regressor is kept
+
 BODY_TERMS = SMOOTH_TERMS[:3]
 """Those of them that no direction of motion changes."""
 
@@ -71,7 +73,9 @@ def filtered_jacobian(
 
 
 def _direct(motion: FilteredMotion) -> np.ndarray:
-    """The regressor of `SMOOTH_TERMS`, (n, 6), kept with the motion: it depends on no parameter."""
+    """The regressor of `SMOOTH_TERMS`, (n, 6), kept with a motion that is not long: it depends on no parameter."""
+    if len(motion.position) > KEPT:
+        return regressor(motion.position, motion.velocity, motion.acceleration, SMOOTH_TERMS)
     kept = vars(motion)
     if "_smooth_regressor" not in kept:
         kept["_smooth_regressor"] = regressor(motion.position, motion.velocity, motion.acceleration, SMOOTH_TERMS)

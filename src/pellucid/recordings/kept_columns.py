@@ -101,8 +101,12 @@ def _keep(path: Path, columns: Columns) -> Columns:
 
 
 def _forget(but: Path) -> None:
-    """Remove what was used longest ago, until no more than `MOST` is left."""
+    """Remove what other readers kept of the same file, then what was used longest ago until no more than `MOST` is
+    left."""
     others = [path for path in but.parent.glob(f"*{ENDING}") if path != but]
+    for path in [path for path in others if path.name[:32] == but.name[:32]]:
+        path.unlink(missing_ok=True)
+        others.remove(path)
     total = 0
     for path in [but, *sorted(others, key=lambda path: path.stat().st_mtime, reverse=True)]:
         total += path.stat().st_size

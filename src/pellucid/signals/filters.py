@@ -77,3 +77,18 @@ def runs(mask: np.ndarray) -> list[slice]:
     """Stretches of consecutive True samples, as slices, in order. `mask` (n,)."""
     edges = np.flatnonzero(np.diff(np.concatenate(([False], mask, [False])).astype(np.int8)))
     return [slice(int(a), int(b)) for a, b in zip(edges[::2], edges[1::2], strict=True)]
+
+
+def lowpass_memory(order: int, cutoff: float, fs: float) -> int:
+    """Samples after which `zero_phase_lowpass` has forgotten a border to one part in 10^13; `cutoff`, `fs` [Hz]."""
+    return _memory(butterworth(order, 2.0 * cutoff / fs))
+
+
+def decimation_memory(factor: int) -> int:
+    """The same of `decimate`."""
+    return 0 if factor == 1 else _memory(chebyshev(8, 0.05, 0.8 / factor))
+
+
+def _memory(sections: np.ndarray) -> int:
+    slowest = max(abs(root) for section in sections for root in np.roots(section[3:]))
+    return int(np.ceil(np.log(1e-13) / np.log(slowest)))

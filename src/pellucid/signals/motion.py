@@ -22,6 +22,10 @@ class Filtering:
     decimate: int = 1  # One sample in so many enters a regression
     dead_band: float = 0.0  # Slower samples do not [rad/s or m/s]
     trim: int = 0  # Samples dropped at either border, where a filter has not settled
+    # Of a piece of a long motion. thin: what has passed the low-pass is thinned by so many before it is decimated, for
+    # nothing above half that rate is left; margin: rows beyond the trimmed borders that only settle the decimation
+    thin: int = 1
+    margin: int = 0
 
     def sentence(self, unit: str) -> str:
         """The same in words, for notes and cards; `unit` is the velocity's."""
@@ -74,7 +78,10 @@ class Motion:
 
     def reduce(self, samples: np.ndarray) -> np.ndarray:
         """Trim and decimate: the last, common step of both sides of a regression. `samples` (n,); gives (m,)."""
-        return decimate(samples[self.inner], self.filtering.decimate)
+        f, rows = self.filtering, self.inner
+        wide = slice(rows.start - f.margin * f.decimate, rows.stop + f.margin * f.decimate)
+        reduced = decimate(samples[wide][:: f.thin], f.decimate // f.thin)
+        return reduced[f.margin : len(reduced) - f.margin]
 
     def smooth(self, samples: np.ndarray) -> np.ndarray:
         """The low-pass that position and effort went through, for what a model makes of the sign of velocity.
@@ -140,18 +147,13 @@ def motion_of(
     back_emf: float = 0.0,
     fs: float | None = None,
     start: str = "measured",
-    velocity: np.ndarray | None = None,
     **more,
 ) -> Motion:
     """A motion from arrays: filtered once, differentiated, the effort beside it. `time`, `position`, `command` (n,)
-    [s], [rad or m]; `fs` [Hz]; a `velocity`, (n,), that was recorded takes the place of the position's."""
+    [s], [rad or m]; `fs` [Hz]."""
     rate = (len(time) - 1) / float(time[-1] - time[0]) if fs is None else fs
     try:
-        if velocity is None:
-            smooth, velocity, acceleration = differentiate(position, rate, filtering)
-        else:
-            smooth, velocity = lowpassed(np.column_stack([position, velocity]), rate, filtering).T
-            acceleration = central_difference(velocity, rate)
+        smooth, velocity, acceleration = differentiate(position, rate, filtering)
         effort = gain * lowpassed(command, rate, filtering) - back_emf * velocity
     except ValueError as error:
         raise RecordingError(str(error)) from None

@@ -12,12 +12,12 @@ from ...models.joint import JointModel
 from ...signals.motion import Motion
 from ..crossed_residuals import crossed_residuals
 from ..parameter import Parameter
-from ..regression import Solution, Stack
+from ..regression import Solution, Stack, stack
 from .closed_loop import solve_didim, solve_instrumental, solve_output_error
 from .consistency import enforce_pseudo_inertia
 from .estimator_choice import EstimatorChoice, estimator_choice
 from .evaluation import Prediction, pooled, predict
-from .friction_solver import solve_family, with_known_stribeck_velocity
+from .friction_solver import solve_family, solve_from_part, with_known_stribeck_velocity
 from .joint_estimate import JointEstimate, estimated
 from .replay import Machine, Simulation, simulation_of
 from .reweighting import solve_robust, solve_weighted
@@ -45,6 +45,7 @@ class FamilyFit:
     choice: EstimatorChoice = field(default_factory=EstimatorChoice)
     crossed: tuple[np.ndarray, ...] = ()
     """Where nothing is held out: residuals of blocks of the fitted recordings, each predicted from the others."""
+    excerpt: str = ""  # Of which recordings the other estimates and simulations are parts, in words; empty: of all
 
     @property
     def headline(self) -> FamilyFit:
@@ -54,8 +55,9 @@ class FamilyFit:
         chosen, made = self.others[self.choice.method], self.choice.predictions
         fitted, heldout = pooled(made, "fitted"), pooled(made, "heldout")
         return FamilyFit(
-            chosen.model, chosen, self.others, made, self.simulations, self.failures, *fitted, *heldout, self.choice
-        )
+            chosen.model, chosen, self.others, made, self.simulations, self.failures, *fitted, *heldout, self.choice,
+            excerpt=self.excerpt,
+        )  # fmt: skip
 
     @property
     def family(self) -> str:
@@ -76,26 +78,41 @@ def fit_family(
     moving_mass: float | None = None,
     thorough: bool = True,
     purpose: str = "torque",
+    excerpt: Sequence[Motion] | None = None,
+    said: str = "",
 ) -> FamilyFit:
     """Fit a `model` to `data`, predict and simulate `everything` a `machine` recorded; intervals at `level`, a body of
     at most `moving_mass` [kg]; `thorough` also by weighted, robust and closed-loop methods, of which one is
-    chosen for a `purpose`."""
-    first, note = solve_family(model, data), ()
+    chosen for a `purpose`. Of hours an `excerpt`, in words `said`, serves for all but least squares, which starts
+    from it."""
+    taken, part = everything, data
+    if said:
+        taken, part = excerpt, stack([m for m in excerpt if m.split == "fitted"])
+    start, note = solve_family(model, part), ()
+    first = solve_from_part(model, data, start) if said else start
     if moving_mass is not None:
         first, note = enforce_pseudo_inertia(model, data, first, moving_mass)
+        start = enforce_pseudo_inertia(model, part, start, moving_mass)[0] if said else first
     estimate = estimated(model, data, first, "ls", note, level=level)
     half_width = float(np.quantile(np.abs(first.residual), level))
     predictions = predict(model, first.values, everything, half_width)
     fitted, heldout = pooled(predictions, "fitted"), pooled(predictions, "heldout")
-    more = _thorough(model, data, first, everything, machine, level) if thorough else ({}, {}, {})
-    estimates = {"ls": estimate, **more[0]}
-    by_method = {"ls": predictions}
-    for name, other in more[0].items():
+    others, simulations, failures = _thorough(model, part, start, taken, machine, level) if thorough else ({}, {}, {})
+    estimates = {"ls": estimate, **others}
+    by_method = {"ls": predict(model, first.values, taken, half_width) if said else predictions}
+    for name, other in others.items():
         if other.converged:
-            by_method[name] = predict(other.model, other.array, everything, half_width)
-    choice = estimator_choice(purpose, by_method, {n: estimates[n] for n in by_method}, more[1], everything, machine)
+            by_method[name] = predict(other.model, other.array, taken, half_width)
+    choice = estimator_choice(purpose, by_method, {n: estimates[n] for n in by_method}, simulations, taken, machine)
+    if said:
+        chosen = estimates[choice.method]
+        whole = predictions if chosen is estimate else predict(chosen.model, chosen.array, everything, half_width)
+        choice = replace(choice, predictions=tuple(whole))
+        others = {name: replace(e, notes=(*e.notes, f"from {said}")) for name, e in others.items()}
     crossed = () if np.isfinite(heldout[0]) else crossed_residuals(first, data.lengths)
-    return FamilyFit(model, estimate, more[0], predictions, more[1], more[2], *fitted, *heldout, choice, crossed)
+    return FamilyFit(
+        model, estimate, others, predictions, simulations, failures, *fitted, *heldout, choice, crossed, said
+    )
 
 
 def _thorough(

@@ -8,9 +8,13 @@ import numpy as np
 
 from ..._errors import IdentificationError
 from ...models.joint import STRIBECK_SHARE, JointModel
-from ..regression import Solution, Stack, rows_of, solve
+from ..regression import Solution, Stack, at_bounds, least_squares_within, require_full_rank, rows_of, solve
 
 LOAD_START = 0.05
+SKIPPED = 8  # of so many motions one is enough to come close on
+FEWEST_MOTIONS = 4
+MOST_STEPS = 6
+CLOSE = 5e-4
 
 
 def solve_family(
@@ -32,6 +36,41 @@ def solve_family(
         lower, upper = np.where(free, -np.inf, lower), np.where(free, np.inf, upper)
     start = None if model.linear or after is not None else _from_linear_part(model, data, weights)
     return solve(model, data, weights=weights, bounds=(lower, upper), start=start, after=after)
+
+
+def solve_from_part(model: JointModel, data: Stack, found: Solution) -> Solution:
+    """Minimise over much `data` from what was `found` on a part of it: linear families at once, others by Gauss-Newton
+    steps, first on one motion in `SKIPPED`."""
+    if model.linear:
+        return solve_family(model, data)
+    values, fewer = found.values, Stack(data.motions[::SKIPPED], data.targets[::SKIPPED])
+    if len(fewer.motions) >= FEWEST_MOTIONS:
+        values = _gauss_newton_steps(model, fewer, values).values
+    return _gauss_newton_steps(model, data, values)
+
+
+def _gauss_newton_steps(model: JointModel, data: Stack, values: np.ndarray) -> Solution:
+    """Steps from `values`, (p,), within bounds until one moves the effort by less than `CLOSE` of it: what then remains
+    is the square of that. Jacobian as before the last step, residual after it."""
+    lower, upper = model.bounds()
+    for iteration in range(1, MOST_STEPS + 1):  # noqa: B007
+        jacobian, effort = rows_of(model, values, data)
+        residual = data.target - effort
+        # A Stribeck velocity without a Stribeck level has no effect at all.
+        norms = np.linalg.norm(jacobian, axis=0)
+        free = norms > 1e-12 * norms.max()
+        require_full_rank([n for n, f in zip(model.names, free, strict=True) if f], jacobian[:, free], model.label)
+        triangle = np.linalg.qr(np.column_stack([jacobian[:, free], residual]), mode="r")
+        room = (lower - values)[free], (upper - values)[free]
+        step = np.zeros(len(values))
+        step[free] = least_squares_within(triangle[:, :-1], triangle[:, -1], *room)
+        values, moved = values + step, jacobian @ step
+        residual = residual - moved
+        if np.linalg.norm(moved) < CLOSE * np.linalg.norm(data.target):
+            break
+    snapped, held = at_bounds(values, lower, upper, jacobian, residual)
+    residual = residual - jacobian @ (snapped - values)
+    return Solution(snapped, jacobian, residual, np.ones(len(residual)), held, iteration, iteration < MOST_STEPS)
 
 
 def _from_linear_part(model: JointModel, data: Stack, weights: np.ndarray | None) -> np.ndarray:

@@ -18,7 +18,7 @@ from ...recordings.recording import Recording
 from ...recordings.study import Study
 from ...signals.effort import drive_model
 from ...signals.motion import Motion
-from .recorded_motions import motions_of
+from .recorded_motions import Excerpt, excerpt_of, motions_of
 
 MOST = 200_000
 """Samples, at the recordings' rate, from which the delay is estimated; of more, stretches of every recording."""
@@ -70,6 +70,11 @@ def motions(study: Study, use: str | None = None) -> tuple[Motion, ...]:
     """Every stretch of every recording of a study in which nothing was cut out and the drive was enabled, its drive
     moved to where it belongs, filtered and differentiated."""
     return motions_of([_aligned(r, study) for r in study.recordings(use)], study)
+
+
+def excerpt(study: Study, everything: tuple[Motion, ...]) -> Excerpt:
+    """Everything that was recorded where it is little, and parts of each recording otherwise, aligned as it was."""
+    return excerpt_of([_aligned(r, study) for r in study.recordings()], study, everything)
 
 
 def alignment(study: Study) -> Alignment | None:

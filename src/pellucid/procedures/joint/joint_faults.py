@@ -12,7 +12,6 @@ from ...signals.effort import drive_model
 from .aligned_motions import alignment, motions
 from .drive_sign import sign_error
 from .recorded_motions import left_out
-from .velocity_faults import velocity_faults
 
 
 def joint_faults(study: Study) -> list[Fault]:
@@ -20,9 +19,7 @@ def joint_faults(study: Study) -> list[Fault]:
     faults = [fault for recording in study.recordings() for fault in inspect(recording, study)]
     if any(fault.severity == "refuse" for fault in faults):
         return faults
-    faults += left_out(study) + velocity_faults(study)
-    if any(fault.severity == "refuse" for fault in faults):
-        return faults
+    faults += left_out(study)
     try:
         data = stack([m for m in motions(study) if m.split == "fitted"])
         model = joint_model(

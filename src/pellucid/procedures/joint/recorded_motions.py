@@ -14,7 +14,17 @@ from ...recordings.study import Study
 from ...recordings.study_file import Processing
 from ...signals.effort import DriveModel, command_of, drive_model
 from ...signals.filters import runs
+from ...signals.long_motion import LONG, pieces
 from ...signals.motion import Filtering, Motion, motion_of, shortest
+
+EXCERPT = 20_000
+"""Samples of fitted recordings, and of held-out ones, that simulations and what needs them get where there are more."""
+
+PARTS = 4
+"""Parts of an excerpt, of one recording."""
+
+FEWEST_ROWS = 100
+"""Rows that each part gives at least."""
 
 
 def filtering_of(processing: Processing) -> Filtering:
@@ -30,13 +40,37 @@ def motions_of(recordings: Iterable[Recording], study: Study) -> tuple[Motion, .
     return tuple(m for r in recordings for m in _motions_of(r, study, model))
 
 
+@dataclass(frozen=True)
+class Excerpt:
+    """Parts of long recordings as they were sampled: what would take hours on all of them is done on these."""
+
+    motions: tuple[Motion, ...]
+    said: str  # How much of what, in words; empty where it is everything
+
+
+def excerpt_of(recordings: Iterable[Recording], study: Study, everything: tuple[Motion, ...]) -> Excerpt:
+    """`everything` itself, the motions of all `recordings`, where it is little; parts of each recording otherwise."""
+    long = [m for m in everything if m.command is None]
+    samples = {s: sum(len(m.position) for m in everything if m.split == s) for s in ("fitted", "heldout")}
+    if not long and max(samples.values()) < LONG:
+        return Excerpt(everything, "")
+    model, made, told = drive_model(study.rig), [], []
+    least = PARTS * (shortest(filtering_of(study.processing)) + everything[0].filtering.decimate * FEWEST_ROWS)
+    for recording in recordings:
+        split = "fitted" if recording.use == "fit" else "heldout"
+        share = len(recording) / max(samples[split], 1)
+        parts = list(_motions_of(recording, study, model, within=max(int(EXCERPT * min(share, 1.0)), least)))
+        made += parts
+        lasts = sum(m.time[-1] - m.time[0] for m in parts)
+        told.append(f"{lasts:.0f} s of {recording.name} from {', '.join(f'{m.time[0]:.0f}' for m in parts)} s")
+    return Excerpt(tuple(made), "; ".join(told[:4]) + (f" and of {len(told) - 4} more" if len(told) > 4 else ""))
+
+
 def left_out(study: Study) -> list[Fault]:
     """Stretches between cuts that are too short to be used."""
-    faults = []
+    fewest, faults = shortest(filtering_of(study.processing)), []
     for recording in study.recordings():
-        processing = study.processing_of(recording)
-        fewest = shortest(filtering_of(processing))
-        for stretch in stretches_of(recording, processing) if recording.cuts else ():
+        for stretch in _stretches(recording, study.processing) if recording.cuts else ():
             n = len(stretch.time)
             if n < fewest:
                 found = f"{n} samples between cuts, from {stretch.time[0]:.6g} s to {stretch.time[-1]:.6g} s"
@@ -48,8 +82,8 @@ def left_out(study: Study) -> list[Fault]:
     return faults
 
 
-def _motions_of(recording: Recording, study: Study, model: DriveModel) -> Iterator[Motion]:
-    processing, loop = study.processing_of(recording), study.rig.loop
+def _motions_of(recording: Recording, study: Study, model: DriveModel, within: int | None = None) -> Iterator[Motion]:
+    processing, loop = study.processing, study.rig.loop
     if "position" not in recording:
         raise RecordingError(
             f"{recording.path}: no channel 'position'; found {', '.join(recording.channels)}. "
@@ -57,40 +91,60 @@ def _motions_of(recording: Recording, study: Study, model: DriveModel) -> Iterat
         )
     filtering = filtering_of(processing)
     fewest = shortest(filtering)
-    stretches = [s for s in stretches_of(recording, processing) if len(s.time) >= fewest]
+    stretches = [s for s in _stretches(recording, processing) if len(s.time) >= fewest]
     if not stretches:
         raise RecordingError(
             f"{recording.path}: {len(recording)} samples, no enabled stretch of at least {fewest}; "
             "expected a longer recording, a smaller [processing] decimate or trim"
         )
+    if within is not None:
+        stretches = _parts(stretches, within)
     for stretch in stretches:
         command = command_of(stretch.recording, study.rig)
         injected = loop.injected if loop is not None else None
+        more = dict(
+            gain=model.gain,
+            back_emf=model.back_emf,
+            fs=stretch.fs,
+            start=stretch.start,
+            recording=recording.name,
+            split="fitted" if recording.use == "fit" else "heldout",
+            payload=(0.0, 0.0) if recording.payload is None else (recording.payload.mass, recording.payload.distance),
+        )
+        arrays = stretch.time, stretch.recording["position"], command
         try:
+            if len(stretch.time) >= LONG:
+                yield from pieces(*arrays, filtering, **more)
+                continue
             yield motion_of(
-                stretch.time,
-                stretch.recording["position"],
-                command,
+                *arrays,
                 filtering,
-                gain=model.gain,
-                back_emf=model.back_emf,
-                fs=stretch.fs,
-                start=stretch.start,
-                velocity=stretch.recording["velocity"] if processing.velocity == "recorded" else None,
-                recording=recording.name,
-                split="fitted" if recording.use == "fit" else "heldout",
                 reference=stretch.recording["reference"] if "reference" in recording else None,
                 injected=stretch.recording[injected] if injected and injected in recording else None,
-                payload=(0.0, 0.0)
-                if recording.payload is None
-                else (recording.payload.mass, recording.payload.distance),
+                **more,
             )
         except RecordingError as error:
             raise RecordingError(f"{recording.path}: {error}") from None
 
 
+def _parts(stretches: list[_Stretch], samples: int) -> list[_Stretch]:
+    """About so many `samples` of them: parts of equal length, as far apart as may be."""
+    whole = sum(len(s.time) for s in stretches)
+    if whole <= samples:
+        return stretches
+    length, made, before = samples // PARTS, [], 0
+    places = [(i + 0.5) * whole / PARTS for i in range(PARTS)]
+    for stretch in stretches:
+        n = len(stretch.time)
+        for place in (x for x in places if before <= x < before + n):
+            first = int(np.clip(place - before - length // 2, 0, max(n - length, 0)))
+            made.append(stretch.part(slice(first, min(first + length, n))))
+        before += n
+    return made
+
+
 @dataclass(frozen=True)
-class Stretch:
+class _Stretch:
     """Consecutive samples of a recording on an even grid, with the drive enabled."""
 
     recording: Recording
@@ -99,12 +153,16 @@ class Stretch:
 
     @property
     def time(self) -> np.ndarray:
-        """Shape (n,) [s]."""
         return self.recording.time
 
+    def part(self, samples: slice) -> _Stretch:
+        """Some of its samples."""
+        channels = {n: replace(c, samples=c.samples[samples]) for n, c in self.recording.channels.items()}
+        start = "measured" if samples.start else self.start
+        return _Stretch(replace(self.recording, channels=channels), self.fs, start)
 
-def stretches_of(recording: Recording, processing: Processing) -> Iterator[Stretch]:
-    """Every stretch of a recording in which nothing was cut out and the drive was enabled."""
+
+def _stretches(recording: Recording, processing: Processing) -> Iterator[_Stretch]:
     for span in recording.spans:
         fs, channels = evenly_sampled(recording, span, processing)
         enabled = channels["enabled"] != 0.0 if "enabled" in channels else np.ones(len(channels["time"]), bool)
@@ -112,7 +170,7 @@ def stretches_of(recording: Recording, processing: Processing) -> Iterator[Stret
             cut = {n: replace(recording.channels[n], samples=x[part]) for n, x in channels.items()}
             # Where it was cut the machine moves, wherever the recording itself begins.
             start = "measured" if part.start == 0 and span.start > 0 else recording.start
-            yield Stretch(replace(recording, channels=cut, cuts=()), fs, start)
+            yield _Stretch(replace(recording, channels=cut, cuts=()), fs, start)
 
 
 def evenly_sampled(recording: Recording, span: slice, processing: Processing) -> tuple[float, dict[str, np.ndarray]]:
