@@ -73,7 +73,7 @@ def run() -> list[dict]:
     played = sum(len(one.inside.time) for one in taken) / rig["sampling"]["rate"]
     note = f"{len(protocol)} recordings, {played:.0f} s of motion"
     geometry = slider_geometry(recordings)
-    motions = slider_motions(recordings, config.rig, config.processing, geometry)
+    motions = slider_motions(recordings, config, geometry)
     steps = [m for m in motions if m.split == "fitted" and m.protocol in STEPS]
     mass, rail = config.rig.slider.mass, (config.rig.slider.low, config.rig.slider.high)
     model = SliderJointModel("load", {"carriage_mass": mass})
@@ -84,7 +84,7 @@ def run() -> list[dict]:
         _row("elbow: of it, finding the carriage", seconds(lambda: slider_geometry(recordings)), "s", "markers"),
         _row(
             "elbow: of it, filtering",
-            seconds(lambda: slider_motions(recordings, config.rig, config.processing, geometry)),
+            seconds(lambda: slider_motions(recordings, config, geometry)),
             "s",
             "every recording at full rate",
         ),

@@ -20,6 +20,7 @@ TABLES = [
     study_file.JointLimits,
     study_file.Slider,
     study_file.Participant,
+    study_file.Subtracted,
     study_file.ChannelSpec,
     study_file.Optical,
     study_file.Stream,

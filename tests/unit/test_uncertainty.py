@@ -4,7 +4,14 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from pellucid.fit.uncertainty import block_bootstrap, decorrelation_lag, long_run_covariance, sandwich, whiteness
+from pellucid.fit.uncertainty import (
+    block_bootstrap,
+    block_length,
+    correlation_time,
+    long_run_covariance,
+    sandwich,
+    whiteness,
+)
 
 N = 3000
 
@@ -45,9 +52,9 @@ def test_the_bootstrap_agrees_with_the_sandwich():
     w, e = regressor(rng), coloured(rng, 0.7)
     step = np.linalg.lstsq(w, e, rcond=None)[0]
     e = e - w @ step
-    intervals = block_bootstrap(w, e, np.zeros(3), block=60, rng=rng, repetitions=600)
+    intervals = block_bootstrap(w, e, np.zeros(3), [N], rng=rng, repetitions=2000)
     half = 0.5 * (intervals[:, 1] - intervals[:, 0])
-    assert half == pytest.approx(1.96 * np.sqrt(np.diag(sandwich(w, e, [N]))), rel=0.35)
+    assert half == pytest.approx(1.96 * np.sqrt(np.diag(sandwich(w, e, [N]))), rel=0.15)
 
 
 def test_parameters_at_a_bound_do_not_spoil_the_others():
@@ -62,7 +69,7 @@ def test_parameters_at_a_bound_do_not_spoil_the_others():
 def test_stretches_are_independent():
     rng = np.random.default_rng(7)
     scores = coloured(rng, 0.9)[:, None]
-    one, two = long_run_covariance(scores, [N]), long_run_covariance(scores, [N // 2, N // 2])
+    one, two = (long_run_covariance(scores, scores[:, 0], lengths) for lengths in ([N], [N // 2, N // 2]))
     assert two == pytest.approx(one, rel=0.2)
 
 
@@ -76,7 +83,38 @@ def test_whiteness_tells_white_from_coloured():
     assert colour.effective_share < 0.2
 
 
-def test_memory_is_longer_for_slower_noise():
-    rng = np.random.default_rng(9)
-    assert decorrelation_lag(rng.standard_normal(N)) <= 3
-    assert decorrelation_lag(coloured(rng, 0.95)) > 20
+@pytest.mark.parametrize("rho", [0.0, 0.5, 0.9])
+def test_the_correlation_time_is_that_of_an_autoregression(rho):
+    residual = np.concatenate([coloured(np.random.default_rng(seed), rho) for seed in range(8)])
+    assert correlation_time(residual, [N] * 8) == pytest.approx(0.5 * (1 + rho) / (1 - rho), rel=0.2)
+
+
+def test_what_alternates_has_no_memory():
+    assert correlation_time(np.tile([1.0, -1.0], 50), [100]) == 0.5
+    assert correlation_time(np.zeros(9), [9]) == 0.5
+
+
+def test_a_few_blocks_are_always_left():
+    slow = np.cumsum(np.random.default_rng(10).standard_normal(120))
+    assert block_length(correlation_time(slow, [120]), 120) == 15
+
+
+def test_other_columns_of_the_same_span_have_the_same_covariance():
+    # A window for each score would not let what nearly equal columns share cancel.
+    rng = np.random.default_rng(11)
+    t = np.arange(N) / 50.0
+    first = np.sign(np.sin(0.4 * t))
+    w = np.stack([first, first + 0.02 * np.sin(3.0 * t)], axis=1)
+    e = coloured(rng, 0.8) * (1.0 + 0.5 * np.sin(0.1 * t))
+    e = e - w @ np.linalg.lstsq(w, e, rcond=None)[0]
+    turn = np.array([[1.0, -1.0], [0.0, 50.0]])
+    assert turn @ sandwich(w @ turn, e, [N]) @ turn.T == pytest.approx(sandwich(w, e, [N]), rel=1e-6)
+
+
+def test_a_parameter_on_its_bound_lends_its_bias_to_no_interval():
+    rng = np.random.default_rng(12)
+    w, e = regressor(rng), rng.standard_normal(N)
+    e = e - w @ np.linalg.lstsq(w, e, rcond=None)[0]
+    # Held away from its best value, the last parameter leaves a mean in its scores.
+    held = sandwich(w, e + 0.5 * w[:, 2], [N])
+    assert held[2, 2] == pytest.approx(sandwich(w, e, [N])[2, 2], rel=0.3)

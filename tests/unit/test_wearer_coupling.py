@@ -21,7 +21,7 @@ def truths():
 
 @pytest.fixture(scope="module")
 def swings(truths):
-    rng = np.random.default_rng(1)
+    rng = np.random.default_rng(3)
     return [
         record(t, rng, name=f"swing_{i}", split="fitted" if i < 2 else "heldout", knee_noise=1.0)
         for i, t in enumerate(truths)

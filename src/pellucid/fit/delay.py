@@ -40,9 +40,6 @@ of some milliseconds, and explains less."""
 ALIKE = 1.1
 """By how much the residual's mean square may exceed the smallest of those tried."""
 
-BLOCKS = 10
-"""Stretches of equal length whose scatter stands beside the covariance of neighbours."""
-
 
 @dataclass(frozen=True)
 class DrivenRows:
@@ -165,7 +162,9 @@ def fit_delay(rows: Sequence[DrivenRows], model: Sequence[Columns], start: float
     after = float(np.mean(residual[inside] ** 2))
     if after > ALIKE * min(left.min(), before):
         return None  # noise moved the steps elsewhere than to the smallest residual
-    error = _error(seen * residual, [len(r.kept) for r in rows], w.shape[1] + 1) / information
+    freed = len(residual) / max(len(residual) - w.shape[1] - 1, 1)
+    spread = long_run_covariance((seen * residual)[:, None], residual, [len(r.kept) for r in rows])
+    error = float(np.sqrt(freed * spread[0, 0])) / information
     whole = np.zeros(len(scale))
     whole[scale > 0.0] = values / scale[scale > 0.0]
     return DelayFit(delay, error, whole, before, after)
@@ -174,7 +173,8 @@ def fit_delay(rows: Sequence[DrivenRows], model: Sequence[Columns], start: float
 def over_models(fits: Sequence[DelayFit], quantile: float, step: float) -> Delay:
     """The delay of the simplest model that agrees with the richest within a sampling `step` [s]: finer than that they
     cannot be told apart, and it confuses a delay with the least. The interval holds the delays of all that agree or
-    leave about as little residual, each `quantile` standard errors wide."""
+    leave about as little residual, each `quantile` standard errors wide, and half a step at either end: when in a step
+    a drive is read is not known."""
     last = fits[-1]
     first = next(f for f in fits if abs(f.delay - last.delay) <= step)
     good = [f for f in fits if f.after <= AS_GOOD * last.after or abs(f.delay - last.delay) <= step]
@@ -182,22 +182,14 @@ def over_models(fits: Sequence[DelayFit], quantile: float, step: float) -> Delay
     def reach(errors: float) -> tuple[float, float]:
         return min(f.delay - errors * f.error for f in good), max(f.delay + errors * f.error for f in good)
 
+    low, high = reach(quantile)
+    within = low - 0.5 * step, high + 0.5 * step
     low, high = reach(SURE)
     explained = min(1.0 - f.after / f.before if f.before > 0.0 else 0.0 for f in good)
-    return Delay(first.delay, first.error, *reach(quantile), explained, max(low, 0.0) + min(high, 0.0))
+    return Delay(first.delay, first.error, *within, explained, max(low, 0.0) + min(high, 0.0))
 
 
 def _basis(w: np.ndarray) -> np.ndarray:
     """An orthonormal basis, (m, r), of the columns of `w`, (m, p), proportional ones once."""
     left, singular, _ = np.linalg.svd(w, full_matrices=False)
     return left[:, singular > 1e-9 * singular[0]]
-
-
-def _error(scores: np.ndarray, lengths: Sequence[int], freed: int) -> float:
-    """Standard deviation of the sum of scores, (m,): from neighbours' covariance or from the scatter of blocks, the
-    larger."""
-    m = len(scores)
-    neighbours = float(long_run_covariance(scores[:, None], lengths)[0, 0]) if max(lengths) > 8 else 0.0
-    sums = np.array([block.sum() for block in np.array_split(scores, BLOCKS)])
-    scatter = BLOCKS / (BLOCKS - 1) * float(np.sum((sums - sums.mean()) ** 2))
-    return float(np.sqrt(max(neighbours, scatter, 0.0) * m / max(m - freed, 1)))

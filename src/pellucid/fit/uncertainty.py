@@ -5,63 +5,103 @@ With scores :math:`s_t = z_t \rho_t`, the covariance of an estimate is
 .. math::
    C = (Z^T W)^{-1} \, S \, (W^T Z)^{-1}, \qquad S = \sum_{t,u} E[s_t s_u^T]
 
-where Z = W for least squares. S is estimated by a quadratic-spectral kernel with prewhitened scores and an automatic
-bandwidth [1]_, [2]_; for white residuals it reduces to the textbook :math:`\sigma^2 (W^T W)^{-1}`.
+where Z = W for least squares. One filter for all scores takes most of their memory away [4]_; what is left comes from
+sums over all blocks of b neighbours, overlapping batches [1]_, which is what a moving-block bootstrap [2]_ tends to:
 
-.. [1] D. W. K. Andrews, "Heteroskedasticity and autocorrelation consistent covariance matrix estimation",
-   Econometrica 59, 1991.
-.. [2] D. W. K. Andrews, J. C. Monahan, "An improved heteroskedasticity and autocorrelation consistent covariance
+.. math::
+   u_t = s_t - \bar s - r (s_{t-1} - \bar s), \qquad B_t = \sum_{i=t}^{t+b-1} u_i, \qquad
+   S = \frac{k^2}{(1 - r)^2 (1 - b/m)} \, \frac{1}{b} \sum_t B_t B_t^T
+
+b is ten correlation times [3]_ of the residual. r = tr(G_0^{-1} G_1)/p, of the scores' autocovariances at lags 0 and 1,
+is the same whatever the parameters' units or combinations; a filter or a window of its own for each score would keep
+what nearly equal columns share from cancelling. Scores sum to nothing, so that b/m of their variance is missing from
+what blocks vary by; k, Student's quantile for 1.5 m/b degrees of freedom over the normal one, allows for how few blocks
+there are. Blocks never reach across two stretches. For white residuals S tends to the textbook's.
+
+.. [1] M. S. Meketon, B. Schmeiser, "Overlapping batch means: something for nothing?", Proc. Winter Simulation
+   Conference, 1984.
+.. [2] H. R. Kuensch, "The jackknife and the bootstrap for general stationary observations", Ann. Statist. 17, 1989.
+.. [3] A. Sokal, "Monte Carlo methods in statistical mechanics: foundations and new algorithms", 1997: the window of an
+   integrated correlation time.
+.. [4] D. W. K. Andrews, J. C. Monahan, "An improved heteroskedasticity and autocorrelation consistent covariance
    matrix estimator", Econometrica 60, 1992.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
 from .parameter import Whiteness
 
-PREWHITENING_LIMIT = 0.97
+CORRELATION_TIMES = 10
+"""Length of a block in correlation times."""
+
+FEWEST_BLOCKS = 8
+"""Blocks that all rows must make: fewer tell no spread."""
+
+PREWHITENING_LIMIT = 0.8  # of r: beyond it the filter leaves little to measure, and multiplies that by 25
+WINDOW = 5.0  # correlation times over which correlations are summed [3]
+PHASES = 16  # overlapping blocks begin so often within one block's length
 
 
-def long_run_covariance(scores: np.ndarray, lengths: Sequence[int]) -> np.ndarray:
-    """Sum of all autocovariances of the scores, times their number. `scores` (m, p); gives (p, p)."""
-    ends = np.cumsum(lengths)
-    parts = [scores[e - n : e] for e, n in zip(ends, lengths, strict=True) if n > 8]
-    before = np.concatenate([p[:-1] for p in parts])
-    after = np.concatenate([p[1:] for p in parts])
-    # One lag per score: a full vector autoregression has p^2 coefficients and gains nothing here.
-    rho = np.sum(before * after, axis=0) / np.maximum(np.sum(before**2, axis=0), np.finfo(float).tiny)
-    rho = np.clip(rho, -PREWHITENING_LIMIT, PREWHITENING_LIMIT)
-    white = [p[1:] - rho * p[:-1] for p in parts]
-    bandwidth = _bandwidth(white)
-    longest = max(len(p) for p in white)
-    reach = min(longest - 1, int(np.ceil(12.0 * bandwidth)) + 1)
-    total = sum(p.T @ p for p in white)
-    for lag in range(1, reach + 1):
-        weight = _quadratic_spectral(lag / bandwidth)
-        gamma = sum(p[lag:].T @ p[:-lag] for p in white if len(p) > lag)
-        total = total + weight * (gamma + gamma.T)
-    recolour = 1.0 / (1.0 - rho)
-    count = sum(len(p) for p in white)
-    return total * np.outer(recolour, recolour) * (len(scores) / count)
+def _stretches(lengths: Sequence[int]) -> Iterator[slice]:
+    """Rows of each stretch."""
+    end = 0
+    for n in lengths:
+        yield slice(end, end + n)
+        end += n
 
 
-def _bandwidth(white: list[np.ndarray]) -> float:
-    """Andrews' automatic bandwidth from first-order autoregressions of each (standardised) score."""
-    before = np.concatenate([p[:-1] for p in white])
-    after = np.concatenate([p[1:] for p in white])
-    power = np.maximum(np.sum(before**2, axis=0), np.finfo(float).tiny)
-    rho = np.clip(np.sum(before * after, axis=0) / power, -PREWHITENING_LIMIT, PREWHITENING_LIMIT)
-    # Each score weighs the same, whatever its unit.
-    alpha = np.sum(4.0 * rho**2 / (1.0 - rho) ** 8) / np.sum(1.0 / (1.0 - rho) ** 4)
-    return float(max(1.3221 * (alpha * len(before)) ** 0.2, 1.0))
+def correlation_time(residual: np.ndarray, lengths: Sequence[int]) -> float:
+    """Samples over which a residual, (m,), remembers itself: half the sum of its autocorrelations over all lags, up to
+    five such times; 1/2 of white noise, and of what alternates."""
+    centred = residual - np.mean(residual)
+    total = np.zeros(max(lengths))
+    for rows in _stretches(lengths):
+        n = rows.stop - rows.start
+        total[:n] += np.fft.irfft(np.abs(np.fft.rfft(centred[rows], 2 * n)) ** 2)[:n] if n else 0.0
+    if not total[0] > 0.0:
+        return 0.5
+    sums = 0.5 + np.cumsum(total[1:] / total[0])
+    enough = np.flatnonzero(np.arange(1, len(total)) >= WINDOW * sums)
+    return float(max(0.5, sums[enough[0]] if len(enough) else sums[-1])) if len(sums) else 0.5
 
 
-def _quadratic_spectral(x: float) -> float:
-    z = 6.0 * np.pi * x / 5.0
-    return float(25.0 / (12.0 * np.pi**2 * x**2) * (np.sin(z) / z - np.cos(z)))
+def block_length(time: float, rows: int) -> int:
+    """Rows of one block: ten correlation times, or as many as leave the fewest blocks."""
+    return int(np.clip(round(CORRELATION_TIMES * time), 1, max(1, rows // FEWEST_BLOCKS)))
+
+
+def long_run_covariance(scores: np.ndarray, residual: np.ndarray, lengths: Sequence[int]) -> np.ndarray:
+    """Sum of all autocovariances of `scores`, (m, p), times their number, by blocks as long as the `residual`'s memory,
+    (m,), asks; gives (p, p)."""
+    from scipy.special import ndtri, stdtrit
+
+    m, p = scores.shape
+    block = block_length(correlation_time(residual, lengths), m)
+    # Where a bound holds a parameter its scores have a mean, which is no noise.
+    centred = scores - scores.mean(axis=0)
+    parts = [centred[rows] for rows in _stretches(lengths) if rows.stop - rows.start > 1]
+    if not parts:
+        return centred.T @ centred
+    now = sum(part[:-1].T @ part[:-1] for part in parts)
+    next_ = sum(part[:-1].T @ part[1:] for part in parts)
+    common = float(np.trace(np.linalg.pinv(now, hermitian=True) @ next_)) / p
+    r = float(np.clip(common, -PREWHITENING_LIMIT, PREWHITENING_LIMIT))
+    stride = max(1, block // PHASES)
+    total, rows = np.zeros((p, p)), 0
+    for part in parts:
+        n = len(part) - 1
+        summed = np.zeros((n + 2 * block, p))
+        np.cumsum(part[1:] - r * part[:-1], axis=0, out=summed[block : block + n])
+        summed[block + n :] = summed[block + n - 1]
+        blocks = summed[block::stride] - summed[: n + block : stride]
+        total += blocks.T @ blocks * (stride / block)
+        rows += n
+    few = stdtrit(1.5 * m / block, 0.975) / ndtri(0.975)
+    return total * (m / rows) * few**2 / ((1.0 - r) ** 2 * (1.0 - block / m))
 
 
 def sandwich(
@@ -79,7 +119,7 @@ def sandwich(
     z = w if instruments is None else instruments[:, free]
     scale = np.linalg.norm(w, axis=0)
     bread = np.linalg.inv((z / scale).T @ (w / scale))
-    meat = long_run_covariance((z / scale) * residual[:, None], lengths)
+    meat = long_run_covariance((z / scale) * residual[:, None], residual, lengths)
     correction = len(residual) / max(len(residual) - int(free.sum()), 1)
     covariance = np.zeros((p, p))
     covariance[np.ix_(free, free)] = correction * (bread @ meat @ bread.T) / np.outer(scale, scale)
@@ -90,34 +130,34 @@ def block_bootstrap(
     jacobian: np.ndarray,
     residual: np.ndarray,
     values: np.ndarray,
+    lengths: Sequence[int],
     *,
-    block: int,
     rng: np.random.Generator,
     repetitions: int = 400,
     level: float = 0.95,
 ) -> np.ndarray:
-    """Percentile intervals from resampled blocks of rows, on the model linearised at the solution. `jacobian` (m,
-    p); `residual` (m,); `values` (p,); gives (p, 2)."""
+    """Percentile intervals at `level` by blocks of scores drawn again, on the model linearised at the solution, the
+    motions as they were. `jacobian` (m, p); `residual` (m,); `values` (p,); gives (p, 2)."""
     scale = np.linalg.norm(jacobian, axis=0)
     w = jacobian / scale
-    starts = np.arange(0, len(w) - block + 1, max(1, block // 2))
-    gram = np.stack([w[s : s + block].T @ w[s : s + block] for s in starts])
-    moment = np.stack([w[s : s + block].T @ residual[s : s + block] for s in starts])
-    draws = rng.integers(0, len(starts), size=(repetitions, max(1, round(len(w) / block))))
-    steps = np.array([np.linalg.lstsq(gram[d].sum(axis=0), moment[d].sum(axis=0), rcond=None)[0] for d in draws])
+    scores = w * residual[:, None]
+    scores -= scores.mean(axis=0)
+    block = block_length(correlation_time(residual, lengths), len(residual))
+    # Round about within each stretch, so that its ends are drawn as often as its middle.
+    sums = []
+    for rows in _stretches(lengths):
+        n = rows.stop - rows.start
+        if n:
+            length = min(block, n)
+            wrapped = np.concatenate([np.zeros((1, w.shape[1])), scores[rows], scores[rows][: length - 1]])
+            ends = np.cumsum(wrapped, axis=0)
+            # A stretch shorter than a block stands for its own share of one.
+            sums.append((ends[length:] - ends[:-length]) * np.sqrt(block / length))
+    pool = np.concatenate(sums)
+    draws = rng.integers(0, len(pool), size=(repetitions, max(1, round(len(w) / block))))
+    steps = np.linalg.solve(w.T @ w, pool[draws].sum(axis=1).T).T
     tail = 50.0 * (1.0 - level)
     return values[:, None] + (np.percentile(steps, [tail, 100.0 - tail], axis=0) / scale).T
-
-
-def decorrelation_lag(residual: np.ndarray) -> int:
-    """Samples until the residual's autocorrelation first falls below 2 standard errors."""
-    centred = residual - residual.mean()
-    n = len(centred)
-    spectrum = np.abs(np.fft.rfft(centred, 2 * n)) ** 2
-    correlation = np.fft.irfft(spectrum)[:n] / max(spectrum.mean(), np.finfo(float).tiny)
-    correlation = correlation / max(correlation[0], np.finfo(float).tiny)
-    below = np.flatnonzero(correlation[: n // 4] < 2.0 / np.sqrt(n))
-    return int(below[0]) if len(below) else n // 4
 
 
 def whiteness(residual: np.ndarray, lengths: Sequence[int], lags: int = 20) -> Whiteness:

@@ -218,9 +218,12 @@ class Study:
 
     def specs_of(self, recording: Recording) -> dict[str, ChannelSpec]:
         """What study.toml says of a recording's channels."""
-        named = {entry.name: entry for entry in self.config.recordings}
-        begun = [name for name in named if recording.name == name or recording.name.startswith(f"{name}.")]
-        return self.config.channels_of(named[max(begun, key=len)]) if begun else self.config.channels
+        entry = self.config.entry_of(recording.name)
+        return self.config.channels if entry is None else self.config.channels_of(entry)
+
+    def processing_of(self, recording: Recording) -> Processing:
+        """What is done to the samples of a recording before a regression."""
+        return self.config.processing_of(recording.name)
 
     def _load_stream(self, entry, name, stream, files) -> Recording:
         path = self._beside(entry, entry.streams[stream], f"the stream {stream}")
@@ -268,7 +271,7 @@ def _channels(columns: Columns, specs: dict[str, ChannelSpec], window) -> dict[s
                 f"{columns.angle_unit}"
             )
     # One column after another: of hours each takes much memory.
-    values = {n: _to_si(columns.column(spec.column, n), spec) for n, spec in specs.items() if spec.rate is None}
+    values = {n: _of_columns(columns, n, spec) for n, spec in specs.items() if spec.rate is None}
     rate = specs["time"].rate
     if rate is not None:
         values["time"] = np.arange(max((len(samples) for samples in values.values()), default=0)) / rate
@@ -295,6 +298,17 @@ def _channels(columns: Columns, specs: dict[str, ChannelSpec], window) -> dict[s
     return {name: Channel(name, values[name], spec.si_unit, spec.column) for name, spec in specs.items()}
 
 
+def _of_columns(columns: Columns, name: str, spec: ChannelSpec) -> np.ndarray:
+    less = columns.column(spec.minus.column, name) if spec.minus is not None else None
+    stored = columns.column(spec.column, name)
+    if less is not None and len(less) != len(stored) and min(len(less), len(stored)) != 1:
+        raise RecordingError(
+            f"{columns.path.name}: channel {name}: column {spec.column!r} has {len(stored)} samples, column "
+            f"{spec.minus.column!r}, which is taken off it, {len(less)}; expected as many"
+        )
+    return _to_si(stored, spec, less)
+
+
 def _excluded(entry: RecordingEntry, path: Path, time: np.ndarray) -> tuple[Cut, ...]:
     """What study.toml leaves out of a recording whose samples were taken at `time`, shape (n,) [s]."""
     cuts = []
@@ -315,29 +329,44 @@ def _excluded(entry: RecordingEntry, path: Path, time: np.ndarray) -> tuple[Cut,
 
 def _require_the_files_units(columns: Columns, specs: dict[str, ChannelSpec]) -> None:
     for name, spec in specs.items():
-        said = columns.units.get(spec.column)
-        if said is not None and said != spec.unit:
+        of = (spec.column,) if spec.minus is None else (spec.column, spec.minus.column)
+        said = next((columns.units[c] for c in of if columns.units.get(c) not in (None, spec.unit)), None)
+        if said is not None:
             raise RecordingError(
                 f'{columns.path.name}: channel {name}: study.toml says {spec.unit}, the file itself "{said}"'
             )
 
 
-def _to_si(stored: np.ndarray, spec: ChannelSpec) -> np.ndarray:
-    """Stored numbers to SI, in the order `ChannelSpec` states."""
+def _to_si(stored: np.ndarray, spec: ChannelSpec, less: np.ndarray | None = None) -> np.ndarray:
+    """Stored numbers, and those of the column taken off them, to SI, in the order `ChannelSpec` states."""
+    values = _counts(stored, spec)
+    values *= spec.sign * spec.scale
+    if less is not None:
+        values = values - spec.sign * (spec.minus.scale or spec.scale) * _counts(less, spec)
+    values += spec.offset
+    values *= spec.si_factor
+    values += spec.si_offset
+    if spec.wrap is not None:
+        _unwrap(values, spec.wrap)
+    return values
+
+
+def _counts(stored: np.ndarray, spec: ChannelSpec) -> np.ndarray:
+    """What is stored, as the numbers that were meant."""
     values = np.array(stored, dtype=np.float64)
     if isinstance(spec.missing, float):
         values[values == spec.missing] = np.nan
     if spec.signed_bits is not None:
         values = np.where(values >= 2.0 ** (spec.signed_bits - 1), values - 2.0**spec.signed_bits, values)
     if spec.wrap_bits is not None:
-        # Unwrapping steps over a gap; the missing samples stay missing.
-        known = np.isfinite(values)
-        values[known] = np.unwrap(values[known], period=2.0**spec.wrap_bits)
-    values *= spec.sign * spec.scale
-    values += spec.offset
-    values *= spec.si_factor
-    values += spec.si_offset
+        _unwrap(values, 2.0**spec.wrap_bits)
     return values
+
+
+def _unwrap(values: np.ndarray, period: float) -> None:
+    """Undo jumps of whole periods in place; a gap is stepped over, and missing samples stay missing."""
+    known = np.isfinite(values)
+    values[known] = np.unwrap(values[known], period=period)
 
 
 def _present(folder: Path) -> str:

@@ -305,11 +305,39 @@ DRIVEN = ("torque", "force", "current", "voltage", "duty")
 """Channels of a drive, whose delay against the position can be estimated."""
 
 
+def _not_zero(scale: float | None) -> float | None:
+    if scale == 0.0:
+        raise ValueError("found 0, which makes every sample 0")
+    return scale
+
+
+def _require_column(column: Any) -> None:
+    if isinstance(column, bool) or (isinstance(column, int) and column < 0):
+        raise ValueError(f"found {column!r}, expected a column's name or its number from 0")
+
+
+class Subtracted(StudyTable):
+    """A column that is taken off another: `column`, as a channel's, and `scale`, the channel's unit per stored count;
+    None for the channel's own."""
+
+    column: str | int
+    scale: Annotated[float | None, AfterValidator(_not_zero)] = None
+
+    @model_validator(mode="before")
+    @classmethod
+    def _column_alone(cls, table: Any) -> Any:
+        table = {"column": table} if isinstance(table, (str, int)) else table
+        if isinstance(table, dict) and "column" in table:
+            _require_column(table["column"])
+        return table
+
+
 class ChannelSpec(StudyTable):
     """Where a channel's numbers are and what they mean: one entry of ``[channels]``.
 
     In order: stored bits are signed, missing marks become NaN, a rolling encoder is unwrapped, then
-    value = sign * scale * stored + offset in `unit`, then SI.
+    value = sign * (scale * stored - what `minus` takes off) + offset in `unit`, then a rolling value is unwrapped, then
+    SI.
 
     Attributes
     ----------
@@ -325,8 +353,12 @@ class ChannelSpec(StudyTable):
         Added last, in `unit`.
     scale : float
         `unit` per stored count.
+    minus : Subtracted or None
+        Another column that is taken off: of two cables that pull against each other, of a spring's two ends.
     wrap_bits : int or None
         The stored count rolls over after this many bits.
+    wrap : float or None
+        The value rolls over after this much [SI].
     signed_bits : int or None
         The count is a signed number of this many bits that was stored unsigned.
     missing : str, float or None
@@ -348,8 +380,10 @@ class ChannelSpec(StudyTable):
     unit: str
     sign: Literal[1, -1] = 1
     offset: float = 0.0
-    scale: float = 1.0
+    scale: Annotated[float, AfterValidator(_not_zero)] = 1.0
+    minus: Subtracted | None = None
     wrap_bits: int | None = Field(None, ge=1, le=64)
+    wrap: Annotated[float | None, Field(gt=0, json_schema_extra={"type": "string"})] = None
     signed_bits: int | None = Field(None, ge=2, le=64)
     missing: Literal["NaN"] | float | None = None
     rate: quantity("Hz", gt=0) | None = None
@@ -362,8 +396,7 @@ class ChannelSpec(StudyTable):
     @field_validator("column", mode="before")
     @classmethod
     def _no_bool(cls, column: Any) -> Any:
-        if isinstance(column, bool) or (isinstance(column, int) and column < 0):
-            raise ValueError(f"found {column!r}, expected a column's name or its number from 0")
+        _require_column(column)
         return column
 
     @field_validator("delay", mode="before")
@@ -378,13 +411,6 @@ class ChannelSpec(StudyTable):
         if self.delay == "auto" and self.name.partition(".")[0] not in DRIVEN:
             raise ValueError(f'found delay = "auto", which is estimated of {", ".join(DRIVEN)} alone; expected a time')
         return self
-
-    @field_validator("scale")
-    @classmethod
-    def _not_zero(cls, scale: float) -> float:
-        if scale == 0.0:
-            raise ValueError("found 0, which makes every sample 0")
-        return scale
 
     @model_validator(mode="before")
     @classmethod
@@ -401,6 +427,10 @@ class ChannelSpec(StudyTable):
             such = f'expected one such as "{expected}"' if expected else 'expected one such as "V", or "1" for none'
             raise ValueError(f"no unit found, {such}")
         factor, offset = to_si_factor(table["unit"], expected, "")
+        if "wrap" in table:
+            if "wrap_bits" in table:
+                raise ValueError("found wrap and wrap_bits, expected one of them: the value or the count rolls over")
+            table = {**table, "wrap": parse_quantity(table["wrap"], expected or si_text(table["unit"]), "wrap")}
         si = {"si_factor": factor, "si_offset": offset, "si_unit": expected or si_text(table["unit"])}
         return {**table, **{DERIVED + key: value for key, value in si.items()}}
 
@@ -529,6 +559,8 @@ class Processing(StudyTable):
         Samples slower than this are left out [rad/s or m/s].
     trim : int
         Samples dropped at each border, where the filter has not settled.
+    velocity : str
+        ``"differentiated"`` from the position, or ``"recorded"``: the channel of that name.
     """
 
     lowpass: quantity("Hz", gt=0) | None = None
@@ -537,6 +569,7 @@ class Processing(StudyTable):
     resample: quantity("Hz", gt=0) | None = None
     dead_band: quantity("<velocity>", ge=0) = 0.0
     trim: int = Field(0, ge=0)
+    velocity: Literal["differentiated", "recorded"] = "differentiated"
 
 
 class Model(StudyTable):
@@ -631,6 +664,8 @@ class RecordingEntry(StudyTable):
         Where the carriage was clamped, by a ruler: distance from the axis [m].
     start : str
         Where a simulation of it starts: ``"measured"`` (position and velocity of the first samples) or ``"rest"``.
+    processing : Processing or None
+        What differs from ``[processing]``; complete. None where nothing does.
     channels : dict[str, ChannelSpec]
         Those that differ from, or are added to, ``[channels]``; complete.
     """
@@ -651,6 +686,7 @@ class RecordingEntry(StudyTable):
     streams: dict[str, str] = Field({})
     slider: quantity("m", ge=0) | None = None
     start: Literal["measured", "rest"] = "measured"
+    processing: Processing | None = None
     channels: dict[str, ChannelSpec] = Field({})
 
     @model_validator(mode="after")
@@ -711,6 +747,14 @@ class StudyFile(StudyTable):
         entries = raw.get("recordings")
         if isinstance(entries, list) and isinstance(raw.get("channels"), dict):
             raw["recordings"] = [_complete(entry, raw["channels"], joint_names(raw)) for entry in entries]
+        common = raw.get("processing", {})
+        if isinstance(raw.get("recordings"), list) and isinstance(common, dict):
+            raw["recordings"] = [
+                {**e, "processing": {**common, **e["processing"]}}
+                if isinstance(e, dict) and isinstance(e.get("processing"), dict)
+                else e
+                for e in raw["recordings"]
+            ]
         return raw
 
     @model_validator(mode="after")
@@ -726,6 +770,15 @@ class StudyFile(StudyTable):
                 raise ValueError(f'[[recordings]] the name "{entry.name}" is given twice, expected each once')
             if "time" not in self.channels_of(entry):
                 raise ValueError("[channels] no channel time found, expected one with its column and unit")
+            channels = self.channels_of(entry)
+            joints = ("velocity", *(f"velocity.{joint.joint}" for joint in self.rig.joints))
+            if (entry.processing or self.processing).velocity == "recorded" and not any(
+                name in channels for name in joints
+            ):
+                raise ValueError(
+                    f'[[recordings]] {entry.name}: found [processing] velocity = "recorded" and no channel velocity, '
+                    "expected one with its column and unit"
+                )
             for stream in entry.streams:
                 if stream not in self.streams:
                     raise ValueError(
@@ -792,6 +845,17 @@ class StudyFile(StudyTable):
         """The tables that ask for a procedure, by their names."""
         found = {name: getattr(self, name) for name in type(self).model_fields}
         return {name: table for name, table in found.items() if isinstance(table, ProcedureTable)}
+
+    def entry_of(self, recording: str) -> RecordingEntry | None:
+        """What is said of a recording by its name; None of one that is not named, as one held in memory."""
+        named = {entry.name: entry for entry in self.recordings}
+        begun = [name for name in named if recording == name or recording.startswith(f"{name}.")]
+        return named[max(begun, key=len)] if begun else None
+
+    def processing_of(self, recording: str) -> Processing:
+        """What is done to the samples of a recording, by its name."""
+        entry = self.entry_of(recording)
+        return self.processing if entry is None or entry.processing is None else entry.processing
 
     def channels_of(self, entry: RecordingEntry) -> dict[str, ChannelSpec]:
         """All channels of one recording: the defaults, with its own in their place."""

@@ -147,13 +147,18 @@ def motion_of(
     back_emf: float = 0.0,
     fs: float | None = None,
     start: str = "measured",
+    velocity: np.ndarray | None = None,
     **more,
 ) -> Motion:
     """A motion from arrays: filtered once, differentiated, the effort beside it. `time`, `position`, `command` (n,)
-    [s], [rad or m]; `fs` [Hz]."""
+    [s], [rad or m]; `fs` [Hz]; a `velocity`, (n,), that was recorded takes the place of the position's."""
     rate = (len(time) - 1) / float(time[-1] - time[0]) if fs is None else fs
     try:
-        smooth, velocity, acceleration = differentiate(position, rate, filtering)
+        if velocity is None:
+            smooth, velocity, acceleration = differentiate(position, rate, filtering)
+        else:
+            smooth, velocity = lowpassed(np.column_stack([position, velocity]), rate, filtering).T
+            acceleration = central_difference(velocity, rate)
         effort = gain * lowpassed(command, rate, filtering) - back_emf * velocity
     except ValueError as error:
         raise RecordingError(str(error)) from None

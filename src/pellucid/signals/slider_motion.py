@@ -9,7 +9,7 @@ import numpy as np
 
 from .._errors import RecordingError
 from ..recordings.recording import Recording
-from ..recordings.study_file import JointTable, Processing
+from ..recordings.study_file import Processing, StudyFile
 from .effort import command_of, drive_model
 from .filters import runs, zero_phase_lowpass
 from .markers import Geometry
@@ -67,25 +67,32 @@ class SliderMotion:
         return found
 
 
-def slider_motions(
-    recordings: Sequence[Recording], rig: JointTable, processing: Processing, geometry: Geometry
-) -> tuple[SliderMotion, ...]:
+def slider_motions(recordings: Sequence[Recording], config: StudyFile, geometry: Geometry) -> tuple[SliderMotion, ...]:
     """Every recording, low-passed at full rate with one zero-phase filter, thinned, and differentiated."""
-    if processing.lowpass is None:
-        raise RecordingError('study.toml: [processing] states no lowpass; expected one such as "5 Hz"')
+    rig = config.rig
     drive = drive_model(rig)
     places = {placement.recording: placement.slider for placement in geometry.placements}
     return tuple(
-        _ready(recording, drive.gain * command_of(recording, rig), places[recording.name], processing)
+        _ready(
+            recording,
+            drive.gain * command_of(recording, rig),
+            places[recording.name],
+            config.processing_of(recording.name),
+        )
         for recording in recordings
     )
 
 
 def _ready(recording: Recording, effort: np.ndarray, slider: float, processing: Processing) -> SliderMotion:
     cutoff, order, fs = processing.lowpass, processing.order, recording.fs
+    if cutoff is None:
+        raise RecordingError('study.toml: [processing] states no lowpass; expected one such as "5 Hz"')
+    recorded = (recording["velocity"],) if processing.velocity == "recorded" else ()
     thin = max(int(fs / (OVERSAMPLING * cutoff)), 1)
     try:
-        both = zero_phase_lowpass(np.column_stack([recording["position"], effort]), cutoff, order, fs)[::thin]
+        both = zero_phase_lowpass(np.column_stack([recording["position"], effort, *recorded]), cutoff, order, fs)[
+            ::thin
+        ]
     except ValueError as error:
         raise RecordingError(f"{recording.path}: {error}") from None
     if len(both) < 60:
@@ -94,7 +101,7 @@ def _ready(recording: Recording, effort: np.ndarray, slider: float, processing: 
             f"{60 * thin / fs:.3g} s with a low-pass of {cutoff:g} Hz"
         )
     rate = fs / thin
-    velocity = derivative(both[:, 0], rate)
+    velocity = both[:, 2] if recorded else derivative(both[:, 0], rate)
     scored = np.abs(velocity) > processing.dead_band
     border = round(processing.trim / thin)
     scored[:border] = False

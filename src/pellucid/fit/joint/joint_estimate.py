@@ -14,7 +14,7 @@ from ...signals.sampled import sampled
 from ..estimates import Estimates
 from ..parameter import Whiteness
 from ..regression import Solution, Stack, parameters_of, predicted
-from ..uncertainty import block_bootstrap, decorrelation_lag, sandwich, whiteness
+from ..uncertainty import block_bootstrap, sandwich, whiteness
 
 SEED = 20261121  # of the bootstrap
 
@@ -154,10 +154,9 @@ def estimated(
     held = np.flatnonzero(found.at_bound)
     boot = None
     if method == "ls":
-        block = int(np.clip(4 * decorrelation_lag(rho), 10, max(10, len(rho) // 20)))
         boot = np.full((len(free), 2), np.nan)
         boot[free] = block_bootstrap(
-            w[:, free], rho, found.values[free], block=block, rng=np.random.default_rng(SEED), level=level
+            w[:, free], rho, found.values[free], lengths, rng=np.random.default_rng(SEED), level=level
         )
     names = model.names
     notes = notes + tuple(

@@ -117,9 +117,9 @@ def _data(fit: MuscleFit) -> tuple[np.ndarray, np.ndarray]:
     error, slopes = (torque - problem.samples.torque) * root, slopes * root
     counted = problem.samples.weight > 0.0
     starts = (*problem.samples.data.starts, len(torque))
-    lengths = [int(counted[a:b].sum()) for a, b in pairwise(starts)]
+    lengths = [n for n in (int(counted[a:b].sum()) for a, b in pairwise(starts)) if n]
     scores = (slopes * error)[:, counted].T
-    return slopes @ slopes.T, long_run_covariance(scores, [n for n in lengths if n])
+    return slopes @ slopes.T, long_run_covariance(scores, error[counted], lengths)
 
 
 def _unit(quantity: str) -> str:

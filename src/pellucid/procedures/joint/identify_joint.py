@@ -18,7 +18,7 @@ from ...models.joint import FAMILIES, JointModel, joint_model
 from ...models.simulate import LoopSetting
 from ...recordings.quality import drive_channel, require_sound
 from ...recordings.study import Study
-from ...recordings.study_file import JointTable
+from ...recordings.study_file import JointTable, Processing
 from ...signals.effort import drive_model
 from ..findings import findings_of
 from ..procedure import Progress, quiet
@@ -28,6 +28,7 @@ from .drive_sign import sign_error
 from .joint_case import JointCase
 from .joint_result import JointResult, completed, traces_of
 from .recorded_motions import filtering_of
+from .velocity_faults import require_velocity
 
 
 def identify_joint(
@@ -42,6 +43,7 @@ def identify_joint(
     recordings = study.recordings()
     for recording in recordings:
         require_sound(recording, study)
+    require_velocity(study)
     everything = motions(study)
     part = excerpt(study, everything)
     data = stack([m for m in everything if m.split == "fitted"])
@@ -117,10 +119,17 @@ def identify_joint(
 
 
 def filter_note(study: Study) -> str:
-    """The study's processing in one line."""
-    resample = study.processing.resample
-    said = filtering_of(study.processing).sentence("rad/s" if study.rig.motion == "rotary" else "m/s")
-    return f"resampled to {resample:g} Hz; {said}" if resample else said
+    """The study's processing in one line, and whose is another."""
+    unit = "rad/s" if study.rig.motion == "rotary" else "m/s"
+    own = [f"{e.name}: {_processed(e.processing, unit)}" for e in study.config.recordings if e.processing is not None]
+    return "; of ".join([_processed(study.processing, unit), *own])
+
+
+def _processed(processing: Processing, unit: str) -> str:
+    said = filtering_of(processing).sentence(unit)
+    if processing.velocity == "recorded":
+        said = said.replace("central differences", "velocity as recorded")
+    return f"resampled to {processing.resample:g} Hz; {said}" if processing.resample else said
 
 
 def machine_of(rig: JointTable) -> Machine:

@@ -12,6 +12,7 @@ from ...signals.effort import drive_model
 from .aligned_motions import alignment, motions
 from .drive_sign import sign_error
 from .recorded_motions import left_out
+from .velocity_faults import velocity_faults
 
 
 def joint_faults(study: Study) -> list[Fault]:
@@ -19,7 +20,9 @@ def joint_faults(study: Study) -> list[Fault]:
     faults = [fault for recording in study.recordings() for fault in inspect(recording, study)]
     if any(fault.severity == "refuse" for fault in faults):
         return faults
-    faults += left_out(study)
+    faults += left_out(study) + velocity_faults(study)
+    if any(fault.severity == "refuse" for fault in faults):
+        return faults
     try:
         data = stack([m for m in motions(study) if m.split == "fitted"])
         model = joint_model(

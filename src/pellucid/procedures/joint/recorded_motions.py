@@ -68,9 +68,11 @@ def excerpt_of(recordings: Iterable[Recording], study: Study, everything: tuple[
 
 def left_out(study: Study) -> list[Fault]:
     """Stretches between cuts that are too short to be used."""
-    fewest, faults = shortest(filtering_of(study.processing)), []
+    faults = []
     for recording in study.recordings():
-        for stretch in _stretches(recording, study.processing) if recording.cuts else ():
+        processing = study.processing_of(recording)
+        fewest = shortest(filtering_of(processing))
+        for stretch in stretches_of(recording, processing) if recording.cuts else ():
             n = len(stretch.time)
             if n < fewest:
                 found = f"{n} samples between cuts, from {stretch.time[0]:.6g} s to {stretch.time[-1]:.6g} s"
@@ -83,7 +85,7 @@ def left_out(study: Study) -> list[Fault]:
 
 
 def _motions_of(recording: Recording, study: Study, model: DriveModel, within: int | None = None) -> Iterator[Motion]:
-    processing, loop = study.processing, study.rig.loop
+    processing, loop = study.processing_of(recording), study.rig.loop
     if "position" not in recording:
         raise RecordingError(
             f"{recording.path}: no channel 'position'; found {', '.join(recording.channels)}. "
@@ -91,7 +93,7 @@ def _motions_of(recording: Recording, study: Study, model: DriveModel, within: i
         )
     filtering = filtering_of(processing)
     fewest = shortest(filtering)
-    stretches = [s for s in _stretches(recording, processing) if len(s.time) >= fewest]
+    stretches = [s for s in stretches_of(recording, processing) if len(s.time) >= fewest]
     if not stretches:
         raise RecordingError(
             f"{recording.path}: {len(recording)} samples, no enabled stretch of at least {fewest}; "
@@ -119,6 +121,7 @@ def _motions_of(recording: Recording, study: Study, model: DriveModel, within: i
             yield motion_of(
                 *arrays,
                 filtering,
+                velocity=stretch.recording["velocity"] if processing.velocity == "recorded" else None,
                 reference=stretch.recording["reference"] if "reference" in recording else None,
                 injected=stretch.recording[injected] if injected and injected in recording else None,
                 **more,
@@ -127,7 +130,7 @@ def _motions_of(recording: Recording, study: Study, model: DriveModel, within: i
             raise RecordingError(f"{recording.path}: {error}") from None
 
 
-def _parts(stretches: list[_Stretch], samples: int) -> list[_Stretch]:
+def _parts(stretches: list[Stretch], samples: int) -> list[Stretch]:
     """About so many `samples` of them: parts of equal length, as far apart as may be."""
     whole = sum(len(s.time) for s in stretches)
     if whole <= samples:
@@ -144,7 +147,7 @@ def _parts(stretches: list[_Stretch], samples: int) -> list[_Stretch]:
 
 
 @dataclass(frozen=True)
-class _Stretch:
+class Stretch:
     """Consecutive samples of a recording on an even grid, with the drive enabled."""
 
     recording: Recording
@@ -153,16 +156,18 @@ class _Stretch:
 
     @property
     def time(self) -> np.ndarray:
+        """Shape (n,) [s]."""
         return self.recording.time
 
-    def part(self, samples: slice) -> _Stretch:
+    def part(self, samples: slice) -> Stretch:
         """Some of its samples."""
         channels = {n: replace(c, samples=c.samples[samples]) for n, c in self.recording.channels.items()}
         start = "measured" if samples.start else self.start
-        return _Stretch(replace(self.recording, channels=channels), self.fs, start)
+        return Stretch(replace(self.recording, channels=channels), self.fs, start)
 
 
-def _stretches(recording: Recording, processing: Processing) -> Iterator[_Stretch]:
+def stretches_of(recording: Recording, processing: Processing) -> Iterator[Stretch]:
+    """Every stretch of a recording in which nothing was cut out and the drive was enabled."""
     for span in recording.spans:
         fs, channels = evenly_sampled(recording, span, processing)
         enabled = channels["enabled"] != 0.0 if "enabled" in channels else np.ones(len(channels["time"]), bool)
@@ -170,7 +175,7 @@ def _stretches(recording: Recording, processing: Processing) -> Iterator[_Stretc
             cut = {n: replace(recording.channels[n], samples=x[part]) for n, x in channels.items()}
             # Where it was cut the machine moves, wherever the recording itself begins.
             start = "measured" if part.start == 0 and span.start > 0 else recording.start
-            yield _Stretch(replace(recording, channels=cut, cuts=()), fs, start)
+            yield Stretch(replace(recording, channels=cut, cuts=()), fs, start)
 
 
 def evenly_sampled(recording: Recording, span: slice, processing: Processing) -> tuple[float, dict[str, np.ndarray]]:

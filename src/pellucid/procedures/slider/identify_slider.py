@@ -55,7 +55,7 @@ def fit_slider(config: StudyFile, recordings: Sequence[Recording], *, on_progres
     tell("finding the carriage", 0.0)
     geometry = slider_geometry(recordings)
     tell("filtering", 0.4)
-    motions = slider_motions(recordings, rig, config.processing, geometry)
+    motions = slider_motions(recordings, config, geometry)
     checksums = {r.name: r.checksum for r in recordings}
     return _fit(config, geometry, motions, checksums, lambda text, share: tell(text, 0.5 + 0.5 * share))
 

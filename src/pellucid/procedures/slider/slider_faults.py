@@ -48,7 +48,7 @@ def examine(config: StudyFile, recordings: Sequence[Recording]) -> Examined:
         return Examined([_fault("drive", "torques in N*m", error), *faults], geometry)
     motions: tuple[SliderMotion, ...] = ()
     try:
-        motions = slider_motions(recordings, config.rig, config.processing, geometry)
+        motions = slider_motions(recordings, config, geometry)
         steps = [m for m in motions if m.split == "fitted" and m.protocol in STEPS]
         require_both_directions(steps)
         require_places(steps)

@@ -1,0 +1,103 @@
+"""Does a recorded velocity belong to the position? Its sign, its unit, and how late it is."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+
+import numpy as np
+
+from ..._errors import RecordingError
+from ...recordings.quality import Fault
+from ...recordings.recording import Recording
+from ...recordings.study import Study
+from ...recordings.study_file import Processing
+from ...signals.clocks import align
+from ...signals.motion import differentiate, lowpassed, shortest
+from .recorded_motions import filtering_of, stretches_of
+
+FOLLOWS = 0.7
+"""Correlation with the position's derivative below which a velocity does not follow it."""
+
+APART = 0.1
+"""Share by which a velocity may be larger or smaller than the position's derivative."""
+
+LONGEST = 0.1
+"""Delays are looked for up to here [s]."""
+
+MOST = 10_000
+"""Samples that are compared, in the middle of the longest stretch."""
+
+SCALES = {
+    math.degrees(1.0): "deg/s given as rad/s", math.radians(1.0): "rad/s given as deg/s", 1e3: "mm/s given as m/s",
+    1e-3: "m/s given as mm/s", 60.0 / (2.0 * math.pi): "rpm given as rad/s", math.pi / 30.0: "rad/s given as rpm",
+}  # fmt: skip
+"""By how much a velocity is too large where its unit is another."""
+
+
+def velocity_faults(study: Study) -> list[Fault]:
+    """Of every recording with a velocity beside its position."""
+    return [
+        fault
+        for recording in study.recordings()
+        if "velocity" in recording and "position" in recording
+        for fault in _faults(recording, study.processing_of(recording))
+    ]
+
+
+def require_velocity(study: Study) -> None:
+    """Refuse recorded velocities that are to be used and do not belong to the position."""
+    refused = [fault.message for fault in velocity_faults(study) if fault.severity == "refuse"]
+    if refused:
+        raise RecordingError("\n".join(refused))
+
+
+def _faults(recording: Recording, processing: Processing) -> Iterator[Fault]:
+    longest = max(stretches_of(recording, processing), key=lambda s: len(s.time), default=None)
+    filtering = filtering_of(processing)
+    if longest is None or len(longest.time) < shortest(filtering):
+        return
+    measured, fs = longest.recording, longest.fs
+    try:
+        expected = differentiate(measured["position"], fs, filtering)[1]
+        recorded = lowpassed(measured["velocity"], fs, filtering)
+    except ValueError:
+        return  # too short for its filter, which is told of the recording
+    used = processing.velocity == "recorded"
+    thin = max(int(fs / (10.0 * filtering.lowpass)), 1) if filtering.lowpass else 1
+    first = max((len(expected) - MOST * thin) // 2, 0)
+    part = slice(first, first + MOST * thin, thin)
+    time, expected, recorded = longest.time[part], expected[part], recorded[part]
+
+    def fault(kind: str, found: str, wanted: str, severity: str = "refuse" if used else "note") -> Fault:
+        message = (
+            f"{recording.path.name} (recording {recording.name}), channel velocity: found {found}, expected {wanted}"
+        )
+        return Fault(severity, kind, recording.path.name, "velocity", found, wanted, message)
+
+    moving = float(np.std(expected)) > 0.0 and float(np.std(recorded)) > 0.0
+    try:
+        lies = align(time, expected, time, recorded, longest=LONGEST) if moving else None
+    except RecordingError:
+        lies = None
+    if lies is None or abs(lies.correlation) < FOLLOWS:
+        found = f"a correlation of {lies.correlation:.2f} with" if lies is not None else "no likeness to"
+        yield fault("velocity_mismatch", f"{found} the position's derivative", "one that follows the position")
+        return
+    size = abs(lies.gain)
+    if lies.gain < 0.0:
+        yield fault(
+            "velocity_sign", "the position's derivative reversed", "its sign: set sign = -1 on channel velocity"
+        )
+    if abs(size - 1.0) > APART:
+        like = next((f", which looks like {text}" for by, text in SCALES.items() if abs(size / by - 1.0) < APART), "")
+        yield fault(
+            "velocity_scale", f"{size:.4g} times the position's derivative{like}", "the same: its unit or scale"
+        )
+    late = lies.delay
+    if abs(late) > 1.0 / recording.fs and abs(late) > 4.0 * lies.delay_error:
+        what = f"it {1e3 * abs(late):.3g} ms {'late' if late > 0.0 else 'early'} against the position"
+        reach = f"(95 % interval {1e3 * (late - 1.96 * lies.delay_error):.3g} to "
+        reach += f"{1e3 * (late + 1.96 * lies.delay_error):.3g} ms)"
+        write = f'none, or velocity = {{ delay = "{1e3 * late:.3g} ms" }} in [channels]'
+        yield fault("velocity_delay", f"{what} {reach}", write, "note")
