@@ -28,6 +28,9 @@ VALUES = (
 )  # fmt: skip
 """Of keys in TOML."""
 
+NUMBERS = ("0", "-1", "1e30", "1e-30", "-1e308", "nan", "inf", "1" * 400, "9223372036854775808", "5e-324", "1e9", "7")
+"""Of quantities."""
+
 JSON_VALUES = (
     None, True, 0, -1, 1e30, -1e308, 5e-324, float("nan"), float("inf"), 10**400, "", "0", "NaN", "*/ x /*", "^^5c",
     "=1+1", "<script>", "../../etc/passwd", "\x00", "\ud800", "a" * 5000, [], {}, [[]], [1, 2, 3],
@@ -86,11 +89,17 @@ def damaged_toml(text: str, rng: np.random.Generator) -> bytes:
     if rng.random() < 0.15:
         return damaged(text.encode(), rng)
     lines = text.splitlines()
-    for _ in range(int(rng.integers(1, 4))):
+    for _ in range(int(rng.choice([1, 1, 1, 2, 3]))):
         at = int(rng.integers(len(lines)))
         key, equals, value = lines[at].partition("=")
-        kind = int(rng.integers(9))
-        if kind <= 3 and equals:
+        kind = int(rng.integers(12))
+        numbers = list(re.finditer(r"(?<![\w.])[-+]?\d+(?:\.\d+)?(?:e[-+]?\d+)?", value))
+        if kind >= 9 and numbers:
+            # A number that is none of this machine's, in its place and with its unit.
+            found = numbers[int(rng.integers(len(numbers)))]
+            other = NUMBERS[int(rng.integers(len(NUMBERS)))]
+            lines[at] = f"{key}={value[: found.start()]}{other}{value[found.end() :]}"
+        elif kind <= 3 and equals:
             lines[at] = f"{key}= {VALUES[int(rng.integers(len(VALUES)))]}"
         elif kind == 4 and equals:
             # A value within a table, or a list's.

@@ -37,6 +37,12 @@ app.add_typer(datasets_app)
 
 Folder = Annotated[Path, typer.Argument(metavar="DIR", help="Folder of the study.")]
 Json = Annotated[bool, typer.Option("--json", help="Print the figures as JSON instead of tables.")]
+Outside = Annotated[
+    bool, typer.Option("--allow-outside", help="Files that it names or links to may lie outside its folder.")
+]
+Out = Annotated[
+    Path | None, typer.Option("--out", metavar="DIR", help="Folder to write to, where the study's own cannot be.")
+]
 Family = Annotated[
     list[str] | None,
     typer.Option("--family", metavar="NAME", help="Friction family; may be given several times."),
@@ -88,13 +94,13 @@ def simulate(
 
 
 @app.command()
-def check(folder: Folder) -> None:
+def check(folder: Folder, allow_outside: Outside = False) -> None:
     """Are these recordings fit to identify from? Status 1 if not."""
     from .procedures.registry import asked, open_study
     from .procedures.run import check as run
     from .recordings.quality import grouped
 
-    study = open_study(folder)
+    study = open_study(folder, allow_outside=allow_outside)
     with _progress() as tell:
         tell("reading recordings", 0.1)
         faults = run(study)
@@ -109,19 +115,22 @@ def check(folder: Folder) -> None:
 
 
 @app.command()
-def identify(folder: Folder, family: Family = None, json: Json = False) -> None:
+def identify(
+    folder: Folder, family: Family = None, json: Json = False, out: Out = None, allow_outside: Outside = False
+) -> None:
     """Identify what study.toml asks for, with intervals and verdicts."""
     from .procedures.run import identify as run
 
-    _found(folder, "identify", json, lambda study, tell: run(study, families=family or None, on_progress=tell))
+    study = _opened(folder, out, allow_outside)
+    _found(study, "identify", json, lambda study, tell: run(study, families=family or None, on_progress=tell))
 
 
 @app.command()
-def calibrate(folder: Folder, json: Json = False) -> None:
+def calibrate(folder: Folder, json: Json = False, out: Out = None, allow_outside: Outside = False) -> None:
     """Torque from EMG by several methods, judged on held-out data."""
     from .procedures.run import calibrate as run
 
-    _found(folder, "calibrate", json, run)
+    _found(_opened(folder, out, allow_outside), "calibrate", json, run)
 
 
 @app.command()
@@ -130,6 +139,8 @@ def assess(
     json: Json = False,
     studies: Annotated[int, typer.Option(metavar="N", min=100, help="Simulated to plan the next study.")] = 1000,
     scheduler: Annotated[str | None, typer.Option(metavar="ADDRESS", help="Dask scheduler to simulate on.")] = None,
+    out: Out = None,
+    allow_outside: Outside = False,
 ) -> None:
     """Do conditions change how people move? Indices and tests."""
     from contextlib import nullcontext
@@ -137,17 +148,17 @@ def assess(
     from .assessment.cluster import cluster
     from .procedures.run import assess as run
 
+    study = _opened(folder, out, allow_outside)
     with cluster(scheduler) if scheduler else nullcontext() as executor:
-        _found(folder, "assess", json, lambda study, tell: run(study, tell, studies=studies, executor=executor))
+        _found(study, "assess", json, lambda study, tell: run(study, tell, studies=studies, executor=executor))
 
 
 @app.command()
-def report(folder: Folder) -> None:
+def report(folder: Folder, out: Out = None, allow_outside: Outside = False) -> None:
     """Write the report: one HTML page, figures as SVG and PDF."""
-    from .procedures.registry import open_study
     from .procedures.run import report as run
 
-    study = open_study(folder)
+    study = _opened(folder, out, allow_outside)
     with _progress() as tell:
         page = run(study, on_progress=tell)
     _say(_console(), f"Report: {page}")
@@ -239,16 +250,13 @@ def export(
         tuple[float, float] | None, typer.Option(metavar="UP DOWN", help="Of fc and pcfr, as people chose them.")
     ] = None,
     period: Annotated[float | None, typer.Option(metavar="S", help="Of the controller [s].")] = None,
-    allow_outside: Annotated[
-        bool, typer.Option("--allow-outside", help="The card may lie outside the study's folder.")
-    ] = False,
+    allow_outside: Outside = False,
 ) -> None:
     """Write the controller as source for a microcontroller."""
     from .deployment.export import export as run
     from .deployment.microcontroller import measure, missing_tools, save_measured
-    from .procedures.registry import open_study
 
-    study = open_study(folder)
+    study = _opened(folder, None, allow_outside)
     with _progress() as tell:
         tell("building the controller", 0.1)
         asked = {"participant": participant, "card": card, "slider": slider, "controller": controller}
@@ -353,12 +361,17 @@ def _progress() -> Iterator[Callable[[str, float], None]]:
         yield lambda text, share: progress.update(task, description=text, completed=share)
 
 
-def _found(folder: Path, command: str, json: bool, run: Callable[[Study, Callable], Result]) -> None:
-    """Open a study, find what it asks for, save that and print it."""
-    from .procedures.print_result import print_result
-    from .procedures.registry import asked, open_study
+def _opened(folder: Path, out: Path | None, allow_outside: bool) -> Study:
+    from .procedures.registry import open_study
 
-    study = open_study(folder)
+    return open_study(folder, out=out, allow_outside=allow_outside)
+
+
+def _found(study: Study, command: str, json: bool, run: Callable[[Study, Callable], Result]) -> None:
+    """Find what a study asks for, save that and print it."""
+    from .procedures.print_result import print_result
+    from .procedures.registry import asked
+
     with _progress() as tell:
         result = run(study, tell)
     result.save(study)
@@ -370,7 +383,7 @@ def _found(folder: Path, command: str, json: bool, run: Callable[[Study, Callabl
     _say(out, f"{result.written(study)}, every figure in {study.results_path}.")
     later = [p.command for p in asked(study)]
     following = [c for c in later[later.index(command) + 1 :] if c != command]
-    _say(out, f"Next: pellucid {following[0] if following else 'report'} {folder}")
+    _say(out, f"Next: pellucid {following[0] if following else 'report'} {study.folder}")
 
 
 def _print_json(study: Study, command: str) -> None:

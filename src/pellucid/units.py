@@ -57,8 +57,8 @@ _SI_TEXTS = (
     "V*s/rad", "V*s^2/rad", "V*s/m", "V*s^2/m", "A*s/rad", "A*s^2/rad", "A*s/m", "A*s^2/m", "V/A",
 )  # fmt: skip
 
-# Pint also reads what only a program may hold, comments for one.
-_TEXT = re.compile(r"[\w°%^*/(). -]+")
+# Pint also reads what only a program may hold, comments for one, and raises numbers to powers without end.
+_TEXT = re.compile(r"(?!.*(?:\d{3}|[\d)]\s*(?:\^|\*\*)))[\w°%^*/(). -]{1,60}")
 
 _NUMBER = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?|[-+]?inf|nan)\s*(.*?)\s*", re.DOTALL)
 
@@ -80,6 +80,10 @@ COORDINATES: Mapping[str, Coordinate] = {
     "m": Coordinate("m", "mm", 1e3, "N", 0.1, {"up": "forwards", "down": "backwards"}),
 }
 """By their SI unit."""
+
+
+SMALLEST, LARGEST = 1e-15, 1e15
+"""Magnitude of any quantity that is not 0, in SI."""
 
 
 def parse_quantity(text: str | float, expected: str | tuple[str, ...] | None, where: str) -> float:
@@ -124,7 +128,12 @@ def parse_quantity(text: str | float, expected: str | tuple[str, ...] | None, wh
     if not unit and expected != "1":
         raise StudyError(f'{_at(where)}found "{text}" without a unit, expected e.g. {_example(expected, match[1])}')
     factor, offset = _factor(unit or "1", expected, where)
-    return number * factor + offset
+    value = number * factor + offset
+    if value and not SMALLEST <= abs(value) <= LARGEST:
+        raise StudyError(
+            f'{_at(where)}found "{text}", expected 0 or from {SMALLEST:g} to {LARGEST:g} in SI, as no machine has more'
+        )
+    return value
 
 
 def to_si_factor(unit: str, expected: str | tuple[str, ...] | None, where: str = "unit") -> tuple[float, float]:

@@ -404,7 +404,7 @@ def test_a_card_outside_the_study_only_where_that_is_said(study, tmp_path, how):
     card = {"relative": f"../../{other.name}", "absolute": str(other), "link": "link.json"}[how]
     run = CliRunner().invoke(app, ["export", str(study.folder), "--card", card])
     assert isinstance(run.exception, PellucidError)
-    assert "found a card outside the study's folder" in str(run.exception)
+    assert "outside the study's folder, expected a file in it; --allow-outside" in str(run.exception)
     assert joint_values(study, card=card, allow_outside=True).numbers["gravity_sine"] == 1.5
 
 

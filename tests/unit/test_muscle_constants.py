@@ -28,7 +28,8 @@ def model(tmp_path):
 
 def study(folder, **said):
     spec = EmgTorque(joints=("knee",), **said)
-    return SimpleNamespace(folder=folder, config=SimpleNamespace(emg_torque=spec))
+    inside = lambda file, where: folder / file  # noqa: E731
+    return SimpleNamespace(inside=inside, config=SimpleNamespace(emg_torque=spec))
 
 
 def test_muscles_of_a_model(model):

@@ -45,7 +45,7 @@ def elbow_values(
     named = ELBOW_CONTROLLERS[controller]
     if exponents is not None and not named.exponents:
         raise PellucidError(f'export of {study.name}: found exponents, expected none: "{controller}" has none')
-    path = study.models_dir / named.card
+    path = study.card(named.card)
     if study.rig.slider is None and not path.is_file():
         raise PellucidError(
             f'export of {study.name}: found the controller "{controller}", expected none: this joint has no carriage'

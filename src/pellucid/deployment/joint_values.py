@@ -38,13 +38,10 @@ def joint_values(
     `card` is its file name in the models folder of `study`, or the first of `CARDS` that is there; `slider` where a
     carriage is, or amid its rail [m]; `period` in [s]; `allow_outside` of the study's folder.
     """
-    name = card or next((n for n in CARDS if (study.models_dir / n).is_file()), CARDS[study.rig.slider is not None])
-    path = study.models_dir / name
-    if not (allow_outside or path.resolve().is_relative_to(study.folder.resolve())):
-        raise PellucidError(
-            f"{path}: found a card outside the study's folder, expected one in {study.models_dir}; --allow-outside "
-            "(allow_outside=True) takes it all the same"
-        )
+    if allow_outside:
+        study = replace(study, allow_outside=True)
+    name = card or next((n for n in CARDS if study.card(n).is_file()), CARDS[study.rig.slider is not None])
+    path = study.card(name)
     found = (read_slider_card if read_table(path).get("kind") == "slider" else read_card)(path)
     given = study.rig.limits
     try:

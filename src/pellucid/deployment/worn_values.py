@@ -43,7 +43,7 @@ def worn_values(study: Study, *, participant: str | None = None, period: float |
     one. `period` [s]."""
     wearer = _wearer(study, participant)
     names = {"orthosis": "orthosis.json", "limb": f"{wearer}.limb.json", "coupling": f"{wearer}.coupling.json"}
-    paths = {kind: study.models_dir / name for kind, name in names.items()}
+    paths = {kind: study.card(name) for kind, name in names.items()}
     cards = {kind: read_parameter_card(path) for kind, path in paths.items()}
     actuator, sampled = _actuator(study)
     coupling = Coupling.of_cards(cards["orthosis"], cards["limb"], cards["coupling"], actuator)
@@ -77,7 +77,7 @@ def worn_values(study: Study, *, participant: str | None = None, period: float |
 
 
 def _wearer(study: Study, participant: str | None) -> str:
-    known = sorted(path.name.removesuffix(".coupling.json") for path in study.models_dir.glob("*.coupling.json"))
+    known = [path.name.removesuffix(".coupling.json") for path in study.cards("*.coupling.json")]
     if participant is None and len(known) == 1:
         return known[0]
     if participant is None or participant not in known:
@@ -91,7 +91,7 @@ def _wearer(study: Study, participant: str | None) -> str:
 def _actuator(study: Study) -> tuple[dict[str, float], float]:
     """By the names of `Coupling`, and the sampling period [s]; the card of a study identified before there was one is
     made of its recordings."""
-    path = study.models_dir / f"{NAME}.json"
+    path = study.card(f"{NAME}.json")
     card = read_parameter_card(path) if path.is_file() else actuator_card(study.name, study.recordings("fit"))
     if card is None:
         raise PellucidError(

@@ -48,13 +48,19 @@ def study_model() -> type[StudyFile]:
     return study_file_model({p.name: p.table for p in PROCEDURES if p.table is not None})
 
 
-def open_study(folder: str | os.PathLike) -> Study:
+def open_study(
+    folder: str | os.PathLike, *, out: str | os.PathLike | None = None, allow_outside: bool = False
+) -> Study:
     """Open a study's folder; recordings are read when they are asked for.
 
     Parameters
     ----------
     folder : path-like
         Folder with a study.toml in it.
+    out : path-like, optional
+        Folder to write to instead of the study's own, which may be read-only.
+    allow_outside : bool
+        Whether files outside the study's folder are read where study.toml names them, or a link leads there.
 
     Returns
     -------
@@ -64,6 +70,8 @@ def open_study(folder: str | os.PathLike) -> Study:
     ------
     StudyError
         If study.toml is missing or cannot be understood.
+    PellucidError
+        If it lies outside the folder.
 
     Examples
     --------
@@ -76,4 +84,4 @@ def open_study(folder: str | os.PathLike) -> Study:
     """
     from ..recordings.study import open_folder
 
-    return open_folder(folder, study_model())
+    return open_folder(folder, study_model(), out=out, allow_outside=allow_outside)

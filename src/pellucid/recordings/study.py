@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import os
+import re
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -12,6 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from .._errors import RecordingError
+from .._given import require_inside
 from .cut import Cut
 from .delay import moved
 from .optical import OpticalRecording, read_optical
@@ -34,6 +36,10 @@ class Study:
         The study.
     config : StudyFile
         study.toml, in SI.
+    out : Path or None
+        Folder that everything is written to instead of the study's own, which may be read-only.
+    allow_outside : bool
+        Whether files outside the study's folder are read where study.toml names them, or a link leads there.
     """
 
     folder: Path
@@ -41,6 +47,8 @@ class Study:
     _loaded: dict = field(default_factory=dict, repr=False)
     _digests: dict[Path, str] = field(default_factory=dict, repr=False)
     found: dict = field(default_factory=dict, repr=False)  # What a procedure found of the recordings, not to ask twice
+    out: Path | None = None
+    allow_outside: bool = False
 
     @property
     def name(self) -> str:
@@ -69,29 +77,56 @@ class Study:
 
     @property
     def models_dir(self) -> Path:
-        """Where model cards are."""
-        return self.folder / "models"
+        """Where model cards are written."""
+        return self.made / "models"
 
     @property
     def results_path(self) -> Path:
         """Every figure the commands printed."""
-        return self.folder / "results.json"
+        return self.made / "results.json"
 
     @property
     def report_dir(self) -> Path:
         """Where the report is."""
-        return self.folder / "report"
+        return self.made / "report"
 
     def kept_path(self, procedure: str) -> Path:
         """Where what a procedure found is kept, to be drawn again."""
-        return self.folder / "kept" / f"{procedure}.npz"
+        return self.made / "kept" / f"{procedure}.npz"
+
+    @property
+    def made(self) -> Path:
+        """Folder of everything that is made of the study."""
+        return self.folder if self.out is None else self.out
+
+    def inside(self, file: str | Path, where: str) -> Path:
+        """A file of the study by its path from the folder; a PellucidError, which says `where` it was named, if it lies
+        outside."""
+        return require_inside(self.folder / file, self.folder, self.allow_outside, where)
+
+    def cards(self, pattern: str = "*.json") -> tuple[Path, ...]:
+        """Model cards whose names match, in order of name; of two of one name the one in `models_dir`."""
+        found = {path.name: path for path in sorted((self.folder / "models").glob(pattern))}
+        found = {name: self.inside(Path("models") / name, f"model card {name}") for name in found}
+        found |= {path.name: path for path in self.models_dir.glob(pattern) if self.out is not None}
+        return tuple(found[name] for name in sorted(found))
+
+    def card(self, name: str) -> Path:
+        """Where the model card of that file name is, or would be."""
+        where = f"model card {name}"
+        if self.out is not None:
+            own = require_inside(self.models_dir / name, self.out, self.allow_outside, where)
+            if own.is_file():
+                return own
+        return self.inside(Path("models") / name, where)
 
     def files(self) -> tuple[Path, ...]:
         """Every file that study.toml names among the recordings, once."""
         found = []
         for entry in self.config.recordings:
             found += [path for _, path in self._paths(entry)]
-            found += [self.folder / file for file in (entry.optical, *entry.streams.values()) if file is not None]
+            beside = [file for file in (entry.optical, *entry.streams.values()) if file is not None]
+            found += [self.inside(file, self._named_by(entry)) for file in beside]
         return tuple(dict.fromkeys(found))
 
     def fingerprint(self, more: Iterable[Path] = ()) -> str:
@@ -152,15 +187,29 @@ class Study:
                     return self._load(entry, each, path, {})
         raise RecordingError(f'{self.folder / STUDY_FILE}: no recording "{name}", found {", ".join(names) or "none"}')
 
+    def _named_by(self, entry: RecordingEntry) -> str:
+        return f'{self.folder / STUDY_FILE}: [[recordings]] "{entry.name}"'
+
+    def _matching(self, entry: RecordingEntry) -> list[Path]:
+        pattern = Path(entry.files)
+        # Whoever may not read outside may not look there either.
+        if ".." in pattern.parts or pattern.is_absolute():
+            self.inside(entry.files, self._named_by(entry))
+        try:
+            paths = sorted(path for path in self.folder.glob(entry.files) if path.is_file())
+        except (ValueError, NotImplementedError) as error:
+            raise RecordingError(f'{self._named_by(entry)}: found files = "{entry.files}": {error}') from None
+        return [self.inside(path.relative_to(self.folder), self._named_by(entry)) for path in paths]
+
     def _paths(self, entry: RecordingEntry) -> list[tuple[str, Path]]:
         if entry.file is not None:
-            path = self.folder / entry.file
+            path = self.inside(entry.file, self._named_by(entry))
             if not path.is_file():
                 raise RecordingError(
                     f'{path}: no such file, expected by [[recordings]] "{entry.name}"{_present(path.parent)}'
                 )
             return [(entry.name, path)]
-        paths = sorted(path for path in self.folder.glob(entry.files) if path.is_file())
+        paths = self._matching(entry)
         if not paths:
             raise RecordingError(
                 f'{self.folder / STUDY_FILE}: [[recordings]] "{entry.name}": no file matches "{entry.files}"'
@@ -168,7 +217,7 @@ class Study:
             )
         if len(paths) == 1:
             return [(entry.name, paths[0])]
-        return [(f"{entry.name}.{path.stem}", path) for path in paths]
+        return [(f"{entry.name}.{_as_name(path.stem)}", path) for path in paths]
 
     def _load(self, entry, name, path, files) -> Recording:
         if name in self._loaded:
@@ -204,14 +253,14 @@ class Study:
 
         digest = self._digest(path)
         if path not in files:
-            files[path] = kept_columns(self.folder / "kept", path, digest)
+            files[path] = kept_columns(self.made / "kept", path, digest)
         return files[path], digest
 
     def _digest(self, path: Path) -> str:
         """SHA-256 of a file, taken once."""
         if path not in self._digests:
             try:
-                self._digests[path] = checksum(path)
+                self._digests[path] = checksum(path) if path.is_file() else ""
             except OSError:  # whoever reads it says so
                 self._digests[path] = ""
         return self._digests[path]
@@ -232,7 +281,7 @@ class Study:
         return Recording(f"{name}.{stream}", path, digest, entry.use, channels, entry.protocol, entry.participant)
 
     def _beside(self, entry, file, what) -> Path:
-        path = self.folder / file
+        path = self.inside(file, self._named_by(entry))
         if not path.is_file():
             raise RecordingError(
                 f'{path}: no such file, expected by {what} of [[recordings]] "{entry.name}"{_present(path.parent)}'
@@ -248,12 +297,20 @@ class Study:
         return read_optical(columns, digest, time, spec, rail.marker if rail is not None else None)
 
 
-def open_folder(folder: str | os.PathLike, model: type[StudyFile] | None = None) -> Study:
+def open_folder(
+    folder: str | os.PathLike,
+    model: type[StudyFile] | None = None,
+    *,
+    out: str | os.PathLike | None = None,
+    allow_outside: bool = False,
+) -> Study:
     """Open a study's folder; recordings are read when they are asked for."""
     from .study_file import StudyFile, parse_study_file
 
     folder = Path(folder)
-    return Study(folder, parse_study_file(folder / STUDY_FILE, model or StudyFile))
+    path = require_inside(folder / STUDY_FILE, folder, allow_outside, str(folder))
+    config = parse_study_file(path, model or StudyFile)
+    return Study(folder, config, out=None if out is None else Path(out), allow_outside=allow_outside)
 
 
 def checksum(path: Path) -> str:
@@ -367,6 +424,11 @@ def _unwrap(values: np.ndarray, period: float) -> None:
     """Undo jumps of whole periods in place; a gap is stepped over, and missing samples stay missing."""
     known = np.isfinite(values)
     values[known] = np.unwrap(values[known], period=period)
+
+
+def _as_name(stem: str) -> str:
+    """A file's name as part of a recording's: what could mean something on a page or in a formula is left out."""
+    return re.sub(r"[^\w .()+,=-]", "_", stem)
 
 
 def _present(folder: Path) -> str:

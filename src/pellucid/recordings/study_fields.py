@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import re
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationInfo
+from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, ValidationInfo, field_validator
 
+from .. import _given
 from ..units import parse_quantity
 
 if TYPE_CHECKING:
@@ -18,10 +20,43 @@ DERIVED = "\0"
 """What the names of fields begin with that follow from others; no person can write such a key."""
 
 
+SMALLEST, LARGEST = 1e-30, 1e30
+"""Magnitude of any plain number that is not 0."""
+
+LONGEST = 10_000
+"""Most characters of a text."""
+
+
+def _word(text: str) -> str:
+    if re.fullmatch(_given.NAME, text) is None:
+        raise ValueError(f"found {text[:100]!r}, expected letters, digits, blanks and . - _, at most 100 of them")
+    return text
+
+
+Word = Annotated[str, AfterValidator(_word)]
+"""What may become part of a file's name, of a column's or of a figure's id."""
+
+Said = Annotated[str, Field(max_length=300)]
+"""What is only shown."""
+
+Place = Annotated[str, Field(min_length=1, max_length=1000)]
+"""Of files, from the study's folder."""
+
+
 class StudyTable(BaseModel):
     """A table; quantities are SI once it is read."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False, hide_input_in_errors=True)
+
+    @field_validator("*", mode="before")
+    @classmethod
+    def _legible(cls, value: Any) -> Any:
+        for text in value if isinstance(value, (list, tuple)) else (value,):
+            if isinstance(text, str) and (len(text) > LONGEST or text != _given.seen(text)):
+                raise ValueError(f"found {text[:100]!r}, expected at most {LONGEST} characters that can be seen")
+            if isinstance(text, float) and text and not SMALLEST <= abs(text) <= LARGEST:
+                raise ValueError(f"found {text:g}, expected 0, or {SMALLEST:g} to {LARGEST:g} of either sign")
+        return value
 
 
 class ProcedureTable(StudyTable):

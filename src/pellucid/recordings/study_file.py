@@ -23,9 +23,10 @@ from pydantic import (
 )
 
 from .._errors import StudyError
+from .._given import read_given
 from ..models.joint import FAMILIES
 from ..units import parse_quantity, si_text, to_si_factor
-from .study_fields import DERIVED, NAME, ProcedureTable, StudyTable, quantity
+from .study_fields import DERIVED, NAME, Place, ProcedureTable, Said, StudyTable, Word, quantity
 from .toml_place import explain
 
 # Gains that a kind of loop needs, and those it may have.
@@ -111,7 +112,7 @@ class Loop(StudyTable):
     kd: float | None = None
     kv: float | None = None
     limit: quantity("<command>", gt=0) | None = None
-    injected: str | None = None
+    injected: Word | None = None
     velocity_span: int = Field(0, ge=0)
     period: quantity("s", gt=0) | None = None
 
@@ -159,7 +160,7 @@ class Slider(StudyTable):
 
     low: quantity("m", ge=0)
     high: quantity("m", gt=0)
-    marker: str | None = None
+    marker: Said | None = None
     mass: quantity("kg", gt=0) | None = None
 
     @model_validator(mode="after")
@@ -186,7 +187,7 @@ class JointTable(StudyTable):
     """
 
     motion: Literal["rotary", "prismatic"]
-    lifts: str = ""
+    lifts: Said = ""
     moving_mass: quantity("kg", gt=0) | None = None
     drive: Drive | None = None
     loop: Loop | None = None
@@ -208,7 +209,7 @@ class JointTable(StudyTable):
 class OneJoint(JointTable):
     """The machine, of one joint: ``[rig]``. `joint` is what it is called: ``"elbow"``."""
 
-    joint: str = "joint"
+    joint: Word = "joint"
 
 
 class RigJoint(JointTable):
@@ -454,7 +455,7 @@ class Optical(StudyTable):
 
     time: ChannelSpec
     unit: str
-    markers: tuple[str, ...]
+    markers: tuple[Said, ...]
     columns: str = "{marker}_{axis}"
     down: tuple[float, float, float]
 
@@ -526,7 +527,7 @@ class Stream(StudyTable):
         ``[streams.NAME.channels]``; ``time`` is the instrument's own clock.
     """
 
-    channels: dict[str, ChannelSpec]
+    channels: dict[Word, ChannelSpec]
 
     @model_validator(mode="before")
     @classmethod
@@ -671,23 +672,23 @@ class RecordingEntry(StudyTable):
     """
 
     name: str = Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]*$")
-    file: str | None = None
-    files: str | None = None
-    protocol: str | None = None
+    file: Place | None = None
+    files: Place | None = None
+    protocol: Word | None = None
     use: Literal["fit", "validate"] = "fit"
     window: tuple[quantity("s"), quantity("s")] | None = None
     exclude: tuple[tuple[quantity("s"), quantity("s")], ...] = ()
-    participant: str | None = None
-    condition: str | None = None
+    participant: Word | None = None
+    condition: Said | None = None
     repetition: int | None = Field(None, ge=1)
     amplitude: quantity("<coordinate>") | None = None
     payload: PayloadSpec | None = None
-    optical: str | None = None
-    streams: dict[str, str] = Field({})
+    optical: Place | None = None
+    streams: dict[Word, Place] = Field({})
     slider: quantity("m", ge=0) | None = None
     start: Literal["measured", "rest"] = "measured"
     processing: Processing | None = None
-    channels: dict[str, ChannelSpec] = Field({})
+    channels: dict[Word, ChannelSpec] = Field({})
 
     @model_validator(mode="after")
     def _one_source(self) -> RecordingEntry:
@@ -727,10 +728,10 @@ class StudyFile(StudyTable):
     citation: str = ""
     notes: tuple[str, ...] = ()
     rig: RigTable
-    participants: dict[str, Participant] = Field({})
-    channels: dict[str, ChannelSpec]
+    participants: dict[Word, Participant] = Field({})
+    channels: dict[Word, ChannelSpec]
     optical: Optical | None = None
-    streams: dict[str, Stream] = Field({})
+    streams: dict[Word, Stream] = Field({})
     processing: Processing = Processing()
     model: Model
     recordings: tuple[RecordingEntry, ...] = ()
@@ -951,7 +952,7 @@ def rig_units(raw: Mapping[str, Any]) -> dict[str, Any]:
 def _joint_units(rig: Mapping[str, Any], channels: Collection[str]) -> dict[str, str | None]:
     drive = rig.get("drive") if isinstance(rig.get("drive"), dict) else {}
     loop = rig.get("loop") if isinstance(rig.get("loop"), dict) else {}
-    motion, kind = rig.get("motion"), drive.get("kind")
+    motion, kind = (x if isinstance(x, str) else None for x in (rig.get("motion"), drive.get("kind")))
     # Without a valid motion or kind nothing is expected of a unit, so that only the true cause is told.
     coordinate, effort = {"rotary": ("rad", "N*m"), "prismatic": ("m", "N")}.get(motion, (None, None))
     electrical = {"torque": effort, "current": "A", "voltage": "V"}.get(kind)
@@ -978,19 +979,24 @@ def parse_study_file(path: Path, model: type[StudyFile] = StudyFile) -> StudyFil
     import tomllib
 
     try:
-        text = path.read_text(encoding="utf-8-sig")
+        text = read_given(path).decode("utf-8-sig")
     except FileNotFoundError:
         raise StudyError(f"{path}: no such file; a study is a folder with a study.toml in it") from None
     except (OSError, UnicodeDecodeError) as error:
         raise StudyError(f"{path}: not readable: {error}") from error
     try:
         raw = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
+    except (ValueError, RecursionError) as error:
         raise StudyError(f"{path}: not valid TOML: {error}") from error
     try:
         return model.model_validate(raw, context=rig_units(raw))
     except ValidationError as error:
         raise StudyError(explain(error, path, text, model)) from None
+    except StudyError:
+        raise
+    except (TypeError, ValueError, KeyError, AttributeError, ArithmeticError, RecursionError) as error:
+        # What stands where another type is expected may break what looks at it before its own check.
+        raise StudyError(f"{path}: not understood: {type(error).__name__}: {error}") from error
 
 
 def json_schema(model: type[StudyFile] = StudyFile) -> dict[str, Any]:

@@ -28,7 +28,7 @@ def study_muscles(study: Study) -> dict[str, MuscleConstants]:
     spec = study.config.emg_torque
     if spec is None or spec.muscle_file is None:
         return {}
-    found = read_muscle_constants(study.folder / spec.muscle_file)
+    found = read_muscle_constants(study.inside(spec.muscle_file, "[emg_torque] muscle_file"))
     missing = [name for name in spec.muscle_names.values() if name not in found]
     if missing:
         raise RecordingError(

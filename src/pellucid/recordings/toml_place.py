@@ -86,14 +86,19 @@ def _say(problem: dict[str, Any], where: tuple, root: type[BaseModel]) -> str:
     if kind == "missing":
         return "missing, and it has no default"
     if kind == "literal_error":
-        return f"found {found!r}, expected {problem['ctx']['expected']}"
+        return f"found {_short(found)}, expected {problem['ctx']['expected']}"
     if kind == "value_error":
         return str(problem["ctx"]["error"])
     if kind == "string_pattern_mismatch":
-        return f"found {found!r}, expected letters, digits, - and _, without blanks"
+        return f"found {_short(found)}, expected letters, digits, - and _, without blanks"
     if kind in ("model_type", "dict_type", "model_attributes_type"):
-        return f"found {found!r}, expected a table"
-    return f"found {found!r}: {problem['msg'][0].lower()}{problem['msg'][1:]}"
+        return f"found {_short(found)}, expected a table"
+    return f"found {_short(found)}: {problem['msg'][0].lower()}{problem['msg'][1:]}"
+
+
+def _short(found: Any) -> str:
+    text = repr(found)
+    return text if len(text) <= 200 else f"{text[:200]}..."
 
 
 def _keys(model: Any, where: tuple) -> list[str]:

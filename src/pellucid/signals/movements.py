@@ -22,6 +22,7 @@ import numpy as np
 
 from .._errors import RecordingError
 from ..units import COORDINATES
+from .even_times import even_times
 from .filters import central_difference, runs, zero_phase_lowpass
 
 FEWEST = 8
@@ -131,7 +132,7 @@ def kinematics(
         )
     steps = np.diff(time)
     fs = 1.0 / float(np.mean(steps[steps < 1.5 * np.median(steps)]))
-    even = time[0] + np.arange(int(np.floor((time[-1] - time[0]) * fs + 0.5)) + 1) / fs
+    even = even_times(time, fs, 0.5)
     filled = np.interp(even, time[seen], angle[seen])
     # How far the nearest samples that were seen are apart, at every sample.
     at = np.searchsorted(time[seen], even, side="right")

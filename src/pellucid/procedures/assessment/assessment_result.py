@@ -103,7 +103,7 @@ class AssessmentResult(Result):
         return indices_along(self.along)
 
     def written(self, study: Study) -> str:
-        return f"Tables for a paper in {study.folder / 'tables'}"
+        return f"Tables for a paper in {study.made / 'tables'}"
 
     @property
     def prose(self) -> str:
@@ -112,4 +112,4 @@ class AssessmentResult(Result):
     def save_more(self, study: Study) -> None:
         from .paper_tables import write_tables
 
-        write_tables(study.folder / "tables", self)
+        write_tables(study.made / "tables", self)

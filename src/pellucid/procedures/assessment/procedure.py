@@ -6,7 +6,7 @@ from typing import Annotated
 
 from pydantic import Field, model_validator
 
-from ...recordings.study_fields import ProcedureTable, quantity
+from ...recordings.study_fields import ProcedureTable, Said, Word, quantity
 from ...recordings.study_file import StudyFile
 from ..procedure import Procedure, late
 
@@ -44,14 +44,14 @@ class AssessmentTable(ProcedureTable):
         Of the intervals, in (0, 1).
     """
 
-    control: str
-    angle: str = "position"
-    segment: tuple[str, ...] = ()
-    target: str = "target"
-    agonists: tuple[str, ...] = ()
-    antagonists: tuple[str, ...] = ()
-    emg: str = "emg"
-    interaction: str = "interaction"
+    control: Said
+    angle: Word = "position"
+    segment: tuple[Word, ...] = ()
+    target: Word = "target"
+    agonists: tuple[Word, ...] = ()
+    antagonists: tuple[Word, ...] = ()
+    emg: Word = "emg"
+    interaction: Word = "interaction"
     lowpass: quantity("Hz", gt=0) = 3.0
     order: int = Field(4, ge=1, le=12)
     threshold: float = Field(0.05, gt=0, lt=0.5)

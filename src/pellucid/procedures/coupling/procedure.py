@@ -6,7 +6,7 @@ from typing import ClassVar, Literal
 
 from pydantic import Field
 
-from ...recordings.study_fields import ProcedureTable
+from ...recordings.study_fields import ProcedureTable, Word
 from ..procedure import Procedure, late
 
 
@@ -27,8 +27,8 @@ class CouplingTable(ProcedureTable):
 
     alone: ClassVar[bool] = True
 
-    imu: str = "imu"
-    emg: str = "emg"
+    imu: Word = "imu"
+    emg: Word = "emg"
     orientation: Literal["vqf", "madgwick"] = "vqf"
     magnetometer: bool = True
     confidence: float = Field(0.95, gt=0, lt=1)

@@ -9,7 +9,7 @@ from typing import Literal
 from pydantic import Field
 
 from ...recordings.study import Study
-from ...recordings.study_fields import ProcedureTable, quantity
+from ...recordings.study_fields import Place, ProcedureTable, Said, Word, quantity
 from ..procedure import Procedure, late
 
 
@@ -34,14 +34,14 @@ class EmgTorqueTable(ProcedureTable):
         What that file calls the study's muscles.
     """
 
-    joints: tuple[str, ...] = Field(min_length=1)
-    muscles: tuple[str, ...] = ()
-    emg: str = "emg"
-    moments: str = "moments"
+    joints: tuple[Word, ...] = Field(min_length=1)
+    muscles: tuple[Word, ...] = ()
+    emg: Word = "emg"
+    moments: Word = "moments"
     chain: Literal["knee", "able", "hill", "none"] = "knee"
     reference_lowpass: quantity("Hz", gt=0) | None = None
-    muscle_file: str | None = None
-    muscle_names: dict[str, str] = Field(default_factory=dict)
+    muscle_file: Place | None = None
+    muscle_names: dict[Word, Said] = Field(default_factory=dict)
 
 
 class EmgTorqueProcedure(Procedure):
@@ -55,7 +55,7 @@ class EmgTorqueProcedure(Procedure):
 
     def inputs(self, study: Study) -> Iterable[Path]:
         """Cards of the bodies that a torque is told by, and the muscles' constants."""
-        yield from (p for p in sorted(study.models_dir.glob("*.json")) if p.stem.endswith(("orthosis", "limb")))
+        yield from (p for p in study.cards() if p.stem.endswith(("orthosis", "limb")))
         constants = study.config.emg_torque.muscle_file
         if constants is not None:
-            yield study.folder / constants
+            yield study.inside(constants, "[emg_torque] muscle_file")

@@ -110,8 +110,11 @@ def repetitions(recordings: Sequence[Recording]) -> dict[str, int]:
 
 def moved_body(study: Study, participant: str | None) -> MovedBody:
     """Limb and orthosis together, from the cards that `identify` wrote."""
-    paths = sorted(study.models_dir.glob("*.json")) if study.models_dir.is_dir() else []
-    read = {path.stem: read_parameter_card(path) for path in paths if path.stem.split(".")[-1] in ("orthosis", "limb")}
+    read = {
+        path.stem: read_parameter_card(path)
+        for path in study.cards()
+        if path.stem.split(".")[-1] in ("orthosis", "limb")
+    }
     orthosis = [c for c in read.values() if c.kind == "orthosis"]
     limbs = [c for c in read.values() if c.kind == "limb" and participant in (None, c.settings.get("participant"))]
     if not orthosis or not limbs:

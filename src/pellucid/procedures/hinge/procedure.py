@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import ClassVar
 
-from ...recordings.study_fields import ProcedureTable, quantity
+from ...recordings.study_fields import ProcedureTable, Word, quantity
 from ..procedure import Procedure, late
 
 
@@ -28,8 +28,8 @@ class HingeTable(ProcedureTable):
 
     alone: ClassVar[bool] = True
 
-    proximal: str = "proximal"
-    distal: str = "distal"
+    proximal: Word = "proximal"
+    distal: Word = "distal"
     calibration: quantity("s", gt=0) = 10.0
     score_from: quantity("s", ge=0) = 10.0
     jump: quantity("rad", gt=0)

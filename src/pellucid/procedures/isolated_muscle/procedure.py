@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pydantic import Field
 
-from ...recordings.study_fields import ProcedureTable, quantity
+from ...recordings.study_fields import ProcedureTable, Word, quantity
 from ..procedure import Procedure, late
 
 
@@ -35,9 +35,9 @@ class IsolatedMuscleTable(ProcedureTable):
         From when on the force is fitted and judged [s].
     """
 
-    force: str = "force"
-    displacement: str = "displacement"
-    stream: str = "displacement"
+    force: Word = "force"
+    displacement: Word = "displacement"
+    stream: Word = "displacement"
     isometric_force: quantity("N", gt=0)
     max_isometric_force: quantity("N", gt=0)
     optimal_fibre_length: quantity("m", gt=0)

@@ -13,6 +13,7 @@ from ...recordings.recording import Recording
 from ...recordings.study import Study
 from ...recordings.study_file import Processing
 from ...signals.effort import DriveModel, command_of, drive_model
+from ...signals.even_times import even_times
 from ...signals.filters import runs
 from ...signals.long_motion import LONG, pieces
 from ...signals.motion import Filtering, Motion, motion_of, shortest
@@ -185,7 +186,7 @@ def evenly_sampled(recording: Recording, span: slice, processing: Processing) ->
     if processing.resample is None:
         return recording.fs, values
     fs, time = processing.resample, values["time"]
-    grid = time[0] + np.arange(int(np.floor((time[-1] - time[0]) * fs)) + 1) / fs
+    grid = even_times(time, fs)
     held = {"enabled"}
     nearest = np.clip(np.searchsorted(time, grid, side="right") - 1, 0, len(time) - 1)
     even = {n: x[nearest] if n in held else np.interp(grid, time, x) for n, x in values.items() if n != "time"}

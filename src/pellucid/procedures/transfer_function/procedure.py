@@ -6,7 +6,7 @@ from typing import ClassVar, Literal
 
 from pydantic import Field, model_validator
 
-from ...recordings.study_fields import ProcedureTable
+from ...recordings.study_fields import ProcedureTable, Word
 from ..procedure import Procedure, late
 
 
@@ -27,8 +27,8 @@ class TransferFunctionTable(ProcedureTable):
 
     alone: ClassVar[bool] = True
 
-    input: str = "torque"
-    output: str = "position"
+    input: Word = "torque"
+    output: Word = "position"
     poles: int = Field(ge=1, le=8)
     zeros: int = Field(0, ge=0)
     hold: Literal["first", "zero"] = "first"
