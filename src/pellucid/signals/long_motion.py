@@ -38,10 +38,17 @@ def thinned(filtering: Filtering, fs: float, samples: int) -> Filtering:
 
 
 def pieces(
-    time: np.ndarray, position: np.ndarray, command: np.ndarray, filtering: Filtering, *, fs: float, **more
+    time: np.ndarray,
+    position: np.ndarray,
+    command: np.ndarray,
+    filtering: Filtering,
+    *,
+    fs: float,
+    velocity: np.ndarray | None = None,
+    **more,
 ) -> Iterator[Motion]:
-    """A stretch as motions whose inner samples follow each other; `time`, `position`, `command` (n,) [s], [rad or m],
-    in the drive's unit; `fs` [Hz]. What else `motion_of` takes goes to it."""
+    """A stretch as motions whose inner samples follow each other; `time`, `position`, `command`, a recorded `velocity`
+    (n,) [s], [rad or m], in the drive's unit; `fs` [Hz]. What else `motion_of` takes goes to it."""
     f = thinned(filtering, fs, len(time))
     margin = -(-decimation_memory(f.decimate // f.thin) * f.thin // f.decimate)
     settled = 0 if f.lowpass is None else lowpass_memory(f.order, f.lowpass, fs)
@@ -52,5 +59,6 @@ def pieces(
     own = replace(f, trim=border, margin=margin)
     for first, last in pairwise(edges):
         part = slice(first - border, last + border)
-        made = motion_of(time[part], position[part], command[part], own, fs=fs, **more)
+        recorded = None if velocity is None else velocity[part]
+        made = motion_of(time[part], position[part], command[part], own, fs=fs, velocity=recorded, **more)
         yield replace(made, raw_position=None, command=None)

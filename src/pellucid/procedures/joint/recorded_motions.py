@@ -112,6 +112,7 @@ def _motions_of(recording: Recording, study: Study, model: DriveModel, within: i
             start=stretch.start,
             recording=recording.name,
             split="fitted" if recording.use == "fit" else "heldout",
+            velocity=stretch.recording["velocity"] if processing.velocity == "recorded" else None,
             payload=(0.0, 0.0) if recording.payload is None else (recording.payload.mass, recording.payload.distance),
         )
         arrays = stretch.time, stretch.recording["position"], command
@@ -122,7 +123,6 @@ def _motions_of(recording: Recording, study: Study, model: DriveModel, within: i
             yield motion_of(
                 *arrays,
                 filtering,
-                velocity=stretch.recording["velocity"] if processing.velocity == "recorded" else None,
                 reference=stretch.recording["reference"] if "reference" in recording else None,
                 injected=stretch.recording[injected] if injected and injected in recording else None,
                 **more,
