@@ -50,7 +50,7 @@ def test_the_example_of_several_joints_is_valid(tmp_path):
 
 def test_the_slider_s_examples_are_valid(tmp_path):
     """They stand apart from the whole example, which has no slider: put into it."""
-    example, _, rail, _, optical, *_ = EXAMPLES
+    example, _, rail, _, _, optical, *_ = EXAMPLES
     head, channels = example.split("[channels]")
     (tmp_path / "study.toml").write_text(f"{head}{rail}[channels]{channels}{optical}", encoding="utf-8")
     study = open_study(tmp_path).config
@@ -65,6 +65,14 @@ def test_the_streams_example_is_valid(tmp_path):
     study = open_study(tmp_path).config
     assert study.streams["emg"].channels["emg.rectus_femoris"].si_unit == "V"
     assert study.recordings[-1].streams == {"emg": "recordings/P1_swing_emg.csv"}
+
+
+def test_the_example_of_a_joined_stream_is_valid(tmp_path):
+    """So does this one."""
+    (tmp_path / "study.toml").write_text(f"{EXAMPLES[0]}\n{EXAMPLES[4]}", encoding="utf-8")
+    study = open_study(tmp_path).config
+    assert list(study.joined_channels("drive")) == ["current"]
+    assert study.recordings[-1].offsets == {"drive": 0.3512}
 
 
 @pytest.mark.parametrize("table", TABLES, ids=lambda table: table.__name__)

@@ -14,7 +14,7 @@ interval reaches over all of theirs.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -36,6 +36,9 @@ SURE = 4.0
 WORTH = 0.15
 """Share of the residual's mean square that a delay explains before it is one: what friction models lack looks like one
 of some milliseconds, and explains less."""
+
+LEAST_SEEN = 0.5
+"""Share of a motion during which an effort must be recorded for a delay to be tried."""
 
 ALIKE = 1.1
 """By how much the residual's mean square may exceed the smallest of those tried."""
@@ -193,3 +196,25 @@ def _basis(w: np.ndarray) -> np.ndarray:
     """An orthonormal basis, (m, r), of the columns of `w`, (m, p), proportional ones once."""
     left, singular, _ = np.linalg.svd(w, full_matrices=False)
     return left[:, singular > 1e-9 * singular[0]]
+
+
+def likeliest(
+    w: np.ndarray, effort: Callable[[np.ndarray], np.ndarray], times: np.ndarray, tried: np.ndarray, apart: float
+) -> tuple[float, float]:
+    """The one of the delays `tried` [s] at which a regressor, (m, p), at `times`, (m,) [s], leaves the least of an
+    effort, NaN where it is not recorded, unexplained; and how many times as much the best of those leaves that lie
+    `apart` [s] from it."""
+    q = _basis(w / np.maximum(np.linalg.norm(w, axis=0), np.finfo(float).tiny))
+    left = np.full(len(tried), np.inf)
+    for i, delay in enumerate(tried):
+        y = effort(times + delay)
+        inside = np.isfinite(y)
+        if inside.mean() < LEAST_SEEN:
+            continue
+        y, basis = y[inside], q if inside.all() else _basis(q[inside])
+        off = y - basis @ (basis.T @ y)
+        spread = y - y.mean()
+        left[i] = float(off @ off) / max(float(spread @ spread), np.finfo(float).tiny)
+    best = int(np.argmin(left))
+    others = left[np.abs(tried - tried[best]) > apart]
+    return float(tried[best]), float(others.min() / left[best]) if others.size else np.inf

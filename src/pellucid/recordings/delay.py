@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from .cut import Cut
-from .recording import Recording
+from .recording import Channel, Recording
 
 MOVED = "moved"
 """Kind of the cuts in which a moved channel has no sample; the delay itself is told, they are not."""
@@ -23,22 +23,37 @@ def moved(recording: Recording, delays: Mapping[str, float]) -> Recording:
     delays = {name: delay for name, delay in delays.items() if delay != 0.0 and name in recording}
     if not delays or not (np.diff(recording.time) > 0.0).all():
         return recording  # time that does not increase is refused later
-    time, channels = recording.time, dict(recording.channels)
-    lost = np.zeros(len(recording), bool)
+    time, channels = recording.time, {}
     for name, delay in delays.items():
-        old, new = channels[name].samples, np.full(len(time), np.nan)
+        old, new = recording[name], np.full(len(time), np.nan)
         for span in recording.spans:
             new[span] = at_times(time[span], old[span], time[span] + delay, hold=name.partition(".")[0] == "enabled")
-            lost[span] |= np.isnan(new[span]) & ~np.isnan(old[span])
-        channels[name] = replace(channels[name], samples=new)
+        channels[name] = replace(recording.channels[name], samples=new)
+    lost = np.any([np.isnan(c.samples) & ~np.isnan(recording[name]) for name, c in channels.items()], axis=0)
+    return with_channels(recording, channels, lost)
+
+
+def with_channels(
+    recording: Recording, channels: Mapping[str, Channel], lost: np.ndarray, kind: str = MOVED, found: str = ""
+) -> Recording:
+    """The recording with `channels` in place of its own or beside them, without the samples, (n,) bool, in which they
+    are `lost`: at either end the recording is shorter, elsewhere it is cut, which is of a `kind` and was `found`."""
+    inside = np.zeros(len(recording), bool)
+    for span in recording.spans:
+        inside[span] = True
+    channels = {**recording.channels, **channels}
     kept = np.flatnonzero(~lost)
     if not kept.size:
-        return replace(recording, channels=channels, cuts=(*recording.cuts, _cut(recording, 0, len(lost) - 1)))
+        return replace(
+            recording, channels=channels, cuts=(*recording.cuts, _cut(recording, kind, found, 0, len(lost) - 1))
+        )
     whole = slice(int(kept[0]), int(kept[-1]) + 1)
-    edges = np.flatnonzero(np.diff(np.concatenate(([0], lost[whole].view(np.int8), [0]))))
+    edges = np.flatnonzero(np.diff(np.concatenate(([0], (lost & inside)[whole].view(np.int8), [0]))))
     cuts = [*recording.cuts]
-    cuts += [_cut(recording, whole.start + a, whole.start + b - 1) for a, b in edges.reshape(-1, 2).tolist()]
-    inside = [cut for cut in cuts if cut.last >= whole.start and cut.first < whole.stop]
+    cuts += [
+        _cut(recording, kind, found, whole.start + a, whole.start + b - 1) for a, b in edges.reshape(-1, 2).tolist()
+    ]
+    left = [cut for cut in cuts if cut.last >= whole.start and cut.first < whole.stop]
     return replace(
         recording,
         channels={name: replace(c, samples=c.samples[whole]) for name, c in channels.items()},
@@ -46,14 +61,21 @@ def moved(recording: Recording, delays: Mapping[str, float]) -> Recording:
             replace(
                 cut, first=max(cut.first, whole.start) - whole.start, last=min(cut.last, whole.stop - 1) - whole.start
             )
-            for cut in sorted(inside, key=lambda cut: cut.first)
+            for cut in sorted(left, key=lambda cut: cut.first)
         ),
     )
 
 
-def _cut(recording: Recording, first: int, last: int) -> Cut:
+def _cut(recording: Recording, kind: str, found: str, first: int, last: int) -> Cut:
     time = recording.time
-    return Cut(MOVED, "time", float(time[first]), float(time[min(last + 1, len(time) - 1)]), first, last, "no sample")
+    return Cut(kind, "time", float(time[first]), float(time[min(last + 1, len(time) - 1)]), first, last, found)
+
+
+def part_of(recording: Recording, first: int, stop: int) -> Recording:
+    """A recording without what lies before its sample `first` and from `stop` on."""
+    outside = ((0, first - 1), (stop, len(recording) - 1))
+    cuts = [_cut(recording, MOVED, "", a, b) for a, b in outside if a <= b]
+    return replace(recording, cuts=(*recording.cuts, *cuts))
 
 
 def at_times(time: np.ndarray, samples: np.ndarray, wanted: np.ndarray, *, hold: bool = False) -> np.ndarray:

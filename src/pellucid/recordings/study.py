@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import os
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -16,6 +16,7 @@ from .._errors import RecordingError
 from .._given import require_inside
 from .cut import Cut
 from .delay import moved
+from .joined_stream import first_offset, joined
 from .optical import OpticalRecording, read_optical
 from .recording import Channel, Payload, Recording
 
@@ -46,6 +47,7 @@ class Study:
     config: StudyFile = field(repr=False)
     _loaded: dict = field(default_factory=dict, repr=False)
     _digests: dict[Path, str] = field(default_factory=dict, repr=False)
+    _apart: dict[str, Recording] = field(default_factory=dict, repr=False)  # Before streams were joined
     found: dict = field(default_factory=dict, repr=False)  # What a procedure found of the recordings, not to ask twice
     out: Path | None = None
     allow_outside: bool = False
@@ -244,8 +246,29 @@ class Study:
             cuts=_excluded(entry, path, channels["time"].samples),
         )
         specs = self.config.channels_of(entry)
-        recording = moved(recording, {n: s.delay for n, s in specs.items() if isinstance(s.delay, float)})
-        self._loaded[name] = recording
+        recording = _in_time(recording, specs)
+        self._apart[name] = recording
+        self._loaded[name] = self._joined(recording, entry, {})
+        return self._loaded[name]
+
+    def apart(self, name: str) -> Recording:
+        """A recording before streams were joined."""
+        return self._apart[name]
+
+    def rejoined(self, name: str, clocks: Mapping[str, tuple[float, float]]) -> Recording:
+        """A recording with its streams joined by offsets [s] and drifts that were found of their `clocks`."""
+        entry = self.config.entry_of(name)
+        return self._joined(self._apart[name], entry, clocks)
+
+    def _joined(self, recording: Recording, entry: RecordingEntry, clocks: Mapping[str, tuple[float, float]]):
+        for stream in entry.streams:
+            table, beside = self.config.streams[stream], recording.streams[stream]
+            if not table.join:
+                continue
+            offset, drift = entry.offsets.get(stream, table.offset), table.drift
+            first = first_offset(recording, beside) if offset == "auto" else offset
+            found = clocks.get(stream, (first, 0.0 if drift == "auto" else drift))
+            recording = joined(recording, beside, *found)
         return recording
 
     def _read_once(self, path: Path, files: dict[Path, Columns]) -> tuple[Columns, str]:
@@ -268,7 +291,10 @@ class Study:
     def specs_of(self, recording: Recording) -> dict[str, ChannelSpec]:
         """What study.toml says of a recording's channels."""
         entry = self.config.entry_of(recording.name)
-        return self.config.channels if entry is None else self.config.channels_of(entry)
+        if entry is None:
+            return self.config.channels
+        streams = {n: c for stream in entry.streams for n, c in self.config.joined_channels(stream).items()}
+        return {**streams, **self.config.channels_of(entry)}
 
     def processing_of(self, recording: Recording) -> Processing:
         """What is done to the samples of a recording before a regression."""
@@ -278,7 +304,8 @@ class Study:
         path = self._beside(entry, entry.streams[stream], f"the stream {stream}")
         columns, digest = self._read_once(path, files)
         channels = _channels(columns, self.config.streams[stream].channels, None)
-        return Recording(f"{name}.{stream}", path, digest, entry.use, channels, entry.protocol, entry.participant)
+        made = Recording(f"{name}.{stream}", path, digest, entry.use, channels, entry.protocol, entry.participant)
+        return _in_time(made, self.config.streams[stream].channels)
 
     def _beside(self, entry, file, what) -> Path:
         path = self.inside(file, self._named_by(entry))
@@ -311,6 +338,11 @@ def open_folder(
     path = require_inside(folder / STUDY_FILE, folder, allow_outside, str(folder))
     config = parse_study_file(path, model or StudyFile)
     return Study(folder, config, out=None if out is None else Path(out), allow_outside=allow_outside)
+
+
+def _in_time(recording: Recording, specs: Mapping[str, ChannelSpec]) -> Recording:
+    """A recording whose channels lie where study.toml says that they belong."""
+    return moved(recording, {n: spec.delay for n, spec in specs.items() if isinstance(spec.delay, float)})
 
 
 def checksum(path: Path) -> str:

@@ -525,9 +525,23 @@ class Stream(StudyTable):
     ----------
     channels : dict[str, ChannelSpec]
         ``[streams.NAME.channels]``; ``time`` is the instrument's own clock.
+    join : bool
+        Whether its channels are taken over into the recording, onto the recording's time.
+    offset : str or float
+        How much later its clock is, once joined [s]; ``"auto"``: found from the motion.
+    drift : str or float
+        Share by which its clock runs faster; ``"auto"``: found from the motion.
     """
 
     channels: dict[Word, ChannelSpec]
+    join: bool = False
+    offset: Annotated[Literal["auto"] | float, Field(json_schema_extra={"type": "string"})] = "auto"
+    drift: Annotated[Literal["auto"] | float, Field(json_schema_extra={"type": "string"})] = "auto"
+
+    @field_validator("offset", "drift", mode="before")
+    @classmethod
+    def _given_or_auto(cls, value: Any, info: ValidationInfo) -> Any:
+        return value if value == "auto" else parse_quantity(value, {"offset": "s", "drift": "1"}[info.field_name], "")
 
     @model_validator(mode="before")
     @classmethod
@@ -540,6 +554,14 @@ class Stream(StudyTable):
     def _has_a_clock(self) -> Stream:
         if "time" not in self.channels:
             raise ValueError("no channel time found, expected one with its column and unit, or its rate")
+        if not self.join and {"offset", "drift"} & self.model_fields_set:
+            raise ValueError("found offset or drift of a stream on a clock of its own, expected join = true beside it")
+        both = {"position", *DRIVEN} & set(self.channels)
+        if self.join and not both and "auto" in (self.offset, self.drift):
+            raise ValueError(
+                'found join = true with neither position nor the drive among its channels: expected offset = "... s" '
+                "and drift = 0, since nothing in it tells them"
+            )
         return self
 
 
@@ -661,6 +683,8 @@ class RecordingEntry(StudyTable):
         Path of the motion capture's file of the same trial, from the study's folder.
     streams : dict[str, str]
         Paths of other instruments' files of the same trial, by the name of their ``[streams.NAME]``.
+    offsets : dict[str, float]
+        How much later those instruments' clocks are in this trial [s], where a stream is joined.
     slider : float or None
         Where the carriage was clamped, by a ruler: distance from the axis [m].
     start : str
@@ -685,6 +709,7 @@ class RecordingEntry(StudyTable):
     payload: PayloadSpec | None = None
     optical: Place | None = None
     streams: dict[Word, Place] = Field({})
+    offsets: dict[str, quantity("s")] = Field({})
     slider: quantity("m", ge=0) | None = None
     start: Literal["measured", "rest"] = "measured"
     processing: Processing | None = None
@@ -771,7 +796,8 @@ class StudyFile(StudyTable):
                 raise ValueError(f'[[recordings]] the name "{entry.name}" is given twice, expected each once')
             if "time" not in self.channels_of(entry):
                 raise ValueError("[channels] no channel time found, expected one with its column and unit")
-            channels = self.channels_of(entry)
+            channels = set(self.channels_of(entry))
+            channels |= {c for stream in entry.streams for c in self.joined_channels(stream)}
             joints = ("velocity", *(f"velocity.{joint.joint}" for joint in self.rig.joints))
             if (entry.processing or self.processing).velocity == "recorded" and not any(
                 name in channels for name in joints
@@ -785,6 +811,12 @@ class StudyFile(StudyTable):
                     raise ValueError(
                         f'[[recordings]] {entry.name}: found the stream "{stream}", expected one of [streams]: '
                         f"{', '.join(self.streams) or 'none'}"
+                    )
+            for stream in entry.offsets:
+                if stream not in entry.streams or not self.streams[stream].join:
+                    raise ValueError(
+                        f"[[recordings]] {entry.name}: found an offset of {stream}, expected one of its streams with "
+                        "join = true"
                     )
         return self
 
@@ -810,6 +842,12 @@ class StudyFile(StudyTable):
             raise ValueError("[rig.drive] no such table found, expected one that says how the effort is known")
         for table in self.procedures.values():
             table.require_in(self)
+        open_clocks = [n for n, s in self.streams.items() if s.join and "auto" in (s.offset, s.drift)]
+        if open_clocks and (alone or self.rail is not None or any(joint.drive is None for joint in self.rig.joints)):
+            raise ValueError(
+                f'[streams.{open_clocks[0]}] found join = true without offset = "... s" and drift = 0, expected both: '
+                "they are found only where a joint with friction is identified"
+            )
         return self
 
     @model_validator(mode="after")
@@ -847,6 +885,11 @@ class StudyFile(StudyTable):
         found = {name: getattr(self, name) for name in type(self).model_fields}
         return {name: table for name, table in found.items() if isinstance(table, ProcedureTable)}
 
+    def joined_channels(self, stream: str) -> dict[str, ChannelSpec]:
+        """Channels that a recording has of a stream."""
+        table = self.streams.get(stream)
+        return {n: c for n, c in table.channels.items() if n != "time"} if table is not None and table.join else {}
+
     def entry_of(self, recording: str) -> RecordingEntry | None:
         """What is said of a recording by its name; None of one that is not named, as one held in memory."""
         named = {entry.name: entry for entry in self.recordings}
@@ -859,7 +902,7 @@ class StudyFile(StudyTable):
         return self.processing if entry is None or entry.processing is None else entry.processing
 
     def channels_of(self, entry: RecordingEntry) -> dict[str, ChannelSpec]:
-        """All channels of one recording: the defaults, with its own in their place."""
+        """All channels of one recording's own file: the defaults, with its own in their place."""
         return {**self.channels, **entry.channels}
 
 
@@ -936,6 +979,10 @@ def rig_units(raw: Mapping[str, Any]) -> dict[str, Any]:
     """
     rig = raw.get("rig") if isinstance(raw.get("rig"), dict) else {}
     channels = raw.get("channels") if isinstance(raw.get("channels"), dict) else {}
+    streams = raw.get("streams") if isinstance(raw.get("streams"), dict) else {}
+    for table in streams.values():
+        if isinstance(table, dict) and table.get("join") is True and isinstance(table.get("channels"), dict):
+            channels = {**table["channels"], **channels}
     names = joint_names(raw)
     if not names:
         return _joint_units(rig, set(channels))

@@ -3,28 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from ..._errors import PellucidError
 from ...fit.delay import Delay
 from ...fit.joint.drive_delay import drive_delay
-from ...models.joint import joint_model
-from ...recordings.cut import Cut
-from ...recordings.delay import MOVED, moved
+from ...recordings.delay import moved
 from ...recordings.quality import drive_channel
 from ...recordings.recording import Recording
 from ...recordings.study import Study
 from ...signals.effort import drive_model
 from ...signals.motion import Motion
+from .first_look import simple_model, some_of
+from .joined_clocks import clocks_to_find, rejoined
 from .recorded_motions import Excerpt, excerpt_of, motions_of
-
-MOST = 200_000
-"""Samples, at the recordings' rate, from which the delay is estimated; of more, stretches of every recording."""
-
-STRETCHES = 4
-"""Stretches of a long recording that are looked at."""
 
 
 @dataclass(frozen=True)
@@ -69,12 +63,17 @@ class Alignment:
 def motions(study: Study, use: str | None = None) -> tuple[Motion, ...]:
     """Every stretch of every recording of a study in which nothing was cut out and the drive was enabled, its drive
     moved to where it belongs, filtered and differentiated."""
-    return motions_of([_aligned(r, study) for r in study.recordings(use)], study)
+    return motions_of(aligned(study, use), study)
+
+
+def aligned(study: Study, use: str | None = None) -> list[Recording]:
+    """A study's recordings with their streams joined by the clocks found, and the drive where it belongs."""
+    return [_aligned(rejoined(r, study), study) for r in study.recordings(use)]
 
 
 def excerpt(study: Study, everything: tuple[Motion, ...]) -> Excerpt:
     """Everything that was recorded where it is little, and parts of each recording otherwise, aligned as it was."""
-    return excerpt_of([_aligned(r, study) for r in study.recordings()], study, everything)
+    return excerpt_of(aligned(study), study, everything)
 
 
 def alignment(study: Study) -> Alignment | None:
@@ -92,7 +91,7 @@ def _aligned(recording: Recording, study: Study) -> Recording:
 def _open(recording: Recording, study: Study) -> bool:
     """Whether a recording's delay is to be estimated: study.toml gives none."""
     spec = study.specs_of(recording).get(drive_channel(recording, study) or "")
-    return spec is not None and not isinstance(spec.delay, float)
+    return spec is not None and not isinstance(spec.delay, float) and not clocks_to_find(recording, study)
 
 
 def _alignment(study: Study) -> Alignment | None:
@@ -109,38 +108,9 @@ def _alignment(study: Study) -> Alignment | None:
 
 def _estimated(recordings: Sequence[Recording], study: Study, step: float) -> Delay | None:
     drive = drive_model(study.rig)
-    plain = joint_model(
-        "symmetric",
-        motion=study.rig.motion,
-        effort_unit=drive.effort_unit,
-        gravity=study.model.gravity,
-        known=study.model.known,
-    )
-    plain = replace(plain, payload_scale=1.0 if drive.effort_unit in ("N*m", "N") else 0.0)
     try:
-        return drive_delay(plain, motions_of(_fewer(recordings), study), drive.back_emf, quantile=1.96, step=step)
+        return drive_delay(
+            simple_model(study), motions_of(some_of(recordings), study), drive.back_emf, quantile=1.96, step=step
+        )
     except (PellucidError, np.linalg.LinAlgError):
         return None  # what is wrong with them is told by those who fit
-
-
-def _fewer(recordings: Sequence[Recording]) -> list[Recording]:
-    """The recordings, of long ones a few stretches spread over them."""
-    total = sum(len(r) for r in recordings)
-    if total <= MOST:
-        return list(recordings)
-    length = max(MOST // (STRETCHES * len(recordings)), 1)
-    made = []
-    for recording in recordings:
-        starts = np.linspace(0, len(recording), STRETCHES + 1)[:-1].astype(int) if len(recording) > MOST else [0]
-        ends = [s + length for s in starts] if len(starts) > 1 else [STRETCHES * length]
-        made += [_part(recording, s, min(e, len(recording))) for s, e in zip(starts, ends, strict=True)]
-    return made
-
-
-def _part(recording: Recording, first: int, stop: int) -> Recording:
-    """A recording without what lies before and after."""
-    time, cuts = recording.time, list(recording.cuts)
-    for a, b in ((0, first - 1), (stop, len(recording) - 1)):
-        if a <= b:
-            cuts.append(Cut(MOVED, "time", float(time[a]), float(time[b]), a, b, "", by="automatic"))
-    return replace(recording, cuts=tuple(cuts))

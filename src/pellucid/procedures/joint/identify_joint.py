@@ -25,6 +25,7 @@ from ..procedure import Progress, quiet
 from . import findings
 from .aligned_motions import excerpt, motions
 from .drive_sign import sign_error
+from .joined_clocks import require_clocks
 from .joint_case import JointCase
 from .joint_result import JointResult, completed, traces_of
 from .recorded_motions import filtering_of
@@ -44,6 +45,7 @@ def identify_joint(
     for recording in recordings:
         require_sound(recording, study)
     require_velocity(study)
+    require_clocks(study)
     everything = motions(study)
     part = excerpt(study, everything)
     data = stack([m for m in everything if m.split == "fitted"])

@@ -11,6 +11,7 @@ from ...recordings.study import Study
 from ...signals.effort import drive_model
 from .aligned_motions import alignment, motions
 from .drive_sign import sign_error
+from .joined_clocks import clocks
 from .recorded_motions import left_out
 from .velocity_faults import velocity_faults
 
@@ -21,6 +22,11 @@ def joint_faults(study: Study) -> list[Fault]:
     if any(fault.severity == "refuse" for fault in faults):
         return faults
     faults += left_out(study) + velocity_faults(study)
+    if any(fault.severity == "refuse" for fault in faults):
+        return faults
+    for clock in clocks(study):
+        said, kind = f"{clock.said} {clock.do}", "refuse" if clock.why else "note"
+        faults.append(Fault(kind, "clock", clock.file, "time", f"{clock.offset:.6g} s", "its offset", said))
     if any(fault.severity == "refuse" for fault in faults):
         return faults
     try:
