@@ -709,7 +709,7 @@ class RecordingEntry(StudyTable):
     payload: PayloadSpec | None = None
     optical: Place | None = None
     streams: dict[Word, Place] = Field({})
-    offsets: dict[str, quantity("s")] = Field({})
+    offsets: dict[Word, quantity("s")] = Field({})
     slider: quantity("m", ge=0) | None = None
     start: Literal["measured", "rest"] = "measured"
     processing: Processing | None = None
