@@ -5,6 +5,7 @@ import pytest
 from scipy.signal import lfilter
 
 from pellucid.fit.uncertainty import (
+    _student_over_normal,
     block_bootstrap,
     block_length,
     correlation_time,
@@ -118,3 +119,10 @@ def test_a_parameter_on_its_bound_lends_its_bias_to_no_interval():
     # Held away from its best value, the last parameter leaves a mean in its scores.
     held = sandwich(w, e + 0.5 * w[:, 2], [N])
     assert held[2, 2] == pytest.approx(sandwich(w, e, [N])[2, 2], rel=0.3)
+
+
+@pytest.mark.parametrize("freedom", [12.0, 20.0, 300.0])
+def test_student_s_quantile_is_scipy_s(freedom):
+    from scipy.special import ndtri, stdtrit
+
+    assert _student_over_normal(freedom) == pytest.approx(stdtrit(freedom, 0.975) / ndtri(0.975), rel=2e-6)

@@ -14,7 +14,6 @@ from ...recordings.joined_stream import first_offset
 from ...recordings.quality import DRIVE_CHANNELS
 from ...recordings.recording import Recording
 from ...recordings.study import Study
-from ...signals.clocks import Alignment, clock_drift
 from ...signals.effort import command_of, drive_model
 from .first_look import simple_model, some_of
 from .recorded_motions import motions_of
@@ -190,6 +189,8 @@ def _delay(recording: Recording, study: Study) -> Delay | None:
 
 def _drifting(clock: Clock, recording: Recording, sense: float, study: Study) -> Clock:
     """The same with its drift, from both halves of the recording."""
+    from ...signals.clocks import Alignment, clock_drift  # with SciPy's optimisers: only where files were joined
+
     whole = study.rejoined(recording.name, {clock.stream: (clock.offset, 0.0)})
     n, halves = len(whole), []
     for first, stop in ((0, n // 2), (n // 2, n)):

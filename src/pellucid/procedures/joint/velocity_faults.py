@@ -12,7 +12,6 @@ from ...recordings.quality import Fault
 from ...recordings.recording import Recording
 from ...recordings.study import Study
 from ...recordings.study_file import Processing
-from ...signals.clocks import align
 from ...signals.motion import differentiate, lowpassed, shortest
 from .recorded_motions import filtering_of, stretches_of
 
@@ -53,6 +52,8 @@ def require_velocity(study: Study) -> None:
 
 
 def _faults(recording: Recording, processing: Processing) -> Iterator[Fault]:
+    from ...signals.clocks import align  # with SciPy's optimisers: only where a velocity was recorded
+
     longest = max(stretches_of(recording, processing), key=lambda s: len(s.time), default=None)
     filtering = filtering_of(processing)
     if longest is None or len(longest.time) < shortest(filtering):
