@@ -1,8 +1,8 @@
 """Which estimator's values are the headline: the one that does best, on what was held out, what they are wanted for.
 
 They are wanted to predict torque (the effort of a recorded motion) or to simulate (the motion of a recorded command).
-What they are for is judged first; among those that are then not significantly worse than the best, the other judges.
-Where neither tells them apart, the plainest stays: least squares, whose values are in every family's rows and card.
+What they are for is judged first: of those that are not significantly worse than the best, the plainest is taken, which
+is least squares where it is among them. Only where another of these does far better at the other purpose, that one is.
 """
 
 from __future__ import annotations
@@ -22,6 +22,8 @@ from .replay import Machine, Simulation, simulation_of
 METHODS = ("ls", "wls", "irls", "iv", "didim", "output_error")
 """Plainest first."""
 
+DECISIVE = 1.5  # times the smallest error, from where the purpose that was not asked for decides too
+
 
 @dataclass(frozen=True)
 class EstimatorChoice:
@@ -39,16 +41,16 @@ Residuals = Mapping[str, Sequence[np.ndarray]]  # Of each method on each held-ou
 
 
 def chosen_method(first: Residuals, second: Residuals) -> str:
-    """The plainest method that is not significantly worse than the best by `first`; where several are left, by
-    `second` too."""
-    left = _left(first, METHODS)
-    both = [name for name in left if name in second]
-    return (_left({name: second[name] for name in both}, both) if both else left)[0]
-
-
-def _left(residuals: Residuals, ordered: Sequence[str]) -> list[str]:
-    found = contest(residuals)
-    return [name for name in ordered if name in residuals and not found.worse(name)]
+    """The plainest method that is not significantly worse than the best by `first`, unless one of these does far better
+    by `second`."""
+    found = contest(first)
+    left = [name for name in METHODS if name in first and not found.worse(name)]
+    other = contest({name: second[name] for name in left if name in second} or {left[0]: first[left[0]]})
+    plain = left[0]
+    decided = plain in other.errors and other.worse(plain)
+    if decided and other.errors[plain] > DECISIVE * other.errors[other.winner]:
+        return other.first([name for name in left if name in other.errors])
+    return plain
 
 
 def estimator_choice(
