@@ -2,18 +2,24 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from ..._errors import PellucidError
+from ...fit.joint.excitation import excitation
 from ...fit.joint.friction_solver import solve_family
-from ...fit.regression import stack
-from ...models.joint import joint_model
+from ...fit.regression import Stack, stack
+from ...models.joint import JointModel, joint_model
 from ...recordings.quality import Fault, drive_channel, inspect
 from ...recordings.study import Study
 from ...signals.effort import drive_model
 from .aligned_motions import alignment, motions
 from .drive_sign import sign_error
+from .findings.weak_parameter import RECORD
 from .joined_clocks import clocks
 from .recorded_motions import left_out
 from .velocity_faults import velocity_faults
+
+OWN = 0.15  # share of what a parameter does, below which another hides it
 
 
 def joint_faults(study: Study) -> list[Fault]:
@@ -38,6 +44,7 @@ def joint_faults(study: Study) -> list[Fault]:
             gravity=study.model.gravity,
             known=study.model.known,
         )
+        faults.append(_excitation(study, model, data))
         solve_family(model, data)
         sign_error(model, data, drive_channel(study.recordings("fit")[0], study))
         faults += _late(study)
@@ -54,6 +61,28 @@ def joint_faults(study: Study) -> list[Fault]:
             )
         )
     return faults
+
+
+def _excitation(study: Study, model: JointModel, data: Stack) -> Fault:
+    """What the motion alone can show, and which parameter it will show least."""
+    found = excitation(model, data)
+    rotary = study.rig.motion == "rotary"
+    scale, unit = (float(np.degrees(1.0)), "deg") if rotary else (1e3, "mm")
+    low, high = (scale * x for x in found.position)
+    ranges = (
+        f"{'angle' if rotary else 'position'} from {low:.3g} to {high:.3g} {unit}, speed to {scale * found.speed:.3g} "
+        f"{unit}/s, acceleration to {scale * found.acceleration:.3g} {unit}/s²"
+    )
+    weak = [name for name in sorted(found.own, key=found.own.__getitem__) if found.own[name] < OWN]
+    text = f"{ranges}; condition number {found.condition:.3g}"
+    say = f"what the fitted motion shows, whatever drove it: {text}"
+    if weak:
+        shares = ", ".join(f"{name.replace('_', ' ')} ({100 * found.own[name]:.2g} %)" for name in weak)
+        say += f"; others do nearly all of what these do, which have of their own: {shares}. {RECORD.get(weak[0], '')}"
+    else:
+        say += "; every parameter shows"
+    expected = f"{100 * OWN:.0f} % of what each parameter does to be its own"
+    return Fault("note", "excitation", "study.toml", "position", text, expected, say.rstrip())
 
 
 def _late(study: Study) -> list[Fault]:

@@ -1,19 +1,24 @@
-"""The drive's constant: found from known payloads, or not known."""
+"""The drive's constant: found from known payloads, against the one that is stated, or not known."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 
+from ...._errors import IdentificationError
+from ....fit.joint.drive_constant import drive_constant
 from ....fit.parameter import Verdict
 from ..joint_case import JointCase
 
+SURE = 4.0  # standard errors by which the implied constant must miss the stated one
+FAR = 0.1  # share of it, likewise
+
 
 def find(case: JointCase) -> Iterator[Verdict]:
-    """What is known of a drive without a stated constant."""
+    """What known payloads say of the drive's constant; without them, that a drive has none."""
     drive = case.study.rig.drive
     if drive.kind == "torque" or drive.constant is not None:
-        return
-    if case.constant is not None:
+        yield from _against_stated(case)
+    elif case.constant is not None:
         low, high = case.constant.interval(case.level)
         yield Verdict(
             "good",
@@ -30,3 +35,33 @@ def find(case: JointCase) -> Iterator[Verdict]:
             "masses are not.",
             "A recording with a known payload gives it.",
         )
+
+
+def _against_stated(case: JointCase) -> Iterator[Verdict]:
+    """Payloads whose effort the drive tells otherwise than its constant, or its sensor, says."""
+    if len({m.payload for m in case.data.motions}) < 2:
+        return
+    try:
+        found = drive_constant(case.fits.get("symmetric", case.fit).model, case.data)
+    except IdentificationError:
+        return
+    if abs(found.value - 1.0) < max(FAR, SURE * found.standard_error):
+        return
+    low, high = found.interval(case.level)
+    drive = case.study.rig.drive
+    what = "torque_constant" if case.rotary else "force_constant"
+    thousand = any(abs(found.value / k - 1.0) < max(FAR, SURE * found.standard_error / k) for k in (1e3, 1e-3))
+    if thousand and drive.kind == "current":
+        do = "That is the step from A to mA: check the unit of [channels] current."
+    elif drive.constant is not None and drive.resistance is None:
+        do = f"Check [rig.drive] {what} (the payloads imply {drive.constant * found.value:.4g} instead of "
+        do += f"{drive.constant:.4g}), its gear_ratio, the drive's unit, and the payloads."
+    else:
+        do = "Check the constant, the unit of the channel and the payloads."
+    yield Verdict(
+        "wrong",
+        f"The known payloads imply {found.value:.4g} times the effort that the drive is said to give (interval "
+        f"{low:.4g} to {high:.4g}).",
+        do,
+        weight=11.0,
+    )

@@ -24,6 +24,15 @@ MEANING = {
     "coulomb_negative": "the other friction terms explain what it would",
     "offset": "friction in the two directions hides it",
 }
+RECORD = {
+    "inertia": "Record quick reversals too: steps, or a motion of several frequencies.",
+    "gravity": "Record over a wider range of angles.",
+    "gravity_cosine": "Record over a wider range of angles.",
+    "viscous": "Record at several speeds, up to fast ones.",
+    "coulomb": "Record slow motions as well as fast ones, in both directions.",
+    "offset": "Record both directions over the same positions.",
+}
+"""What shows a parameter."""
 NEGLIGIBLE = 0.05  # share of the RMS effort below which an interval around zero settles the matter
 TRADE_OFF = 0.9  # correlation of two estimates above which one is said to hide the other
 
@@ -58,6 +67,7 @@ def find(case: JointCase) -> Iterator[Verdict]:
                 "warning",
                 f"{name} is not identifiable from these recordings: {why} (interval {low:.3g} to {high:.3g} "
                 f"{parameter.unit}).",
+                RECORD.get(parameter.name.removesuffix("_positive").removesuffix("_negative"), ""),
             )
 
 

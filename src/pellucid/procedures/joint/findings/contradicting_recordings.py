@@ -1,0 +1,62 @@
+"""Recordings that cannot be of one machine: the same parameter, far apart from one of them and from the others."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+from scipy.special import ndtri
+
+from ....fit.joint.recording_agreement import BODY, Disagreement, disagreements
+from ....fit.parameter import Verdict
+from ....pages.quantities import label, number, unit_text
+from ..joint_case import JointCase
+
+SCALED = 0.1  # from 1, from where a recording differs by a factor
+TURNED = np.radians(5.0)  # from where it differs by its zero
+
+
+def find(case: JointCase) -> Iterator[Verdict]:
+    """Each recording that contradicts the others, in what, and what they give without it."""
+    if len({m.recording for m in case.motions}) < 2:
+        return
+    names = {m.recording for m in case.motions}
+    found = _found(case)
+    pair = len(names) - len(found) == 1 and len(found) == 1
+    for i, each in enumerate(found):
+        rest = next(iter(names - {each.recording})) if pair else ""
+        yield _verdict(case, each, rest, 12.0 - 0.01 * i)
+
+
+def _found(case: JointCase) -> tuple[Disagreement, ...]:
+    """By the best family; where it sees none in the body, by those that fit better, which miss less friction."""
+    fits = sorted(case.fits.values(), key=lambda f: (f.family != case.best, f.fitted_effort_error))
+    every = [disagreements(f.model, f.estimate.array, case.motions) for f in fits]
+    bodily = [found for found in every if any(BODY & set(each.own) for each in found)]
+    return (bodily or every)[0]
+
+
+def _verdict(case: JointCase, each: Disagreement, rest: str, weight: float) -> Verdict:
+    times = float(ndtri(0.5 + 0.5 * case.level))
+
+    def text(name: str, value: tuple[float, float]) -> str:
+        unit = unit_text(case.fit.model.unit(name))
+        return f"{number(*value)} ± {number(times * value[1], value[1])} {unit}".rstrip()
+
+    others = f"from '{rest}'" if rest else "from the others"
+    apart = "; ".join(
+        f"{label(name)} is {text(name, each.own[name])} from it alone, {text(name, each.others[name])} {others}, "
+        f"{number(each.together[name], digits=3)} from what was fitted"
+        for name in each.own
+    )
+    said = f"Recording '{each.recording}' contradicts {repr(rest) if rest else 'the others'}: {apart}."
+    which = f"'{each.recording}'" + (f" and in '{rest}'" if rest else "")
+    if "gravity_cosine" in each.own and abs(each.turned) > TURNED:
+        said += f" By its weight, its angle's zero is {np.degrees(each.turned):+.1f} deg from the others'."
+        do = f"Check the encoder's zero in {which}: an offset of its own in that recording's channels puts it right"
+    elif np.isfinite(each.scale) and abs(each.scale - 1.0) > SCALED:
+        said += f" Its effort is {each.scale:.3g} times what the others' model asks for."
+        do = f"Check the drive's unit, scale and sign in {which}"
+    else:
+        do = f"Check what moved in {which}: a payload that is not stated, another machine, other settings"
+    return Verdict("wrong", said, f"{do}; or leave it out.", weight=weight)

@@ -1,0 +1,141 @@
+"""Causes that verdicts name: each spoilt study gets its own, first; sound ones, virtual and real, get none."""
+
+import re
+import shutil
+
+import numpy as np
+import pytest
+
+from pellucid.datasets import init
+from pellucid.fit.joint.excitation import excitation
+from pellucid.fit.joint.friction_family import fit_family
+from pellucid.fit.joint.replay import Machine
+from pellucid.fit.regression import stack
+from pellucid.lab.bench.rig import bench_joint
+from pellucid.lab.study import write_study
+from pellucid.models.joint import joint_model
+from pellucid.procedures.joint.findings import wrong_unit
+from pellucid.procedures.joint.joint_case import JointCase
+from pellucid.procedures.registry import open_study
+from pellucid.procedures.run import check, identify
+from pellucid.signals.motion import Filtering, motion_of
+
+CAUSES = {"contradicting_recordings", "wrong_unit", "angle_zero", "drive_constant"}
+RIG = bench_joint()
+
+
+@pytest.fixture(scope="module")
+def sound(tmp_path_factory):
+    return write_study(tmp_path_factory.mktemp("lab") / "sound", RIG, name="sound", seed=1)
+
+
+@pytest.fixture
+def spoilt(sound, tmp_path):
+    """Copies the sound study; its recordings may be changed by column."""
+
+    class Copy:
+        folder = tmp_path / "spoilt"
+
+        def toml(self, old, new):
+            path = self.folder / "study.toml"
+            text = path.read_text(encoding="utf-8")
+            assert old in text
+            path.write_text(text.replace(old, new), encoding="utf-8")
+
+        def column(self, recording, name, change):
+            path = self.folder / "recordings" / f"{recording}.csv"
+            units, head, *rows = path.read_text(encoding="utf-8").splitlines()
+            at = head.split(",").index(name)
+            values = np.array([row.split(",") for row in rows], float)
+            values[:, at] = change(values[:, at])
+            np.savetxt(path, values, delimiter=",", header=f"{units}\n{head}", comments="", fmt="%.17g")
+
+        def verdicts(self):
+            return identify(open_study(self.folder), families=["symmetric", "load"], thorough=False).verdicts
+
+    copy = Copy()
+    shutil.copytree(sound.folder, copy.folder)
+    return copy
+
+
+def causes(verdicts):
+    return [v.finding for v in verdicts if v.finding in CAUSES and v.kind == "wrong"]
+
+
+def test_a_sound_study_gets_no_cause(spoilt):
+    assert causes(spoilt.verdicts()) == []
+
+
+def test_a_zero_that_is_off_is_told_with_what_to_write(spoilt):
+    spoilt.toml('column = "position", unit = "rad"', 'column = "position", unit = "rad", offset = 0.2618')
+    first, *_ = spoilt.verdicts()
+    assert first.finding == "angle_zero"
+    angle, half = map(float, re.search(r"says ([-\d.]+) ± ([\d.]+) deg", first.text).groups())
+    assert angle == pytest.approx(15.0, abs=1.5)
+    assert half < 2.0
+    # What to write takes nearly all of it back.
+    assert float(re.search(r"offset = ([-\d.]+) ", first.do).group(1)) == pytest.approx(0.0, abs=np.radians(1.5))
+
+
+def test_degrees_declared_as_radians_are_named(sound, rng):
+    t = np.arange(0.0, 30.0, 0.005)
+    q = 0.8 * np.sin(0.9 * t) + 0.4 * np.sin(3.1 * t) + 0.1 * np.sin(8.0 * t)
+    v, a = np.gradient(q, t), np.gradient(np.gradient(q, t), t)
+    effort = 0.05 * a + 1.5 * np.sin(q) + 0.2 * np.sign(v) + 0.05 * v + 0.01 * rng.standard_normal(len(t))
+    for angle, expected in ((q, []), (np.degrees(q), ["The position looks like degrees declared as radians"])):
+        motion = motion_of(t, angle, effort, Filtering(10.0, 4, 10, 0.0, 100))
+        model = joint_model("symmetric", motion="rotary", effort_unit="N*m", gravity="sine")
+        data = stack([motion])
+        fit = fit_family(model, data, [motion], Machine(), level=0.95, thorough=False)
+        told = wrong_unit.find(JointCase(sound, (motion,), data, {"symmetric": fit}, "symmetric"))
+        assert [v.text.partition(":")[0] for v in told] == expected
+
+
+def test_a_recording_with_another_drive_contradicts_the_others(spoilt):
+    spoilt.column("multisine", "current", lambda x: 2.0 * x)
+    first, *_ = spoilt.verdicts()
+    assert first.finding == "contradicting_recordings"
+    assert "'multisine' contradicts the others" in first.text
+    assert float(re.search(r"effort is ([\d.]+) times", first.text).group(1)) == pytest.approx(2.0, rel=0.05)
+
+
+def test_a_recording_with_another_zero_contradicts_the_others(spoilt):
+    spoilt.column("multisine", "position", lambda x: x + 0.2618)
+    first, *_ = spoilt.verdicts()
+    assert first.finding == "contradicting_recordings"
+    assert float(re.search(r"zero is ([-+\d.]+) deg", first.text).group(1)) == pytest.approx(-15.0, abs=2.0)
+
+
+def test_a_payload_that_is_not_stated_contradicts_in_inertia_and_gravity(spoilt, tmp_path):
+    joint = RIG["joint"]
+    heavy = {"joint.inertia": 2.5 * joint["inertia"], "joint.gravity_sine": 1.5 * joint["gravity_sine"]}
+    other = write_study(tmp_path / "heavy", RIG.changed(heavy), name="heavy", seed=1)
+    shutil.copy(other.folder / "recordings" / "multisine.csv", spoilt.folder / "recordings")
+    first, *_ = spoilt.verdicts()
+    assert first.finding == "contradicting_recordings"
+    assert "Inertia is" in first.text
+    assert "Gravity" in first.text
+    assert "payload" in first.do
+
+
+@pytest.mark.parametrize("name", ["emps", "sydney_pendulum", "bam_xl330"])
+def test_real_recordings_as_they_are_get_no_cause(name, data_folder, tmp_path):
+    found = identify(init(tmp_path / name, dataset=name), families=["symmetric", "load"], thorough=False)
+    assert causes(found.verdicts) == []
+
+
+def test_what_a_motion_cannot_show_is_told_before_anything_is_fitted(sound):
+    t = np.arange(0.0, 20.0, 0.01)
+    model = joint_model("symmetric", motion="rotary", effort_unit="N*m", gravity="sine")
+
+    def shown(position):
+        return excitation(model, stack([motion_of(t, position, np.zeros(len(t)), Filtering(5.0, 4, 5, 0.0, 100))]))
+
+    narrow = shown(0.05 * np.sin(2.0 * t))  # one frequency over a few degrees: acceleration is proportional to sin q
+    assert min(narrow.own["inertia"], narrow.own["gravity"]) < 0.02
+    assert narrow.condition > 100.0
+    wide = shown(1.0 * np.sin(0.7 * t) + 0.4 * np.sin(3.1 * t) + 0.1 * np.sin(9.0 * t))
+    assert min(wide.own.values()) > 0.15
+    (fault,) = [f for f in check(sound) if f.kind == "excitation"]
+    assert fault.severity == "note"
+    assert "every parameter shows" in fault.message
