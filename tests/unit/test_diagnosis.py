@@ -103,7 +103,7 @@ def test_a_recording_with_another_zero_contradicts_the_others(spoilt):
     spoilt.column("multisine", "position", lambda x: x + 0.2618)
     first, *_ = spoilt.verdicts()
     assert first.finding == "contradicting_recordings"
-    assert float(re.search(r"zero is ([-+\d.]+) deg", first.text).group(1)) == pytest.approx(-15.0, abs=2.0)
+    assert float(re.search(r"reads ([-+\d.]+) deg", first.text).group(1)) == pytest.approx(15.0, abs=2.0)
 
 
 def test_a_payload_that_is_not_stated_contradicts_in_inertia_and_gravity(spoilt, tmp_path):

@@ -52,7 +52,7 @@ def _verdict(case: JointCase, each: Disagreement, rest: str, weight: float) -> V
     said = f"Recording '{each.recording}' contradicts {repr(rest) if rest else 'the others'}: {apart}."
     which = f"'{each.recording}'" + (f" and in '{rest}'" if rest else "")
     if "gravity_cosine" in each.own and abs(each.turned) > TURNED:
-        said += f" By its weight, its angle's zero is {np.degrees(each.turned):+.1f} deg from the others'."
+        said += f" By its weight, its angle reads {-np.degrees(each.turned):+.1f} deg against theirs."
         do = f"Check the encoder's zero in {which}: an offset of its own in that recording's channels puts it right"
     elif np.isfinite(each.scale) and abs(each.scale - 1.0) > SCALED:
         said += f" Its effort is {each.scale:.3g} times what the others' model asks for."
