@@ -1,6 +1,7 @@
 """The staged identification, on studies the virtual lab recorded: what it finds, says, writes and refuses."""
 
 import json
+import shutil
 
 import numpy as np
 import pytest
@@ -109,7 +110,7 @@ def edited(study, folder, *changes, suffix=""):
         assert old in text, old
         text = text.replace(old, new)
     folder.mkdir()
-    (folder / "recordings").symlink_to(study.folder / "recordings")
+    shutil.copytree(study.folder / "recordings", folder / "recordings")
     (folder / "study.toml").write_text(text + suffix, encoding="utf-8")
     return open_study(folder)
 
