@@ -44,3 +44,11 @@ def require_inside(path: Path, folder: Path, allowed: bool, where: str) -> Path:
 def seen(text: str) -> str:
     """A text with what cannot be seen, or turns a terminal or a line around, in the open."""
     return _UNSEEN.sub("\N{REPLACEMENT CHARACTER}", text)
+
+
+_NUMBERS = re.compile(r"[-+]?[\d.][\d.,;:%() eE–-]*(?:to [-+\d.,;:%() eE–]*)?")
+
+
+def words_in_csv(cell: str) -> str:
+    """A cell of a table that a spreadsheet may open: as it is, unless it were taken for a formula."""
+    return f"'{cell}" if cell[:1] in "=+-@\t\r" and cell and _NUMBERS.fullmatch(cell) is None else cell

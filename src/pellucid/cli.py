@@ -35,6 +35,13 @@ datasets_app = typer.Typer(
 )
 app.add_typer(datasets_app)
 
+INSTEAD = {
+    "−": "-", "–": "-", "—": "-", "±": "+-", "·": "*", "×": "x", "²": "^2", "³": "^3", "µ": "u", "°": "deg", "…": "...",
+    "≤": "<=", "≥": ">=", "≈": "~", "√": "sqrt", "χ": "chi", "δ": "delta", "Δ": "Delta", "Ω": "ohm", "✗": "x", "━": "-",
+    "─": "-", "│": "|", "\N{RIGHT SINGLE QUOTATION MARK}": "'",
+}  # fmt: skip
+"""What is printed where a terminal has no such character."""
+
 Folder = Annotated[Path, typer.Argument(metavar="DIR", help="Folder of the study.")]
 Json = Annotated[bool, typer.Option("--json", help="Print the figures as JSON instead of tables.")]
 Outside = Annotated[
@@ -322,14 +329,46 @@ def main() -> None:
     """Run the command line; what a user can cause or mend ends as one message and exit status 2."""
     # The matrices are small: threads over them would only wait for each other. Read once, when NumPy is loaded.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+    _speak_what_the_terminal_can()
     try:
         app()
     except PellucidError as error:
-        typer.echo(f"pellucid: {error}", err=True)
-        raise SystemExit(2) from None
+        _complain(str(error))
     except OSError as error:
-        typer.echo(f"pellucid: {error.strerror or error}{f': {error.filename}' if error.filename else ''}", err=True)
-        raise SystemExit(2) from None
+        _complain(f"{error.strerror or error}{f': {error.filename}' if error.filename else ''}")
+    except MemoryError as error:
+        _complain(f"not enough memory{f': {error}' if str(error) else ''}")
+    except Exception as error:
+        if os.environ.get("PELLUCID_TRACEBACK"):
+            raise
+        place = error.__traceback__
+        while place.tb_next is not None:
+            place = place.tb_next
+        where = f"{Path(place.tb_frame.f_code.co_filename).name}:{place.tb_lineno}"
+        _complain(f"a fault of Pellucid's own, at {where}: {error!r}; PELLUCID_TRACEBACK=1 shows where from", 70)
+
+
+def _complain(text: str, status: int = 2) -> None:
+    """One message, and the exit status; a stranger's text in it does nothing to the terminal."""
+    from ._given import seen
+
+    typer.echo(f"pellucid: {seen(text)}", err=True)
+    raise SystemExit(status)
+
+
+def _speak_what_the_terminal_can() -> None:
+    """A character that a terminal does not have becomes one that it has, or a question mark."""
+    import codecs
+
+    def instead(error: UnicodeError) -> tuple[str, int]:
+        if not isinstance(error, UnicodeEncodeError):
+            raise error
+        return "".join(INSTEAD.get(c, "?") for c in error.object[error.start : error.end]), error.end
+
+    codecs.register_error("pellucid", instead)
+    for stream in (sys.stdout, sys.stderr):
+        if hasattr(stream, "reconfigure"):
+            stream.reconfigure(errors="pellucid")
 
 
 # --- printing -------------------------------------------------------------------------------------------------------

@@ -54,6 +54,7 @@ RC: Mapping[str, object] = MappingProxyType(
         "axes.grid": True,
         "axes.axisbelow": True,
         "axes.unicode_minus": True,
+        "text.parse_math": False,  # a dollar in somebody's name is a dollar
         "axes.formatter.useoffset": False,
         "axes.formatter.limits": (-4, 5),
         "grid.color": COLOURS["rule"][0],

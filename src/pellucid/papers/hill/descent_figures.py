@@ -47,6 +47,8 @@ def paths(panels: Sequence[Paths], name: str, *, caption: str, columns: int = 2)
             entries.append((label, colour(tone)))
         if panel.logarithmic:
             axis.set_yscale("log")
+            axis.yaxis.set_major_formatter(lambda x, _: f"{x:g}")
+            axis.yaxis.set_minor_formatter(lambda x, _: "")
             axis.tick_params(length=3, width=0.7, pad=3)
             axis.set_ylabel(panel.unit)
         else:

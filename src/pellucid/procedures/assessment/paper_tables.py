@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import csv
 import io
+import re
 from pathlib import Path
 
 import numpy as np
 
 from ..._atomic import write_text_atomically
+from ..._given import seen, words_in_csv
 from ..result import FigureTable
 from .assessment_result import AssessmentResult
 from .assessment_tables import (
@@ -24,9 +26,10 @@ from .assessment_tables import (
 )
 
 LATEX = {
-    "\\": r"\textbackslash{}", "&": r"\&", "%": r"\%", "_": r"\_", "#": r"\#", "±": r"$\pm$", MINUS: "$-$",
-    "χ²": r"$\chi^2$", "²": "$^2$", "·": r"$\cdot$", "δ": r"$\delta$", "Δ": r"$\Delta$", "<": "$<$", ">": "$>$",
-    "×": r"$\times$", "–": "--",
+    "\\": r"\textbackslash{}", "&": r"\&", "%": r"\%", "_": r"\_", "#": r"\#", "$": r"\$", "{": r"\{", "}": r"\}",
+    "^": r"\textasciicircum{}", "~": r"\textasciitilde{}", '"': "''", "±": r"$\pm$", MINUS: "$-$", "χ²": r"$\chi^2$",
+    "²": "$^2$", "·": r"$\cdot$", "δ": r"$\delta$", "Δ": r"$\Delta$", "<": "$<$", ">": "$>$", "×": r"$\times$",
+    "–": "--",
 }  # fmt: skip
 """What LaTeX cannot take as it is."""
 
@@ -94,7 +97,7 @@ def csv_text(heads, rows) -> str:
     """A table as comma-separated text: figures as numbers, nothing where there is none."""
     made = io.StringIO()
     writer = csv.writer(made, lineterminator="\n")
-    writer.writerow(heads)
+    writer.writerow(map(_csv_cell, heads))
     for row in rows:
         writer.writerow([_csv_cell(cell) for cell in row])
     return made.getvalue()
@@ -103,7 +106,7 @@ def csv_text(heads, rows) -> str:
 def _csv_cell(cell) -> str:
     if cell is None or (isinstance(cell, float) and np.isnan(cell)):
         return ""
-    return f"{cell:.7g}" if isinstance(cell, float) else str(cell).replace(MINUS, "-")
+    return f"{cell:.7g}" if isinstance(cell, float) else words_in_csv(str(cell).replace(MINUS, "-"))
 
 
 def latex(table: FigureTable) -> str:
@@ -125,6 +128,5 @@ def _latex(cell) -> str:
         return "--"
     text = f"{cell:.3g}" if isinstance(cell, float) else str(cell)
     text = text.replace("-", MINUS) if isinstance(cell, float) else text
-    for plain, special in LATEX.items():
-        text = text.replace(plain, special)
-    return text
+    # In one pass: what stands for a character is not looked at again.
+    return re.sub("|".join(map(re.escape, LATEX)), lambda found: LATEX[found[0]], seen(text))

@@ -73,6 +73,7 @@ def pole_map(poles: Mapping[str, np.ndarray], name: str = "poles", *, caption: s
     near = float(np.quantile(np.abs(x), 0.8)) if len(x) else 1.0
     if np.abs(x).max(initial=0.0) > 20.0 * max(near, 1e-9):
         axis.set_xscale("symlog", linthresh=max(near, 1e-9))
+        axis.xaxis.set_major_formatter(lambda x, _: f"{x:g}")
     axis.set_ylim(bottom=-0.05 * max(float(y.max(initial=0.0)), 1e-9) - 1e-9)
     axis.set_xlabel("Real part (1/s)")
     numbered = "; ".join(f"{k + 1} {recording}" for k, recording in enumerate(poles))

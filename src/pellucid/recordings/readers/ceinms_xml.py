@@ -6,12 +6,18 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from xml.etree import ElementTree
 
 import numpy as np
 
 from ..._errors import RecordingError
-from ..muscle_constants import MuscleConstants
+from ..muscle_constants import MuscleConstants, require_physical, require_range
+from ._xml import read_xml
+
+RANGES: Mapping[str, tuple[float, float]] = {
+    "strengthCoefficient": (1e-3, 100.0), "shapeFactor": (-10.0, 10.0), "C1": (-1.0, 1.0), "C2": (-1.0, 1.0),
+    "damping": (0.0, 10.0),
+}  # fmt: skip
+"""What CEINMS's own numbers may be [1]."""
 
 
 @dataclass(frozen=True)
@@ -41,12 +47,7 @@ class Subject:
 def read_subject(path: Path) -> Subject:
     """Read a subject of CEINMS or CEINMS-RT, uncalibrated or calibrated."""
     path = Path(path)
-    try:
-        root = ElementTree.fromstring(path.read_bytes())
-    except OSError as error:
-        raise RecordingError(f"{path}: not readable: {error}") from error
-    except ElementTree.ParseError as error:
-        raise RecordingError(f"{path.name}: not readable as XML, truncated or damaged: {error}") from error
+    root = read_xml(path)
     found = _child(root, "mtuset", "muscles")
     if root.tag != "subject" or found is None:
         raise RecordingError(
@@ -63,7 +64,9 @@ def read_subject(path: Path) -> Subject:
     _refuse_radians(path, muscles)
     joints = _groups(path, _child(root, "dofset", "dofs"), muscles)
     excitations = _groups(path, _child(root, "channels"), muscles)
-    return Subject(path, muscles, joints, excitations, _curves(path, default), _optional(path, default, "damping"))
+    damping = _optional(path, default, "damping")
+    require_range(path, "mtuDefault", "damping", damping, *RANGES["damping"])
+    return Subject(path, muscles, joints, excitations, _curves(path, default), damping)
 
 
 def _child(parent, *names):
@@ -87,7 +90,7 @@ def _muscle(path: Path, element, default) -> SubjectMuscle:
                 return _number(path, found, f"muscle {name}")
         raise RecordingError(f"{path.name}, muscle {name}: found no <{key}>, expected a number")
 
-    return SubjectMuscle(
+    muscle = SubjectMuscle(
         name,
         value("maxIsometricForce"),
         value("optimalFiberLength"),
@@ -97,6 +100,13 @@ def _muscle(path: Path, element, default) -> SubjectMuscle:
         value("shapeFactor"),
         (value("C1"), value("C2")),
     )
+    for what, found in (
+        ("strengthCoefficient", muscle.strength),
+        ("shapeFactor", muscle.shape),
+        *zip(("C1", "C2"), muscle.twitch, strict=True),
+    ):
+        require_range(path, name, what, found, *RANGES[what])
+    return require_physical(path, muscle)
 
 
 def _number(path: Path, element, where: str) -> float:
@@ -148,10 +158,12 @@ def _curves(path: Path, default) -> dict[str, np.ndarray]:
         name, x, y = (_child(each, key) for key in ("name", "xpoints", "ypoints"))
         try:
             points = np.array([x.text.split(), y.text.split()], dtype=float)
+            if not np.isfinite(points).all() or np.any(np.diff(points[0]) <= 0.0) or points.size == 0:
+                raise ValueError(name)
             curves[name.text.strip()] = points
         except (AttributeError, ValueError):
             raise RecordingError(
                 f"{path.name}: found a <{each.tag}> that is incomplete or has lists of different lengths, expected "
-                "<name>, <xPoints> and <yPoints>"
+                "<name>, <xPoints> that increase and <yPoints>"
             ) from None
     return curves

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
-from xml.etree import ElementTree
 
 from ..._errors import RecordingError
-from ..muscle_constants import MuscleConstants
+from ..muscle_constants import MuscleConstants, require_physical
+from ._xml import read_xml
 
 _KEYS = {
     "largest_force": "max_isometric_force",
@@ -21,12 +21,7 @@ _OLD_PENNATION = "pennation_angle"  # before OpenSim 3
 def read_model(path: Path) -> dict[str, MuscleConstants]:
     """Constants of a model's muscles, of whatever muscle model."""
     path = Path(path)
-    try:
-        root = ElementTree.fromstring(path.read_bytes())
-    except OSError as error:
-        raise RecordingError(f"{path}: not readable: {error}") from error
-    except ElementTree.ParseError as error:
-        raise RecordingError(f"{path.name}: not readable as XML, truncated or damaged: {error}") from error
+    root = read_xml(path)
     if root.tag != "OpenSimDocument":
         raise RecordingError(f"{path.name}: found <{root.tag}>, expected an <OpenSimDocument>")
     # Muscles of every kind have these, and nothing else does.
@@ -51,4 +46,4 @@ def _constants(path: Path, element) -> MuscleConstants:
         if not math.isfinite(values[name]):
             said = "none" if found is None else f'"{found.text}"'
             raise RecordingError(f"{path.name}, muscle {element.get('name')}, <{key}>: found {said}, expected a number")
-    return MuscleConstants(element.get("name"), **values)
+    return require_physical(path, MuscleConstants(element.get("name"), **values))
