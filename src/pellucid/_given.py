@@ -13,6 +13,9 @@ MOST_BYTES = 50_000_000
 NAME = r"^\w[\w .-]{0,99}$"
 """What may be part of a file's name, a figure's id and a column's: letters and digits of any language, blanks . - _"""
 
+STEM = r"^[\w(+=][\w .()+,=-]{0,199}$"
+"""What the stem of a file's name may be."""
+
 _UNSEEN = re.compile(r"[\x00-\x08\x0b-\x1f\x7f-\x9f\u200e\u200f\u2028-\u202e\u2066-\u2069\ud800-\udfff]")
 
 

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from functools import cache
 from importlib import import_module
 from importlib.resources import files
 from pathlib import Path
 
 from .._errors import StudyError
+from .._given import read_given
 from .rig import BENCH, KINDS, Rig, parse_tables
+from .rig_schema import require_like
 
 RIGS = files(__package__) / "rigs"
 """The rigs that come with the package."""
@@ -28,11 +31,22 @@ def kind_of(kind: str) -> type[Rig] | None:
 
 def parse_rig(text: str, name: str) -> Rig:
     """A rig of whatever kind its file is."""
-    kind = parse_tables(text, f"rig {name}").get("kind", BENCH)
-    found = kind_of(kind)
+    tables = parse_tables(text, f"rig {name}")
+    kind = tables.get("kind", BENCH)
+    found = kind_of(kind) if isinstance(kind, str) else None
     if found is None:
         raise StudyError(f"rig {name}: found kind = {kind!r}, expected one of {', '.join(sorted(KINDS))}")
+    own = _own(kind)
+    if own is not None:
+        require_like(tables, own, f"rig {name}:", found.free)
     return found.parse(text, name)
+
+
+@cache
+def _own(kind: str) -> dict | None:
+    """The tables of the package's own rig of a kind."""
+    files = (parse_tables(file.read_text(encoding="utf-8"), file.name) for file in RIGS.iterdir())
+    return next((tables for tables in files if tables.get("kind", BENCH) == kind), None)
 
 
 def shipped_rig(name: str) -> str:
@@ -54,7 +68,7 @@ def load_rig(name: str | Path) -> Rig:
 def rig_text(name: str | Path) -> str:
     """The text of a rig's file; a drawn rig's is its model's with the drawn values in their places."""
     if str(name).endswith(".toml") and Path(name).is_file():
-        return Path(name).read_text(encoding="utf-8")
+        return text_of_rig(Path(name))
     if name not in rig_names():
         raise StudyError(f"unknown rig {str(name)!r}; known: {', '.join(rig_names())}")
     base, _, drawn = str(name).partition("-drawn-")
@@ -65,6 +79,14 @@ def rig_text(name: str | Path) -> str:
 
     original = ElbowRig.parse(text, base)
     return _with_values(text, original, drawn_rigs(original, DRAWN)[int(drawn) - 1], drawn)
+
+
+def text_of_rig(path: Path) -> str:
+    """What a rig's file says, as it is."""
+    try:
+        return read_given(path).decode("utf-8")
+    except UnicodeDecodeError as error:
+        raise StudyError(f"{path}: not readable: {error}") from None
 
 
 def _with_values(text: str, original: Rig, values: Rig, number: str) -> str:

@@ -102,6 +102,8 @@ class Rig(ABC):
     # What each table of the file must say: ``""`` is its head, ``"subjects.*"`` every table below ``[subjects]``, at
     # least one
     needed: ClassVar[Mapping[str, tuple[str, ...]]] = {}
+    # Tables that may have keys beside those of the package's own rig
+    free: ClassVar[tuple[str, ...]] = ()
     # What its study.toml says beside a table or a key, by dotted path; ``""`` is the head
     comments: ClassVar[Mapping[str, str]] = {}
     parallel: ClassVar[bool] = False  # Whether trials side by side in threads take less time
@@ -230,7 +232,7 @@ def parse_tables(text: str, where: str) -> dict:
     """The tables of a rig's file, unchecked."""
     try:
         return tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
+    except (ValueError, RecursionError) as error:
         raise StudyError(f"{where}: not valid TOML: {error}") from error
 
 

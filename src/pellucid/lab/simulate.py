@@ -9,10 +9,10 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from .._errors import StudyError
+from .._errors import PellucidError, StudyError
 from ..recordings.study import STUDY_FILE, Study
 from .init import RIG_FILE
-from .known_rigs import parse_rig
+from .known_rigs import parse_rig, text_of_rig
 from .study import TRUTH_FILE, simulated
 
 
@@ -83,10 +83,16 @@ def simulate(
     if (folder / STUDY_FILE).exists() and not (folder / TRUTH_FILE).exists():
         raise StudyError(f"{folder}: found a study that was not simulated, which simulate would overwrite")
     name, begun = study_name(folder), time.perf_counter()
-    rig = parse_rig(path.read_text(encoding="utf-8"), name)
+    rig = parse_rig(text_of_rig(path), name)
     tell("preparing the rig", 0.0)
-    rig = rig.prepared(controllers, seed)
-    study, joint_time = simulated(folder, rig, name=name, seed=seed, on_progress=on_progress)
+    try:
+        rig = rig.prepared(controllers, seed)
+        study, joint_time = simulated(folder, rig, name=name, seed=seed, on_progress=on_progress)
+    except PellucidError:
+        raise
+    except (ArithmeticError, ValueError, TypeError, LookupError, AttributeError) as error:
+        # Constants that are each in range may together be no machine.
+        raise StudyError(f"{path}: no machine is like this: {type(error).__name__}: {error}") from error
     return Simulated(study, len(study.config.recordings), joint_time, time.perf_counter() - begun)
 
 

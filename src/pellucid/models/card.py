@@ -12,8 +12,9 @@ import numpy as np
 
 from .._atomic import write_text_atomically
 from .._errors import PellucidError
-from ..units import to_si_factor
-from .joint import SYMBOLS, JointModel
+from .._given import read_given
+from .card_schema import LARGEST, fields_of, require_between, require_sound
+from .joint import FAMILIES, SYMBOLS, JointModel
 
 FORMAT = 1
 """Version of the card's layout; a reader refuses a newer one."""
@@ -61,14 +62,12 @@ class Card:
     def from_table(cls, table: Mapping, path: Path) -> Self:
         """The card that a file's table holds."""
         try:
-            parameters = tuple(CardParameter(**(p | {"interval": tuple(p["interval"])})) for p in table["parameters"])
-            covariance = tuple(tuple(row) for row in table["covariance"])
-            plain = {key: tuple(value) if isinstance(value, list) else value for key, value in table.items()}
-            given = {"parameters": parameters, "covariance": covariance, "known": dict(table["known"])}
-            card = cls(**(plain | given))
-        except (KeyError, TypeError, ValueError) as error:
+            card = cls(**fields_of(cls, table))
+            for name, x in (*card.known.items(), *card.drive.items()):
+                require_between(name, x, -LARGEST, LARGEST)
+        except ValueError as error:
             raise PellucidError(f"{path}: not a model card of format {FORMAT}: {error}") from None
-        require_units(path, parameters)
+        require_sound(path, card)
         return card
 
     def __post_init__(self):
@@ -138,25 +137,34 @@ def write_card(path: Path, card: Card) -> None:
 def read_card(path: Path) -> ModelCard:
     """Read a card."""
     card = ModelCard.from_table(read_table(path), path)
-    unknown = [p.name for p in card.parameters if p.name not in SYMBOLS]
+    named = {p.name: p.value for p in card.parameters}
+    unknown = [name for name in (*named, *card.known) if name not in SYMBOLS]
     if unknown:
         raise PellucidError(f"{path}: unknown parameters {', '.join(unknown)}")
+    try:
+        if card.family not in FAMILIES:
+            raise ValueError(f"found the family {card.family!r}, expected one of {', '.join(FAMILIES)}")
+        require_between("velocity_range", card.velocity_range, 1e-9, 1e6)
+        for name, value in (named | dict(card.known)).items():
+            require_between(name, value, max(SYMBOLS[name].lower, -LARGEST), min(SYMBOLS[name].upper, LARGEST))
+        for p in card.parameters:
+            unit = SYMBOLS[p.name].unit(card.motion, card.effort_unit)
+            if p.unit != unit:
+                raise ValueError(f'{p.name}: found the unit "{p.unit}", expected "{unit}"')
+    except ValueError as error:
+        raise PellucidError(f"{path}: not a card that can be used: {error}") from None
     return card
-
-
-def require_units(path: Path, parameters: Iterable[CardParameter]) -> None:
-    """Refuse a card's parameter whose unit is none."""
-    for p in parameters:
-        to_si_factor(p.unit, None, f"{path}: {p.name}")
 
 
 def read_table(path: Path) -> dict:
     """What a card's file says, of whatever kind the card is."""
     try:
-        table = json.loads(Path(path).read_text(encoding="utf-8"))
+        table = json.loads(read_given(path).decode("utf-8"))
     except FileNotFoundError:
         raise PellucidError(f"{path}: no such model card; run 'pellucid identify' on its study first") from None
-    except (UnicodeDecodeError, json.JSONDecodeError) as error:
+    except (ValueError, RecursionError) as error:
+        if isinstance(error, PellucidError):
+            raise
         raise PellucidError(f"{path}: not a model card ({error})") from None
     version = table.get("format") if isinstance(table, dict) else None
     if not isinstance(version, int):

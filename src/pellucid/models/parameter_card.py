@@ -11,7 +11,8 @@ import numpy as np
 
 from .._atomic import write_text_atomically
 from .._errors import PellucidError
-from .card import FORMAT, CardParameter, named, read_table, require_units
+from .card import FORMAT, CardParameter, named, read_table
+from .card_schema import fields_of, require_sound
 
 
 @dataclass(frozen=True)
@@ -75,20 +76,12 @@ def read_parameter_card(path: Path) -> ParameterCard:
     """Read a card again."""
     table = read_table(path)
     try:
-        rows = [{**row, "interval": tuple(_number(x) for x in row["interval"])} for row in table["parameters"]]
-        numbers = ("value", "standard_error")
-        parameters = tuple(CardParameter(**{**r, **{key: _number(r[key]) for key in numbers}}) for r in rows)
-        covariance = tuple(tuple(_number(x) for x in row) for row in table["covariance"])
         plain = {key: value for key, value in table.items() if key != "format"}
-        card = ParameterCard(**{**plain, "parameters": parameters, "covariance": covariance})
-    except (KeyError, TypeError, ValueError) as error:
+        card = ParameterCard(**fields_of(ParameterCard, plain, missing=True))
+    except ValueError as error:
         raise PellucidError(f"{path}: not a card of parameters: {error}") from None
-    require_units(path, parameters)
+    require_sound(path, card)
     return card
-
-
-def _number(x: float | None) -> float:
-    return float("nan") if x is None else float(x)
 
 
 def _plain(value):

@@ -48,7 +48,16 @@ def read_slider_card(path: Path) -> SliderCard:
         raise PellucidError(f"{path}: not the model card of a joint with a carriage")
     card = SliderCard.from_table(table, path)
     found = len(card.parameters)
-    expected = len(card.model().names) if card.family in FRICTIONS else found
-    if found != expected or not found:
-        raise PellucidError(f"{path}: found {found} parameters, expected {expected}")
+    try:
+        low, high = card.rail
+        if not 0.0 <= low < high <= 10.0:
+            raise ValueError(f"rail: found {low:g} m to {high:g} m, expected two places on a segment")
+        # A directional model has a set of parameters for each direction.
+        names = card.model().names if card.family in FRICTIONS else None
+        if names is None and found not in (SETS, 2 * SETS):
+            raise ValueError(f"found {found} parameters, expected {SETS} or {2 * SETS}")
+        if names is not None and tuple(p.name for p in card.parameters) != tuple(names):
+            raise ValueError(f"found {found} parameters, expected {', '.join(names)}")
+    except ValueError as error:
+        raise PellucidError(f"{path}: not a card that can be used: {error}") from None
     return card

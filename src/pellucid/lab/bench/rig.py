@@ -51,6 +51,7 @@ class BenchRig(Rig):
 
     kind = BENCH
     needed = NEEDED
+    free = ("joint",)
     comments = COMMENTS
 
     @classmethod
