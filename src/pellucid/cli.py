@@ -105,7 +105,7 @@ def check(folder: Folder, allow_outside: Outside = False) -> None:
     """Are these recordings fit to identify from? Status 1 if not."""
     from .procedures.registry import asked, open_study
     from .procedures.run import check as run
-    from .recordings.quality import grouped
+    from .recordings.fault import grouped
 
     study = open_study(folder, allow_outside=allow_outside)
     with _progress() as tell:

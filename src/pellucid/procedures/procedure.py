@@ -8,9 +8,11 @@ from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar
 
+from .._errors import RecordingError
+
 if TYPE_CHECKING:
     from ..pages.page import Page
-    from ..recordings.quality import Fault
+    from ..recordings.fault import Fault
     from ..recordings.study import Study
     from ..recordings.study_fields import ProcedureTable
     from .result import Result
@@ -46,6 +48,9 @@ class Procedure(ABC):
     table: ClassVar[type[ProcedureTable] | None] = None
     """What study.toml may say under its name; None where other tables ask for it."""
 
+    whole: ClassVar[bool] = False
+    """Whether it needs recordings without a break; those with a cut are left out, and named."""
+
     def asked(self, study: Study) -> bool:
         """Whether this study asks for it; nobody else looks at that."""
         return getattr(study.config, self.name, None) is not None
@@ -58,7 +63,22 @@ class Procedure(ABC):
         """What of the recordings it leaves out, to be told beside what it found."""
         from ..recordings.quality import cut_faults
 
-        return [fault for recording in study.recordings() for fault in cut_faults(recording)]
+        faults = [fault for recording in study.recordings() for fault in cut_faults(recording)]
+        return faults + list(self.unfit(study).values())
+
+    def unfit(self, study: Study) -> dict[str, Fault]:
+        """Recordings that are left out, by name: of which too much was cut, or anything where none may be."""
+        from ..recordings.quality import left_out_fault
+
+        told = {r.name: left_out_fault(r, study, self.whole) for r in study.recordings()}
+        return {name: fault for name, fault in told.items() if fault is not None}
+
+    def taken(self, study: Study) -> Study:
+        """The study without recordings that are unfit; RecordingError where no other is left."""
+        unfit = self.unfit(study)
+        if unfit and len(unfit) == len(study.recordings()):
+            raise RecordingError("\n".join(fault.message for fault in unfit.values()))
+        return study.without(unfit) if unfit else study
 
     @abstractmethod
     def run(self, study: Study, tell: Progress = quiet, **options) -> Result:

@@ -8,9 +8,10 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from .._errors import IdentificationError
+from .._errors import IdentificationError, RecordingError
 from ..fit.parameter import Verdict
-from ..recordings.quality import Fault, grouped
+from ..recordings.duplicates import duplicates
+from ..recordings.fault import Fault, grouped
 from ..recordings.study import Study
 from .procedure import Procedure, Progress, quiet
 from .registry import PROCEDURES, asked
@@ -44,8 +45,15 @@ def check(study: Study) -> list[Fault]:
     >>> [fault.message for fault in pl.check(pl.open("my-elbow")) if fault.severity == "refuse"]
     []
     """
-    faults = [fault for procedure in reversed(asked(study)) for fault in procedure.faults(study)]
-    return sorted(faults, key=lambda fault: fault.severity != "refuse")
+    faults = duplicates(study.recordings())
+    for procedure in reversed(asked(study)):
+        try:
+            faults += procedure.cut(study) + procedure.faults(procedure.taken(study))
+        except RecordingError:
+            if not procedure.unfit(study):
+                raise
+            faults += [replace(fault, severity="refuse") for fault in procedure.unfit(study).values()]
+    return sorted(dict.fromkeys(faults), key=lambda fault: fault.severity != "refuse")
 
 
 def identify(
@@ -217,7 +225,10 @@ def report(
 
 def _run(procedure: Procedure, study: Study, on_progress: Progress | None, **options) -> Result:
     tell = on_progress or quiet
-    found = procedure.run(study, tell, **options)
+    twice = duplicates(study.recordings())
+    if twice:
+        raise RecordingError("\n".join(fault.message for fault in twice))
+    found = procedure.run(procedure.taken(study), tell, **options)
     cut = tuple(Verdict("note", text) for text in grouped(procedure.cut(study)))
     found = found_by(procedure, study, replace(found, verdicts=found.verdicts + cut))
     tell("done", 1.0)

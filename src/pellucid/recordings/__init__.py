@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from .._atomic import write_text_atomically as write_text_atomically
+from .drive_channel import drive_channel as drive_channel
+from .fault import Fault as Fault
 from .optical import OpticalRecording as OpticalRecording
-from .quality import Fault as Fault
-from .quality import drive_channel as drive_channel
 from .quality import inspect as inspect
 from .quality import require_sound as require_sound
 from .recording import Channel as Channel

@@ -11,6 +11,10 @@ GAP_STEPS = 1.5
 """A time step longer than this many typical ones is a gap: a sample is missing."""
 
 
+JITTER_SHARE = 0.1
+"""Share of the time step by which 1 sample in 100 may be off before samples count as unevenly spaced."""
+
+
 @dataclass(frozen=True)
 class Cut:
     """A stretch of a recording that nothing is made of.

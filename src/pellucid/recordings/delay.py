@@ -53,7 +53,7 @@ def with_channels(
     cuts += [
         _cut(recording, kind, found, whole.start + a, whole.start + b - 1) for a, b in edges.reshape(-1, 2).tolist()
     ]
-    left = [cut for cut in cuts if cut.last >= whole.start and cut.first < whole.stop]
+    left = [cut for cut in cuts if cut.last >= whole.start and cut.first <= whole.stop]
     return replace(
         recording,
         channels={name: replace(c, samples=c.samples[whole]) for name, c in channels.items()},

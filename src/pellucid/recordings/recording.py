@@ -11,7 +11,7 @@ from types import MappingProxyType
 import numpy as np
 
 from .._errors import RecordingError
-from .cut import Cut, sound_samples, spans_between
+from .cut import GAP_STEPS, Cut, sound_samples, spans_between
 from .optical import OpticalRecording
 
 
@@ -213,6 +213,34 @@ class Recording:
             raise RecordingError(f"{self.path.name} (recording {self.name}): time does not advance, so it has no rate")
         # The median alone is only as fine as the clock's last digit; the mean alone would count gaps.
         return 1.0 / float(np.mean(steps[steps < 1.5 * np.median(steps)]))
+
+    @cached_property
+    def advances(self) -> bool:
+        """Whether time, where it is known, increases with every sample."""
+        time = self.time[np.isfinite(self.time)]
+        return len(time) > 1 and bool(np.all(np.diff(time) > 0.0))
+
+    @cached_property
+    def jitter(self) -> float:
+        """Share of the time step by which 1 sample in 100 is off."""
+        steps = np.diff(self.time)
+        steps = steps[steps <= GAP_STEPS / self.fs]
+        return float(np.quantile(np.abs(steps * self.fs - 1.0), 0.99)) if steps.size else 0.0
+
+    @cached_property
+    def stamped_evenly(self) -> bool:
+        """Whether positions lie more smoothly over an even clock than over the recorded times: these then say when a
+        sample was written down, not when it was taken."""
+        if "position" not in self or len(self) < 3:
+            return False
+        time, q = self.time, self["position"]
+        near = np.diff(time) <= GAP_STEPS / self.fs
+        inner = near[1:] & near[:-1] & self.sound[1:-1]
+        share = (time[1:-1] - time[:-2]) / (time[2:] - time[:-2])
+        recorded, even = (
+            np.abs(q[1:-1] - q[:-2] - s * (q[2:] - q[:-2]))[inner] for s in (share, np.full(len(q) - 2, 0.5))
+        )
+        return bool(np.nanmean(even) < np.nanmean(recorded)) if np.isfinite(recorded).any() else False
 
     @cached_property
     def enabled(self) -> np.ndarray:

@@ -6,7 +6,7 @@ import hashlib
 import os
 import re
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -15,6 +15,7 @@ import numpy as np
 from .._errors import RecordingError
 from .._given import require_inside
 from .cut import Cut
+from .defects.find import cut_out
 from .delay import moved
 from .joined_stream import first_offset, joined
 from .optical import OpticalRecording, read_optical
@@ -49,6 +50,7 @@ class Study:
     _digests: dict[Path, str] = field(default_factory=dict, repr=False)
     _apart: dict[str, Recording] = field(default_factory=dict, repr=False)  # Before streams were joined
     found: dict = field(default_factory=dict, repr=False)  # What a procedure found of the recordings, not to ask twice
+    _left_out: frozenset[str] = field(default=frozenset(), repr=False)
     out: Path | None = None
     allow_outside: bool = False
 
@@ -166,8 +168,13 @@ class Study:
             for entry in self.config.recordings
             if use is None or entry.use == use
             for name, path in self._paths(entry)
+            if name not in self._left_out
         ]
         return tuple(found)
+
+    def without(self, names: Iterable[str]) -> Study:
+        """The same study without some of its recordings."""
+        return replace(self, _left_out=self._left_out | frozenset(names))
 
     def recording(self, name: str) -> Recording:
         """One recording by its name.
@@ -243,10 +250,10 @@ class Study:
             streams={stream: self._load_stream(entry, name, stream, files) for stream in entry.streams},
             amplitude=entry.amplitude,
             repetition=entry.repetition,
-            cuts=_excluded(entry, path, channels["time"].samples),
+            cuts=(*_excluded(entry, path, channels["time"].samples), *_cut_row(entry, path, channels["time"].samples)),
         )
         specs = self.config.channels_of(entry)
-        recording = _in_time(recording, specs)
+        recording = _in_time(self._without_defects(recording, specs, entry.processing or self.config.processing), specs)
         self._apart[name] = recording
         self._loaded[name] = self._joined(recording, entry, {})
         return self._loaded[name]
@@ -303,9 +310,17 @@ class Study:
     def _load_stream(self, entry, name, stream, files) -> Recording:
         path = self._beside(entry, entry.streams[stream], f"the stream {stream}")
         columns, digest = self._read_once(path, files)
-        channels = _channels(columns, self.config.streams[stream].channels, None)
+        specs = self.config.streams[stream].channels
+        channels = _channels(columns, specs, None)
         made = Recording(f"{name}.{stream}", path, digest, entry.use, channels, entry.protocol, entry.participant)
-        return _in_time(made, self.config.streams[stream].channels)
+        return _in_time(self._without_defects(made, specs, entry.processing or self.config.processing, stream), specs)
+
+    def _without_defects(
+        self, recording: Recording, specs: Mapping[str, ChannelSpec], processing: Processing, stream: str = ""
+    ) -> Recording:
+        """The recording, or one of its streams, with what is bad in it cut out."""
+        found = cut_out(recording, self.config, specs, processing, stream)
+        return replace(recording, cuts=tuple(sorted((*recording.cuts, *found), key=lambda cut: cut.first)))
 
     def _beside(self, entry, file, what) -> Path:
         path = self.inside(file, self._named_by(entry))
@@ -413,7 +428,19 @@ def _excluded(entry: RecordingEntry, path: Path, time: np.ndarray) -> tuple[Cut,
                 f"{path.name} (recording {entry.name}): exclude {start:g} s to {stop:g} s holds no sample, found times "
                 f"from {np.nanmin(time):g} s to {np.nanmax(time):g} s"
             )
-    return tuple(sorted(cuts, key=lambda cut: cut.first))
+    return tuple(cuts)
+
+
+def _cut_row(entry: RecordingEntry, path: Path, time: np.ndarray) -> tuple[Cut, ...]:
+    """The last row of a text file in which its writer was cut off, after samples at `time`, shape (n,) [s]."""
+    from .readers.csv import ENDINGS, cut_row
+
+    cut = cut_row(path) if path.suffix.lower() in ENDINGS else None
+    if cut is None or (entry.window is not None and entry.window[1] <= time[-1]):
+        return ()
+    text = cut.text if len(cut.text) <= 40 else f"{cut.text[:37]}..."
+    found = f'an incomplete last row, "{text}", where the file is truncated'
+    return (Cut("truncated", "time", float(time[-1]), float(time[-1]), len(time), len(time) - 1, found),)
 
 
 def _require_the_files_units(columns: Columns, specs: dict[str, ChannelSpec]) -> None:

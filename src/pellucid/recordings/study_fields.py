@@ -65,6 +65,13 @@ class ProcedureTable(StudyTable):
     alone: ClassVar[bool] = False
     """Whether no other such table may stand beside it: each is a study of its own."""
 
+    bridges: ClassVar[bool] = True
+    """Whether it deals with gaps and missing samples by itself; otherwise they are cut out."""
+
+    def reads(self, channel: str, stream: str) -> bool:
+        """Whether a channel's spikes would spoil what is made of it; `stream` is "" for the recording's own file."""
+        return False
+
     def require_in(self, config: StudyFile) -> None:
         """Raise ValueError where what the table names is not among the rest of study.toml."""
 

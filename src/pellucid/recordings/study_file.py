@@ -584,6 +584,11 @@ class Processing(StudyTable):
         Samples dropped at each border, where the filter has not settled.
     velocity : str
         ``"differentiated"`` from the position, or ``"recorded"``: the channel of that name.
+    cut : str
+        ``"automatic"``: spikes, dropouts, frozen and clipped stretches, gaps and missing samples are left out;
+        ``"none"``: they refuse the recording.
+    cut_share : float
+        Largest share of a recording's samples that may be left out so, in [0, 1).
     """
 
     lowpass: quantity("Hz", gt=0) | None = None
@@ -593,6 +598,8 @@ class Processing(StudyTable):
     dead_band: quantity("<velocity>", ge=0) = 0.0
     trim: int = Field(0, ge=0)
     velocity: Literal["differentiated", "recorded"] = "differentiated"
+    cut: Literal["automatic", "none"] = "automatic"
+    cut_share: float = Field(0.1, ge=0, lt=1)
 
 
 class Model(StudyTable):

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from .._errors import RecordingError
-from ..recordings.quality import DRIVE_CHANNELS
+from ..recordings.drive_channel import DRIVE_CHANNELS
 from ..recordings.recording import Recording
 from ..recordings.study_file import Drive, JointTable
 

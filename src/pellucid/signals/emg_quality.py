@@ -8,7 +8,7 @@ import numpy as np
 from scipy import signal
 
 from .._errors import RecordingError
-from ..recordings.quality import Fault
+from ..recordings.fault import Fault
 from ..recordings.recording import Recording
 from .filters import runs
 

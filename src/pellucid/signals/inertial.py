@@ -64,7 +64,7 @@ def inertial(
     grid = time[0] + period * np.arange(round((time[-1] - time[0]) / period) + 1)
     bridged, gaps = np.zeros(len(grid), bool), []
     for name in wanted:
-        known = np.isfinite(values[name]).all(axis=1)
+        known = np.isfinite(values[name]).all(axis=1) & recording.sound
         channel = f"{prefix}.{name}"
         if not known.any():
             raise RecordingError(f"{where}: channel {channel}: found no sample with a value, expected {SENSORS[name]}")

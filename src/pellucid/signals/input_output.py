@@ -49,9 +49,11 @@ def input_output(recording: Recording, channels: Sequence[str]) -> InputOutput:
     name_in, name_out = channels
     table = np.column_stack([recording.time, recording[name_in], recording[name_out]])
     notes = []
-    known = np.isfinite(table).all(axis=1)
+    finite = np.isfinite(table).all(axis=1)
+    known = finite & recording.sound
+    if not finite.all():
+        notes.append(f"{_samples(int((~finite).sum()))} with a missing number left out")
     if not known.all():
-        notes.append(f"{_samples(int((~known).sum()))} with a missing number left out")
         table = table[known]
     starts = np.concatenate([[0], np.flatnonzero(np.diff(table[:, 0]) < 0.0) + 1])
     if len(starts) > 1:

@@ -14,8 +14,9 @@ from types import MappingProxyType
 import numpy as np
 
 from .._errors import RecordingError
+from ..recordings.fault import Fault
 from ..recordings.optical import OpticalRecording
-from ..recordings.quality import MIN_FRAMES, MIN_SEEN, Fault
+from ..recordings.optical_faults import MIN_FRAMES, MIN_SEEN
 from ..recordings.recording import Recording
 from ..recordings.study_file import Slider
 
@@ -576,7 +577,7 @@ def _clocks(recordings: Sequence[Recording]) -> list[ClockOffset]:
     """Each recording's, first by itself, then again where it would turn the other way than most."""
 
     def clock(r: Recording, direction: np.ndarray | None = None) -> ClockOffset:
-        return clock_offset(r.time, r["position"], r.optical.time, r.optical.markers, direction)
+        return clock_offset(r.time[r.sound], r["position"][r.sound], r.optical.time, r.optical.markers, direction)
 
     clocks = [clock(r) for r in recordings]
     ways = [_way(r, c) if c.identifiable else np.zeros(3) for r, c in zip(recordings, clocks, strict=True)]
@@ -588,7 +589,8 @@ def _way(recording: Recording, clock: ClockOffset) -> np.ndarray:
     """About what direction the markers turn, of length 1, shape (3,)."""
     optical = recording.optical
     few = slice(None, None, max(1, len(optical) // COARSE_FRAMES))
-    angle = np.interp(clock.robot_time(optical.time)[few], recording.time, recording["position"])
+    sound = recording.sound
+    angle = np.interp(clock.robot_time(optical.time)[few], recording.time[sound], recording["position"][sound])
     turned = sum(
         (np.cross(*c.swing) for c in _Track(angle, {m: p[few] for m, p in optical.markers.items()}).circles),
         np.zeros(3),
@@ -600,7 +602,7 @@ def _way(recording: Recording, clock: ClockOffset) -> np.ndarray:
 def _track(recording: Recording, carriage: str, clock: ClockOffset) -> _Track:
     optical = recording.optical
     at = clock.robot_time(optical.time)
-    known = np.isfinite(recording.time) & np.isfinite(recording["position"])
+    known = np.isfinite(recording.time) & np.isfinite(recording["position"]) & recording.sound
     # Frames before and after the robot's recording have no angle.
     angle = np.interp(at, recording.time[known], recording["position"][known], left=np.nan, right=np.nan)
     used = int(np.sum(np.isfinite(angle) & optical.seen(carriage)))

@@ -89,23 +89,29 @@ def _ready(recording: Recording, effort: np.ndarray, slider: float, processing: 
         raise RecordingError('study.toml: [processing] states no lowpass; expected one such as "5 Hz"')
     recorded = (recording["velocity"],) if processing.velocity == "recorded" else ()
     thin = max(int(fs / (OVERSAMPLING * cutoff)), 1)
-    try:
-        both = zero_phase_lowpass(np.column_stack([recording["position"], effort, *recorded]), cutoff, order, fs)[
-            ::thin
-        ]
-    except ValueError as error:
-        raise RecordingError(f"{recording.path}: {error}") from None
-    if len(both) < 60:
+    samples, rate = np.column_stack([recording["position"], effort, *recorded]), fs / thin
+    spans = [span for span in recording.spans if span.stop - span.start >= 60 * thin]
+    if not spans:
         raise RecordingError(
             f"{recording.path}: {len(recording)} samples ({len(recording) / fs:.3g} s); expected at least "
-            f"{60 * thin / fs:.3g} s with a low-pass of {cutoff:g} Hz"
+            f"{60 * thin / fs:.3g} s without a cut with a low-pass of {cutoff:g} Hz"
         )
-    rate = fs / thin
-    velocity = both[:, 2] if recorded else derivative(both[:, 0], rate)
+    try:
+        filtered = [zero_phase_lowpass(samples[span], cutoff, order, fs)[::thin] for span in spans]
+    except ValueError as error:
+        raise RecordingError(f"{recording.path}: {error}") from None
+    both = np.concatenate(filtered)
+    rates = [part[:, 2] if recorded else derivative(part[:, 0], rate) for part in filtered]
+    velocity, acceleration = np.concatenate(rates), np.concatenate([derivative(part, rate) for part in rates])
     scored = np.abs(velocity) > processing.dead_band
-    border = round(processing.trim / thin)
+    border, joint = round(processing.trim / thin), 0
     scored[:border] = False
     scored[len(scored) - border :] = False
+    for part in filtered[:-1]:
+        joint += len(part)
+        # What a model makes of velocity's sign is filtered over the joint: as long as a filter remembers is not scored.
+        memory = max(border, round(rate / cutoff))
+        scored[max(joint - memory, 0) : joint + memory] = False
     return SliderMotion(
         recording=recording.name,
         protocol=recording.protocol or "",
@@ -114,7 +120,7 @@ def _ready(recording: Recording, effort: np.ndarray, slider: float, processing: 
         fs=rate,
         position=both[:, 0],
         velocity=velocity,
-        acceleration=derivative(velocity, rate),
+        acceleration=acceleration,
         effort=both[:, 1],
         lowpass=cutoff,
         order=order,

@@ -14,7 +14,7 @@ from ...assessment.comparison import compare_conditions
 from ...assessment.indices import INDICES, index_table, indices_along, isochrony
 from ...assessment.measured import UP, Measured
 from ...assessment.power import EFFECTS, needed_for_effects
-from ...recordings.quality import Fault
+from ...recordings.fault import Fault
 from ...recordings.recording import Recording
 from ...recordings.study import Study
 from ...signals.movements import MovementRule

@@ -16,7 +16,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ...assessment.emg_index import Activity
-from ...recordings.quality import Fault
+from ...recordings.fault import Fault
 from ...signals.emg_timing import LEAD, emg_drift, emg_lead
 from ...signals.movements import MovementRule
 from .pointing import PointingRecord, PointingSettings

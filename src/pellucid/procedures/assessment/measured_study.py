@@ -12,7 +12,7 @@ from ...assessment.end_error import end_error, target_zero
 from ...assessment.interaction import interaction
 from ...assessment.measured import DOWN, UP, Measured
 from ...assessment.movement_indices import smoothness
-from ...recordings.quality import Fault
+from ...recordings.fault import Fault
 from ...signals.amplitude_check import OWN, RANDOM
 from ...signals.movements import Kinematics, Movement, MovementRule
 from ...signals.resampling import linear

@@ -141,7 +141,10 @@ def pointing_record(recording: Recording, spec: PointingSettings) -> PointingRec
         if "position" in recording:
             time, delay, drift = _on_recordings_clock(recording, time, angle, where)
     elif spec.angle in recording:
-        source, time, angle = spec.angle, recording.time, recording[spec.angle]
+        source, time = spec.angle, recording.time
+        angle = (
+            recording[spec.angle] if recording.sound.all() else np.where(recording.sound, recording[spec.angle], np.nan)
+        )
     else:
         wanted = f"optical with the markers {', '.join(spec.segment)}, or " if spec.segment else ""
         raise RecordingError(
@@ -175,7 +178,8 @@ def _on_recordings_clock(
     """The markers' time on the recording's clock, their delay in the mean [s], and their clock's drift [s/s]."""
     rates = []
     rule = MovementRule(lowpass=6.0)
-    for at, samples in ((recording.time, recording["position"]), (time, angle)):
+    position = np.where(recording.sound, recording["position"], np.nan)
+    for at, samples in ((recording.time, position), (time, angle)):
         motion = kinematics(at, samples, rule, where=where)
         even = np.arange(motion.time[0], motion.time[-1], 1.0 / COMPARED_AT)
         rates.append((even, np.interp(even, motion.time, motion.velocity)))

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from ..._errors import RecordingError
-from ...recordings.quality import Fault
+from ...recordings.fault import Fault
 from ...recordings.recording import Recording
 from ...recordings.study import Study
 from ...signals.amplitude_check import MISTAKEN, strays

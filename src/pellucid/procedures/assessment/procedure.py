@@ -60,6 +60,12 @@ class AssessmentTable(ProcedureTable):
     advance: quantity("s", ge=0) = 0.1
     confidence: float = Field(0.95, gt=0, lt=1)
 
+    def reads(self, channel: str, stream: str) -> bool:
+        """The angle, the robot's torque, and EMG."""
+        if stream:
+            return stream == self.emg and channel.startswith("emg.")
+        return channel in (self.angle, self.interaction) or channel.startswith("emg.")
+
     @model_validator(mode="after")
     def _two_markers(self) -> AssessmentTable:
         if len(self.segment) not in (0, 2) or len(set(self.segment)) < len(self.segment):

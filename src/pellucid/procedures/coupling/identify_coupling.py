@@ -19,7 +19,7 @@ from ...fit.strap.orthosis_alone import OrthosisFit, fit_orthosis
 from ...fit.strap.strap_torque import StrappedSwing
 from ...fit.strap.wearer_coupling import identify_wearer
 from ...models.anthropometry import Segment, known_segments
-from ...recordings.quality import Fault
+from ...recordings.fault import Fault
 from ...recordings.recording import Recording
 from ...recordings.study import Study
 from ...recordings.study_file import Participant, StudyFile

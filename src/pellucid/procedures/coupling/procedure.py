@@ -33,6 +33,10 @@ class CouplingTable(ProcedureTable):
     magnetometer: bool = True
     confidence: float = Field(0.95, gt=0, lt=1)
 
+    def reads(self, channel: str, stream: str) -> bool:
+        """Torque and angle of the orthosis, and the limb's IMU."""
+        return stream == self.imu if stream else channel in ("torque", "position")
+
 
 class CouplingProcedure(Procedure):
     """A wearer strapped to an orthosis: both bodies, and what couples them."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from pathlib import Path
-from typing import Literal
+from typing import ClassVar, Literal
 
 from pydantic import Field
 
@@ -43,11 +43,21 @@ class EmgTorqueTable(ProcedureTable):
     muscle_file: Place | None = None
     muscle_names: dict[Word, Said] = Field(default_factory=dict)
 
+    bridges: ClassVar[bool] = False
+
+    def reads(self, channel: str, stream: str) -> bool:
+        """Angles, torques and EMG, wherever they are."""
+        kind = channel.partition(".")[0]
+        if stream:
+            return (kind == "emg" and stream == self.emg) or (kind == "moment" and stream == self.moments)
+        return channel in ("position", "torque") or kind in ("angle", "moment", "emg")
+
 
 class EmgTorqueProcedure(Procedure):
     """Torque of joints from EMG, by several methods, on held-out data."""
 
     name, command = "emg_torque", "calibrate"
+    whole = True
     table = EmgTorqueTable
     faults = late("emg_torque.emg_faults", "emg_faults")
     run = late("emg_torque.calibrate", "calibrate")

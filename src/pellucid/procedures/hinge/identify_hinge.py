@@ -10,7 +10,7 @@ import numpy as np
 from ..._errors import IdentificationError, PellucidError
 from ...fit.parameter import Parameter, Verdict
 from ...models.parameter_card import ParameterCard
-from ...recordings.quality import Fault
+from ...recordings.fault import Fault
 from ...recordings.recording import Recording
 from ...recordings.results import ResultRow
 from ...recordings.study import Study

@@ -35,6 +35,12 @@ class HingeTable(ProcedureTable):
     jump: quantity("rad", gt=0)
     delay: quantity("s") | None = None
 
+    def reads(self, channel: str, stream: str) -> bool:
+        """Rates and accelerations; a reference has a rule of its own for what is no measurement."""
+        side, _, what = channel.partition(".")
+        measured = what.startswith(("acceleration.", "angular_velocity."))
+        return not stream and side in (self.proximal, self.distal) and measured
+
 
 class HingeProcedure(Procedure):
     """A hinge between two segments, each with an inertial sensor."""

@@ -15,10 +15,10 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import optimize
 
-from ..._errors import IdentificationError
+from ..._errors import IdentificationError, RecordingError
 from ...fit.parameter import Verdict
 from ...models.muscle import Muscle
-from ...recordings.quality import Fault
+from ...recordings.fault import Fault
 from ...recordings.recording import Recording
 from ...recordings.results import ResultRow
 from ...recordings.study import Study
@@ -128,6 +128,12 @@ def _imposed(recording: Recording, study: Study) -> tuple[np.ndarray, np.ndarray
     table = study.config.isolated_muscle
     amplitude = next(e.amplitude for e in study.config.recordings if e.name == recording.name)
     source = recording.streams.get(table.stream, recording)
+    bad = [cut for cut in source.cuts if cut.channel in (table.displacement, "time")]
+    if bad:
+        raise RecordingError(
+            f"{source.path.name} (recording {recording.name}), channel {bad[0].channel}: found {bad[0].found} at "
+            f"{bad[0].start:.6g} s, expected a displacement without a break: the muscle is simulated along all of it"
+        )
     if amplitude is None or table.displacement not in source:
         missing = "amplitude" if amplitude is None else f"channel {table.displacement}"
         raise IdentificationError(f"{recording.name}: found no {missing}, expected the displacement of the free end")
@@ -155,7 +161,7 @@ def _trial(
     force, _ = muscle.simulate(active, rest + offset + displacement, period=PERIOD)
     measured = recording[table.force]
     predicted = np.interp(recording.time, time, force)
-    scored = recording.time > table.score_from
+    scored = (recording.time > table.score_from) & recording.sound
     error = 100.0 * float(np.mean(np.abs(predicted - measured)[scored])) / table.isometric_force
     return MuscleTrial(recording.name, recording.use, amplitude, recording.time, measured, predicted, error)
 

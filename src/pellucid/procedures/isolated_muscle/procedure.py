@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import ClassVar
+
 from pydantic import Field
 
 from ...recordings.study_fields import ProcedureTable, Word, quantity
@@ -47,6 +49,12 @@ class IsolatedMuscleTable(ProcedureTable):
     damping: float = Field(0.1, ge=0)
     tendon_strain: float = Field(0.049, gt=0)
     score_from: quantity("s", ge=0) = 0.0
+
+    bridges: ClassVar[bool] = False
+
+    def reads(self, channel: str, stream: str) -> bool:
+        """Force and displacement."""
+        return channel == self.displacement if stream == self.stream else not stream and channel == self.force
 
 
 class IsolatedMuscleProcedure(Procedure):

@@ -11,7 +11,7 @@ from ..._errors import PellucidError
 from ...fit.delay import Delay
 from ...fit.joint.drive_delay import drive_delay
 from ...recordings.delay import moved
-from ...recordings.quality import drive_channel
+from ...recordings.drive_channel import drive_channel
 from ...recordings.recording import Recording
 from ...recordings.study import Study
 from ...signals.effort import drive_model

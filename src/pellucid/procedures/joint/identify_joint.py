@@ -16,7 +16,8 @@ from ...fit.parameter import Parameter
 from ...fit.regression import stack
 from ...models.joint import FAMILIES, JointModel, joint_model
 from ...models.simulate import LoopSetting
-from ...recordings.quality import drive_channel, require_sound
+from ...recordings.drive_channel import drive_channel
+from ...recordings.quality import require_sound
 from ...recordings.study import Study
 from ...recordings.study_file import JointTable, Processing
 from ...signals.effort import drive_model

@@ -9,7 +9,9 @@ from ...fit.joint.excitation import excitation
 from ...fit.joint.friction_solver import solve_family
 from ...fit.regression import Stack, stack
 from ...models.joint import JointModel, joint_model
-from ...recordings.quality import Fault, drive_channel, inspect
+from ...recordings.drive_channel import drive_channel
+from ...recordings.fault import Fault
+from ...recordings.quality import inspect
 from ...recordings.study import Study
 from ...signals.effort import drive_model
 from .aligned_motions import alignment, motions

@@ -8,7 +8,7 @@ from ...recordings.study import Study
 from ..procedure import Procedure, late
 
 if TYPE_CHECKING:
-    from ...recordings.quality import Fault
+    from ...recordings.fault import Fault
 
 
 class JointProcedure(Procedure):
@@ -24,6 +24,10 @@ class JointProcedure(Procedure):
         from .recorded_motions import left_out
 
         return super().cut(study) + left_out(study)
+
+    def unfit(self, study: Study) -> dict[str, Fault]:
+        """None: a recording of which too much is cut refuses the study."""
+        return {}
 
     def asked(self, study: Study) -> bool:
         alone = any(table.alone for table in study.config.procedures.values())

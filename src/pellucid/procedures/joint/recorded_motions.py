@@ -8,7 +8,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..._errors import RecordingError
-from ...recordings.quality import Fault
+from ...recordings.cut import JITTER_SHARE
+from ...recordings.fault import Fault
 from ...recordings.recording import Recording
 from ...recordings.study import Study
 from ...recordings.study_file import Processing
@@ -181,11 +182,14 @@ def stretches_of(recording: Recording, processing: Processing) -> Iterator[Stret
 
 def evenly_sampled(recording: Recording, span: slice, processing: Processing) -> tuple[float, dict[str, np.ndarray]]:
     """Sampling rate [Hz] and channels, each shape (n,), of a span on an even grid; interpolated only where the study
-    says so."""
+    says so or the clock jitters."""
     values = {name: channel.samples[span] for name, channel in recording.channels.items()}
-    if processing.resample is None:
+    if processing.resample is None and recording.jitter <= JITTER_SHARE:
         return recording.fs, values
-    fs, time = processing.resample, values["time"]
+    fs, time = processing.resample or recording.fs, values["time"]
+    if processing.resample is None and recording.stamped_evenly:
+        count = np.arange(len(time)) / fs
+        return fs, {**values, "time": count + float(np.median(time - count))}
     grid = even_times(time, fs)
     held = {"enabled"}
     nearest = np.clip(np.searchsorted(time, grid, side="right") - 1, 0, len(time) - 1)

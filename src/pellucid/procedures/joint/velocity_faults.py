@@ -8,7 +8,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from ..._errors import RecordingError
-from ...recordings.quality import Fault
+from ...recordings.fault import Fault
 from ...recordings.recording import Recording
 from ...recordings.study import Study
 from ...recordings.study_file import Processing

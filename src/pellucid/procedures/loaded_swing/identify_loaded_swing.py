@@ -19,7 +19,7 @@ from ...fit.swing.loaded_swing import Swing, SwingFit, corrected, fit_swings, sw
 from ...models.anthropometry import WINTER_MASS, shank_length, winter
 from ...models.joint import GRAVITY
 from ...models.parameter_card import ParameterCard
-from ...recordings.quality import Fault
+from ...recordings.fault import Fault
 from ...recordings.recording import Recording
 from ...recordings.results import ResultRow, checksum_of_all
 from ...recordings.study import Study
@@ -81,17 +81,19 @@ def identify_swings(
             f"found {len(alone)} recordings of the exoskeleton alone and {len(people)} participants, expected at least "
             f"one of each: none is of protocol {lacking}"
         )
-    swings = {r.name: prepared(r, asked.lowpass) for r in used}
+    parts = {r.name: swings_of(r, asked.lowpass) for r in used}
     form = corrected(0.0)
     tell("the exoskeleton alone", 0.0)
-    empty = fit_swings([swings[r.name] for r in alone], form)
+    empty = fit_swings([s for r in alone for s in parts[r.name]], form)
     legs = {}
     for i, who in enumerate(people):
         tell(who, 0.2 + 0.8 * i / len(people))
-        own = [swings[r.name] for r in used if r.protocol == LOADED and r.participant == who]
+        own = [s for r in used if r.protocol == LOADED and r.participant == who for s in parts[r.name]]
         loaded = fit_swings(own, form)
         legs[who] = LegAlone(loaded, *leg_alone(empty, loaded), _usual(config.participants.get(who)))
     wearers = {r.name: r.participant if r.protocol == LOADED else None for r in used}
+    swings = {s.recording: s for own in parts.values() for s in own}
+    wearers |= {s.recording: wearers[name] for name, own in parts.items() for s in own}
     return _findings(config, asked.confidence, empty, legs, swings, wearers, {r.name: r.checksum for r in used})
 
 
@@ -102,6 +104,23 @@ def prepared(recording: Recording, lowpass: float) -> Swing:
     return swing(r.time, r["position"], r["torque"], lowpass=lowpass, every=every, recording=r.name)
 
 
+def swings_of(recording: Recording, lowpass: float) -> list[Swing]:
+    """A recording's position and torque between cuts, through the low-pass [Hz]; what is too short is left out."""
+    if not recording.cuts:
+        return [prepared(recording, lowpass)]
+    found, short = [], None
+    for span in recording.spans:
+        channels = {name: replace(c, samples=c.samples[span]) for name, c in recording.channels.items()}
+        name = f"{recording.name} ({len(found) + 1})" if found else recording.name
+        try:
+            found.append(prepared(replace(recording, name=name, channels=channels, cuts=()), lowpass))
+        except PellucidError as error:
+            short = error
+    if not found:
+        raise short or IdentificationError(f"{recording.path.name} (recording {recording.name}): nothing left uncut")
+    return found
+
+
 def faults(study: Study) -> list[Fault]:
     """What keeps swings from being used. `study` [loaded_swing]."""
     found = []
@@ -109,12 +128,12 @@ def faults(study: Study) -> list[Fault]:
         if r.protocol not in (EMPTY, LOADED):
             continue
         where, text = f"{r.path.name} (recording {r.name})", ""
-        reach = float(np.nanmax(np.abs(r["position"])))
+        reach = float(np.nanmax(np.abs(r["position"][r.sound]), initial=0.0))
         if reach > np.pi:
             text = f"found {reach:.3g} rad from hanging, expected less than half a turn: is it in degrees?"
         else:
             try:
-                fit_swings([prepared(r, study.config.loaded_swing.lowpass)], corrected(0.0))
+                fit_swings(swings_of(r, study.config.loaded_swing.lowpass), corrected(0.0))
             except PellucidError as error:
                 text = str(error)
         if text:

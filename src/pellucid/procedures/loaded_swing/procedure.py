@@ -26,6 +26,12 @@ class LoadedSwingTable(ProcedureTable):
     lowpass: quantity("Hz", gt=0) = 4.0
     confidence: float = Field(0.95, gt=0, lt=1)
 
+    bridges: ClassVar[bool] = False
+
+    def reads(self, channel: str, stream: str) -> bool:
+        """Position and torque."""
+        return not stream and channel in ("position", "torque")
+
 
 class LoadedSwingProcedure(Procedure):
     """An exoskeleton's swings, empty and with relaxed legs in it."""

@@ -7,7 +7,8 @@ from dataclasses import dataclass
 
 from ..._errors import IdentificationError, PellucidError
 from ...fit.slider.three_steps import STEPS, require_both_directions, require_places
-from ...recordings.quality import Fault, inspect
+from ...recordings.fault import Fault
+from ...recordings.quality import inspect
 from ...recordings.recording import Recording
 from ...recordings.study import Study
 from ...recordings.study_file import StudyFile

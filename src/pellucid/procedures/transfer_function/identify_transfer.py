@@ -12,7 +12,7 @@ from ..._errors import IdentificationError, PellucidError
 from ...fit.parameter import Verdict
 from ...fit.transfer.transfer_function_fit import SAMPLES_EACH, Response, TransferFit, evaluated, fit_records
 from ...models.parameter_card import ParameterCard
-from ...recordings.quality import Fault
+from ...recordings.fault import Fault
 from ...recordings.recording import Recording
 from ...recordings.results import ResultRow
 from ...recordings.study import Study

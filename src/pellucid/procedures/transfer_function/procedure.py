@@ -34,6 +34,10 @@ class TransferFunctionTable(ProcedureTable):
     hold: Literal["first", "zero"] = "first"
     confidence: float = Field(0.95, gt=0, lt=1)
 
+    def reads(self, channel: str, stream: str) -> bool:
+        """Input and output."""
+        return not stream and channel in (self.input, self.output)
+
     @model_validator(mode="after")
     def _proper(self) -> TransferFunctionTable:
         if self.zeros >= self.poles:

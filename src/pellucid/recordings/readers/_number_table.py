@@ -9,6 +9,8 @@ from pathlib import Path
 
 import numpy as np
 
+from ._last_row import Part
+
 LONG = 4_000_000  # bytes; below, loading Arrow takes longer than reading without it
 BLOCK = 1 << 18  # bytes
 MISSING = [
@@ -19,9 +21,11 @@ MISSING = [
 """What stands for a missing sample, in the spellings that programs write."""
 
 
-def number_table(path: Path, first: int, width: int, delimiter: str, decimal: str) -> list[np.ndarray] | None:
+def number_table(
+    path: Path, first: int, width: int, delimiter: str, decimal: str, end: int | None = None
+) -> list[np.ndarray] | None:
     """`width` columns, each (n,), of the rows that begin at byte `first` of a file; None where any row is not so many
-    numbers between `delimiter`s with the `decimal` mark, or a column is empty throughout."""
+    numbers between `delimiter`s with the `decimal` mark, or a column is empty throughout. Byte `end` is not read."""
     import pyarrow
     from pyarrow import csv
 
@@ -29,7 +33,7 @@ def number_table(path: Path, first: int, width: int, delimiter: str, decimal: st
     columns = [np.empty(0) for _ in names]
     size, filled = path.stat().st_size - first, 0
     try:
-        with pyarrow.OSFile(str(path)) as file:
+        with pyarrow.OSFile(str(path)) if end is None else pyarrow.PythonFile(Part(path, end), "r") as file:
             file.seek(first)
             blocks = csv.open_csv(
                 file,

@@ -10,6 +10,7 @@ import numpy as np
 from ..._errors import RecordingError
 from ._caps import require_few
 from ._columns import Columns
+from ._last_row import cut_row
 from ._number_table import LONG, number_table
 
 ENDINGS = (".csv", ".tsv", ".txt", ".dat")
@@ -29,7 +30,8 @@ def read(path: Path) -> Columns:
     A column with text in it is given as a str that says which.
 
     Lines that begin with ``#``, ``%``, ``//`` or ``!`` are comments. An empty field, ``NaN``, ``NA`` or ``null`` is a
-    missing sample (NaN); ``true`` and ``false`` are 1 and 0. A row of units below the header is skipped. Columns may
+    missing sample (NaN); ``true`` and ``false`` are 1 and 0. A row of units below the header is skipped, and so is a
+    last row in which the writer was cut off. Columns may
     also be named on a line each, ``Channel 1: 'RF'``, as Biometrics' DataLOG does; titles without a delimiter name no
     columns.
     """
@@ -86,12 +88,15 @@ def _long(path: Path) -> Columns | None:
     fields = _split(row, delimiter)
     names = _names(path, _header(lines[:first], comments, delimiter, len(fields)), len(fields))
     decimal = "," if delimiter != "," and any(_COMMA_NUMBER.fullmatch(field) for field in fields) else "."
-    columns = number_table(path, sum(map(len, head[:at])), len(fields), delimiter, decimal)
+    cut = cut_row(path)
+    end = cut.start if cut is not None else None
+    columns = number_table(path, sum(map(len, head[:at])), len(fields), delimiter, decimal, end)
     return None if columns is None else Columns(path, dict(zip(names, columns, strict=True)))
 
 
 def _decode(path: Path) -> str:
-    raw = path.read_bytes()
+    raw, cut = path.read_bytes(), cut_row(path)
+    raw = raw if cut is None else raw[: cut.start]
     if raw[:2] in (b"\xff\xfe", b"\xfe\xff"):
         return raw.decode("utf-16", errors="replace")
     if b"\0" in raw[:4096]:
@@ -200,11 +205,7 @@ def _slow(path, rows, delimiter, named):
     texts: list[list[tuple[int, str]]] = [[] for _ in range(width)]
     for i, (number, fields) in enumerate(split):
         if len(fields) != width:
-            last = i == len(split) - 1
-            raise RecordingError(
-                f"{path.name}: line {number} has {len(fields)} fields, expected {width}"
-                + ("; it is the last line, so the file is truncated" if last else "")
-            )
+            raise RecordingError(f"{path.name}: line {number} has {len(fields)} fields, expected {width}")
         for j, text in enumerate(fields):
             value = _number(text)
             if value is None:

@@ -1,0 +1,92 @@
+"""A channel that stays one value for a while, though it never rests otherwise: a signal that was lost."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from ..cut import Cut
+from .clipped import at_limit
+from .watched import MOTION, Watched, runs
+
+KIND = "dropout"
+
+SHORTEST = 10
+"""Samples of one value from which on a dropout is looked for."""
+
+APART = 5.0
+"""How many times longer than any other run of one value a dropout is."""
+
+MOST = 20
+"""Dropouts in a recording beyond which resting is the channel's way."""
+
+MOST_SHARE = 0.05
+"""Share of the samples in dropouts beyond which it is, too."""
+
+LONGEST = 1.0
+"""A channel that stays one value for longer [s] was switched off."""
+
+LEAP = 5.0
+"""A value that is lost and comes back leaps by this many times the usual step on either side."""
+
+MOVES = 0.25
+"""Share of the typical way that a body goes in the time of a dropout, if it moves."""
+
+
+def find(watched: Watched) -> Iterator[Cut]:
+    """Runs of one value that stand out by their length, and that leap at both ends or during which the body moves."""
+    moved = watched.samples("position") if "position" in watched.channels else None
+    for name in watched.channels:
+        x = watched.samples(name)
+        first, length = runs(np.diff(x) == 0.0)
+        length = length + 1
+        for i in _outstanding(length, len(x)):
+            a, b = int(first[i]), int(first[i] + length[i] - 1)
+            if length[i] > LONGEST * watched.recording.fs or _limited(watched, name, x, a):
+                continue
+            lost = _leaps(x, a, b) or (moved is not None and not _is_motion(name) and _moves(moved, a, b))
+            if lost:
+                many = f"the one value {x[a]:.6g} {watched.recording.channels[name].unit} in {length[i]} samples"
+                yield watched.cut(KIND, name, a, b, f"a dropout, {many}")
+
+
+def _is_motion(name: str) -> bool:
+    return name.partition(".")[0] in MOTION
+
+
+def _outstanding(length: np.ndarray, n: int) -> np.ndarray:
+    """Which runs are far longer than all others of `n` samples."""
+    order = np.argsort(length)[::-1][: MOST + 1]
+    longest = np.append(length[order], 1).astype(float)
+    apart = np.flatnonzero(longest[:-1] >= APART * longest[1:])
+    count = int(apart[-1]) + 1 if apart.size else 0
+    kept = order[: count if count <= MOST else 0]
+    return np.sort(kept[length[kept] >= SHORTEST]) if length[kept].sum() <= MOST_SHARE * n else kept[:0]
+
+
+def _limited(watched: Watched, name: str, x: np.ndarray, at: int) -> bool:
+    """Whether it rests where it is largest: that is a limit, or a stop."""
+    value = x[at]
+    return at_limit(watched, name, value) or value >= np.nanmax(x) or value <= np.nanmin(x)
+
+
+def _leaps(x: np.ndarray, a: int, b: int) -> bool:
+    """Whether it leaves for one value at once, and comes back from it at once."""
+    if a == 0 or b + 1 >= len(x):
+        return False
+    there, back = x[a] - x[a - 1], x[b] - x[b + 1]
+    around = np.abs(np.concatenate([np.diff(x[max(a - 25, 0) : a]), np.diff(x[b + 1 : b + 26])]))
+    around = around[np.isfinite(around)]
+    usual = float(np.quantile(around, 0.75)) if around.size else np.inf
+    return there * back > 0.0 and min(abs(there), abs(back)) > LEAP * usual
+
+
+def _moves(q: np.ndarray, a: int, b: int) -> bool:
+    """Whether a body goes on in both halves of samples `a` to `b` as it typically does in that time."""
+    half = (b - a) // 2
+    way = np.abs(q[half:] - q[: len(q) - half])
+    way = way[np.isfinite(way)]
+    usual = float(np.quantile(way, 0.9)) if way.size else np.inf
+    parts = np.abs([q[a + half] - q[a], q[a + 2 * half] - q[a + half]])
+    return usual > 0.0 and bool(np.all(parts >= MOVES * usual))

@@ -1,0 +1,24 @@
+"""Stretches of time without any sample."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from ..cut import GAP_STEPS, Cut
+from .watched import Watched
+
+KIND = "gap"
+
+
+def find(watched: Watched) -> Iterator[Cut]:
+    """Every step of time that is longer than what a clock's jitter makes, and than what is interpolated over."""
+    time, step = watched.recording.time, 1.0 / watched.recording.fs
+    steps = np.diff(time)
+    if np.any(steps <= 0.0):
+        return
+    for before in np.flatnonzero(steps > max(GAP_STEPS * step, watched.bridged)):
+        if watched.usable[before] and watched.usable[before + 1]:
+            found = f"a gap of {steps[before]:.4g} s instead of {step:.4g} s"
+            yield watched.cut(KIND, "time", before + 1, before, found)

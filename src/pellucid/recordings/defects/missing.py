@@ -1,0 +1,20 @@
+"""Samples that hold no number, in time or in a channel that is read."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from ..cut import Cut
+from .watched import Watched, runs
+
+KIND = "missing_samples"
+
+
+def find(watched: Watched) -> Iterator[Cut]:
+    """Every run of NaN while the drive was on."""
+    for name in ("time", *watched.channels):
+        for first, length in zip(*runs(~np.isfinite(watched.recording[name]) & watched.usable), strict=True):
+            many = "1 missing sample" if length == 1 else f"{length} missing samples"
+            yield watched.cut(KIND, name, first, first + length - 1, f"{many} (NaN)")

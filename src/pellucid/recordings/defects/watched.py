@@ -1,0 +1,55 @@
+"""What a defect is looked for in: the channels that are read, without what was found bad already."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from ..cut import Cut, sound_samples
+from ..recording import Recording
+
+MOTION = ("position", "motor_position", "angle", "displacement")
+"""First parts of names of channels that a body's inertia keeps from jumping."""
+
+
+@dataclass(frozen=True)
+class Watched:
+    """A recording, and what is known of how it was made."""
+
+    recording: Recording
+    channels: tuple[str, ...]  # That are read, time left out
+    drive: str | None = None  # Of them, the drive's command
+    limits: tuple[float, ...] = ()  # Known ones of the command, in its SI unit
+    accepted: frozenset[str] = frozenset()  # May rest at their largest value
+    bridged: float = 0.0  # A gap up to this long is interpolated over, as the study asks [s]
+    cuts: tuple[Cut, ...] = ()  # Found so far, beside those of the recording
+
+    @cached_property
+    def usable(self) -> np.ndarray:
+        """Samples of which something may be made, shape (n,) bool."""
+        return self.recording.sound & self.recording.enabled & sound_samples(len(self.recording), self.cuts)
+
+    def samples(self, name: str) -> np.ndarray:
+        """A channel, shape (n,) in SI; NaN where it is cut, or the drive was off."""
+        values = self.recording[name]
+        return values if self.usable.all() else np.where(self.usable, values, np.nan)
+
+    def cut(self, kind: str, channel: str, first: int, last: int, found: str) -> Cut:
+        """Samples `first` to `last`, both included; none where `last` is before `first`."""
+        time, n = self.recording.time, len(self.recording)
+        stop = float(time[last + 1] if last + 1 < n else time[-1] + 1.0 / self.recording.fs)
+        start = float(time[first] if first <= last else time[last])
+        return Cut(kind, channel, start, stop, int(first), int(last), found)
+
+    def without(self, cuts: Iterable[Cut]) -> Watched:
+        """The same with these cut out too."""
+        return replace(self, cuts=(*self.cuts, *cuts))
+
+
+def runs(mask: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """First index and length of each run of True."""
+    edges = np.flatnonzero(np.diff(mask, prepend=False, append=False))
+    return edges[::2], np.diff(edges)[::2]

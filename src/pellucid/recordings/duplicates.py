@@ -1,0 +1,58 @@
+"""Recordings of a study that are one and the same: what was fitted would be judged by itself, or count as two."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from hashlib import blake2b
+
+import numpy as np
+
+from .fault import Fault
+from .recording import Recording
+
+FEWEST = 50
+"""Samples that two recordings must share before they are called one."""
+
+
+def duplicates(recordings: Iterable[Recording]) -> list[Fault]:
+    """Each recording whose samples, but for their clock, another has too; time and channels of one file in common."""
+    faults, seen = [], {}
+    for recording in recordings:
+        if len(recording) < FEWEST:
+            continue
+        key = _samples(recording)
+        if key in seen:
+            faults.append(_fault(recording, seen[key]))
+            continue
+        seen[key] = recording
+        for other in seen.values():
+            if other is not recording and _overlap(other, recording):
+                faults.append(_fault(recording, other))
+                break
+    return faults
+
+
+def _samples(recording: Recording) -> tuple:
+    digest = blake2b("".join(stream.checksum for stream in recording.streams.values()).encode(), digest_size=16)
+    for name, channel in sorted(recording.channels.items()):
+        if name != "time":
+            digest.update(name.encode() + np.ascontiguousarray(channel.samples).data)
+    return len(recording), digest.digest()
+
+
+def _overlap(one: Recording, other: Recording) -> bool:
+    """Whether they are windows of one file, through which one stretch of one channel is seen."""
+    if one.checksum != other.checksum or one.use == other.use:
+        return False
+    columns = [{c.column for n, c in r.channels.items() if n != "time"} for r in (one, other)]
+    if not columns[0] & columns[1]:
+        return False
+    return max(one.time[0], other.time[0]) <= min(one.time[-1], other.time[-1])
+
+
+def _fault(one: Recording, other: Recording) -> Fault:
+    found = f"the same samples as in {other.path.name} (recording {other.name})"
+    uses = f'"{other.use}" and "{one.use}"' if one.use != other.use else f'"{one.use}", both'
+    wanted = f"recordings of their own, for they are used as {uses}: a copy predicts nothing"
+    message = f"{one.path.name} (recording {one.name}): found {found}, expected {wanted}"
+    return Fault("refuse", "duplicate", one.path.name, "", found, wanted, message)

@@ -1,0 +1,126 @@
+"""What is wrong with a motion capture's recording of a trial: lost markers, a clock that runs back, a wrong unit."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from .defects.watched import runs
+from .fault import Fault
+from .recording import Recording
+
+MIN_FRAMES = 200
+"""Frames that must see the carriage's marker: a second's worth, which averages its noise to a tenth."""
+
+MIN_SEEN = 0.25
+"""Share of the frames that must see the carriage's marker."""
+
+LONG_LOSS = 0.1
+"""A marker lost for longer than this [s] is told; motion captures lose every marker now and then."""
+
+FARTHEST = 20.0
+"""Largest coordinate of a marker in a room [m]; larger ones are millimetres taken for metres."""
+
+NEAREST = 0.02
+"""Where no coordinate of any marker is larger than this [m], metres were taken for millimetres."""
+
+MIN_OVERLAP = 0.5
+"""Share of a recording that the motion capture should have seen."""
+
+
+def optical_faults(recording: Recording) -> list[Fault]:
+    """Faults of the motion capture's file beside a recording's own."""
+    optical = recording.optical
+    faults: list[Fault] = []
+
+    def add(severity: str, kind: str, channel: str, found: str, expected: str) -> None:
+        what = "time" if channel == "time" else f"marker {channel}"
+        message = f"{optical.path.name} (recording {recording.name}), {what}: found {found}, expected {expected}"
+        faults.append(Fault(severity, kind, optical.path.name, channel, found, expected, message))
+
+    for marker in optical.markers:
+        _check_seen(optical, marker, add)
+    if _check_optical_time(optical, add):
+        _check_overlap(recording, add)
+    _check_room(optical, add)
+    return faults
+
+
+def _check_seen(optical, marker, add) -> None:
+    seen, n = optical.seen(marker), len(optical)
+    count = int(seen.sum())
+    # Only the carriage's marker is needed: others tell of the axis, which other recordings tell too.
+    needed = marker == optical.carriage
+    if count == 0 or (needed and (count < MIN_FRAMES or count < MIN_SEEN * n)):
+        enough = f"at least {max(MIN_FRAMES, math.ceil(MIN_SEEN * n))}" if needed else "some"
+        add(
+            "refuse" if needed else "note",
+            "lost_marker",
+            marker,
+            f"it in {count} of {n} frames",
+            f"{enough}: a column of another name, or a marker that was hidden",
+        )
+        return
+    starts, lengths = runs(~seen)
+    if starts.size == 0 or not np.isfinite(optical.time).all():
+        return
+    ends = np.minimum(starts + lengths, n - 1)
+    longest = int(np.argmax(optical.time[ends] - optical.time[starts]))
+    lasted = float(optical.time[ends[longest]] - optical.time[starts[longest]])
+    if lasted > LONG_LOSS:
+        found = (
+            f"it lost in {int(lengths.sum())} of {n} frames, the longest loss {lasted:.3g} s after "
+            f"{optical.time[starts[longest]]:.6g} s"
+        )
+        add("note", "lost_marker", marker, found, "it in every frame; frames without it are left out")
+
+
+def _check_optical_time(optical, add) -> bool:
+    time = optical.time
+    missing = int(np.sum(~np.isfinite(time)))
+    if missing or len(time) < 2:
+        found = f"{missing} missing samples (NaN)" if missing else f"{len(time)} frame"
+        add("refuse", "missing_samples" if missing else "too_few_samples", "time", found, "a time for every frame")
+        return False
+    back = np.flatnonzero(np.diff(time) <= 0)
+    if back.size:
+        i = int(back[0])
+        add(
+            "refuse",
+            "time_order",
+            "time",
+            f"{time[i]:.6g} s, then {time[i + 1]:.6g} s at index {i + 1}, {back.size} such steps in all",
+            "time that increases with every frame",
+        )
+        return False
+    return True
+
+
+def _check_overlap(recording, add) -> None:
+    robot, optical = recording.time, recording.optical.time
+    if not np.isfinite(robot).all() or robot[-1] <= robot[0]:
+        return
+    common = min(robot[-1], optical[-1]) - max(robot[0], optical[0])
+    if common >= MIN_OVERLAP * (robot[-1] - robot[0]):
+        return
+    found = f"{optical[0]:.4g} s to {optical[-1]:.4g} s"
+    theirs = f"the recording's {robot[0]:.4g} s to {robot[-1]:.4g} s"
+    if common <= 0:
+        add("refuse", "overlap", "time", found, f"some of {theirs}: clocks that start together")
+    else:
+        add("note", "overlap", "time", found, f"most of {theirs}")
+
+
+def _check_room(optical, add) -> None:
+    largest = {m: float(np.nanmax(np.abs(p))) for m, p in optical.markers.items() if optical.seen(m).any()}
+    if not largest:
+        return
+    farthest = max(largest, key=largest.get)
+    value = largest[farthest]
+    if value > FARTHEST:
+        found = f"a coordinate of {value:.4g} m, which looks like mm taken for m"
+        add("refuse", "magnitude", farthest, found, f"at most {FARTHEST:g} m: the unit [optical] states")
+    elif value < NEAREST:
+        found = f"no coordinate of any marker beyond {value:.4g} m, which looks like m taken for mm"
+        add("refuse", "magnitude", farthest, found, f"markers farther apart than {NEAREST:g} m: the unit")
