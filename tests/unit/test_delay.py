@@ -10,7 +10,7 @@ import pytest
 from pellucid._errors import StudyError
 from pellucid.lab.bench.rig import bench_joint
 from pellucid.lab.study import write_study
-from pellucid.procedures.joint.aligned_motions import alignment, motions
+from pellucid.procedures.joint.aligned_motions import alignments, motions
 from pellucid.procedures.registry import open_study
 from pellucid.procedures.run import check, identify
 from pellucid.recordings.cut import Cut
@@ -30,13 +30,23 @@ def bench(tmp_path_factory):
     return write_study(tmp_path_factory.mktemp("late") / "bench", rig, name="bench", seed=5, trials=rig.trials(5)[:2])
 
 
-def late(study, channel: str, samples: int):
-    """The study as if `channel` had been recorded so many samples late."""
+def alignment(study):
+    """What is found of all recordings together."""
+    (found,) = alignments(study)
+    return found
+
+
+def late(study, channel: str, samples: int, which=None, use="fit"):
+    """The study as if `channel` had been recorded so many samples late, in all recordings or in one, which has a
+    `use`."""
     loaded = {}
     for r in study.recordings():
+        if which not in (None, r.name):
+            loaded[r.name] = r
+            continue
         column = r.channels[channel]
         shifted = column.samples[np.clip(np.arange(len(r)) - samples, 0, len(r) - 1)]
-        loaded[r.name] = replace(r, channels={**r.channels, channel: replace(column, samples=shifted)})
+        loaded[r.name] = replace(r, use=use, channels={**r.channels, channel: replace(column, samples=shifted)})
     return replace(study, _loaded=loaded, found={})
 
 
@@ -85,6 +95,24 @@ def test_of_a_drive_in_time_nothing_is_said_or_moved(bench):
     assert [m.command[0] for m in motions(bench)] == raw
 
 
+def test_of_recordings_that_contradict_each_other_the_late_one_is_moved(bench):
+    study = late(bench, "current", 25, "point_to_point")
+    (found,) = alignments(study)
+    assert found.recording == "point_to_point"
+    assert found.moved == pytest.approx(0.0245, abs=3e-3)
+    assert "channels.current = { delay = " in found.do
+    assert len(motions(study)[0].time) < len(motions(bench)[0].time)
+    assert np.array_equal(motions(study)[1].time, motions(bench)[1].time)
+
+
+def test_one_that_is_held_out_is_told_and_stays(bench):
+    study = late(bench, "current", 25, "point_to_point", use="validate")
+    (together, apart) = alignments(study)
+    assert together.said == ""
+    assert (apart.recording, apart.moved) == ("point_to_point", 0.0)
+    assert "it is held out and stays so" in apart.said
+
+
 def test_it_is_told_with_what_to_write(bench):
     study = late(bench, "current", 20)
     fault = next(fault for fault in check(study) if fault.kind == "delay")
@@ -108,9 +136,9 @@ def test_a_delay_by_hand_is_taken_and_none_is_estimated(bench, tmp_path):
         return open_study(tmp_path)
 
     study = said("4 ms")
-    assert alignment(study) is None
+    assert alignments(study) == ()
     assert np.array_equal(study.recordings()[0]["current"], bench.recordings()[0]["current"][4:])
-    assert alignment(said("0 s")) is None
+    assert alignments(said("0 s")) == ()
     asked = alignment(said("auto"))
     assert asked.asked
     assert "No delay of current" in asked.said

@@ -99,13 +99,16 @@ class Delay:
     low: float  # low, high: What holds the delay by every model that explains the effort about as well [s]
     high: float
     explained: float  # Least share of the residual's mean square that it explains, of those models
-    certain: (
-        float  # What is left of it, signed, where those intervals are `SURE` standard errors wide; 0 for nothing [s]
-    )
+    sure: tuple[float, float]  # What holds it where those intervals are `SURE` standard errors wide [s]
+
+    def beyond(self, other: float) -> float:
+        """By how much it is certainly longer than an `other`, negative where it is shorter; 0 where it may be that."""
+        low, high = self.sure
+        return max(low - other, 0.0) + min(high - other, 0.0)
 
     def clear(self, step: float) -> bool:
         """Whether it is more than a drive's sampling, every `step` [s], or what friction is taken for would make."""
-        return abs(self.certain) > step and self.explained >= WORTH
+        return abs(self.beyond(0.0)) > step and self.explained >= WORTH
 
 
 def between(samples: np.ndarray, place: np.ndarray) -> np.ndarray:
@@ -187,9 +190,8 @@ def over_models(fits: Sequence[DelayFit], quantile: float, step: float) -> Delay
 
     low, high = reach(quantile)
     within = low - 0.5 * step, high + 0.5 * step
-    low, high = reach(SURE)
     explained = min(1.0 - f.after / f.before if f.before > 0.0 else 0.0 for f in good)
-    return Delay(first.delay, first.error, *within, explained, max(low, 0.0) + min(high, 0.0))
+    return Delay(first.delay, first.error, *within, explained, reach(SURE))
 
 
 def _basis(w: np.ndarray) -> np.ndarray:

@@ -16,6 +16,9 @@ from .friction_solver import with_known_stribeck_velocity
 STRIBECK_AT = 0.05
 """Share of the top speed below which the rich model's extra friction has fallen to a third."""
 
+FEWEST_ROWS = 100
+"""Rows below which a delay is not estimated: the richest model has ten parameters."""
+
 
 def drive_delay(
     plain: JointModel, motions: Sequence[Motion], back_emf: float, *, quantile: float, step: float
@@ -27,6 +30,8 @@ def drive_delay(
     for m in motions:
         both = np.column_stack([m.effort + back_emf * m.velocity, back_emf * m.velocity])
         rows.append(DrivenRows(*anti_aliased(both, m.filtering.decimate).T, m.fs, m.kept))
+    if sum(len(r.kept) for r in rows) < FEWEST_ROWS:
+        return None
     fits, values = [], {}
     for model in _richer(plain, motions):
         at = np.array([values.get(name, 0.0) for name in model.names])

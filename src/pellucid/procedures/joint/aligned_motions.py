@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,47 +16,51 @@ from ...recordings.recording import Recording
 from ...recordings.study import Study
 from ...signals.effort import drive_model
 from ...signals.motion import Motion
-from .first_look import simple_model, some_of
+from .first_look import MOST, simple_model, some_of
 from .joined_clocks import clocks_to_find, rejoined
 from .recorded_motions import Excerpt, excerpt_of, motions_of
 
 
 @dataclass(frozen=True)
 class Alignment:
-    """What was found of a drive's delay: `moved` [s] is by how much its channel was moved; `asked` in study.toml."""
+    """What was found of a drive's delay, of one recording or, without a name, of all: `moved` [s] is by how much its
+    channel was moved; `asked` in study.toml."""
 
     channel: str
     delay: Delay | None
     moved: float
     asked: bool
+    recording: str = ""
 
     @property
     def said(self) -> str:
         """One sentence; empty where there is nothing to tell."""
-        d = self.delay
+        d, where = self.delay, f" in recording {self.recording}" if self.recording else ""
         if d is None:
-            return (
-                f"The delay of {self.channel} against position was not found: nothing in these recordings shows it."
-                if self.asked
-                else ""
-            )
+            what = f"The delay of {self.channel} against position was not found: nothing in these recordings shows it."
+            return what if self.asked else ""
         interval = f"95 % interval {1e3 * d.low:.3g} to {1e3 * d.high:.3g} ms"
-        if not self.moved:
+        if not (self.moved or self.recording):
             return f"No delay of {self.channel} against position is certain ({interval})." if self.asked else ""
         first, second = (self.channel, "position") if d.value > 0.0 else ("position", self.channel)
+        done = f"{self.channel} was moved by that before anything else" if self.moved else "it is held out and stays so"
         return (
-            f"{first} comes {1e3 * abs(d.value):.3g} ms late, against {second} ({interval} for {self.channel}): "
-            f"{self.channel} was moved by that before anything else."
+            f"{first} comes {1e3 * abs(d.value):.3g} ms late{where}, against {second} ({interval} for {self.channel}): "
+            f"{done}."
         )
 
     @property
     def do(self) -> str:
         """What to write."""
-        if not self.moved:
+        if self.delay is None or not (self.moved or self.recording):
             return ""
-        return (
-            f'Write {self.channel} = {{ delay = "{1e3 * self.moved:.3g} ms" }} in [channels] to keep it, or '
-            'delay = "0 s" to use the channel as recorded.'
+        key = f'delay = "{1e3 * self.delay.value:.3g} ms"'
+        if self.recording:
+            keep = f"channels.{self.channel} = {{ {key} }} at this recording to "
+        else:
+            keep = f"{self.channel} = {{ {key} }} in [channels] to "
+        return f"Write {keep}" + (
+            'keep it, or delay = "0 s" to use the channel as recorded.' if self.moved else "move it."
         )
 
 
@@ -76,16 +80,18 @@ def excerpt(study: Study, everything: tuple[Motion, ...]) -> Excerpt:
     return excerpt_of(aligned(study), study, everything)
 
 
-def alignment(study: Study) -> Alignment | None:
-    """The drive's delay against the encoder, from the fitted recordings; None where study.toml states it."""
-    if "alignment" not in study.found:
-        study.found["alignment"] = _alignment(study)
-    return study.found["alignment"]
+def alignments(study: Study) -> tuple[Alignment, ...]:
+    """The drive's delay against the encoder, from the fitted recordings: one for all, or, where they contradict each
+    other, of each that is late; and of each held out that is late by itself. Empty where study.toml states them."""
+    if "alignments" not in study.found:
+        study.found["alignments"] = tuple(_alignments(study))
+    return study.found["alignments"]
 
 
 def _aligned(recording: Recording, study: Study) -> Recording:
-    found = alignment(study)
-    return moved(recording, {found.channel: found.moved}) if found and _open(recording, study) else recording
+    found = {a.recording: a for a in alignments(study) if a.moved} if _open(recording, study) else {}
+    late = found.get(recording.name, found.get(""))
+    return recording if late is None else moved(recording, {late.channel: late.moved})
 
 
 def _open(recording: Recording, study: Study) -> bool:
@@ -94,23 +100,36 @@ def _open(recording: Recording, study: Study) -> bool:
     return spec is not None and not isinstance(spec.delay, float) and not clocks_to_find(recording, study)
 
 
-def _alignment(study: Study) -> Alignment | None:
-    recordings = [r for r in study.recordings("fit") if "position" in r and _open(r, study)]
-    if not recordings:
-        return None
-    channel = drive_channel(recordings[0], study)
-    asked = any(study.specs_of(r)[channel].delay == "auto" for r in recordings if channel in r)
-    step = max(float(np.median(np.diff(r.time))) for r in recordings)
-    found = _estimated(recordings, study, step)
-    certain = found is not None and (found.clear(step) or (asked and found.certain != 0.0))
-    return Alignment(channel, found, found.value if certain else 0.0, asked)
+def _alignments(study: Study) -> Iterator[Alignment]:
+    every = [r for r in study.recordings() if "position" in r and _open(r, study)]
+    fitted = [r for r in every if r.use == "fit"]
+    if not fitted:
+        return
+    channel = drive_channel(fitted[0], study)
+    asked = any(study.specs_of(r)[channel].delay == "auto" for r in fitted if channel in r)
+    step = max(float(np.median(np.diff(r.time))) for r in every)
+    pooled = _estimated(fitted, study, step)
+    alone = every if len(fitted) > 1 else [r for r in every if r.use != "fit"]
+    each = {r.name: _estimated([r], study, step, MOST // len(every)) for r in alone}
+    own = {r.name: d for r in fitted if (d := each.get(r.name)) is not None}
+    late = {name: d for name, d in own.items() if d.clear(step)}
+    if any(abs(other.beyond(d.value)) > step for d in late.values() for other in own.values()):
+        yield from (Alignment(channel, d, d.value, asked, name) for name, d in late.items())
+        by = 0.0
+    else:
+        certain = pooled is not None and (pooled.clear(step) or (asked and pooled.beyond(0.0) != 0.0))
+        by = pooled.value if certain else 0.0
+        yield Alignment(channel, pooled, by, asked)
+    for r in every:
+        d = each.get(r.name)
+        if r.use != "fit" and d is not None and d.clear(step) and abs(d.beyond(by)) > step:
+            yield Alignment(channel, d, 0.0, asked, r.name)
 
 
-def _estimated(recordings: Sequence[Recording], study: Study, step: float) -> Delay | None:
-    drive = drive_model(study.rig)
+def _estimated(recordings: Sequence[Recording], study: Study, step: float, most: int = MOST) -> Delay | None:
+    back_emf = drive_model(study.rig).back_emf
     try:
-        return drive_delay(
-            simple_model(study), motions_of(some_of(recordings), study), drive.back_emf, quantile=1.96, step=step
-        )
+        made = motions_of(some_of(recordings, most), study)
+        return drive_delay(simple_model(study), made, back_emf, quantile=1.96, step=step)
     except (PellucidError, np.linalg.LinAlgError):
         return None  # what is wrong with them is told by those who fit

@@ -33,15 +33,15 @@ def simple_model(study: Study) -> JointModel:
     return replace(made, payload_scale=1.0 if unit in ("N*m", "N") else 0.0)
 
 
-def some_of(recordings: Sequence[Recording]) -> list[Recording]:
+def some_of(recordings: Sequence[Recording], most: int = MOST) -> list[Recording]:
     """The recordings, of long ones a few stretches spread over them."""
     total = sum(len(r) for r in recordings)
-    if total <= MOST:
+    if total <= most:
         return list(recordings)
-    length = max(MOST // (STRETCHES * len(recordings)), 1)
+    length = max(most // (STRETCHES * len(recordings)), 1)
     made = []
     for recording in recordings:
-        starts = np.linspace(0, len(recording), STRETCHES + 1)[:-1].astype(int) if len(recording) > MOST else [0]
+        starts = np.linspace(0, len(recording), STRETCHES + 1)[:-1].astype(int) if len(recording) > most else [0]
         ends = [s + length for s in starts] if len(starts) > 1 else [STRETCHES * length]
         made += [part_of(recording, s, min(e, len(recording))) for s, e in zip(starts, ends, strict=True)]
     return made

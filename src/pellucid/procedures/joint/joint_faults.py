@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 
 from ..._errors import PellucidError
@@ -14,7 +16,7 @@ from ...recordings.fault import Fault
 from ...recordings.quality import inspect
 from ...recordings.study import Study
 from ...signals.effort import drive_model
-from .aligned_motions import alignment, motions
+from .aligned_motions import alignments, motions
 from .drive_sign import sign_error
 from .findings.weak_parameter import RECORD
 from .joined_clocks import clocks
@@ -65,6 +67,7 @@ def joint_faults(study: Study) -> list[Fault]:
     return faults
 
 
+<<<<<<< HEAD
 def _excitation(study: Study, model: JointModel, data: Stack) -> Fault:
     """What the motion alone can show, and which parameter it will show least."""
     found = excitation(model, data)
@@ -87,11 +90,12 @@ def _excitation(study: Study, model: JointModel, data: Stack) -> Fault:
     return Fault("note", "excitation", "study.toml", "position", text, expected, say.rstrip())
 
 
-def _late(study: Study) -> list[Fault]:
-    """That the drive was recorded late, or early, and was moved."""
-    found = alignment(study)
-    if found is None or not found.said:
-        return []
-    file = study.recordings("fit")[0].path.name
-    late = f"{1e3 * found.moved:.3g} ms"
-    return [Fault("note", "delay", file, found.channel, late, "0 s", f"{found.said} {found.do}".rstrip())]
+def _late(study: Study) -> Iterator[Fault]:
+    """Drives that were recorded late, or early, and were moved."""
+    for found in alignments(study):
+        if found.said:
+            of = found.recording or study.recordings("fit")[0].name
+            file = study.recording(of).path.name
+            late = f"{1e3 * found.moved:.3g} ms"
+            yield Fault("note", "delay", file, found.channel, late, "0 s", f"{found.said} {found.do}".rstrip())
+>>>>>>> b56eac7 (A recording whose drive is late by itself is moved alone, and one that is held out is told)

@@ -5,12 +5,13 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from ....fit.parameter import Verdict
-from ..aligned_motions import alignment
+from ..aligned_motions import alignments
 from ..joint_case import JointCase
 
 
 def find(case: JointCase) -> Iterator[Verdict]:
     """A delay that was found, or that was asked for in vain."""
-    found = alignment(case.study)
-    if found is not None and found.said:
-        yield Verdict("warning" if found.moved else "note", found.said, found.do)
+    for found in alignments(case.study):
+        if found.said:
+            told = found.moved or found.recording
+            yield Verdict("warning" if told else "note", found.said, found.do)
