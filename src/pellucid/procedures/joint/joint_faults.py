@@ -67,7 +67,6 @@ def joint_faults(study: Study) -> list[Fault]:
     return faults
 
 
-<<<<<<< HEAD
 def _excitation(study: Study, model: JointModel, data: Stack) -> Fault:
     """What the motion alone can show, and which parameter it will show least."""
     found = excitation(model, data)
@@ -98,4 +97,3 @@ def _late(study: Study) -> Iterator[Fault]:
             file = study.recording(of).path.name
             late = f"{1e3 * found.moved:.3g} ms"
             yield Fault("note", "delay", file, found.channel, late, "0 s", f"{found.said} {found.do}".rstrip())
->>>>>>> b56eac7 (A recording whose drive is late by itself is moved alone, and one that is held out is told)
