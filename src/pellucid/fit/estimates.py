@@ -87,8 +87,8 @@ def _shown(parameter: Parameter, level: float) -> tuple[str, str]:
     """Value and interval with as many digits as two of the standard error."""
     value, error = parameter.value, parameter.standard_error
     low, high = parameter.interval(level)
-    if not (np.isfinite(error) and error > 0.0):
-        return f"{value:.4g}", "-"
+    if not (np.isfinite(error) and error > 0.0) or parameter.refused:
+        return f"{value:.4g}", "refused" if parameter.refused else "-"
     places = int(1 - np.floor(np.log10(error)))
     if not 0 <= places <= 8 or abs(value) >= 1e7:
         return f"{value:.4g}", f"{low:.4g} to {high:.4g}"
@@ -98,4 +98,6 @@ def _shown(parameter: Parameter, level: float) -> tuple[str, str]:
 def _remark(parameter: Parameter) -> str:
     if parameter.at_bound:
         return "held by its bound"
+    if parameter.refused:
+        return f"refused: {parameter.refused}"
     return "" if parameter.identifiable else "not told from 0"

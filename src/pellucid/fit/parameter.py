@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
+from math import isnan
 
 from ..models.card import CardParameter
 
@@ -17,7 +18,8 @@ class Parameter:
     name, unit : str
         The field's term; SI unit as plain text (per ampere or per volt where the drive constant is unknown).
     value, standard_error : float
-        In `unit`; the standard error allows for coloured residuals.
+        In `unit`; the standard error allows for coloured residuals and, where a discrepancy part exists, for what the
+        model leaves out.
     at_bound : bool
         A physical bound holds the value: its interval is then one-sided.
     identifiable : bool
@@ -26,6 +28,10 @@ class Parameter:
         RMS effort that one unit of it makes, over the RMS effort: what its uncertainty matters.
     bootstrap : tuple of float, optional
         The block bootstrap's 95 % interval, in `unit`.
+    statistical_error : float
+        What of the standard error coloured residuals alone make; all of it where no discrepancy part exists.
+    refused : str
+        Why no interval should be read, in words; empty where one may.
     """
 
     name: str
@@ -36,6 +42,17 @@ class Parameter:
     identifiable: bool = True
     influence: float = float("nan")
     bootstrap: tuple[float, float] | None = None
+    statistical_error: float = float("nan")
+    refused: str = ""
+
+    def __post_init__(self) -> None:
+        if isnan(self.statistical_error):
+            object.__setattr__(self, "statistical_error", self.standard_error)
+
+    @property
+    def trusted(self) -> bool:
+        """Whether the interval may be read."""
+        return not self.refused
 
     def interval(self, level: float = 0.95) -> tuple[float, float]:
         """Confidence interval at `level`, in the parameter's unit."""
@@ -44,11 +61,30 @@ class Parameter:
         half = float(ndtri(0.5 + level / 2.0)) * self.standard_error
         return self.value - half, self.value + half
 
+    def sentence(self, level: float = 0.95) -> str:
+        """The interval at `level` in words, with what of it coloured residuals alone make."""
+        if self.refused:
+            return f"interval refused: {self.refused}"
+        low, high = self.interval(level)
+        said = f"{100.0 * level:g} % interval {low:.6g} to {high:.6g}"
+        if self.statistical_error == self.standard_error:
+            return said
+        share = 0.5 * (high - low) * self.statistical_error / self.standard_error
+        return f"{said}, coloured residuals alone ± {share:.3g}"
+
     def on_card(self, level: float) -> CardParameter:
         """The same as a model card keeps it, its interval at `level`."""
         interval = self.interval(level)
         return CardParameter(
-            self.name, self.unit, self.value, self.standard_error, interval, self.at_bound, self.identifiable
+            self.name,
+            self.unit,
+            self.value,
+            self.standard_error,
+            interval,
+            self.at_bound,
+            self.identifiable,
+            self.statistical_error,
+            self.refused,
         )
 
     @property

@@ -282,15 +282,35 @@ def parameters_of(
     covariance: np.ndarray,
     held: np.ndarray | None = None,
     idle: np.ndarray | None = None,
+    statistical: np.ndarray | None = None,
+    causes: Sequence[str] = (),
 ) -> tuple[Parameter, ...]:
     """Parameters `names` in `units` with `values`, (p,), and `covariance`, (p, p), those at their bound marked in
-    `held`, (p,); identifiable where the 95 % interval leaves out 0, but for those `idle`, (p,)."""
+    `held`, (p,); identifiable where the 95 % interval leaves out 0, but for those `idle`, (p,).
+
+    Where coloured residuals alone, `statistical` (p, p), would leave 0 out and what the model lacks does not, there is
+    no telling what is whose: the interval is refused, and the `causes`, (p,), say what may stand behind the value.
+    """
     made = []
     for i, (name, unit) in enumerate(zip(names, units, strict=True)):
         value, error = float(values[i]), float(np.sqrt(max(covariance[i, i], 0.0)))
         bound = held is not None and bool(held[i])
         shown = not bound and abs(value) > 1.959964 * error and not (idle is not None and idle[i])
-        made.append(Parameter(name, unit, value, error, at_bound=bound, identifiable=shown))
+        coloured = error if statistical is None else float(np.sqrt(max(statistical[i, i], 0.0)))
+        hidden = not bound and 1.959964 * coloured < abs(value) <= 1.959964 * error
+        refused = f"what the model leaves out may be all of it, {causes[i]} first" if hidden and causes else ""
+        made.append(
+            Parameter(
+                name,
+                unit,
+                value,
+                error,
+                at_bound=bound,
+                identifiable=shown,
+                statistical_error=coloured,
+                refused=refused,
+            )
+        )
     return tuple(made)
 
 

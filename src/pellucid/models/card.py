@@ -34,6 +34,8 @@ class CardParameter:
     interval: tuple[float, float]
     at_bound: bool = False
     identifiable: bool = True
+    statistical_error: float | None = None  # What coloured residuals alone make; None of old cards
+    refused: str = ""  # Why the interval should not be read
 
 
 def named(parameters: Iterable[Any], name: str, where: str) -> Any:
@@ -57,6 +59,8 @@ class Card:
     parameters: tuple[CardParameter, ...]
     covariance: tuple[tuple[float, ...], ...]  # In the order of the parameters, SI
     known: Mapping[str, float]  # Parameters that were fixed beforehand, SI
+    # What of it coloured residuals alone make, and two identifications of one joint differ by; () of old cards
+    statistical: tuple[tuple[float, ...], ...] = field(default=(), kw_only=True)
 
     @classmethod
     def from_table(cls, table: Mapping, path: Path) -> Self:

@@ -146,6 +146,8 @@ def parameter_interval(parameter: Parameter, level: float) -> str:
     """A parameter's interval as text; a physical bound cuts it, and a value that was chosen has none."""
     if parameter.standard_error == 0.0:
         return "–"
+    if parameter.refused:
+        return "refused"
     low, high = parameter.interval(level)
     symbol = SYMBOLS.get(parameter.name)
     if parameter.at_bound and symbol is not None:
@@ -160,6 +162,8 @@ def parameter_note(parameter: Parameter, level: float) -> str:
         return "at its bound"
     if parameter.standard_error == 0.0:
         return "not fitted"
+    if parameter.refused:
+        return f"refused: {parameter.refused}"
     if parameter.identifiable:
         return ""
     return "may be zero" if low <= 0.0 <= high else "unclear"

@@ -114,7 +114,8 @@ def _card(path: Path, family: str | None) -> Card:
 
 def _part(card: Card, names: list[str]) -> np.ndarray:
     index = [i for n in names for i, p in enumerate(card.parameters) if p.name == n]
-    return np.array(card.covariance)[np.ix_(index, index)]
+    # What the model leaves out is the same joint's both times, and no change.
+    return np.array(card.statistical or card.covariance)[np.ix_(index, index)]
 
 
 def _holm(p: np.ndarray) -> np.ndarray:

@@ -149,7 +149,7 @@ def _parameter(p: Parameter, level: float) -> tuple[str, ...]:
     return (
         p.name,
         number(p.value, p.standard_error),
-        number(0.5 * (high - low), p.standard_error) if high > low else "–",
+        "refused" if p.refused else number(0.5 * (high - low), p.standard_error) if high > low else "–",
         unit_text(p.unit),
         relative_sd(p),
         parameter_note(p, level),

@@ -97,7 +97,9 @@ def fit_family(
     half_width = float(np.quantile(np.abs(first.residual), level))
     predictions = predict(model, first.values, everything, half_width)
     fitted, heldout = pooled(predictions, "fitted"), pooled(predictions, "heldout")
-    others, simulations, failures = _thorough(model, part, start, taken, machine, level) if thorough else ({}, {}, {})
+    others, simulations, failures = (
+        _thorough(model, part, start, estimate, taken, machine, level) if thorough else ({}, {}, {})
+    )
     estimates = {"ls": estimate, **others}
     by_method = {"ls": predict(model, first.values, taken, half_width) if said else predictions}
     for name, other in others.items():
@@ -116,7 +118,13 @@ def fit_family(
 
 
 def _thorough(
-    model: JointModel, data: Stack, first: Solution, everything: Sequence[Motion], machine: Machine, level: float
+    model: JointModel,
+    data: Stack,
+    first: Solution,
+    estimate: JointEstimate,
+    everything: Sequence[Motion],
+    machine: Machine,
+    level: float,
 ) -> tuple[dict[str, JointEstimate], dict[str, tuple[Simulation, ...]], dict[str, str]]:
     """Estimates by the other methods, simulations, and what came to nothing."""
     if "stribeck_velocity" in model.names:
@@ -129,10 +137,11 @@ def _thorough(
             jacobian=np.delete(first.jacobian, at, axis=1),
             at_bound=np.delete(first.at_bound, at),
         )
+    told = {"level": level, "discrepancy": estimate.discrepancy}
     weighted, robust = solve_weighted(model, data, first), solve_robust(model, data, first)
     others = {
-        "wls": estimated(model, data, weighted, "wls", level=level),
-        "irls": estimated(model, data, robust, "irls", level=level),
+        "wls": estimated(model, data, weighted, "wls", **told),
+        "irls": estimated(model, data, robust, "irls", **told),
     }
     failures: dict[str, str] = {}
 
@@ -144,15 +153,15 @@ def _thorough(
 
     def instrumental() -> JointEstimate:
         solution, z = solve_instrumental(model, data, machine, first)
-        return estimated(model, data, solution, "iv", instruments=z, level=level)
+        return estimated(model, data, solution, "iv", instruments=z, **told)
 
     def didim() -> JointEstimate:
-        return estimated(model, data, solve_didim(model, data, machine, first), "didim", level=level)
+        return estimated(model, data, solve_didim(model, data, machine, first), "didim", **told)
 
     def output_error() -> JointEstimate:
         solution = solve_output_error(model, data, machine, first)
         stretches = [len(m.moving) for m in data.motions]
-        return estimated(model, data, solution, "output_error", lengths=stretches, level=level)
+        return estimated(model, data, solution, "output_error", lengths=stretches, **told)
 
     if all(machine.can_close(m) for m in data.motions):
         attempt("iv", instrumental)

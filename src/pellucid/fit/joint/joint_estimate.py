@@ -7,10 +7,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ... import _core
 from ...models.card import ModelCard
 from ...models.joint import UNITS, JointModel
 from ...signals.motion import Filtering, motion_of
 from ...signals.sampled import sampled
+from ..discrepancy import Discrepancy, discrepancy_of, states_of
 from ..estimates import Estimates
 from ..parameter import Whiteness
 from ..regression import Solution, Stack, parameters_of, predicted
@@ -45,6 +47,8 @@ class JointEstimate(Estimates):
     converged : bool
     whiteness : Whiteness or None
         Of the residuals.
+    discrepancy : Discrepancy or None
+        What of the covariance stands for what the model leaves out.
     notes : tuple of str
         What the method has to say (active bounds, samples left out, weights).
     """
@@ -60,7 +64,15 @@ class JointEstimate(Estimates):
     iterations: int = 1
     converged: bool = True
     whiteness: Whiteness | None = None
+    discrepancy: Discrepancy | None = None
     notes: tuple[str, ...] = ()
+
+    @property
+    def statistical(self) -> np.ndarray:
+        """What of the covariance coloured residuals alone make, shape (p, p), SI."""
+        if self.discrepancy is None:
+            return self.covariance
+        return self.covariance - self.discrepancy.of(self.model.names)[0]
 
     def predict(self, time: np.ndarray, position: np.ndarray) -> np.ndarray:
         """Effort that a motion takes, filtered as the fitted effort was.
@@ -110,7 +122,8 @@ class JointEstimate(Estimates):
             effort_unit=self.model.effort_unit,
             lifts=lifts,
             parameters=tuple(p.on_card(self.confidence) for p in self.parameters),
-            covariance=tuple(tuple(float(x) for x in row) for row in self.covariance),
+            covariance=tuple(map(tuple, self.covariance.tolist())),
+            statistical=tuple(map(tuple, self.statistical.tolist())),
             known=dict(self.model.known),
             velocity_range=float(self.model.velocity_range),
             drive={"gain": 1.0, "back_emf": 0.0},
@@ -140,9 +153,11 @@ def estimated(
     instruments: np.ndarray | None = None,
     lengths: Sequence[int] | None = None,
     level: float = 0.95,
+    discrepancy: Discrepancy | None = None,
 ) -> JointEstimate:
     """Covariance, intervals at `level` and diagnostics of what a `method` `found` for a `model` on `data`, with its
-    `notes`; `instruments`, (m, p), of an instrumental-variable estimate; `lengths` of stretches, if not the stack's."""
+    `notes`; `instruments`, (m, p), of an instrumental-variable estimate; `lengths` of stretches, if not the stack's;
+    `discrepancy` of least squares, whose own is estimated here."""
     lengths = data.lengths if lengths is None else lengths
     w, rho = found.jacobian * found.weights[:, None], found.residual * found.weights
     norms = np.linalg.norm(found.jacobian, axis=0)
@@ -150,7 +165,18 @@ def estimated(
     idle = norms <= 1e-12 * norms.max()
     free = ~idle
     # Values on a bound stay in: the others' intervals must not take them for known.
-    covariance = sandwich(w, rho, lengths, instruments, free)
+    statistical = sandwich(w, rho, lengths, instruments, free)
+    if discrepancy is None:
+        bare = model.vector(found.values)
+        states = states_of(
+            data,
+            model.motion == "rotary",
+            lambda m, q, a: _core.load(model.loaded(bare, *m.payload), q.copy(), a.copy()),
+            data.motions[0].filtering.dead_band,
+        )
+        discrepancy = discrepancy_of(model.names, found.jacobian, found.residual, states, statistical)
+    beside, causes = discrepancy.of(model.names)
+    covariance = statistical + beside
     held = np.flatnonzero(found.at_bound)
     boot = None
     if method == "ls":
@@ -165,7 +191,9 @@ def estimated(
         if not any(note.startswith(names[i]) for note in notes)
     )
     size = np.linalg.norm(data.target)
-    plain = parameters_of(names, [model.unit(n) for n in names], found.values, covariance, found.at_bound, idle)
+    plain = parameters_of(
+        names, [model.unit(n) for n in names], found.values, covariance, found.at_bound, idle, statistical, causes
+    )
     parameters = tuple(
         replace(
             p,
@@ -191,5 +219,6 @@ def estimated(
         iterations=found.iterations,
         converged=found.converged,
         whiteness=whiteness(found.residual, lengths),
+        discrepancy=discrepancy,
         notes=notes,
     )

@@ -9,6 +9,7 @@ import numpy as np
 from ..._errors import IdentificationError
 from ...models.slider_joint import SliderJointModel
 from ...signals.slider_motion import SliderMotion
+from ..discrepancy import discrepancy_of, states_of
 from ..regression import Stack, at_bounds, nearest, parameters_of, rows_of, solve, stack
 from ..uncertainty import sandwich
 from .slider_fit import SliderEstimate
@@ -43,7 +44,17 @@ def fit_coherent(
     residual = data.target - effort
     if notes:
         held = at_bounds(values, *model.bounds(), w, residual)[1]
-    covariance = sandwich(w, residual, data.lengths)
+    statistical = sandwich(w, residual, data.lengths)
+    slowest = min(float(np.abs(m.velocity[m.scored]).min(initial=np.inf)) for m in data.motions)
+    states = states_of(
+        data, True, lambda m, q, a: model.inertia(values, m.slider) * a + model.gravity(values, m.slider, q), slowest
+    )
+    lacking = discrepancy_of(model.names, w, residual, states, statistical)
+    covariance = statistical + lacking.covariance
+    units = [model.unit(n) for n in model.names]
+    parameters = parameters_of(
+        model.names, units, values, covariance, held, statistical=statistical, causes=lacking.causes
+    )
     notes += [
         f"{n} is held at its physical bound, {v:.3g}" for n, v, h in zip(model.names, values, held, strict=True) if h
     ]
@@ -51,11 +62,12 @@ def fit_coherent(
         method=model.family,
         model=model,
         values=values,
-        parameters=parameters_of(model.names, [model.unit(n) for n in model.names], values, covariance, held),
+        parameters=parameters,
         covariance=covariance,
         samples=len(residual),
         residual_sd=float(np.std(residual)),
         notes=tuple(notes),
+        statistical=statistical,
     )
 
 

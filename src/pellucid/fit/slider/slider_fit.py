@@ -37,6 +37,8 @@ class SliderEstimate:
     samples: int  # Rows of the regression
     residual_sd: float  # [N*m]
     notes: tuple[str, ...] = ()  # Active bounds
+    # (p, p) What of the covariance coloured residuals alone make; None where there is no more to it
+    statistical: np.ndarray | None = None
 
     def __getitem__(self, name: str) -> Parameter:
         return named(self.parameters, name, "this estimate")

@@ -152,7 +152,8 @@ def card_of(study: Study, fit: JointResult, family: FamilyFit) -> ModelCard:
         effort_unit=fit.effort_unit,
         lifts=fit.lifts,
         parameters=tuple(p.on_card(level) for p in family.estimate.parameters),
-        covariance=tuple(tuple(float(x) for x in row) for row in family.estimate.covariance),
+        covariance=tuple(map(tuple, family.estimate.covariance.tolist())),
+        statistical=tuple(map(tuple, family.estimate.statistical.tolist())),
         known=dict(family.model.known),
         velocity_range=max((float(np.abs(p.velocity).max()) for p in fitted), default=0.0),
         drive={"gain": drive.gain, "back_emf": drive.back_emf},
@@ -172,9 +173,7 @@ def rows_of(fit: JointResult) -> Iterator[ResultRow]:
     together = checksum_of_all(fit.checksums.values())
     if fit.drive_constant is not None:
         p = fit.drive_constant
-        yield ResultRow(
-            f"{fit.study}.drive.constant", p.value, p.unit, COMMAND, "fitted", together, _interval_note(p.interval())
-        )
+        yield ResultRow(f"{fit.study}.drive.constant", p.value, p.unit, COMMAND, "fitted", together, p.sentence())
     yield from _headline_rows(fit, together)
     for name, family in fit.families.items():
         head = f"{fit.study}.{name}"
@@ -202,7 +201,7 @@ def _headline_rows(fit: JointResult, together: str) -> Iterator[ResultRow]:
     plain = ResultRow("", None, "1", COMMAND, "fitted", together, how)
     head = f"{fit.study}.headline"
     for p in one.estimate.parameters:
-        note = f"{_interval_note(p.interval())}; {how}; {fit.filter_note}"
+        note = f"{p.sentence()}; {how}; {fit.filter_note}"
         yield replace(plain, id=f"{head}.{p.name}", value=p.value, unit=p.unit, note=note)
     held = replace(plain, split="heldout")
     if np.isfinite(one.heldout_effort_error):
@@ -216,13 +215,9 @@ def _headline_rows(fit: JointResult, together: str) -> Iterator[ResultRow]:
         yield replace(held, id=f"{head}.heldout.{method}.effort_rmse", value=error, unit=fit.effort_unit, note=note)
 
 
-def _interval_note(interval: tuple[float, float]) -> str:
-    return f"95 % interval {interval[0]:.6g} to {interval[1]:.6g}"
-
-
 def _estimate_rows(head: str, estimate: JointEstimate, plain: ResultRow) -> Iterator[ResultRow]:
     for p in estimate.parameters:
-        note = f"{_interval_note(p.interval())}; {plain.note}"
+        note = f"{p.sentence()}; {plain.note}"
         yield replace(plain, id=f"{head}.{p.name}", value=p.value, unit=p.unit, note=note)
         yield replace(plain, id=f"{head}.{p.name}.relative_sd", value=p.relative_sd, unit="%")
     yield replace(plain, id=f"{head}.condition_number", value=estimate.condition_number)

@@ -58,7 +58,8 @@ def slider_card(study: Study, fit: SliderFit, estimate: SliderEstimate) -> Slide
         effort_unit="N*m",
         lifts=fit.lifts,
         parameters=tuple(p.on_card(level) for p in estimate.parameters),
-        covariance=tuple(tuple(float(x) for x in row) for row in estimate.covariance),
+        covariance=tuple(map(tuple, estimate.covariance.tolist())),
+        statistical=() if estimate.statistical is None else tuple(map(tuple, estimate.statistical.tolist())),
         known=dict(model.known) if isinstance(model, SliderJointModel) else {},
         rail=fit.rail,
         drive={"gain": fit.gain},
@@ -88,8 +89,7 @@ def slider_rows(fit: SliderFit) -> Iterator[ResultRow]:
         yield replace(own, id=f"{head}.error", value=error, unit="A")
         yield replace(own, id=f"{head}.torque_error", value=fit.gain * error, unit="N*m")
         for p in estimate.parameters:
-            low, high = p.interval()
-            note = f"95 % interval {low:.6g} to {high:.6g}" + ("; at its bound" if p.at_bound else "")
+            note = p.sentence() + ("; at its bound" if p.at_bound else "")
             yield replace(plain, id=f"{head}.{p.name}", value=p.value, unit=p.unit, note=f"{note}; {fit.filter_note}")
         for e in fit.errors[method]:
             one = replace(plain, split=e.split, data_checksum=fit.checksums.get(e.recording))

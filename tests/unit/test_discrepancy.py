@@ -1,0 +1,84 @@
+"""What a model leaves out widens the intervals of what it may have moved, and of nothing else."""
+
+import numpy as np
+import pytest
+
+from pellucid.fit.discrepancy import NEGLECTED, States, discrepancy_of
+from pellucid.fit.uncertainty import sandwich
+
+NAMES = ("inertia", "gravity", "viscous", "coulomb")
+TRUTH = np.array([0.05, 1.5, 0.1, 0.4])
+
+
+def motion(rng, n=4000):
+    t = np.arange(n) / 50.0
+    w = 2.0 * np.pi * 0.13 * np.arange(1, 7)
+    phase = rng.uniform(0.0, 2.0 * np.pi, 6)
+    q = 0.8 + np.sin(t[:, None] * w + phase) @ (0.4 / np.arange(1, 7))
+    v, a = np.gradient(q, t), np.gradient(np.gradient(q, t), t)
+    load = TRUTH[0] * a + TRUTH[1] * np.sin(q)
+    states = States(q, v, a, load, np.cos(q), np.gradient(np.gradient(a, t), t), np.zeros(n))
+    return states, np.column_stack([a, np.sin(q), v, np.sign(v)])
+
+
+def estimated(states, w, effort):
+    values = np.linalg.lstsq(w, effort, rcond=None)[0]
+    residual = effort - w @ values
+    statistical = sandwich(w, residual, [len(w)])
+    return values, statistical, discrepancy_of(NAMES, w, residual, states, statistical)
+
+
+def test_without_misfit_hardly_anything_is_added():
+    rng = np.random.default_rng(1)
+    states, w = motion(rng)
+    _, statistical, lacking = estimated(states, w, w @ TRUTH + 0.05 * rng.standard_normal(len(w)))
+    added = np.sqrt(np.diag(lacking.covariance) / np.diag(statistical))
+    assert np.median(added) < 2.0
+    assert np.sqrt(lacking.covariance[1, 1]) < 0.02 * TRUTH[1]
+
+
+@pytest.mark.parametrize("name", ["friction that falls from rest", "friction that grows with the load"])
+def test_the_truth_lies_within_where_physics_is_missing_that_a_joint_may_have(name):
+    rng = np.random.default_rng(2)
+    held_before, held = [], []
+    for _ in range(12):
+        states, w = motion(rng)
+        extra = NEGLECTED[name](states)
+        effort = w @ TRUTH + 0.08 * extra / np.std(extra) + 0.02 * rng.standard_normal(len(w))
+        values, statistical, lacking = estimated(states, w, effort)
+        error = np.abs(values - TRUTH)
+        held_before.append(error <= 1.96 * np.sqrt(np.diag(statistical)))
+        held.append(error <= 1.96 * np.sqrt(np.diag(statistical + lacking.covariance)))
+    assert np.mean(held_before) < 0.7
+    assert np.mean(held) > 0.9
+
+
+def test_the_cause_is_named():
+    rng = np.random.default_rng(3)
+    states, w = motion(rng)
+    extra = NEGLECTED["friction that grows with the load"](states)
+    _, _, lacking = estimated(states, w, w @ TRUTH + 0.2 * extra + 0.01 * rng.standard_normal(len(w)))
+    assert lacking.of(("coulomb",))[1] == ("friction that grows with the load",)
+    assert lacking.of(("gravity", "inertia"))[0].shape == (2, 2)
+
+
+def test_what_sticks_is_left_out():
+    rng = np.random.default_rng(4)
+    states, w = motion(rng)
+    slow = np.abs(states.velocity) < 0.15
+    effort = w @ TRUTH + 0.01 * rng.standard_normal(len(w)) - 0.3 * slow * states.direction
+    stuck = States(**{**vars(states), "standstill": slow.astype(float)})
+    values, statistical, lacking = estimated(stuck, w, effort)
+    wide = 1.96 * np.sqrt(np.diag(statistical + lacking.covariance))
+    assert abs(values[3] - TRUTH[3]) <= wide[3]
+    assert lacking.causes[3] == "sticking at standstill"
+
+
+def test_a_covariance_is_one_and_the_same_whatever_the_units():
+    rng = np.random.default_rng(5)
+    states, w = motion(rng)
+    effort = w @ TRUTH + 0.1 * NEGLECTED["friction that falls from rest"](states) + 0.02 * rng.standard_normal(len(w))
+    unit = np.array([1e3, 1.0, 1e-2, 1.0])
+    plain, scaled = estimated(states, w, effort)[2], estimated(states, w / unit, effort)[2]
+    assert scaled.covariance == pytest.approx(plain.covariance * np.outer(unit, unit), rel=1e-4, abs=1e-12)
+    assert np.linalg.eigvalsh(plain.covariance).min() > -1e-12
