@@ -1,13 +1,14 @@
 r"""What a model leaves out, and how far that may have moved its parameters.
 
 Physics that a friction family does not have still acts. Each kind that is known of joints is one column
-:math:`\varphi_k(q, \dot q, \ddot q, y)`, y the load, as large (root mean square) as what least squares leaves over, and
+:math:`\varphi_k(q, \dot q, \ddot q, y)`, y the load, as large beside the model's span (root mean square) as what least
+squares leaves over, and
 
 .. math::
    \tau = W\beta + \sum_k c_k \varphi_k + e, \qquad c_k \sim N(0, s^2), \qquad e \text{ as coloured as the residual}
 
-says that each may make s of that, s between nothing and all as the data make likeliest (marginal likelihood). Samples
-into which the filters draw standstill are left out: what sticks may push with any force. Of the posterior, with b the
+says that each may make s of it, s between nothing and all as the data make likeliest (marginal likelihood). Samples into
+which the filters draw standstill are left out: what sticks may push with any force. Of the posterior, with b the
 least-squares estimate,
 
 .. math::
@@ -200,8 +201,8 @@ def discrepancy_of(
 def _columns(
     states: States, rows: np.ndarray, w: np.ndarray, size: float, unseen: str
 ) -> tuple[np.ndarray, tuple[str, ...]]:
-    """Columns of neglected physics in `rows`, (m, k), each of root mean square `size`, but for those that the model,
-    `w` (m, p), has itself, the `unseen` apart; and their words."""
+    """Columns of neglected physics in `rows`, (m, k), each of root mean square `size` beside the span of the model, `w`
+    (m, p), but for those within it, the `unseen` apart; and their words."""
     basis = np.linalg.qr(w)[0]
     made, words = [np.zeros((len(w), 0))], []
     for name, physics in NEGLECTED.items():
@@ -209,7 +210,7 @@ def _columns(
         norm = float(np.linalg.norm(column))
         beside = float(np.linalg.norm(column - basis @ (basis.T @ column)))
         if norm > 0.0 and (beside > OWN * norm or name == unseen):
-            made.append(column[:, None] * (size * np.sqrt(len(column)) / norm))
+            made.append(column[:, None] * (size * np.sqrt(len(column)) / (norm if name == unseen else beside)))
             words.append(name)
     return np.hstack(made), tuple(words)
 
