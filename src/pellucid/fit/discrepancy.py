@@ -7,8 +7,8 @@ squares leaves over, and
 .. math::
    \tau = W\beta + \sum_k c_k \varphi_k + e, \qquad c_k \sim N(0, s^2), \qquad e \text{ as coloured as the residual}
 
-says that each may make s of it, s between nothing and all as the data make likeliest (marginal likelihood). Samples into
-which the filters draw standstill are left out: what sticks may push with any force. Of the posterior, with b the
+says that each may make s of it, s between nothing and all as the data make likeliest (marginal likelihood). Samples
+into which the filters draw standstill are left out: what sticks may push with any force. Of the posterior, with b the
 least-squares estimate,
 
 .. math::
