@@ -7,7 +7,9 @@
 
 #include <algorithm>
 #include <cstddef>
+#include <memory>
 #include <string>
+#include <type_traits>
 #include <vector>
 
 namespace bindings {
@@ -36,32 +38,43 @@ Returns
 (n, m)
     In the signals' units.)";
 
-/// One section over `columns` signals that stand side by side, `from` row by row in steps of `stride`, in place.
-template <int columns>
-void run(const p::BiquadSection<double>& k, const double* settled, const double* level, double* from, std::size_t rows,
+/// Sections `k`, so many as `sections`, over `columns` signals that stand side by side, `from` row by row in steps of
+/// `stride`, in place. While one section waits for its own last result, the others and the other columns go on.
+template <int columns, int sections>
+void run(const p::BiquadSection<double>* k, const double* settled, const double* level, double* from, std::size_t rows,
          std::ptrdiff_t stride) {
-  double s1[columns], s2[columns];
-  for (int c = 0; c < columns; ++c) {
-    s1[c] = settled[0] * level[c];
-    s2[c] = settled[1] * level[c];
+  double s1[sections][columns], s2[sections][columns];
+  for (int i = 0; i < sections; ++i)
+    for (int c = 0; c < columns; ++c) {
+      s1[i][c] = settled[2 * i] * level[c];
+      s2[i][c] = settled[2 * i + 1] * level[c];
+    }
+  for (; rows > 0; --rows, from += stride) {
+    double x[columns];
+    for (int c = 0; c < columns; ++c) x[c] = from[c];
+    for (int i = 0; i < sections; ++i)
+      for (int c = 0; c < columns; ++c) x[c] = p::pass(k[i], s1[i][c], s2[i][c], x[c]);
+    for (int c = 0; c < columns; ++c) from[c] = x[c];
   }
-  for (; rows > 0; --rows, from += stride)
-    for (int c = 0; c < columns; ++c) from[c] = p::pass(k, s1[c], s2[c], from[c]);
 }
 
 /// One pass of the whole cascade over all columns, in the direction that `stride` has.
-void cascade(const Array& sos, const Array& settled, double* from, std::size_t rows, std::size_t columns,
-             std::ptrdiff_t stride) {
+void cascade(const std::vector<p::BiquadSection<double>>& sections, const double* settled, double* from,
+             std::size_t rows, std::size_t columns, std::ptrdiff_t stride) {
   const std::vector<double> level(from, from + columns);
-  for (std::size_t i = 0; i < sos.shape[0]; ++i) {
-    const double* row = sos.data + 6 * i;
-    const p::BiquadSection<double> k{row[0], row[1], row[2], row[4], row[5]};
-    const double* start = settled.data + 2 * i;
-    std::size_t c = 0;
-    for (; c + 4 <= columns; c += 4) run<4>(k, start, level.data() + c, from + c, rows, stride);
-    for (; c + 2 <= columns; c += 2) run<2>(k, start, level.data() + c, from + c, rows, stride);
-    for (; c < columns; ++c) run<1>(k, start, level.data() + c, from + c, rows, stride);
-  }
+  const auto some = [&](auto width, auto many, std::size_t i, std::size_t c) {
+    run<width, many>(sections.data() + i, settled + 2 * i, level.data() + c, from + c, rows, stride);
+  };
+  const auto all = [&](auto width, std::size_t c) {
+    std::size_t i = 0;
+    for (; i + 2 <= sections.size(); i += 2) some(width, std::integral_constant<int, 2>(), i, c);
+    if (i < sections.size()) some(width, std::integral_constant<int, 1>(), i, c);
+  };
+  std::size_t c = 0;
+  for (; c + 8 <= columns; c += 8) all(std::integral_constant<int, 8>(), c);
+  for (; c + 4 <= columns; c += 4) all(std::integral_constant<int, 4>(), c);
+  for (; c + 2 <= columns; c += 2) all(std::integral_constant<int, 2>(), c);
+  for (; c < columns; ++c) all(std::integral_constant<int, 1>(), c);
 }
 
 nb::object zero_phase(nb::handle sos_, nb::handle settled_, nb::handle samples_, std::size_t padding) {
@@ -75,9 +88,15 @@ nb::object zero_phase(nb::handle sos_, nb::handle settled_, nb::handle samples_,
   Result filtered({rows, columns});
   {
     nb::gil_scoped_release release;
-    std::vector<double> work(all * columns);
+    std::vector<p::BiquadSection<double>> sections;
+    for (std::size_t i = 0; i < sos.shape[0]; ++i) {
+      const double* row = sos.data + 6 * i;
+      sections.push_back({row[0], row[1], row[2], row[4], row[5]});
+    }
+    const std::unique_ptr<double[]> memory(new double[all * columns]);  // not zeros, which would cost as a pass does
+    double* work = memory.get();
     const double *first = samples.data, *last = samples.data + (rows - 1) * columns;
-    std::copy(first, last + columns, work.data() + padding * columns);
+    std::copy(first, last + columns, work + padding * columns);
     for (std::size_t i = 0; i < padding; ++i)
       for (std::size_t c = 0; c < columns; ++c) {
         work[i * columns + c] = 2.0 * first[c] - first[(padding - i) * columns + c];
@@ -85,10 +104,10 @@ nb::object zero_phase(nb::handle sos_, nb::handle settled_, nb::handle samples_,
       }
     const auto stride = static_cast<std::ptrdiff_t>(columns);
     if (columns > 0) {
-      cascade(sos, settled, work.data(), all, columns, stride);
-      cascade(sos, settled, work.data() + (all - 1) * columns, all, columns, -stride);
+      cascade(sections, settled.data, work, all, columns, stride);
+      cascade(sections, settled.data, work + (all - 1) * columns, all, columns, -stride);
     }
-    std::copy(work.data() + padding * columns, work.data() + (padding + rows) * columns, filtered.data);
+    std::copy(work + padding * columns, work + (padding + rows) * columns, filtered.data);
   }
   return filtered.array();
 }

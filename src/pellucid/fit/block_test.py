@@ -66,7 +66,7 @@ def p_of_worse(loss: Sequence[np.ndarray], other: Sequence[np.ndarray]) -> tuple
     from scipy.special import ndtr
 
     apart = [a - b for a, b in zip(loss, other, strict=True)]
-    sums = np.array([block.sum() for d in apart for block in np.array_split(d, _blocks_in(d))])
+    sums = np.concatenate([np.add.reduceat(d, _starts(len(d), _blocks_in(d))) for d in apart if len(d)])
     total, count = float(sums.sum()), len(sums)
     if count > COUNTED:
         spread = float(np.linalg.norm(sums))
@@ -78,6 +78,11 @@ def p_of_worse(loss: Sequence[np.ndarray], other: Sequence[np.ndarray]) -> tuple
 def independent_samples(residuals: Sequence[np.ndarray]) -> float:
     """How many independent samples residuals, (n_i,) per recording, are worth."""
     return float(sum(len(r) / correlation_length(r) for r in residuals if len(r)))
+
+
+def _starts(samples: int, blocks: int) -> np.ndarray:
+    """First samples of blocks of nearly equal length."""
+    return np.arange(blocks) * samples // blocks
 
 
 def _blocks_in(difference: np.ndarray) -> int:

@@ -21,6 +21,9 @@ import numpy as np
 from .._errors import IdentificationError
 from .parameter import Parameter
 
+LONG = 50_000
+"""Samples of a motion from which on a model's own way to its rows is taken, if it has one; linear ones always."""
+
 
 class FittedMotion(Protocol):
     """A motion that may enter a regression: `effort`, (n,), beside the states that a model reads, and `rows`."""
@@ -103,8 +106,24 @@ def predicted(model: ForceModel, values: np.ndarray, motions: Sequence[FittedMot
 def rows_of(model: ForceModel, values: np.ndarray, data: Stack) -> tuple[np.ndarray, np.ndarray]:
     """Regressor (m, p) and modelled effort (m,) at `values`, (p,)."""
     # One motion after another: of hours, a regressor before it is thinned would take all memory.
-    rows = np.concatenate([m.rows(np.column_stack(model.jacobian(values, m))) for m in data.motions])
-    return rows[:, 1:], rows[:, 0]
+    made = [_rows(model, values, m) for m in data.motions]
+    return np.concatenate([rows for _, rows in made]), np.concatenate([effort for effort, _ in made])
+
+
+def effort_rows(model: ForceModel, values: np.ndarray, motion: FittedMotion) -> np.ndarray:
+    """Modelled effort, (m,), of one motion at `values`, (p,)."""
+    return _rows(model, values, motion)[0] if _sooner(model, motion) else motion.rows(model.effort(values, motion))
+
+
+def _sooner(model: ForceModel, motion: FittedMotion) -> bool:
+    return hasattr(model, "rows") and (model.linear or len(motion.effort) > LONG)
+
+
+def _rows(model: ForceModel, values: np.ndarray, motion: FittedMotion) -> tuple[np.ndarray, np.ndarray]:
+    if _sooner(model, motion):
+        return model.rows(values, motion)
+    rows = motion.rows(np.column_stack(model.jacobian(values, motion)))
+    return rows[:, 0], rows[:, 1:]
 
 
 @dataclass(frozen=True)

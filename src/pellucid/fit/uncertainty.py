@@ -51,6 +51,7 @@ STUDENT = (
     ({3: 1.0, 1: 1.0}, 4.0),
 )  # Fisher's expansion, the last term first: powers of the normal quantile with their coefficients, and a divisor
 WINDOW = 5.0  # correlation times over which correlations are summed [3]
+MOST_BLOCKS = 2000  # that a bootstrap draws from rows without number: longer ones tell as much
 PHASES = 16  # overlapping blocks begin so often within one block's length
 
 
@@ -157,7 +158,7 @@ def block_bootstrap(
     w = jacobian / scale
     scores = w * residual[:, None]
     scores -= scores.mean(axis=0)
-    block = block_length(correlation_time(residual, lengths), len(residual))
+    block = max(block_length(correlation_time(residual, lengths), len(residual)), len(residual) // MOST_BLOCKS)
     # Round about within each stretch, so that its ends are drawn as often as its middle.
     sums = []
     for rows in _stretches(lengths):
@@ -170,7 +171,7 @@ def block_bootstrap(
             sums.append((ends[length:] - ends[:-length]) * np.sqrt(block / length))
     pool = np.concatenate(sums)
     draws = rng.integers(0, len(pool), size=(repetitions, max(1, round(len(w) / block))))
-    steps = np.linalg.solve(w.T @ w, pool[draws].sum(axis=1).T).T
+    steps = np.linalg.solve(w.T @ w, np.array([pool[drawn].sum(axis=0) for drawn in draws]).T).T
     tail = 50.0 * (1.0 - level)
     return values[:, None] + (np.percentile(steps, [tail, 100.0 - tail], axis=0) / scale).T
 

@@ -22,6 +22,14 @@ SMOOTH_TERMS = tuple(
 
 KEPT = 50_000  # samples of a motion whose regressor is kept
 
+JUMPING_TERMS = tuple(_NAMES.index(name) for name in ("coulomb_positive", "coulomb_negative"))
+"""Those that multiply nothing but the sign of velocity: with the smooth ones, all that are linear."""
+
+CURVED_TERMS = tuple(
+    _NAMES.index(name) for name in ("stribeck", "stribeck_velocity", "load_motoring", "load_generating")
+)
+"""Those whose effort depends on others too."""
+
 BODY_TERMS = SMOOTH_TERMS[:3]
 """Those of them that no direction of motion changes."""
 
@@ -35,6 +43,9 @@ class FilteredMotion(Protocol):
 
     def smooth(self, samples: np.ndarray) -> np.ndarray:
         """The motion's own low-pass."""
+
+    def rows(self, samples: np.ndarray) -> np.ndarray:
+        """The samples, (n,) or (n, k), that a regression uses."""
 
 
 def regressor(
@@ -70,6 +81,41 @@ def filtered_jacobian(
     kept = jumps.any(axis=0)
     filtered[:, kept] += motion.smooth(jumps[:, kept])
     return filtered[:, 0], filtered[:, 1:]
+
+
+def filtered_rows(vector: np.ndarray, selection: np.ndarray, motion: FilteredMotion) -> tuple[np.ndarray, np.ndarray]:
+    """What `filtered_jacobian` gives, at the rows that a regression uses: effort (m,), derivative (m, p). What is
+    linear is filtered once and kept with the motion; only what is not is filtered again."""
+    kept = vars(motion)
+    terms = list(SMOOTH_TERMS + JUMPING_TERMS)
+    if "_linear_rows" not in kept:
+        columns = regressor(motion.position, motion.velocity, motion.acceleration, tuple(terms))
+        columns[:, len(SMOOTH_TERMS) :] = motion.smooth(columns[:, len(SMOOTH_TERMS) :])
+        kept["_linear_rows"] = motion.rows(columns)
+    linear = kept["_linear_rows"]
+    effort, rows = linear @ vector[terms], linear @ selection[terms]
+    curved = list(CURVED_TERMS)
+    if not (vector[curved].any() or selection[curved].any()):
+        return effort, rows
+    # The body and what bends, without what is linear besides: less the body itself, all of it jumps with the velocity.
+    body = list(BODY_TERMS)
+    bent = vector.copy()
+    bent[[i for i in terms if i not in body]] = 0.0
+    active = np.array([i for i in body + curved if selection[i].any()], int)
+    states = motion.position, motion.velocity, motion.acceleration
+    whole, jacobian = _core.inverse_dynamics_jacobian(bent, *states, active)
+    plain = regressor(*states, BODY_TERMS)
+    whole -= plain @ bent[body]
+    for j, i in enumerate(active):
+        if i in body:
+            jacobian[:, j] -= plain[:, body.index(i)]
+    chosen = np.flatnonzero(selection[active].any(axis=0))
+    jumps = np.empty((len(whole), 1 + len(chosen)))
+    jumps[:, 0] = whole
+    np.matmul(jacobian, selection[np.ix_(active, chosen)], out=jumps[:, 1:])
+    added = motion.rows(motion.smooth(jumps))
+    rows[:, chosen] += added[:, 1:]
+    return effort + added[:, 0], rows
 
 
 def _direct(motion: FilteredMotion) -> np.ndarray:

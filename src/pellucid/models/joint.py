@@ -19,7 +19,7 @@ import numpy as np
 
 from .._errors import IdentificationError
 from .fields import COORDINATE, Field, model_fields
-from .filtered_dynamics import FilteredMotion, filtered_effort, filtered_jacobian
+from .filtered_dynamics import FilteredMotion, filtered_effort, filtered_jacobian, filtered_rows
 
 FIELDS: Mapping[str, Field] = {field.name: field for field in model_fields("joint")}
 """What the core says of its parameters, in its order."""
@@ -144,6 +144,10 @@ class JointModel:
     def jacobian(self, values: np.ndarray, motion: FilteredMotion) -> tuple[np.ndarray, np.ndarray]:
         """The same, and its derivative by the free `values`, (n, p)."""
         return filtered_jacobian(self.loaded(self.vector(values), *motion.payload), self.selection(), motion)
+
+    def rows(self, values: np.ndarray, motion: FilteredMotion) -> tuple[np.ndarray, np.ndarray]:
+        """Effort, (m,), and derivative, (m, p), at the rows that a regression uses, sooner than by `jacobian`."""
+        return filtered_rows(self.loaded(self.vector(values), *motion.payload), self.selection(), motion)
 
     def selection(self) -> np.ndarray:
         """Matrix S, shape (k, p), with core vector = S @ free values (+ known): chain rule for every Jacobian."""

@@ -92,6 +92,12 @@ class Motion:
         """The samples, (n,) or (n, k), that a regression uses."""
         return self.reduce(samples)[self.moving]
 
+    @cached_property
+    def states(self) -> np.ndarray:
+        """Time, position, velocity, acceleration and effort of the rows, shape (m, 5)."""
+        signals = np.column_stack([self.position, self.velocity, self.acceleration, self.effort])
+        return np.column_stack([self.time[self.kept], self.rows(signals)])
+
     @property
     def kept(self) -> np.ndarray:
         """Samples at which rows are taken, shape (m,)."""

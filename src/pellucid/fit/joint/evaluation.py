@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import Field, dataclass, fields, replace
 
 import numpy as np
 
 from ... import _core
 from ...models.joint import JointModel
 from ...signals.motion import Motion
-from ..regression import predicted
+from ..regression import effort_rows
 from .replay import relative_error
 
 
@@ -36,10 +36,22 @@ class Prediction:
     half_width: float
     coverage: float
 
+    def part(self, most: int) -> Prediction:
+        """The same with so many samples at most, next to each other, from the middle."""
+        n = len(self.time)
+        if n <= most:
+            return self
+        middle = slice((n - most) // 2, (n - most) // 2 + most)
+        return replace(self, **{f.name: getattr(self, f.name)[middle].copy() for f in fields(self) if _is_signal(f)})
+
     @property
     def residual(self) -> np.ndarray:
         """What the model misses, shape (n,), in the effort's unit."""
         return self.effort - self.predicted
+
+
+def _is_signal(field: Field) -> bool:
+    return field.type == "np.ndarray"
 
 
 def r_squared(measured: np.ndarray, modelled: np.ndarray) -> float:
@@ -49,32 +61,36 @@ def r_squared(measured: np.ndarray, modelled: np.ndarray) -> float:
 
 
 def predict(
-    model: JointModel, values: np.ndarray, motions: Sequence[Motion], half_width: float
+    model: JointModel,
+    values: np.ndarray,
+    motions: Sequence[Motion],
+    half_width: float,
+    known: Mapping[int, np.ndarray] | None = None,
 ) -> tuple[Prediction, ...]:
-    """Predict the effort of every motion; scored samples only. `values` (p,)."""
+    """Predict the effort of every motion; scored samples only. `values` (p,); of some motions, by their `id`, the
+    modelled effort, (m,), is `known`."""
+    known = known or {}
     bare = model.vector(values)
-    whole: dict[str, list[tuple[Motion, np.ndarray]]] = {}
-    for motion, effort in zip(motions, predicted(model, values, motions), strict=True):
-        whole.setdefault(motion.recording, []).append((motion, effort))
+    whole: dict[str, list[Motion]] = {}
+    for motion in motions:
+        whole.setdefault(motion.recording, []).append(motion)
     made = []
     for name, parts in whole.items():
-
-        def joined(signal, parts=parts):
-            return np.concatenate([m.reduce(signal(m, e))[m.moving] for m, e in parts])
-
-        effort = joined(lambda m, e: m.effort)
-        modelled = joined(lambda m, e: e)
+        time, position, velocity, acceleration, effort = np.concatenate([m.states for m in parts]).T.copy()
         if len(effort) == 0:
             continue
+        found = [known[id(m)] if id(m) in known else effort_rows(model, values, m) for m in parts]
+        modelled = np.concatenate(found)
+        loads = [_core.load(model.loaded(bare, *m.payload), *m.states[:, [1, 3]].T) for m in parts]
         made.append(
             Prediction(
                 recording=name,
-                split=parts[0][0].split,
-                time=np.concatenate([m.time[m.inner][:: m.filtering.decimate][m.moving] for m, _ in parts]),
-                position=joined(lambda m, e: m.position),
-                velocity=joined(lambda m, e: m.velocity),
-                acceleration=joined(lambda m, e: m.acceleration),
-                load=joined(lambda m, e: _core.load(model.loaded(bare, *m.payload), m.position, m.acceleration)),
+                split=parts[0].split,
+                time=time,
+                position=position,
+                velocity=velocity,
+                acceleration=acceleration,
+                load=np.concatenate(loads),
                 effort=effort,
                 predicted=modelled,
                 effort_error=relative_error(effort, modelled),

@@ -47,6 +47,14 @@ class FamilyFit:
     """Where nothing is held out: residuals of blocks of the fitted recordings, each predicted from the others."""
     excerpt: str = ""  # Of which recordings the other estimates and simulations are parts, in words; empty: of all
 
+    def shown(self, most: int) -> FamilyFit:
+        """The same with so many rows of each recording at most: what figures show of hours."""
+        if all(len(p.time) <= most for p in self.predictions):
+            return self
+        predictions = tuple(p.part(most) for p in self.predictions)
+        choice = replace(self.choice, predictions=tuple(p.part(most) for p in self.choice.predictions))
+        return replace(self, predictions=predictions, choice=choice, crossed=())
+
     @property
     def headline(self) -> FamilyFit:
         """The same with the chosen estimator's values, predictions and errors in the place of least squares'."""
@@ -95,7 +103,11 @@ def fit_family(
         start = enforce_pseudo_inertia(model, part, start, moving_mass)[0] if said else first
     estimate = estimated(model, data, first, "ls", note, level=level)
     half_width = float(np.quantile(np.abs(first.residual), level))
-    predictions = predict(model, first.values, everything, half_width)
+    known = {}
+    if said:
+        ends = np.cumsum(data.lengths)[:-1]
+        known = {id(m): x for m, x in zip(data.motions, np.split(data.target - first.residual, ends), strict=True)}
+    predictions = predict(model, first.values, everything, half_width, known)
     fitted, heldout = pooled(predictions, "fitted"), pooled(predictions, "heldout")
     others, simulations, failures = (
         _thorough(model, part, start, estimate, taken, machine, level) if thorough else ({}, {}, {})

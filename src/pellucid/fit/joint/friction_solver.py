@@ -13,7 +13,8 @@ from ..regression import Solution, Stack, at_bounds, least_squares_within, requi
 LOAD_START = 0.05
 SKIPPED = 8  # of so many motions one is enough to come close on
 FEWEST_MOTIONS = 4
-MOST_STEPS = 6
+MOST_STEPS = 8
+LAST_STEPS = 2  # on everything, after others on a part of it
 CLOSE = 5e-4
 
 
@@ -45,15 +46,16 @@ def solve_from_part(model: JointModel, data: Stack, found: Solution) -> Solution
         return solve_family(model, data)
     values, fewer = found.values, Stack(data.motions[::SKIPPED], data.targets[::SKIPPED])
     if len(fewer.motions) >= FEWEST_MOTIONS:
-        values = _gauss_newton_steps(model, fewer, values).values
-    return _gauss_newton_steps(model, data, values)
+        values = _gauss_newton_steps(model, fewer, values, MOST_STEPS).values
+        return _gauss_newton_steps(model, data, values, LAST_STEPS)
+    return _gauss_newton_steps(model, data, values, MOST_STEPS)
 
 
-def _gauss_newton_steps(model: JointModel, data: Stack, values: np.ndarray) -> Solution:
-    """Steps from `values`, (p,), within bounds until one moves the effort by less than `CLOSE` of it: what then remains
-    is the square of that. Jacobian as before the last step, residual after it."""
+def _gauss_newton_steps(model: JointModel, data: Stack, values: np.ndarray, most: int) -> Solution:
+    """Steps from `values`, (p,), within bounds, at `most` so many, until one moves the effort by less than `CLOSE` of
+    it: what then remains is the square of that. Jacobian as before the last step, residual after it."""
     lower, upper = model.bounds()
-    for iteration in range(1, MOST_STEPS + 1):  # noqa: B007
+    for iteration in range(1, most + 1):  # noqa: B007
         jacobian, effort = rows_of(model, values, data)
         residual = data.target - effort
         # A Stribeck velocity without a Stribeck level has no effect at all.
@@ -61,16 +63,23 @@ def _gauss_newton_steps(model: JointModel, data: Stack, values: np.ndarray) -> S
         free = norms > 1e-12 * norms.max()
         require_full_rank([n for n, f in zip(model.names, free, strict=True) if f], jacobian[:, free], model.label)
         triangle = np.linalg.qr(np.column_stack([jacobian[:, free], residual]), mode="r")
-        room = (lower - values)[free], (upper - values)[free]
+        low, high = lower.copy(), upper.copy()
+        if "stribeck_velocity" in model.names:
+            # Where it hardly shows, a step could carry it anywhere: at most to half of it or twice.
+            at = model.names.index("stribeck_velocity")
+            slowest = min(_slowest(data, upper[at]), values[at])
+            low[at], high[at] = max(0.5 * values[at], slowest), min(2.0 * values[at], upper[at])
+        room = (low - values)[free], (high - values)[free]
         step = np.zeros(len(values))
         step[free] = least_squares_within(triangle[:, :-1], triangle[:, -1], *room)
         values, moved = values + step, jacobian @ step
         residual = residual - moved
-        if np.linalg.norm(moved) < CLOSE * np.linalg.norm(data.target):
+        near = bool(np.linalg.norm(moved) < CLOSE * np.linalg.norm(data.target))
+        if near:
             break
     snapped, held = at_bounds(values, lower, upper, jacobian, residual)
     residual = residual - jacobian @ (snapped - values)
-    return Solution(snapped, jacobian, residual, np.ones(len(residual)), held, iteration, iteration < MOST_STEPS)
+    return Solution(snapped, jacobian, residual, np.ones(len(residual)), held, iteration, near)
 
 
 def _from_linear_part(model: JointModel, data: Stack, weights: np.ndarray | None) -> np.ndarray:
@@ -115,9 +124,7 @@ def _profiled(model: JointModel, data: Stack, w: np.ndarray, consistent: bool, a
     if after is not None:
         cost(np.log(after.values[at]))
     else:
-        # Below the dead band the extra level would be an extrapolation.
-        lowest = min(max(0.02 * top, 2.0 * max(m.filtering.dead_band for m in data.motions)), top)
-        grid = np.log(np.geomspace(lowest, top, 6))
+        grid = np.log(np.geomspace(_slowest(data, top), top, 6))
         costs = [cost(x) for x in grid]
         best = int(np.argmin(costs))
         if np.isfinite(costs[best]) and tried[float(np.exp(grid[best]))].values[_stribeck_at(model)] > 0.0:
@@ -137,6 +144,12 @@ def _profiled(model: JointModel, data: Stack, w: np.ndarray, consistent: bool, a
     if after is None and found.values[_stribeck_at(model)] > 0.0 and not held[at]:
         values, jacobian, residual = _polished(model, data, w, values, jacobian, residual, ~held)
     return replace(found, values=values, jacobian=jacobian, residual=residual, at_bound=held, iterations=len(tried))
+
+
+def _slowest(data: Stack, top: float) -> float:
+    """The smallest Stribeck velocity that is looked for, of those up to `top` [rad/s or m/s]: below the dead band the
+    extra level would be an extrapolation."""
+    return min(max(0.02 * top, 2.0 * max(m.filtering.dead_band for m in data.motions)), top)
 
 
 def _polished(

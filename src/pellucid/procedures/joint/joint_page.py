@@ -48,6 +48,7 @@ WHAT_ESTIMATORS_DO = (
 
 def page(study: Study, result: JointResult) -> Page:
     """Everything that was found, as a page."""
+    result = result.for_page()
     best = result.headlined
     simulated, compared = result.simulated, _compared_family(result)
     effort = EFFORTS.get(result.effort_unit, "Effort").lower()

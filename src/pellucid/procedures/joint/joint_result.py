@@ -21,6 +21,8 @@ from ...signals.motion import Motion
 from ..result import FigureTable, ParameterTable, Result
 
 COMMAND = "identify"
+SHOWN = 50_000
+"""Samples of a recording, about, that figures get at most: a page shows no more."""
 
 
 @dataclass(frozen=True)
@@ -71,7 +73,7 @@ class JointResult(Result):
     def for_page(self) -> JointResult:
         drawn = self.simulated
         families = {n: f if f is drawn else replace(f, simulations={}) for n, f in self.families.items()}
-        return replace(self, families=families)
+        return replace(self, families={n: f.shown(SHOWN) for n, f in families.items()})
 
 
 def completed(study: Study, found: JointResult) -> JointResult:
@@ -129,7 +131,8 @@ def traces_of(motions: Sequence[Motion]) -> tuple[Trace, ...]:
         whole.setdefault(motion.recording, []).append(motion)
 
     def joined(parts: list[Motion], signal: str) -> np.ndarray:
-        return np.concatenate([np.append(getattr(m, signal)[m.inner], np.nan) for m in parts])[:-1]
+        keep = max(1, sum(len(m.position) for m in parts) // SHOWN)
+        return np.concatenate([np.append(getattr(m, signal)[m.inner][::keep], np.nan) for m in parts])[:-1]
 
     traces = [
         Trace(name, parts[0].split, *(joined(parts, s) for s in ("time", "position", "velocity", "effort")))
