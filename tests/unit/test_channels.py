@@ -9,6 +9,7 @@ from pellucid.lab.study import write_study
 from pellucid.procedures.joint.aligned_motions import motions
 from pellucid.procedures.registry import open_study
 from pellucid.procedures.run import check, identify
+from pellucid.recordings.rollover import rollover
 
 STUDY = """name = "bench"
 [rig]
@@ -90,6 +91,40 @@ def test_a_value_may_roll_over_at_any_period(study, bench, period):
     turns = np.degrees(bench["q"]) % period
     made = study({"q": turns}, position=f'column = "q", unit = "deg", wrap = "{period} deg"')
     assert np.ptp(made.recordings()[0]["position"] - bench["q"]) < 1e-8
+
+
+@pytest.mark.parametrize(
+    ("stored", "said", "write"),
+    [
+        (lambda q: np.degrees(q) % 30.0, 'unit = "deg"', 'wrap = "30 deg"'),
+        (lambda q: (8.0 * np.degrees(q) + 180.0) % 360.0 - 180.0, 'unit = "deg"', 'wrap = "360 deg"'),
+        (
+            lambda q: np.round(np.degrees(q) / 0.02197265625) % 4096,
+            'unit = "deg", scale = 0.02197265625',
+            "wrap_bits = 12",
+        ),
+    ],
+)
+def test_a_value_that_rolls_over_is_refused_with_its_period(study, bench, stored, said, write):
+    made = study({"q": stored(bench["q"])}, position=f'column = "q", {said}')
+    (fault,) = (f for f in check(made) if f.kind == "wrap")
+    assert fault.severity == "refuse"
+    assert write in fault.message
+    healed = study({"q": stored(bench["q"])}, position=f'column = "q", {said}, {write}')
+    assert not [f for f in check(healed) if f.kind == "wrap"]
+
+
+def test_what_only_jumps_does_not_roll_over(study, bench):
+    n = np.arange(3000)
+    spike = np.sin(n / 200.0) + np.where(n == 700, 40.0, 0.0)
+    assert rollover(spike) is None
+    assert rollover(bench["q"]) is None
+    assert rollover(np.sin(n / 200.0)) is None
+    assert rollover(n % 7.0) is None
+    assert rollover(np.cumsum(np.sin(n / 500.0)) % 90.0).period == pytest.approx(90.0, abs=0.02)
+    step = bench["q"] + np.where(bench["time"] < 9.0, 0.0, 9.0)
+    (fault,) = (f for f in check(study({"q": step})) if f.kind == "wrap")
+    assert "a jump from" in fault.message
 
 
 def test_a_period_has_the_channel_s_dimension(study):

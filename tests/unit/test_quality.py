@@ -239,7 +239,7 @@ def test_an_encoder_that_rolls_over(make_study):
     columns["q"] = (turn + 2 * np.pi * columns["t"] / 10) % (2 * np.pi)
     fault = one(make_study(columns))
     assert (fault.severity, fault.kind) == ("refuse", "wrap")
-    assert "wrap_bits" in fault.expected
+    assert 'wrap = "360 deg"' in fault.expected
 
 
 def test_a_missing_channel(make_study):

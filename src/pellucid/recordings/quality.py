@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -20,14 +20,19 @@ from .drive_channel import DRIVE_CHANNELS, drive_channel
 from .fault import Fault
 from .optical_faults import optical_faults
 from .recording import Recording
+from .rollover import rollover, to_write
 
 if TYPE_CHECKING:
     from .study import Study
+    from .study_file import ChannelSpec
 
 Add = Callable[[str, str, str, str, str], None]
 
 # A rest or a switch lasts in these as long as it is commanded to.
 _MAY_REST = {"time", "reference", "enabled", "supply", "temperature"}
+
+# Angles and ways; what else is measured in these units does not turn.
+_ROLLS = {"position", "motor_position", "reference", "angle"}
 
 MIN_ROWS = 50
 """Samples that must be left after trimming and decimation: ten for each of a joint's five parameters."""
@@ -57,7 +62,7 @@ def inspect(recording: Recording, study: Study) -> list[Fault]:
                 found = f"{cut.found} at {cut.start:.6g} s ({cut.where})"
                 add("refuse", cut.kind, cut.channel, found, 'none, or [processing] cut = "automatic"')
         _check_clipped(looked, add)
-        _check_wrap(looked, add)
+        _check_wrap(looked, study.specs_of(recording), add)
     _check_magnitude(looked, study, add)
     faults += share_faults(recording, study)
     if recording.optical is not None:
@@ -225,10 +230,24 @@ def _check_clipped(looked: Watched, add: Add) -> None:
                 add("refuse", clipped.KIND, name, found, wanted + (" or [rig.drive] limit" * (name == looked.drive)))
 
 
-def _check_wrap(looked: Watched, add: Add) -> None:
-    if "position" not in looked.channels:
-        return
-    q = looked.samples("position")
+def _check_wrap(looked: Watched, specs: Mapping[str, ChannelSpec], add: Add) -> None:
+    for name, channel in looked.recording.channels.items():
+        if name.partition(".")[0] not in _ROLLS or channel.unit not in ("rad", "m"):
+            continue
+        x = looked.samples(name)
+        found = rollover(x)
+        write = to_write(found, specs[name]) if found is not None and name in specs else ""
+        if write:
+            first = looked.recording.time[found.jumps[0]]
+            times = "once" if len(found.jumps) == 1 else f"{len(found.jumps)} times"
+            what = f"a value that rolls over by {found.period:.4g} {channel.unit} {times}, first at {first:.6g} s"
+            wanted = f"a continuous one: {name} = {{ {write} }} in [channels]"
+            add("refuse" if name in looked.channels else "note", "wrap", name, what, wanted)
+        elif name == "position" and name in looked.channels:
+            _check_jump(x, add)
+
+
+def _check_jump(q: np.ndarray, add: Add) -> None:
     moved = np.abs(np.diff(q))
     span = float(np.ptp(q[np.isfinite(q)])) if np.isfinite(q).any() else 0.0
     jumps = np.flatnonzero(moved > 0.5 * span)
@@ -239,7 +258,9 @@ def _check_wrap(looked: Watched, add: Add) -> None:
         return
     i = int(jumps[0])
     found = f"a jump from {q[i]:.4g} to {q[i + 1]:.4g} at index {i + 1}, {jumps.size} in all"
-    add("refuse", "wrap", "position", found, "a continuous position: an encoder that rolls over needs wrap_bits")
+    add(
+        "refuse", "wrap", "position", found, "a continuous position: an encoder that rolls over needs wrap_bits or wrap"
+    )
 
 
 def _check_magnitude(looked: Watched, study: Study, add: Add) -> None:
