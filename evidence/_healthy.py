@@ -50,12 +50,6 @@ name = "sweep"
 file = "recordings/sweep{ending}"
 protocol = "multisine"
 use = "fit"
-
-[[recordings]]
-name = "again"
-file = "recordings/sweep{ending}"
-use = "validate"
-window = ["1 s", "6 s"]
 """
 
 

@@ -3,11 +3,16 @@
 from __future__ import annotations
 
 import os
+import re
 import tempfile
+import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import BinaryIO
+
+LEFT_OVER = 60.0
+"""After which an unfinished file of nobody who lives is taken away [s]; a folder may be shared with other machines."""
 
 
 def write_text_atomically(path: str | os.PathLike, text: str) -> Path:
@@ -27,7 +32,7 @@ def atomically(path: str | os.PathLike) -> Iterator[BinaryIO]:
     """A file to be written in parts, renamed into place when all are there."""
     path = Path(path)
     path.parent.mkdir(parents=True, exist_ok=True)
-    handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.", suffix=".tmp")
+    handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.{os.getpid()}-", suffix=".tmp")
     try:
         with os.fdopen(handle, "wb") as file:
             yield file
@@ -39,6 +44,27 @@ def atomically(path: str | os.PathLike) -> Iterator[BinaryIO]:
     except BaseException:
         Path(temporary).unlink(missing_ok=True)
         raise
+
+
+def remove_leftovers(*folders: Path) -> None:
+    """Take away what commands that were killed had not finished writing; whoever still lives keeps theirs."""
+    for folder in folders:
+        for path in folder.glob(".*-*.tmp") if folder.is_dir() else ():
+            written_by = re.fullmatch(r"\..*\.(\d+)-[^.]+\.tmp", path.name)
+            with suppress(OSError):
+                old = time.time() - path.stat().st_mtime > LEFT_OVER
+                if written_by and old and not _alive(int(written_by[1])):
+                    path.unlink()
+
+
+def _alive(process: int) -> bool:
+    try:
+        os.kill(process, 0)
+    except ProcessLookupError:
+        return False
+    except (OSError, OverflowError):
+        return True
+    return True
 
 
 def _umask() -> int:

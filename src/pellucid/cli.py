@@ -168,6 +168,8 @@ def report(folder: Folder, out: Out = None, allow_outside: Outside = False) -> N
     study = _opened(folder, out, allow_outside)
     with _progress() as tell:
         page = run(study, on_progress=tell)
+    if page.parent != study.report_dir:
+        typer.echo(f"pellucid: {study.report_dir} could not be written; the report is elsewhere", err=True)
     _say(_console(), f"Report: {page}")
 
 
@@ -275,7 +277,10 @@ def export(
     if found is None:
         _say(console, f"Not run on a Cortex-M4F: {', '.join(absent)} not installed.")
     else:
-        save_measured(study, made, found, controller=controller)
+        try:
+            save_measured(study, made, found, controller=controller)
+        except OSError as error:
+            _say(console, f"Not noted in {study.results_path}: {error.strerror or error}.")
         _say(console, f"On a Cortex-M4F in QEMU: {found.text}.")
     if not (made / "test" / "vector_outputs.h").is_file():
         _say(console, f"{made}: read README.md there. Not compiled: that needs make, a C and a C++ compiler.")
@@ -413,9 +418,16 @@ def _found(study: Study, command: str, json: bool, run: Callable[[Study, Callabl
 
     with _progress() as tell:
         result = run(study, tell)
-    result.save(study)
+    try:
+        study, elsewhere = result.save_somewhere(study)
+    except OSError as error:
+        # Minutes of work are not lost for want of a place: here they are.
+        _print_json(result)
+        _complain(f"nothing could be written: {error.strerror or error}; what was found is printed above")
+    if elsewhere:
+        typer.echo(f"pellucid: {elsewhere}", err=True)
     if json:
-        _print_json(study, command)
+        _print_json(result)
         return
     out = _console()
     print_result(out, result)
@@ -425,15 +437,13 @@ def _found(study: Study, command: str, json: bool, run: Callable[[Study, Callabl
     _say(out, f"Next: pellucid {following[0] if following else 'report'} {study.folder}")
 
 
-def _print_json(study: Study, command: str) -> None:
+def _print_json(result: Result) -> None:
     from dataclasses import asdict
     from json import dumps
 
-    from .recordings.results import read_rows
+    from .recordings.results import finite
 
-    # Read back, since the file knows null for what is not finite.
-    rows = [asdict(row) for row in read_rows(study.results_path) if row.command == command]
-    typer.echo(dumps({"figures": rows}, indent=1, ensure_ascii=False))
+    typer.echo(dumps({"figures": [asdict(finite(row)) for row in result.rows]}, indent=1, ensure_ascii=False))
 
 
 def _list(out: Console, items: Sequence[tuple[str, str]]) -> None:

@@ -13,7 +13,7 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 
-from .._atomic import write_text_atomically
+from .._atomic import remove_leftovers, write_text_atomically
 from .._errors import PellucidError
 from ..control.control_law import LAWS, LawSensor
 from ..models.fields import COORDINATE, Field
@@ -91,6 +91,7 @@ def write_c_folder(study: str, values: ControllerValues, out: Path) -> Path:
     }
     files |= {_place(name): _render(f"{name}.j2", **content) for name in TEMPLATES}
     files |= _answers(files, out, vector.motion)
+    remove_leftovers(out, *(out / folder for folder in dict.fromkeys(Path(name).parent for name in files)))
     (out / OUTPUTS).unlink(missing_ok=True)
     for name, text in files.items():
         write_text_atomically(out / name, text)

@@ -10,12 +10,14 @@ import json
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
+from shutil import rmtree
 from typing import Any
 
 import numpy as np
 
 from .._atomic import write_text_atomically
 from ..procedures.registry import open_study, study_model
+from ..recordings.lock import locked
 from ..recordings.optical import AXES, OpticalRecording
 from ..recordings.recording import Channel, Recording
 from ..recordings.study import STUDY_FILE, Study
@@ -23,6 +25,9 @@ from ..recordings.study_file import ChannelSpec, RecordingEntry, StudyFile, rig_
 from .recorded_table import MAIN, MARKERS, Stored, file_name
 from .rig import Rig, Taken, Tell, Trial
 from .study_text import study_text
+
+UNFINISHED = ".unfinished"
+"""Folder within a study's of what a simulation has recorded so far."""
 
 TRUTH_FILE = "lab/truth.json"
 """What only tests, benchmarks and reproductions may read."""
@@ -55,19 +60,32 @@ def simulated(folder: Path, rig: Rig, *, name: str, seed: int, on_progress: Tell
 
 
 def _written(folder, rig, name, seed, trials, threads, on_progress) -> tuple[Study, float]:
+    made_in, names = folder / UNFINISHED, []
+
     def write(taken: Taken) -> tuple[Taken, float]:
         for recording, streams in taken.files.items():
             for stream, stored in streams.items():
-                write_text_atomically(folder / file_name(recording, stream), stored.text)
+                names.append(file_name(recording, stream))
+                write_text_atomically(made_in / names[-1], stored.text)
         return taken.noted, taken.duration
 
     trials = rig.trials(seed) if trials is None else trials
-    made = list(rig.record_all(trials, seed, then=write, threads=threads, on_progress=on_progress))
-    taken = [one for one, _ in made]
-    truth = {"seed": seed, "rig": rig.name, **rig.truth(seed)}
-    truth["trials"] = {one.trial.name: one.truth for one in taken}
-    write_text_atomically(folder / TRUTH_FILE, json.dumps(truth, indent=1) + "\n")
-    write_text_atomically(folder / STUDY_FILE, study_text({**rig.study(taken), "name": name}, rig.comments))
+    # A study is one seed's whole or another's: all that is new stands apart until nothing is missing.
+    with locked(folder / STUDY_FILE):
+        rmtree(made_in, ignore_errors=True)
+        try:
+            made = list(rig.record_all(trials, seed, then=write, threads=threads, on_progress=on_progress))
+            taken = [one for one, _ in made]
+            truth = {"seed": seed, "rig": rig.name, **rig.truth(seed)}
+            truth["trials"] = {one.trial.name: one.truth for one in taken}
+            write_text_atomically(made_in / TRUTH_FILE, json.dumps(truth, indent=1) + "\n")
+            write_text_atomically(made_in / STUDY_FILE, study_text({**rig.study(taken), "name": name}, rig.comments))
+            (folder / STUDY_FILE).unlink(missing_ok=True)
+            for file in (TRUTH_FILE, *names, STUDY_FILE):
+                (folder / file).parent.mkdir(parents=True, exist_ok=True)
+                (made_in / file).replace(folder / file)
+        finally:
+            rmtree(made_in, ignore_errors=True)
     return open_study(folder), sum(duration for _, duration in made)
 
 

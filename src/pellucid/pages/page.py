@@ -6,7 +6,7 @@ from collections import Counter
 from dataclasses import dataclass
 from pathlib import Path
 
-from .._atomic import write_text_atomically
+from .._atomic import remove_leftovers, write_text_atomically
 from .drawing import Drawing
 from .tables import Table
 from .templates import render
@@ -64,6 +64,7 @@ def write_page(folder: Path, page: Page) -> Path:
     if twice:
         raise ValueError(f"more than one part of the page is called {', '.join(map(repr, twice))}")
     folder.mkdir(parents=True, exist_ok=True)
+    remove_leftovers(folder)
     for drawing in drawings:
         drawing.save(folder)
     return write_text_atomically(folder / PAGE, render("page.html.j2", title=page.title, page=page))

@@ -5,8 +5,13 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from html import escape
+from pathlib import Path
+from shutil import rmtree
+from tempfile import gettempdir, mkdtemp
 from typing import TYPE_CHECKING, Self
 
+from .._atomic import remove_leftovers
+from .._errors import PellucidError
 from ..fit.parameter import Parameter, Verdict, ranked
 from ..models.card import Card, write_card
 from ..models.parameter_card import ParameterCard, write_parameter_card
@@ -158,6 +163,7 @@ class Result:
         """
         # Cards, rows and what is kept come from one command, however many run at once.
         with locked(study.results_path):
+            remove_leftovers(study.made, study.models_dir, study.made / "kept", study.made / "tables")
             study.models_dir.mkdir(exist_ok=True)
             for name, card in self.cards.items():
                 write = write_card if isinstance(card, Card) else write_parameter_card
@@ -168,10 +174,48 @@ class Result:
                 keep(study.kept_path(self.procedure), self.made_from, self.for_page())
         return self.rows
 
+    def save_somewhere(self, study: Study) -> tuple[Study, str]:
+        """`save`, or where the study's folder cannot be written, or holds a results.json that cannot be read, in a new
+        folder elsewhere: the study with the folder that it was saved to, and a sentence if that is not its own.
+
+        Parameters
+        ----------
+        study : Study
+            It was found from.
+
+        Returns
+        -------
+        tuple of Study and str
+
+        Raises
+        ------
+        OSError
+            If no folder can be written at all.
+        """
+        try:
+            self.save(study)
+            return study, ""
+        except (OSError, PellucidError) as error:
+            said = f"{study.made} could not be written: {error}"
+            for parent in (Path.cwd(), Path(gettempdir()), Path.home(), Path("/dev/shm")):
+                try:
+                    out = Path(mkdtemp(prefix=f"pellucid-{study.name}-", dir=parent))
+                except OSError:
+                    continue
+                try:
+                    self.save(replace(study, out=out))
+                except (OSError, PellucidError):
+                    rmtree(out, ignore_errors=True)
+                    continue
+                return replace(study, out=out), f"{said}; what was found is in {out} instead"
+            raise
+
     @classmethod
     def kept(cls, study: Study, procedure: Procedure) -> Self | None:
         """What was saved of a procedure; None where nothing was, or what it was made from has changed since."""
-        found = read_kept(study.kept_path(procedure.name), fingerprint(study, procedure))
+        made_from = fingerprint(study, procedure)
+        paths = dict.fromkeys(each.kept_path(procedure.name) for each in (study, replace(study, out=None)))
+        found = next((found for path in paths if (found := read_kept(path, made_from)) is not None), None)
         return found if isinstance(found, cls) else None
 
 

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
+from tempfile import gettempdir, mkdtemp
 from typing import TYPE_CHECKING
 
 from .._errors import IdentificationError, RecordingError
@@ -194,7 +196,8 @@ def report(
     Returns
     -------
     Path
-        The page, ``report/index.html``: one file without outside references, the same bytes for the same result.
+        The page, ``report/index.html``: one file without outside references, the same bytes for the same result; in
+        a new folder elsewhere where the study's cannot be written.
 
     Raises
     ------
@@ -220,7 +223,15 @@ def report(
             found = _run(procedure, study, lambda text, share, i=i: tell(text, (i + 0.8 * share) / len(procedures)))
         tell("drawing", (i + 0.8) / len(procedures))
         pages.append(procedure.page(study, found))
-    return write_page(Path(study.report_dir), _one_page(pages))
+    page = _one_page(pages)
+    try:
+        return write_page(Path(study.report_dir), page)
+    except OSError:
+        # What was found again may have taken minutes: it is drawn where there is room.
+        for parent in (Path.cwd(), Path(gettempdir()), Path.home()):
+            with suppress(OSError):
+                return write_page(Path(mkdtemp(prefix=f"pellucid-{study.name}-report-", dir=parent)), page)
+        raise
 
 
 def _run(procedure: Procedure, study: Study, on_progress: Progress | None, **options) -> Result:

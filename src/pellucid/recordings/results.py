@@ -59,7 +59,7 @@ def write_rows(path: str | os.PathLike, command: str, rows: Iterable[ResultRow])
 
 def replace_rows(path: Path, command: str, rows: Iterable[ResultRow]) -> tuple[ResultRow, ...]:
     """`write_rows` for who holds the lock of `path`."""
-    rows = tuple(_finite(row) for row in rows)
+    rows = tuple(finite(row) for row in rows)
     for row in rows:
         if row.command != command:
             raise RecordingError(f"{row.id}: found the command {row.command!r}, expected {command!r}")
@@ -101,7 +101,8 @@ def read_rows(path: str | os.PathLike) -> list[ResultRow]:
     return rows
 
 
-def _finite(row: ResultRow) -> ResultRow:
+def finite(row: ResultRow) -> ResultRow:
+    """A row as a file has it: null stands for what is not finite, with a note."""
     if row.value is None or math.isfinite(row.value):
         return row
     return replace(row, value=None, note="; ".join(filter(None, [row.note, f"not finite: {row.value}"])))
