@@ -127,6 +127,11 @@ def test_laws_stand_beside_the_printed_changes(made):
     assert rows["transparency.table5.ctrl_up.median"].published == 0.990
     assert rows["transparency.energy.pcfr"].ours < 0.0 < rows["transparency.energy.fc"].ours
     assert rows["transparency.torque.best_over_fc"].ours < 1.0
+    # A law that keeps people from settling hardly moves the median; the mean goes to where movements were cut off.
+    assert 0.0 < rows["transparency.duration_median.fc"].ours < rows["transparency.duration.fc"].ours
+    assert rows["transparency.unsettled.fc"].ours > rows["transparency.unsettled.pcfr"].ours
+    assert "cut off after 20 s" in rows["transparency.duration.fc"].note
+    assert rows["transparency.given.fc_table2_inertia"].ours < rows["transparency.given.fc"].ours
     assert rows["safety.unsafe"].ours == 0.0
     assert rows["safety.slowest"].ours <= 1.0
     assert rows["study.seconds"].ours > 0.0

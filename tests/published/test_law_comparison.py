@@ -7,6 +7,7 @@ from pellucid.control.elbow_controllers import BEST, BEST_SENSED
 from pellucid.lab.elbow.rig import able_elbow, drawn_rigs
 from pellucid.papers.able.law_comparison import (
     CONTROLLERS,
+    OTHER_INERTIAS,
     UNPOWERED,
     LawOnRobot,
     comparison_rows,
@@ -25,12 +26,14 @@ def test_no_robot_is_both_chosen_on_and_tried_on():
 
 def test_the_best_laws_halve_the_torque_and_nothing_drives_or_cycles():
     found = try_laws(drawn_rigs(able_elbow(), 1)[0], seed=5, count=1, repetitions=1)
-    assert set(found) == {*CONTROLLERS, UNPOWERED}
+    assert set(found) == {*CONTROLLERS, UNPOWERED, *OTHER_INERTIAS}
     torque = found["fc"].torque
     assert found[BEST].torque < 0.6 * torque
     assert found[BEST_SENSED].torque < 0.4 * torque
     assert found["transparent"].torque < torque < found["pcfr"].torque < found[UNPOWERED].torque
     assert found["fc"].given > 0.1
+    # What drives is equation 8 with the robot's own inertia: without it FC hardly does, with the paper's J it brakes.
+    assert found["fc_table2_inertia"].given < found["fc_no_inertia"].given < 0.2 * found["fc"].given
     assert all(found[law].given < 0.0 for law in CORRECTED)
     assert all(one.resting == 0.0 for name, one in found.items() if name != "dithered")
     assert 0.0 < found["dithered"].resting < 0.05  # its own dither
@@ -38,7 +41,7 @@ def test_the_best_laws_halve_the_torque_and_nothing_drives_or_cycles():
 
 
 def test_rows_tell_the_middle_of_torque_and_the_worst_of_the_rest():
-    laws = (*CONTROLLERS, UNPOWERED)
+    laws = (*CONTROLLERS, UNPOWERED, *OTHER_INERTIAS)
     found = {name: tuple(LawOnRobot(t, -t, 0.0, 0) for t in (0.2, 0.4, 0.3)) for name in laws}
     found["fc"] = tuple(LawOnRobot(t, t, 0.0, 1) for t in (0.4, 0.4, 0.4))
     rows = {row.id: row for row in comparison_rows(found)}

@@ -165,7 +165,7 @@ def test_the_report_shows_every_participant(whole):
     page = write_report(whole.study, whole.found).read_text(encoding="utf-8")
     for heading in ("What was found, and what was not", "Every participant", "Movements", "Isochrony", "Other filters"):
         assert heading in page
-    assert page.count("<svg") == 3
+    assert page.count("<svg") == 4
     assert (whole.study.report_dir / "isochrony.pdf").is_file()
 
 
@@ -323,6 +323,51 @@ def test_a_study_along_a_line_speaks_of_metres_and_newtons(tmp_path):
 
 
 ANGULAR = r".{0,40}(?:\brad\b|\bdeg\b|N·m|N\*m|\b[Tt]orque\b|upward).{0,40}"
+
+
+@pytest.fixture(scope="module")
+def restless(tmp_path_factory):
+    """P2's arm swings about most targets under PCFr, until the next target comes."""
+
+    def tremble(person, condition, time, angle, target, emg):
+        if (person, condition) == ("P2", "PCFr"):
+            angle = angle + np.where(time > 0.1 * time[-1], 0.09, 0.0) * np.sin(2.0 * np.pi * 0.7 * time)
+        return time, angle, target, emg
+
+    folder = tmp_path_factory.mktemp("restless")
+    study = small(folder, change=tremble, repetitions=2)
+    return SimpleNamespace(study=study, found=assess(study), calm=assess(small(folder / "calm", repetitions=2)))
+
+
+def test_movements_that_never_settle_are_told_and_counted_as_longer_than_seen(restless):
+    found, calm = restless.found, restless.calm
+    assert "unsettled" not in calm.assessed
+    assert all(each.curve.cut == 0.0 for each in calm.settling)
+    never = found.assessed["unsettled"].table
+    assert never.column("Ctrl").max() == 0.0
+    assert 0.3 < never.column("PCFr")[1] < 1.0
+    assert never.column("PCFr")[[0, 2]].max() == 0.0
+    cut = next(each.curve.cut for each in found.settling if each.condition == "PCFr")
+    assert cut == pytest.approx(never.column("PCFr").mean(), abs=0.05)  # of movements, of people
+    assert value(found, "assess.settling.pcfr.never") == pytest.approx(100.0 * cut)
+    assert f"never settled: {100.0 * cut:.0f} % in PCFr" in found.headline
+    # One of three never settles: what the median person does is what it was.
+    change = value(found, "transparency.duration_median.pcfr")
+    assert change == pytest.approx(value(calm, "transparency.duration_median.pcfr"), abs=3.0)
+    medians = found.assessed["duration_median"].table
+    assert medians.column("PCFr")[1] > 1.3 * calm.assessed["duration_median"].table.column("PCFr")[1]
+    page = write_report(restless.study, found).read_text(encoding="utf-8")
+    assert "Never settled before the next target came: Ctrl 0.0 %; PCFr" in page
+
+
+def test_durations_are_medians_wherever_they_stand_first(restless):
+    found = restless.found
+    assert "median duration against Ctrl: PCFr" in found.headline
+    assert "The mean median duration was" in found.paragraph
+    assert "Mean duration was" not in found.paragraph
+    assert "When so many movements had ended" in str(found)
+
+
 LINE = 'unit = "mm", scale = 1.7453292519943295'  # Degrees of a radian that is a decimetre
 
 

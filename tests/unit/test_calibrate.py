@@ -1,6 +1,8 @@
 """Calibration of a study, from its files to figures and page: moments from elsewhere, and steps against an orthosis."""
 
 import re
+from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -8,14 +10,19 @@ from made_emg import FS, raw_emg
 from scipy import signal
 
 from pellucid._errors import IdentificationError, PellucidError, RecordingError
+from pellucid.estimators.cross_validation import Score
+from pellucid.estimators.families import ESTIMATORS
 from pellucid.estimators.features import features
+from pellucid.estimators.muscle_trials import warm
 from pellucid.estimators.torque_map import fit_torque_map
 from pellucid.estimators.torque_reference import MovedBody
 from pellucid.models.card import CardParameter
 from pellucid.models.parameter_card import ParameterCard, read_parameter_card, write_parameter_card
 from pellucid.pages.page import write_page
 from pellucid.procedures.emg_torque import calibrate as module
-from pellucid.procedures.emg_torque.calibration_page import page
+from pellucid.procedures.emg_torque.calibrate import preferred
+from pellucid.procedures.emg_torque.calibration_page import coverage_text, page
+from pellucid.procedures.emg_torque.evaluated import Evaluated, TorqueTrace, mean_choice
 from pellucid.procedures.emg_torque.procedure import EmgTorqueProcedure
 from pellucid.procedures.emg_torque.torque_card import torque_of_card
 from pellucid.procedures.emg_torque.trial_sources import moment_trials, step_trials
@@ -153,6 +160,53 @@ def test_moments_are_judged_on_what_was_held_out(tmp_path, quick):
     assert 0.0 <= min(said) <= max(said) <= 1.0
     assert [trace.recording for trace in found.traces] == ["judged", "rest"]
     assert "knee: ridge regression errs by" in found.headline
+    # Every recording that judges is told of, not the first alone.
+    assert "on the 2 recordings that were not fitted" in found.headline
+    ridge = [rows[f"leg.knee.ridge.r2{tail}"].value for tail in ("", ".rest")]
+    assert all(f"(R² {r2:.3f})" in found.headline for r2 in ridge)
+    assert "judged on" not in " ".join(v.text for v in found.verdicts)
+    (tile,) = page(study, found).tiles
+    assert (tile.what, "rest " in tile.more) == ("Torque error, knee, judged", True)
+
+
+def told(estimator, rmse, recording="a", compared=None, what="knee"):
+    return Evaluated(what, estimator, False, recording, Score(rmse, 0.5), None, "", compared=compared)
+
+
+def test_the_first_named_is_chosen_over_the_same_samples_and_by_nothing_that_judges():
+    found = [told("boost", 1.0, compared=Score(3.0, 0.5)), told("ridge", 2.0, compared=Score(2.5, 0.6)),
+             told("boost", 1.0, "b", Score(3.0, 0.5)), told("ridge", 9.0, "b", Score(2.5, 0.6)),
+             told("nmcoa", 0.1, compared=Score(0.1, 0.9)), told("motion", 0.1, compared=Score(0.1, 0.9))]  # fmt: skip
+    assert [(e.estimator, e.recording) for e in preferred(found, "knee")] == [("ridge", "a"), ("ridge", "b")]
+    # What is told the torque is no peer, however small its error.
+    assert ESTIMATORS["nmcoa"].told
+    assert "no peer" in ESTIMATORS["nmcoa"].words
+    assert sum(family.told for family in ESTIMATORS.values()) == 1
+
+
+def test_the_beginning_of_a_trial_is_compared_for_nobody(tmp_path, quick):
+    """A torque that nothing explains in the first samples of a trial costs every estimator the same: nothing."""
+    fitted, *_ = moment_trials(leg(tmp_path / "leg"), "knee")
+    n = warm(fitted)
+    spoilt = replace(fitted, torque=np.concatenate((np.full(n, 40.0), fitted.torque[n:])))
+    choices = [fit_torque_map([trial], "ridge").choice for trial in (fitted, spoilt)]
+    assert choices[1].score.rmse > 1.5 * choices[0].score.rmse
+    # The blocks that are scored are fitted without the first; that one is fitted without itself.
+    assert choices[1].compared.rmse < 0.5 * choices[1].score.rmse
+
+
+def test_where_trials_are_left_out_the_folds_within_choose():
+    one, other = (SimpleNamespace(compared=Score(rmse, 0.5)) for rmse in (1.0, 3.0))
+    assert mean_choice([one, other]) == Score(2.0, 0.5)
+    assert mean_choice([one, SimpleNamespace(compared=None)]) is None
+
+
+def test_a_band_says_what_it_holds():
+    time = np.linspace(0.0, 4.0, 100)
+    trace = TorqueTrace("knee", "a", time, np.sin(time), {"hill": np.sin(time) + 0.1 * (time > 1.0)},
+                        {"hill": np.full(100, 0.05)})  # fmt: skip
+    assert coverage_text(trace).endswith("meant for 95 %, holds 25 % of this torque")
+    assert coverage_text(TorqueTrace("knee", "a", time, time, {"ridge": time})) == ""
 
 
 def test_the_card_says_the_same_as_the_map(tmp_path, quick):

@@ -2,20 +2,23 @@
 
 import json
 import re
+import socket
 from dataclasses import asdict
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from pellucid._errors import DatasetError, PellucidError
+from pellucid._errors import PellucidError
 from pellucid.control.elbow_controllers import BEST_SENSED, ELBOW_CONTROLLERS
+from pellucid.datasets.registry import info, shipped
 from pellucid.demonstration import demo as module
 from pellucid.demonstration.story import told
 from pellucid.lab.elbow.rig import able_elbow
 from pellucid.lab.pointing.people import draw_people
 from pellucid.lab.pointing.rig import elbow_participants
 from pellucid.models.slider_card import read_slider_card
+from pellucid.pages.quantities import percent
 from pellucid.procedures.registry import open_study
 
 
@@ -27,15 +30,17 @@ def shown():
 
 @pytest.fixture(scope="module")
 def made(tmp_path_factory, shown):
-    """The demo with fewer movements, and without the real recording."""
+    """The demo with fewer movements, and no network."""
 
-    def nowhere(folder, dataset):
-        raise DatasetError("no network")
+    def nowhere(*_):
+        raise OSError("no network")
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(module, "REPETITIONS", 1)
         patch.setattr(module, "RECORDED", 25)
-        patch.setattr(module, "init", nowhere)
+        patch.setattr(socket, "socket", nowhere)
+        patch.delenv("PELLUCID_DATA", raising=False)
+        patch.setenv("PELLUCID_CACHE", str(tmp_path_factory.mktemp("nothing")))
         yield module.demo(tmp_path_factory.mktemp("demo"), on_progress=lambda *said: shown.append(said))
 
 
@@ -51,7 +56,20 @@ def test_every_link_of_the_page_leads_to_a_file(made):
     links = [to for to in re.findall(r'href="([^"]+)"', text) if not to.startswith(("#", "data:"))]
     assert {"elbow/report/index.html", "people/report/index.html", "elbow/controller/README.md"} <= set(links)
     assert [to for to in links if not (made.page.parent / to).is_file()] == []
-    assert "no network" in text
+    assert next(to for to in links if to.endswith("report/index.html")).startswith(f"{made.real.name}/")
+
+
+def test_the_real_machine_comes_with_the_package_and_says_whose_it_is(made):
+    assert made.notes == () or "Cortex" in made.notes[0]
+    folder = shipped(made.real.name)
+    names = {path.name for path in folder.iterdir()}
+    assert {"LICENSE", "ATTRIBUTION.txt"} <= names
+    assert sum(path.stat().st_size for path in folder.iterdir()) < 1_000_000
+    assert info(made.real.name).licence in (folder / "ATTRIBUTION.txt").read_text(encoding="utf-8")
+    assert "Apache License" in (folder / "LICENSE").read_text(encoding="utf-8")
+    text = made.page.read_text(encoding="utf-8")
+    assert text.index("1. A real machine") < text.index("2. ")
+    assert "Duclusaud" in text
 
 
 def test_the_page_says_what_few_people_cannot_show(made):
@@ -74,7 +92,10 @@ def test_people_wear_what_the_cards_say_and_that_is_exported(made):
 
 def test_the_story_is_told_with_its_figures(made):
     said = dict(told(made))
-    assert list(said) == ["Identified", "Worn", "Exported"]
+    assert list(said) == ["Real", "Identified", "Worn", "Exported"]
+    best = made.real_fit.families[made.real_fit.best]
+    assert f"{percent(best.heldout_effort_error)} %" in said["Real"]
+    assert 0.0 < best.heldout_effort_error < 40.0
     torque = made.findings.assessed["torque_rms"].table
     for condition in module.WORN:
         assert f"{torque.column(condition).mean():.2g} under {condition}" in said["Worn"]

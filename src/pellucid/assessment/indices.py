@@ -12,7 +12,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..units import COORDINATES, Coordinate
-from .measured import DOWN, UP, Measured
+from .measured import DOWN, UP, Lasted, Measured
+from .survival import survival
 
 
 @dataclass(frozen=True)
@@ -27,15 +28,18 @@ class Index:
     direction: str = ""  # ``"up"`` or ``"down"``; ``""`` for both
     over_control: bool = False  # Whether it is a share of control's ratio less 1, and thus 0 for control
     spread: bool = False  # Whether it is the standard deviation of movements that are alike, in place of their mean
+    lasting: bool = False  # Whether it is of how long movements lasted, those that never settled too
 
     @property
     def scaled(self) -> bool:
         """Whether a change in % says something: its values are above 0."""
-        return self.name not in ("sparc", "ldlj", "end_error") and not self.over_control
+        return self.name not in ("sparc", "ldlj", "end_error", "unsettled") and not self.over_control
 
     @property
     def shown(self) -> tuple[float, str]:
         """Factor and unit with which tables and figures show it."""
+        if self.name == "unsettled":
+            return 100.0, "%"
         along = COORDINATES.get(self.unit)
         return (1.0, self.unit) if along is None else (along.factor, along.shown)
 
@@ -59,9 +63,11 @@ INDICES = {
         Index("torque_rms", "RMS interaction torque", "Torque RMS", "N*m", "torque_rms"),
         Index("torque_peak", "Peak interaction torque", "Torque peak", "N*m", "torque_peak"),
         Index("work", "Work against the robot", "Work", "J", "work"),
+        Index("duration_median", "Median duration", "Median dur.", "s", "", lasting=True),
+        Index("unsettled", "Share of movements that never settled", "Never settled", "1", "", lasting=True),
     )
 }
-"""All indices of an angle, in the order of tables."""
+"""All indices of an angle."""
 
 
 def indices_along(along: Coordinate) -> Mapping[str, Index]:
@@ -112,15 +118,39 @@ def cell_means(
     return {key: float(np.mean(each)) for key, each in sums.items()}
 
 
+def lasting_cells(lasted: Sequence[Lasted], name: str) -> dict[tuple, float]:
+    """By (participant, condition, cell) the median duration [s] of movements that are alike, or the share of them that
+    never settled; of a median that was not reached the longest time seen. Empty where every movement settled and `name`
+    is "unsettled"."""
+    cells: dict[tuple, list[Lasted]] = {}
+    for each in lasted:
+        cells.setdefault((each.participant, each.condition, each.cell), []).append(each)
+    if name == "unsettled" and all(each.settled for each in lasted):
+        return {}
+    found = {}
+    for key, own in cells.items():
+        curve = survival(np.array([each.seconds for each in own]), np.array([each.settled for each in own]))
+        found[key] = curve.cut if name == "unsettled" else curve.bounded_median
+    return found
+
+
 def index_table(
-    movements: Sequence[Measured], index: Index, participants: Sequence[str], conditions: Sequence[str], control: str
+    movements: Sequence[Measured],
+    index: Index,
+    participants: Sequence[str],
+    conditions: Sequence[str],
+    control: str,
+    lasted: Sequence[Lasted] = (),
 ) -> IndexTable | None:
     """Values of `index` of those `participants` who have it under all `conditions`; None where nobody has.
 
     One over `control` does not have that as a column, nor does one that needs a robot. `movements` are all there
-    are.
+    are, and `lasted` how long each was seen.
     """
-    means = cell_means(movements, index.of, index.direction, spread=index.spread)
+    if index.lasting:
+        means = lasting_cells(lasted, index.name)
+    else:
+        means = cell_means(movements, index.of, index.direction, spread=index.spread)
     recorded = [c for c in conditions if any(key[1] == c for key in means)]
     # Without a robot there is no interaction: a condition that nobody has it in is no column.
     if not recorded or (index.over_control and (control not in recorded or len(recorded) < 2)):

@@ -23,3 +23,14 @@ class Measured:
     # alike
     cell: tuple[float | None, str]
     values: Mapping[str, float]  # By index, in SI; NaN where it could not be had
+
+
+@dataclass(frozen=True)
+class Lasted:
+    """How long one movement was seen, and whether it had settled by then; those without an index too."""
+
+    participant: str
+    condition: str
+    cell: tuple[float | None, str]  # As of `Measured`
+    seconds: float
+    settled: bool

@@ -64,6 +64,7 @@ def full_compensation(
     speed_span: int = 8,
     dead_band: float = 0.05,
     acceleration: float = 8.0,
+    inertia: tuple[float, float] | None = None,
     limits: Limits = ELBOW_LIMITS,
     period: float = PERIOD,
 ) -> ControlLaw:
@@ -72,19 +73,19 @@ def full_compensation(
     .. math::
         \tau = g[(s_1 x + s_0)\sin q + c\cos q] + \nu\dot q + \mathrm{sign}(\dot q)\,(\tau_{dry} + J |\dot q|^k).
 
-    `slider` [m]; `dead_band` [rad/s]; `acceleration` [rad/s^2]; `period` [s].
+    `slider` [m]; `dead_band` [rad/s]; `acceleration` [rad/s^2]; `inertia` in place of the card's J upwards and
+    downwards, sign and all [kg*m^2]; `period` [s].
     """
     values: dict[str, float] = {}
     largest = 0.0
-    for name, one, k in zip(
-        ("up", "down"), _sets(card, ("dissociated", "dissociated_at_once")), exponents, strict=True
-    ):
-        # An inertia that an identification made negative would brake.
-        inertia = max(_inertia(one, slider), 0.0)
-        largest = max(largest, inertia)
+    sets = _sets(card, ("dissociated", "dissociated_at_once"))
+    # A J that an identification made negative would brake; so does that of the paper's own table.
+    given = [max(_inertia(one, slider), 0.0) for one in sets] if inertia is None else inertia
+    for name, one, k, own in zip(("up", "down"), sets, exponents, given, strict=True):
+        largest = max(largest, abs(own))
         sine, cosine = _gravity(one, slider)
         coulomb, viscous = one[FRICTION_TERMS]
-        terms = (sine, cosine, coulomb, viscous, inertia, k)
+        terms = (sine, cosine, coulomb, viscous, own, k)
         keys = ("gravity_sine", "gravity_cosine", "coulomb", "viscous", "inertia", "exponent")
         values |= {f"{key}_{name}": float(value) for key, value in zip(keys, terms, strict=True)}
     values |= {

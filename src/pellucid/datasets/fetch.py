@@ -6,7 +6,7 @@ import os
 from pathlib import Path
 
 from .._errors import DatasetError
-from .registry import Dataset, info
+from .registry import Dataset, info, shipped
 
 DATA_VARIABLE = "PELLUCID_DATA"
 """Environment variable that names a folder with one subfolder per data set."""
@@ -16,9 +16,11 @@ CACHE_VARIABLE = "PELLUCID_CACHE"
 
 
 def path(name: str) -> Path:
-    """Folder with the files of a data set: below ``PELLUCID_DATA`` if they are there, else where downloads are kept."""
+    """Folder with the files of a data set: below ``PELLUCID_DATA`` if they are there, else where downloads are kept, or
+    in the package where it comes with that."""
     dataset = info(name)
-    for folder in [*_given(dataset), _cache(dataset)]:
+    own = shipped(name)
+    for folder in [own] if own is not None else [*_given(dataset), _cache(dataset)]:
         if all((folder / file).is_file() for file in dataset.files):
             return folder
     raise DatasetError(f"{name}: its files are not on this machine. {_advice(dataset)}")
@@ -31,6 +33,8 @@ def fetch(name: str, base_url: str | None = None, progress: bool = False) -> Pat
     import pooch
 
     dataset = info(name)
+    if shipped(name) is not None:
+        return path(name)
     folder = _cache(dataset)
     store = pooch.create(folder, (base_url or dataset.origin).rstrip("/") + "/", registry=dict(dataset.files))
     # Pooch announces each file; the progress bar and the messages below say all there is to say.

@@ -49,6 +49,12 @@ def template(name: str) -> Path:
     return _HERE / f"{info(name).name}.toml"
 
 
+def shipped(name: str) -> Path | None:
+    """Folder of a data set that comes with the package; None where it does not."""
+    folder = _HERE / "shipped" / info(name).name
+    return folder if folder.is_dir() else None
+
+
 @lru_cache(maxsize=1)
 def _registry() -> dict[str, Dataset]:
     import tomllib

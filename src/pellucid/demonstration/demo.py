@@ -1,4 +1,4 @@
-"""The whole story in a minute: a virtual robot identified, people who wear it, its controller off the PC; a real joint.
+"""The whole story in a minute: a real joint; a virtual robot identified, people who wear it, its controller off the PC.
 
 Each chapter is an ordinary study in a folder of its own, made and read as a user's would be, so that every command can
 be tried on it afterwards.
@@ -11,10 +11,10 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from .._errors import DatasetError, PellucidError
+from .._errors import PellucidError
 from ..control.elbow_controllers import BEST, BEST_SENSED, ELBOW_CONTROLLERS
 from ..datasets import init
-from ..datasets.registry import names
+from ..datasets.registry import names, shipped
 from ..deployment.c_folder import check_here
 from ..deployment.export import export
 from ..deployment.microcontroller import measure, missing_tools, save_measured
@@ -28,6 +28,7 @@ from ..lab.pointing.session import CONTROL
 from ..lab.study import write_study
 from ..models.slider_card import read_slider_card
 from ..procedures.assessment.assessment_result import AssessmentResult
+from ..procedures.joint.joint_result import JointResult
 from ..procedures.run import assess, identify
 from ..procedures.run import report as write_report
 from ..recordings.results import ResultRow, write_rows
@@ -83,12 +84,13 @@ def demo(out: Path | str, *, on_progress: Tell | None = None) -> Demonstration:
     """
     tell = on_progress or (lambda text, share: None)
     out, robot, notes = Path(out), able_elbow(), []
-    real_name = names()[0]
-    folders = {name: out / name for name in (ELBOW, PEOPLE, real_name)}
+    real_name = next(name for name in names() if shipped(name) is not None)
+    folders = {name: out / name for name in (real_name, ELBOW, PEOPLE)}
     _cleared(tuple(folders.values()))
-    elbow, fit = _identified_elbow(folders[ELBOW], robot, _part(tell, 0.0, 0.2))
-    people, findings = _assessed_people(folders[PEOPLE], robot, elbow, _part(tell, 0.2, 0.58))
-    tell(f"its controller {BEST_SENSED} leaves the PC", 0.58)
+    real, real_fit = _identified_machine(folders[real_name], real_name, _part(tell, 0.0, 0.2))
+    elbow, fit = _identified_elbow(folders[ELBOW], robot, _part(tell, 0.2, 0.4))
+    people, findings = _assessed_people(folders[PEOPLE], robot, elbow, _part(tell, 0.4, 0.78))
+    tell(f"its controller {BEST_SENSED} leaves the PC", 0.78)
     controller = export(elbow, controller=BEST_SENSED)
     played, absent = check_here(controller), missing_tools()
     cost = None if absent else measure(controller)
@@ -97,20 +99,9 @@ def demo(out: Path | str, *, on_progress: Tell | None = None) -> Demonstration:
         notes.append(f"The exported controller was not run on a Cortex-M4F: {', '.join(absent)} not installed.")
     coverages = []
     for i, colour in enumerate(("white", "coloured")):
-        tell(f"{RECORDED} virtual recordings with {colour} noise: do intervals hold the truth?", 0.64 + 0.05 * i)
+        tell(f"{RECORDED} virtual recordings with {colour} noise: do intervals hold the truth?", 0.84 + 0.05 * i)
         coverages.append(coverage(bench_joint(), colour, repetitions=RECORDED))
     write_rows(out / "results.json", COMMAND, [_coverage_row(found) for found in coverages])
-    real, real_fit = None, None
-    tell(f"a real machine: {real_name}", 0.74)
-    try:
-        real = init(folders[real_name], dataset=real_name)
-    except DatasetError as error:
-        notes.append(f"The real recording '{real_name}' is not here and could not be fetched: {error}")
-    else:
-        real_fit = identify(real, on_progress=lambda text, share: tell(f"{real_name}: {text}", 0.74 + 0.1 * share))
-        real_fit.save(real)
-        tell(f"{real_name}: report", 0.84)
-        write_report(real, real_fit)
     tell("the page that tells it all", 0.96)
     made = Demonstration(
         page=out, robot=robot, elbow=elbow, fit=fit, people=people, findings=findings, controller=controller, cost=cost,
@@ -132,6 +123,16 @@ def elbow_trials(robot: ElbowRig) -> tuple[ElbowTrial, ...]:
 def few_people(robot: ElbowRig) -> PointingRig:
     """The virtual people, fewer of them and with fewer repetitions; nothing that moves them is another."""
     return elbow_participants(robot).changed({"people.count": COUNT, "pointing.repetitions": REPETITIONS})
+
+
+def _identified_machine(folder: Path, name: str, tell: Tell) -> tuple[Study, JointResult]:
+    tell(f"a real machine: {name}", 0.0)
+    study = init(folder, dataset=name)
+    fit = identify(study, on_progress=lambda text, share: tell(f"{name}: {text}", 0.1 + 0.7 * share))
+    fit.save(study)
+    tell(f"{name}: report", 0.8)
+    write_report(study, fit)
+    return study, fit
 
 
 def _identified_elbow(folder: Path, robot: ElbowRig, tell: Tell) -> tuple[Study, SliderFit]:

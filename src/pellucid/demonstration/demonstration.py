@@ -37,9 +37,9 @@ class Demonstration:
     played : tuple of int or None
         Steps of the test vector on this machine and those that were wrong; None without a compiler.
     coverages : tuple of Coverage
-    real : Study or None
-        None where the real recording could not be had.
-    real_fit : JointResult or None
+    real : Study
+        Of a real machine, whose recordings come with the package.
+    real_fit : JointResult
     notes : tuple of str
         What was left out, and why.
     """
@@ -54,6 +54,6 @@ class Demonstration:
     cost: OnCortexM4 | None
     played: tuple[int, int] | None
     coverages: tuple[Coverage, ...]
-    real: Study | None
-    real_fit: JointResult | None
+    real: Study
+    real_fit: JointResult
     notes: tuple[str, ...]

@@ -147,7 +147,7 @@ def _notes(
         )
     if controller == "fc":
         yield (
-            "Two gravities that differ by more than friction are a friction that drives: on the virtual robot this law "
-            "gives its wearer energy in every movement. transparent and force_sensor take some."
+            "Equation 8 pushes at constant speed, beyond the robot's own friction: on the virtual robot this law gives "
+            "its wearer energy over most movements there and back. transparent and force_sensor take some."
         )
     yield from drive_notes(card)

@@ -63,6 +63,12 @@ def muscle_samples(
     return MuscleSamples(data, joined["torque"], joined["angle"], joined["speed"], joined["weight"]), own
 
 
+def warm(trial: TorqueTrial) -> int:
+    """Samples at a trial's beginning that no estimator is compared on."""
+    lead = len(next(iter(trial.lead.values()))) if trial.lead else 0
+    return max(0, round(WARM * trial.fs) - lead)
+
+
 def _one(trial: TorqueTrial, muscles: Sequence[str], causal: bool) -> tuple[Mapping[str, np.ndarray], int]:
     lead = len(next(iter(trial.lead.values()))) if trial.lead else 0
     moved = {name: derivatives(np.asarray(q, float), trial.fs, causal=causal)[:2] for name, q in trial.angles.items()}
@@ -76,7 +82,7 @@ def _one(trial: TorqueTrial, muscles: Sequence[str], causal: bool) -> tuple[Mapp
         for m in muscles
     ]
     weight = np.ones(len(trial))
-    weight[: max(0, round(WARM * trial.fs) - lead)] = 0.0
+    weight[: warm(trial)] = 0.0
 
     def lasting(x: np.ndarray) -> np.ndarray:
         return np.concatenate((np.full(lead, x[0]), x))

@@ -13,6 +13,7 @@ from .cross_validation import Fold, Score, block_folds, grouped_folds, score
 from .families import ESTIMATORS, family_of
 from .families.family import Family, Regressor
 from .features import LAGS, Features, FeatureSet, features
+from .muscle_trials import warm
 from .smoothing import smooth
 from .torque_trial import TorqueTrial
 
@@ -41,6 +42,8 @@ class Choice:
     settings: Mapping[str, Any]
     score: Score
     tried: Mapping[str, float] = field(repr=False)
+    # Over the samples alone that every estimator is scored on: muscles have none at the beginning of a trial
+    compared: Score | None = None
 
     @property
     def words(self) -> str:
@@ -129,6 +132,7 @@ class _Stack:
         self.torque = np.concatenate([trial.torque for trial in trials])
         lengths = [len(trial) for trial in trials]
         self.member = np.repeat(np.arange(len(trials)), lengths)
+        self.shared = np.concatenate([np.arange(len(trial)) >= warm(trial) for trial in trials])
         self.neighbours = len(trials[0].angles) > 1
         self.thinned, self.tried = (
             np.arange(0, len(self.torque), max(1, -(-len(self.torque) // most))) for most in (MOST_SAMPLES, MOST_TRIED)
@@ -161,7 +165,8 @@ def _choose(family: Family, stack: _Stack) -> Choice:
         for chosen, settings in candidates:
             key = f"{chosen} {settings}"
             if key not in tried:
-                tried[key] = Choice(chosen, settings, _score_of(family, stack, chosen, settings), {})
+                scored, compared = _scores_of(family, stack, chosen, settings)
+                tried[key] = Choice(chosen, settings, scored, {}, compared)
             found.append(tried[key])
         return min(found, key=lambda choice: choice.score.rmse)
 
@@ -176,7 +181,10 @@ def _choose(family: Family, stack: _Stack) -> Choice:
     return replace(best, tried={choice.words: choice.score.rmse for choice in tried.values()})
 
 
-def _score_of(family: Family, stack: _Stack, chosen: FeatureSet, settings: Mapping[str, Any]) -> Score:
+def _scores_of(
+    family: Family, stack: _Stack, chosen: FeatureSet, settings: Mapping[str, Any]
+) -> tuple[Score, Score | None]:
+    """Out of fold, over all samples and over those that every estimator is scored on, where there are any."""
     seen = stack.features(chosen)
     predicted = np.full(len(stack.torque), np.nan)
     every = -(-len(stack.torque) // MOST_SCORED)
@@ -191,7 +199,9 @@ def _score_of(family: Family, stack: _Stack, chosen: FeatureSet, settings: Mappi
             fs = stack.trials[stack.member[part[0]]].fs
             predicted[part] = smooth(raw, family.smoothing, fs, causal=stack.causal) if family.smoothing else raw
     known = np.isfinite(predicted)
-    return score(stack.torque[known], predicted[known])
+    shared = known & stack.shared
+    compared = score(stack.torque[shared], predicted[shared]) if shared.any() else None
+    return score(stack.torque[known], predicted[known]), compared
 
 
 def _by_trial(scored: np.ndarray, member: np.ndarray) -> list[np.ndarray]:

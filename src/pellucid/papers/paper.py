@@ -33,6 +33,8 @@ class Paper(ABC):
         Of the page, and what stands above it; "" takes the paper's own title.
     over : str
         What a figure's range is over, as the head of its column.
+    printed_of, ours_of : str
+        Whom or what the printed figures are of, and those computed here.
     remarks : bool
         Whether the table of all figures shows their notes, rather than their verdicts.
     splits : mapping of str to tuple of str
@@ -51,6 +53,8 @@ class Paper(ABC):
     title: ClassVar[str] = ""
     kicker: ClassVar[str] = "Reproduction of a paper"
     over: ClassVar[str] = "Range"
+    printed_of: ClassVar[str] = "real people and machines"
+    ours_of: ClassVar[str] = "virtual ones"
     remarks: ClassVar[bool] = False
     splits: ClassVar[Mapping[str, tuple[str, ...]]] = {}
     main: ClassVar[tuple[str, ...]] = ()
@@ -88,7 +92,10 @@ class Paper(ABC):
 
     def closing(self, figures: Figures) -> tuple[Section, ...]:
         """What can be recomputed from print, and every figure."""
-        return row_sections(tuple(figures.values()), over=self.over, remarks=self.remarks)
+        return row_sections(
+            tuple(figures.values()), over=self.over, remarks=self.remarks, printed_of=self.printed_of,
+            ours_of=self.ours_of,
+        )  # fmt: skip
 
     def page(self, figures: Figures) -> Page:
         """The page; its parts are the methods above."""

@@ -31,8 +31,10 @@ def _said(text: str) -> str:
     return units_in(text).replace(" - ", f"\N{NO-BREAK SPACE}{MINUS}\N{NO-BREAK SPACE}")
 
 
-def row_sections(rows: Sequence[Reproduced], *, over: str, remarks: bool) -> tuple[Section, Section]:
-    """Both sections."""
+def row_sections(
+    rows: Sequence[Reproduced], *, over: str, remarks: bool, printed_of: str, ours_of: str
+) -> tuple[Section, Section]:
+    """Both sections; `printed_of` and `ours_of` are whom or what either column is about."""
     printed = [r for r in rows if r.verdict in FROM_PRINT]
     recomputed = (
         Row(
@@ -57,7 +59,7 @@ def row_sections(rows: Sequence[Reproduced], *, over: str, remarks: bool) -> tup
     )
     numbers = frozenset({1, 2})
     checked = ("What", "Printed", "Recomputed", "Unit", "Verdict", "Why")
-    heads = ("Figure", "Published", "Ours", over, "Unit", "Remark" if remarks else "Verdict")
+    heads = ("Figure", f"Published, {printed_of}", f"Ours, {ours_of}", over, "Unit", "Remark" if remarks else "Verdict")
     return (
         Section(
             "print",

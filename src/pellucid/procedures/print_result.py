@@ -35,9 +35,9 @@ _FIGURE = re.compile(r"[<>+−-]?\.?\d")
 
 def print_result(out: Console, result: Result) -> None:
     """Headline, every table, every verdict."""
-    say(out, f"\n{result.study}: {units_in(result.headline)}")
+    out.print(f"\n{result.study}: {units_in(result.headline)}", markup=False)
     for title, heads, rows in _tables(result):
-        say(out, f"\n{title}")
+        out.print(f"\n{title}", markup=False)
         for table in fitting_tables(heads, rows, out.width):
             out.print(table)
     print_sentences(out, [(v.kind, units_in(v.said)) for v in result.verdicts])

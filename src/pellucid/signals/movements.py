@@ -105,6 +105,8 @@ class Movement:
     peak_time: float  # When its velocity is largest, as a share of its duration
     peak_acceleration: float  # Largest along its direction [rad/s^2]
     goal: float | None = None  # The target's angle [rad]
+    lasted: float = 0.0  # [s] as seen: `duration`, and where it had not `settled` until its stretch was over
+    settled: bool = True  # Whether it had been at rest for `REST` when its stretch was over
 
 
 @dataclass(frozen=True)
@@ -118,6 +120,7 @@ class NoMovement:
     kind: str
     found: str
     expected: str
+    lasted: float = float("nan")  # Of an unfinished movement: from its start until its stretch was over [s]
 
 
 def kinematics(
@@ -246,14 +249,18 @@ def _movement(motion: Kinematics, stretch: Stretch, rule: MovementRule) -> Movem
         return NoMovement(stretch, "too_few_samples", f"{last - first + 1} samples", f"at least {FEWEST}")
     if last == high - low - 1 and speed[-1] > 2.0 * rule.threshold * top:
         share = 100.0 * speed[-1] / top
-        return NoMovement(stretch, "unfinished", f"{share:.0f} % of the largest speed at its end", "a rest after it")
+        lasted = (last - first) / motion.fs
+        found = f"{share:.0f} % of the largest speed at its end"
+        return NoMovement(stretch, "unfinished", found, "a rest after it", lasted)
     second, valley = _rival(speed, peak)
     if peak in (0, len(speed) - 1):
         return NoMovement(stretch, "no_peak", "the largest speed at its border", "a speed that rises and falls")
     if second > RIVAL and valley < VALLEY:
         said = f"a second peak of {100 * second:.0f} % with {100 * valley:.0f} % in between"
         return NoMovement(stretch, "no_peak", said, "one clear peak of the speed")
-    duration = (last - first) / motion.fs
+    duration, rest = (last - first) / motion.fs, (high - 1 - low - last) / motion.fs
+    # What rests divide has settled; where targets do, the next may come before it has.
+    settled = stretch.goal is None or rest >= REST
     travel = direction * (motion.angle[low + last] - motion.angle[low + first])
     return Movement(
         first=low + first,
@@ -269,6 +276,8 @@ def _movement(motion: Kinematics, stretch: Stretch, rule: MovementRule) -> Movem
         peak_time=(peak - first) / (last - first),
         peak_acceleration=float(np.max(direction * motion.acceleration[low + first : low + last + 1])),
         goal=stretch.goal,
+        lasted=duration if settled else duration + rest,
+        settled=settled,
     )
 
 

@@ -26,10 +26,16 @@ def _reconstruction(fit: str) -> Callable[[Any, str, bool], Any]:
 FAMILIES = {
     "hill": Family("muscles of Hill's type", smoothing=0.0, whole=_hill, rank=50),
     **{
-        name: Family(f"{words} (reconstruction)", smoothing=0.0, whole=_reconstruction(f"fit_{name}"), rank=rank)
+        name: Family(
+            f"{words} (reconstruction)",
+            smoothing=0.0,
+            whole=_reconstruction(f"fit_{name}"),
+            rank=rank,
+            told=name == "nmcoa",
+        )
         for rank, name, words in (
             (60, "nmco", "NM-CO, muscles by swarm and conjugate gradients"),
-            (61, "nmcoa", "NM-COA, the same given the torque so far"),
+            (61, "nmcoa", "NM-COA, the same told the torque so far: no peer"),
             (62, "nmnc", "NM-NC, muscles without neighbouring joints"),
         )
     },

@@ -62,6 +62,7 @@ class Reach:
     begin: int  # begin, end: Samples of the recording that are its: from the target's step on, and until the next
     end: int
     expected: np.ndarray  # (5,) What the load was expected to be, in the order of `load_learning.LOADS`
+    held: bool = True  # Whether the target was held; if not, the next one came after the longest that is waited
 
 
 @dataclass(frozen=True)
@@ -142,7 +143,7 @@ def point(
                 emg=law is not None and law.emg,
             )
             n = len(moved[0])
-            movements.append(Reach(amplitude, goal, duration, now, now + n, expected))
+            movements.append(Reach(amplitude, goal, duration, now, now + n, expected, n < most))
             taken.append(moved)
             goals.append(np.full(n, goal))
             now, here = now + n, goal

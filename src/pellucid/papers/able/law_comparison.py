@@ -21,6 +21,7 @@ from ...lab.pointing.people import Person, draw_people
 from ...lab.pointing.rig import PointingRig, elbow_participants
 from ...lab.pointing.session import RobotLaw, Unpowered, hold_still, point
 from ..figure import Reproduced, figure
+from .elbow import able_elbow as able_elbow_as_published
 from .transparency import injected_energy
 
 TORQUE_SEED = 77
@@ -40,6 +41,16 @@ CONTROLLERS: Mapping[str, tuple[str, Mapping[str, float]]] = {
 """By the name in ids: a controller of `ELBOW_CONTROLLERS`, and its settings. "unpowered" is compared beside them."""
 
 UNPOWERED = "unpowered"
+
+OTHER_INERTIAS = ("fc_table2_inertia", "fc_no_inertia")
+"""FC again with other J in equation 8 than what was identified: that of Table II, which is negative, and none."""
+
+WORDS: Mapping[str, str] = {
+    "fc": "fc, J as identified",
+    "fc_table2_inertia": "fc, J of Table II (negative)",
+    "fc_no_inertia": "fc, J = 0 (no equation 8)",
+}
+"""What laws are called in tables, where their names do not say it."""
 
 _row = partial(figure, "transparency")
 
@@ -66,16 +77,26 @@ def try_laws(robot: ElbowRig, seed: int, count: int = 3, repetitions: int = 2) -
     rng = np.random.default_rng([seed, TUNING_SEED])
     people = draw_people(rig, rng, count=count)
     found = {}
-    for name in (*CONTROLLERS, UNPOWERED):
+    for name in (*CONTROLLERS, UNPOWERED, *OTHER_INERTIAS):
         laws = []
         for person in people:
             if name == UNPOWERED:
                 laws.append(Unpowered())
                 continue
+            if name in OTHER_INERTIAS:
+                inertia = table2_inertia(person.slider(rig)) if name == OTHER_INERTIAS[0] else (0.0, 0.0)
+                laws.append(condition_of(cards, "fc", exponents=exponents, inertia=inertia)(person, person.slider(rig)))
+                continue
             controller, settings = CONTROLLERS[name]
             laws.append(condition_of(cards, controller, exponents=exponents, **settings)(person, person.slider(rig)))
         found[name] = _try_law(rig, people, laws, seed, repetitions)
     return found
+
+
+def table2_inertia(slider: float) -> tuple[float, float]:
+    """J of the paper's Table II, upwards and downwards, sign and all, with the carriage at `slider` [m]; [kg*m^2]."""
+    elbow = able_elbow_as_published()
+    return float(elbow.inertia("up", slider)), float(elbow.inertia("down", slider))
 
 
 def _try_law(
@@ -101,7 +122,7 @@ def compare_controllers(
 ) -> dict[str, tuple[LawOnRobot, ...]]:
     """Every law on several robots, each of which is identified for itself."""
     made = in_order([(try_laws, robot, seed, count) for robot in robots], workers)
-    return {name: tuple(one[name] for one in made) for name in (*CONTROLLERS, UNPOWERED)}
+    return {name: tuple(one[name] for one in made) for name in (*CONTROLLERS, UNPOWERED, *OTHER_INERTIAS)}
 
 
 def ratios(found: Mapping[str, Sequence[LawOnRobot]], law: str) -> np.ndarray:
@@ -124,11 +145,12 @@ def comparison_rows(found: Mapping[str, Sequence[LawOnRobot]]) -> tuple[Reproduc
         drawn = ratios(found, law)
         rows.append(_row(f"torque.best_over_fc{tail}", f"{over}, best: {law}", "1", drawn, None, note + more))
     for law, tried in found.items():
+        said = WORDS.get(law, law)
         given, resting = [one.given for one in tried], [one.resting for one in tried]
         if law != REFERENCE:
-            rows.append(_row(f"torque.{law}_over_fc", f"{over}, {law}", "1", ratios(found, law), None, note))
+            rows.append(_row(f"torque.{law}_over_fc", f"{over}, {said}", "1", ratios(found, law), None, note))
         rows += [
-            _row(f"given.{law}", f"Energy that {law} gives over a movement there and back, worst robot", "J", given,
+            _row(f"given.{law}", f"Energy that {said} gives over a movement there and back, worst robot", "J", given,
                  None, note, middle=np.max),
             _row(f"resting.{law}", f"Speed two seconds after a movement, {law}, worst robot", "rad/s", resting, None,
                  note, middle=np.max),

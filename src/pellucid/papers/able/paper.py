@@ -50,7 +50,8 @@ class AblePaper(Paper):
     }  # fmt: skip
     main: ClassVar = (
         "able.table1.", "able.consistent.ratio", "able.load.ratio", "able.load.torque_error",
-        "able.friction_needed.factor", *(f"transparency.duration.{law}" for law in ("fc", "pcfr", "clpc")),
+        "able.friction_needed.factor", *(f"transparency.duration_median.{law}" for law in ("fc", "pcfr", "clpc")),
+        "transparency.unsettled.fc",
         "transparency.torque.best_over_fc", "safety.unsafe", "study.seconds",
     )  # fmt: skip
 
@@ -101,9 +102,9 @@ class AblePaper(Paper):
         """What dissociation and one coherent body gain, and what laws do to people."""
         ratio, load = figures["able.table1.ratio"], figures["able.load.ratio"]
         said = ", ".join(
-            f"{law} {figures.ours(f'transparency.duration.{law.lower()}'):+.0f} % "
-            f"({figures.ours(f'transparency.duration.first_rest.{law.lower()}'):+.0f} % up to the first rest; "
-            f"the paper {figures[f'transparency.duration.{law.lower()}'].published:+.0f} %)"
+            f"{law} {figures.ours(f'transparency.duration_median.{law.lower()}'):+.0f} % in the median "
+            f"({figures.ours(f'transparency.unsettled.{law.lower()}'):.0f} % never settled; "
+            f"the paper {figures[f'transparency.duration_median.{law.lower()}'].published:+.0f} % in the mean)"
             for law in LAWS
         )
         best, sensed = (figures.ours(f"transparency.torque.best_over_fc{tail}") for tail in ("", ".force_sensor"))

@@ -15,6 +15,7 @@ import numpy as np
 
 from ..._errors import RecordingError
 from ...assessment.indices import affine
+from ...assessment.survival import Survival, survival
 from ...control.elbow_controllers import BEST, BEST_SENSED
 from ...lab.pointing.conditions import Cards, chosen_exponents, condition_of, published_laws
 from ...lab.pointing.movement_choice import preferred_duration
@@ -24,7 +25,7 @@ from ...lab.pointing.session import CONTROL, Conditions, PointingSession, true_m
 from ...lab.study import record_in_memory
 from ...procedures.assessment.assess import assess_recordings
 from ...procedures.assessment.assessment_result import AssessmentResult
-from ...signals.movements import Movement, MovementRule, movements
+from ...signals.movements import Kinematics, Movement, MovementRule, Stretch, movements
 
 LAWS = ("FC", "PCFr", "CLPC")
 """Conditions of the paper beside control, in its order."""
@@ -43,7 +44,8 @@ correction at the target; or where the speed first falls below."""
 class Means:
     """Published indices of one session, means over its movements."""
 
-    duration: float  # [s]
+    duration: float  # [s] of those that ended; where they were cut off a mean of where
+    duration_median: float  # [s] by Kaplan and Meier, those that never settled counted as longer than seen
     vmax: float  # [rad/s]
     emg_per_acc: float  # RMS of the agonists' excitation over the largest acceleration, upward movements [s^2/rad]
     r2: dict[str, float]  # "up", "down": of the straight line through amplitude and mean velocity [1]
@@ -60,6 +62,12 @@ class SessionIndices:
     means: dict[str, Means]  # By rule, as `RULES`
     given: np.ndarray  # (n,) Energy that the robot gave over each movement there and back [J]
     fault: str  # Of the law's gate
+    lasted: np.ndarray  # (n, 2) How long each movement was seen, by the published rule [s], and whether it settled
+
+    @property
+    def unsettled(self) -> float:
+        """Share of movements that never came to rest on the target before the next one came."""
+        return float(np.mean(self.lasted[:, 1] == 0.0))
 
 
 @dataclass(frozen=True)
@@ -85,13 +93,20 @@ class VirtualStudy:
         return np.array([m.r2[index] if index in m.r2 else getattr(m, index) for m in means])
 
     def change(self, index: str, condition: str, rule: str = PUBLISHED_RULE) -> float:
-        """Change of an index from control: of the mean over people; of EMG/Acc the mean of each person's own.
+        """Change of an index from control: of the mean over people; of EMG/Acc the mean of each person's own, of a
+        median duration the median of each person's own.
 
         gives [%].
         """
         over, under = self.values(index, condition, rule), self.values(index, CONTROL, rule)
+        if index == "duration_median":
+            return float(100.0 * (np.median(over / under) - 1.0))
         ratio = np.mean(over / under) if index == "emg_per_acc" else np.mean(over) / np.mean(under)
         return float(100.0 * (ratio - 1.0))
+
+    def settling(self, condition: str) -> Survival:
+        """How many of all people's movements still go on after a time."""
+        return survival(*np.concatenate([t.lasted for t in self.of(condition)]).T)
 
     def given(self, condition: str) -> float:
         """The most energy that the robot gave over a closed cycle, of 99 % of cycles [J]."""
@@ -113,19 +128,38 @@ def injected_energy(session: PointingSession) -> np.ndarray:
 def session_indices(session: PointingSession) -> SessionIndices:
     """What a session came to, by every rule."""
     motion, stretches = true_motion(session, MovementRule())
-    means = {}
+    means, lasted = {}, {}
     for name, rule in RULES.items():
+        lasted[name] = _lasted(session, motion, stretches, rule)
         found, without = movements(motion, stretches, rule)
         means[name] = Means(
             float(np.mean([m.duration for m in found])),
+            survival(*lasted[name].T).bounded_median,
             float(np.mean([m.peak_velocity for m in found])),
             float(np.mean([_emg_per_acceleration(session, m) for m in found if m.direction > 0])),
             {word: _line(found, sign) for word, sign in (("up", 1), ("down", -1))},
             len(without) / len(stretches),
         )
     return SessionIndices(
-        session.person.name, session.condition, len(session.movements), means, injected_energy(session), session.fault
-    )
+        session.person.name, session.condition, len(session.movements), means, injected_energy(session),
+        session.fault, lasted[PUBLISHED_RULE],
+    )  # fmt: skip
+
+
+def _lasted(
+    session: PointingSession, motion: Kinematics, stretches: Sequence[Stretch], rule: MovementRule
+) -> np.ndarray:
+    """How long each movement was seen by a rule [s], and whether its target was held then (1 or 0), shape (n, 2)."""
+    rows = []
+    for reach, stretch in zip(session.movements, stretches, strict=True):
+        found, _ = movements(motion, [stretch], rule)
+        # A first rest is one, whatever comes after it.
+        if found and (reach.held or rule.ends == "peak"):
+            rows.append((found[0].duration, 1.0))
+        elif not reach.held:
+            begun = found[0].start if found else stretch.begin
+            rows.append((stretch.end - begun, 0.0))
+    return np.array(rows).reshape(-1, 2)
 
 
 def _emg_per_acceleration(session: PointingSession, movement: Movement) -> float:

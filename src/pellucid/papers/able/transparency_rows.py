@@ -14,11 +14,19 @@ from ..printed import PrintedPaper, PrintedTable
 from .transparency import CONTROL, FIRST_REST, LAWS, OWN_LAWS, PUBLISHED_RULE, Transparency
 
 INDICES: Mapping[str, tuple[str, str, str]] = {
-    "duration": ("duration", "Duration", "duration"),
+    "duration_median": ("duration_median", "Median duration", "duration"),
+    "duration": ("duration", "Mean duration", "duration"),
     "vmax": ("vmax", "Peak velocity", "velocity"),
     "emgacc": ("emg_per_acc", "EMG/Acc", ""),
 }
 """By name in ids: which of a session's means, in words, and which printed table has it."""
+
+CENSORED = "a mean of movements that were cut off after 20 s, and so of where: see duration_median"
+"""What is to be known of mean durations under a law that keeps people from settling."""
+
+HELD = "on the target, within the 20 s after which the next one comes"
+
+MEDIAN = "median over people of each one's own, by Kaplan and Meier; the paper's is of its means"
 
 STATISTICS = ("mean", "sd", "min", "median", "max")
 
@@ -61,14 +69,16 @@ def _changes(made: Transparency, paper: PrintedPaper) -> list[Reproduced]:
 
     for name, (index, words, table) in INDICES.items():
         if table:
-            control = paper.tables[table]["ctrl"]["mean"].value
-            errors = (100.0 * (study.values(index, CONTROL).mean() / control - 1.0) for study in made.studies)
+            middle = np.median if name == "duration_median" else np.mean
+            control = paper.tables[table]["ctrl"]["median" if name == "duration_median" else "mean"].value
+            errors = (100.0 * (middle(study.values(index, CONTROL)) / control - 1.0) for study in made.studies)
             add(f"control.{name}", f"{words} in control, over print", errors, None, "what people were set by")
         for law in (*LAWS, *OWN_LAWS):
             published, studies = law in LAWS, made.with_law(law)
             printed = printed_change(paper.tables[table], law) if table and published else None
             said, key = f"{words} under {law}, change from control", law.lower()
             order = "the paper prints the order FC < PCFr < CLPC alone" if published and not table else ""
+            order = {"duration": CENSORED, "duration_median": MEDIAN}.get(name, order)
             add(f"{name}.{key}", said, (s.change(index, law) for s in studies), printed, order)
             rest = (s.change(index, law, FIRST_REST) for s in studies)
             add(f"{name}.first_rest.{key}", f"{said}, up to the first rest", rest, printed, "without later corrections")
@@ -115,6 +125,9 @@ def _circumstances(made: Transparency, paper: PrintedPaper) -> list[Reproduced]:
                 "smallest interaction torque of five people who take no other part",
             )
         )  # fmt: skip
+    for law in OWN_LAWS:
+        never = [100.0 * np.mean([t.unsettled for t in study.of(law)]) for study in made.own]
+        rows.append(_row(f"unsettled.{law}", f"Movements that never came to rest, {law}", "%", never, None, HELD))
     for law in LAWS:
         given = [study.given(law) for study in made.studies]
         note = "of 99 % of cycles; above 0 the robot drives"
@@ -124,6 +137,10 @@ def _circumstances(made: Transparency, paper: PrintedPaper) -> list[Reproduced]:
                 note,
             )
         )  # fmt: skip
+        never = [100.0 * np.mean([t.unsettled for t in study.of(law)]) for study in made.studies]
+        rows.append(
+            _row(f"unsettled.{law.lower()}", f"Movements that never came to rest, {law}", "%", never, None, HELD)
+        )
         without = [100.0 * np.mean([t.means[PUBLISHED_RULE].left_out for t in s.of(law)]) for s in made.studies]
         rows.append(_row(f"left_out.{law.lower()}", f"Movements without a clear end, {law}", "%", without))
     units = {"coulomb": "N*m", "viscous": "N*m*s/rad", "inertia": "kg*m^2"}

@@ -6,20 +6,31 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from ...assessment.survival import survival
 from ...pages.drawing import draw
 from ...pages.page import Section
 from ...pages.quantities import MINUS, number, prose
 from ...pages.tables import Row, Table
 from ...procedures.assessment import assessment_figures
+from ...procedures.assessment.assessment_figures import settling_figure
+from ...procedures.assessment.assessment_result import Settling
 from ..figure import Reproduced
 from ..row_sections import cell
-from .law_comparison import CONTROLLERS, UNPOWERED
+from .law_comparison import CONTROLLERS, OTHER_INERTIAS, UNPOWERED, WORDS
 from .transparency import CONTROL, LAWS, OWN_LAWS, Transparency
 from .transparency_figures import LawChange, change_figure
 from .transparency_rows import STATISTICS
 
 MARKS = {"the paper": "measured", "as published": "fitted", "to first rest": "heldout", "content": "directional"}
 """What is drawn of each law, and in which colour."""
+
+TITLES = {
+    "duration_median": "Duration, median",
+    "vmax": "Peak velocity",
+    "emgacc": "EMG/Acc",
+    "duration": "Duration, mean to 20 s",
+}
+"""Of indices, in the order of the table; the last is in no panel, since a mean of what was cut off says little."""
 
 OWN_WORDS = dict(zip(OWN_LAWS, ("Own, encoder", "Own, sensor"), strict=True))
 """What the toolkit's own laws are called in figures and tables."""
@@ -36,7 +47,7 @@ def transparency_sections(made: Transparency, rows: Mapping[str, Reproduced]) ->
 def _changes(made: Transparency, rows: Mapping[str, Reproduced]) -> Section:
     panels = {}
     table = []
-    for name, title in (("duration", "Duration"), ("vmax", "Peak velocity"), ("emgacc", "EMG/Acc")):
+    for name, title in TITLES.items():
         laws = []
         for law in (*LAWS, *OWN_LAWS):
             found = {
@@ -54,7 +65,8 @@ def _changes(made: Transparency, rows: Mapping[str, Reproduced]) -> Section:
             ours, *others = cells
             beside = "–" if printed is None else _signed(printed)
             table.append(Row((title, OWN_WORDS.get(law, law), beside, ours, between, *others)))
-        panels[title] = laws
+        if name != "duration":
+            panels[title] = laws
     studies = len(made.studies)
     return Section(
         "laws",
@@ -65,22 +77,30 @@ def _changes(made: Transparency, rows: Mapping[str, Reproduced]) -> Section:
             "without a robot; each law is built from an identification of the robot. What they do in it is therefore a "
             "prediction.",
             "The published rule ends a movement after the last sample above 5 % of its largest speed, and so counts "
-            "every correction at the target. Where friction holds the robot, people correct again and again: most of "
-            "the change in duration is that, and not slower movement, as the same movements up to their first rest "
-            "show. How finely people correct hardly shows without a robot. As drawn they aim more finely than the "
-            "target is wide; people who are content as soon as they are on the target were tried after the others had "
-            "been frozen, and are shown apart.",
+            "every correction at the target. Where a robot drives or sticks, people correct again and again, and some "
+            "never come to rest before the next target is shown after 20 s: "
+            + "; ".join(f"{law} {rows[f'transparency.unsettled.{law.lower()}'].ours:.0f} %" for law in LAWS)
+            + ". A mean of such durations is one of where they were cut off, and a few movements make most of it; so "
+            "medians stand first, in which they count as longer than was seen (Kaplan and Meier). Up to their first "
+            "rest the same movements take hardly longer. How finely people correct hardly shows without a robot. As "
+            "drawn they aim more finely than the target is wide; people who are content as soon as they are on the "
+            "target were tried after the others had been frozen, and are shown apart.",
         ),
         (
             Table(
-                ("Index", "Law", "Paper (%)", "Ours (%)", "Over studies", "To first rest", "Content"),
+                (
+                    "Index", "Law", "Paper, real people (%)", "Ours, virtual people (%)", "Over studies",
+                    "To first rest", "Content",
+                ),
                 tuple(table),
                 frozenset({2, 3, 5, 6}),
-                caption="Change from control in the mean",
+                caption="Change from control: medians over people of each one's median duration (the paper prints "
+                "means), else of means over people",
                 wide=True,
             ),
         ),
         (
+            draw(settling_figure, _settling(made), (CONTROL, *LAWS, *OWN_LAWS)),
             draw(
                 change_figure, panels, "changes", roles=MARKS,
                 caption="Every index under every law, times its value in control; bars reach over the studies. The "
@@ -88,6 +108,15 @@ def _changes(made: Transparency, rows: Mapping[str, Reproduced]) -> Section:
             ),
         ),
     )  # fmt: skip
+
+
+def _settling(made: Transparency) -> tuple[Settling, ...]:
+    """All studies' movements together, by condition."""
+    found = []
+    for condition in (CONTROL, *LAWS, *OWN_LAWS):
+        lasted = np.concatenate([t.lasted for study in made.with_law(condition) for t in study.of(condition)])
+        found.append(Settling(condition, survival(*lasted.T)))
+    return tuple(found)
 
 
 def _signed(value: float, decimals: int = 1) -> str:
@@ -115,8 +144,8 @@ def _tables(made: Transparency, rows: Mapping[str, Reproduced]) -> Section:
         for key in keys:
             of = [rows[f"transparency.{name}.{key.lower()}.{statistic}"] for statistic in STATISTICS]
             said = key.replace("_", ", ")
-            shown.append(Row((said, "paper", *(f"{row.published:.3f}" for row in of))))
-            shown.append(Row((said, "ours", *(f"{row.ours:.3f}" for row in of)), True))
+            shown.append(Row((said, "paper, real people", *(f"{row.published:.3f}" for row in of))))
+            shown.append(Row((said, "ours, virtual people", *(f"{row.ours:.3f}" for row in of)), True))
         heads = ("", "", "Mean", "SD", "Min", "Median", "Max")
         tables.append(Table(heads, tuple(shown), frozenset(range(2, 7)), caption=caption, wide=True))
     said = []
@@ -163,8 +192,9 @@ def _circumstances(made: Transparency, rows: Mapping[str, Reproduced]) -> Sectio
     said = [
         f"The change of 20 % that the paper found under CLPC and PCFr would take, by the choice of durations alone, "
         f"{needed} more than an arm has.",
-        f"Energy given over a closed cycle, the largest of 99 %: {energy}. What FC adds along the motion, by "
-        "two gravities, friction and its inertia term, is more than the robot's friction takes away.",
+        f"Energy given over a closed cycle, the largest of 99 %: {energy}. Two gravities and friction, as identified, "
+        "just about make up for the robot's friction; what FC's inertia term (equation 8) pushes on top of that "
+        "drives. It pushes forwards at constant speed, and while a movement is braked.",
     ]
     if made.recorded.refused:
         said.append(f"The assessment refused the first study's recordings: {made.recorded.refused.splitlines()[0]}")
@@ -184,11 +214,12 @@ def _circumstances(made: Transparency, rows: Mapping[str, Reproduced]) -> Sectio
 
 def _all_laws(rows: Mapping[str, Reproduced]) -> Section:
     table = []
-    for law in (*CONTROLLERS, UNPOWERED):
+    for law in (*CONTROLLERS, *OTHER_INERTIAS, UNPOWERED):
         torque = rows.get(f"transparency.torque.{law}_over_fc")
         given, resting = rows[f"transparency.given.{law}"].ours, rows[f"transparency.resting.{law}"].ours
         over = ("1", "") if torque is None else (f"{torque.ours:.2f}", f"{torque.lower:.2f} to {torque.upper:.2f}")
-        table.append(Row((law.replace("_", " "), *over, _signed(given, 3), f"{resting:.3f}"), law in OWN_LAWS))
+        said = WORDS.get(law, law.replace("_", " "))
+        table.append(Row((said, *over, _signed(given, 3), f"{resting:.3f}"), law in OWN_LAWS))
     return Section(
         "alllaws",
         "Every law, on robots it was not chosen on",

@@ -21,7 +21,7 @@ ESTIMATOR_WORDS = {
     "hill.adaptive": "muscles, errors learnt online",
     "hill.eq12": "muscles calibrated on eq. 12",
     "nmco": "NM-CO (reconstruction)",
-    "nmcoa": "NM-COA (reconstruction)",
+    "nmcoa": "NM-COA (reconstruction, told the torque so far: no peer)",
     "nmnc": "NM-NC (reconstruction)",
     "mbp": "M-BP (reconstruction)",
     "ridge": "ridge regression",

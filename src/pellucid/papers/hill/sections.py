@@ -236,7 +236,12 @@ def _torque(made: HillPaper) -> Section:
              *(_both(getattr(paper, m), shown[m]) for m in shown))
         )  # fmt: skip
     measures = ("RMSE", "largest", "mean")
-    heads = ("", *(f"{m}" for m in measures), *(f"{m}, cut" for m in measures), *(f"{m}, eq. 12" for m in measures))
+    heads = (
+        "",
+        *(f"{m}" for m in measures),
+        *(f"{m}, cut" for m in measures),
+        *(f"{m}, eq. 12 ⟨real people⟩" for m in measures),
+    )
     traces = []
     for name in _chosen(made, FASTEST_AND_SLOWEST):
         f = made.subjects[name].torque

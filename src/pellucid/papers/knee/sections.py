@@ -114,7 +114,14 @@ def _orthosis(made: KneePaper) -> Section:
         ),
         (
             number_table(
-                ("", "Unit", "Thesis, theoretical", "Thesis, found", "Ours, 95 %", "Ours, truth"),
+                (
+                    "",
+                    "Unit",
+                    "Thesis (real), theoretical",
+                    "Thesis (real), found",
+                    "Ours (virtual), 95 %",
+                    "Ours (virtual), truth",
+                ),
                 rows,
                 "Table 3.2. The virtual orthosis is not the thesis's: its truth is its own. The spring is that of the "
                 "two poles; there is none.",
@@ -233,7 +240,14 @@ def _torque(made: KneePaper, rows: dict[str, Reproduced]) -> Section:
                 estimator in ESTIMATORS,
             )
         )
-    heads = ("", "Thesis (N·m)", "Ours (N·m)", *made.wearers, "Against the truth", "Either way")
+    heads = (
+        "",
+        "Thesis, real people (N·m)",
+        "Ours, virtual people (N·m)",
+        *made.wearers,
+        "Against the truth",
+        "Either way",
+    )
     target, as_one = rows["knee.emg.target.rmse"], rows["knee.emg.target.as_one.rmse"]
     return Section(
         "torque",

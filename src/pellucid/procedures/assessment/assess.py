@@ -14,12 +14,13 @@ from ...assessment.comparison import compare_conditions
 from ...assessment.indices import INDICES, index_table, indices_along, isochrony
 from ...assessment.measured import UP, Measured
 from ...assessment.power import EFFECTS, needed_for_effects
+from ...assessment.survival import survival
 from ...recordings.fault import Fault
 from ...recordings.recording import Recording
 from ...recordings.study import Study
 from ...signals.movements import MovementRule
 from ...units import Coordinate
-from .assessment_result import Assessed, AssessmentResult, Needed, Profile, Sensitivity
+from .assessment_result import Assessed, AssessmentResult, Needed, Profile, Sensitivity, Settling
 from .assessment_rows import result_rows
 from .assessment_tables import tables
 from .clocks import delay_notes, with_assumed_delays
@@ -38,7 +39,16 @@ WATCHED = ("duration", "vmax", "vmean", "acceleration", "peak_time_up", "peak_ti
 TIMED = ("emgacc", "emg_level")
 """Indices that hang on the delay between markers and EMG."""
 
-PLANNED = ("duration", "vmax", "peak_time_up", "peak_time_down", "end_absolute", "emg_level", "emgacc")
+PLANNED = (
+    "duration_median",
+    "duration",
+    "vmax",
+    "peak_time_up",
+    "peak_time_down",
+    "end_absolute",
+    "emg_level",
+    "emgacc",
+)
 """Indices for which the participants needed are told ..."""
 
 CHANGES = (0.05, 0.1, 0.2, 0.3)
@@ -46,6 +56,9 @@ CHANGES = (0.05, 0.1, 0.2, 0.3)
 
 STUDIES = 1000
 """Simulated for each number of participants, unless more are asked for."""
+
+ORDER = ("duration_median", "unsettled", *(name for name in INDICES if name not in ("duration_median", "unsettled")))
+"""In which indices are shown: first how long movements last."""
 
 Progress = Callable[[str, float], None]
 
@@ -108,7 +121,7 @@ def assess_recordings(
             shifted.append(measure(own, spec, with_rule(spec), moved, largest, named=named, detailed=False))
     measured = {words: joined(each) for words, each in parts.items() if any(part.movements for part in each)}
     whole = next(iter(measured.values()))
-    found = _assessed(whole.movements, participants, conditions, spec, along)
+    found = _assessed(whole, participants, conditions, spec, along)
     sensitivity = _sensitivity(measured, spec, participants, conditions, along)
     if any(part.movements for part in shifted):
         words = f"{1e3 * delays.span:.0f} ms"
@@ -144,6 +157,7 @@ def assess_recordings(
         needed=needed,
         profiles=profiles,
         profile_of=profile_of,
+        settling=_settling(whole, conditions),
         measured=whole.movements,
     )
     notes = [fault.message for fault in faults] + delay_notes(delays) + _without_index(found, participants, conditions)
@@ -220,16 +234,16 @@ def _participants(
 
 
 def _assessed(
-    movements: Sequence[Measured],
+    whole: MeasuredStudy,
     participants: Sequence[str],
     conditions: Sequence[str],
     spec: AssessmentTable,
     along: Coordinate,
-    names: Sequence[str] = tuple(INDICES),
+    names: Sequence[str] = ORDER,
 ) -> dict[str, Assessed]:
     found, indices = {}, indices_along(along)
     for name in names:
-        table = index_table(movements, indices[name], participants, conditions, spec.control)
+        table = index_table(whole.movements, indices[name], participants, conditions, spec.control, whole.lasted)
         if table is None:
             continue
         # A stream of its own for each index: leaving one out does not move another's interval.
@@ -282,7 +296,7 @@ def _sensitivity(
     return tuple(
         _sensitive(words, each, condition, spec.control)
         for words, whole in measured.items()
-        for each in _assessed(whole.movements, participants, conditions, spec, along, names).values()
+        for each in _assessed(whole, participants, conditions, spec, along, names).values()
         for condition in each.table.conditions
         if condition != spec.control
     )
@@ -339,6 +353,16 @@ def _profiles(
     way = cell[1] if along.unit == "rad" else along.ways[cell[1]]
     said = f"{cell[0]:g} {along.shown} {way}" if cell[0] is not None else f"movements {way}"
     return tuple(made), said
+
+
+def _settling(whole: MeasuredStudy, conditions: Sequence[str]) -> tuple[Settling, ...]:
+    """All participants' movements together, by condition."""
+    made = []
+    for condition in conditions:
+        own = [each for each in whole.lasted if each.condition == condition]
+        if own:
+            made.append(Settling(condition, survival([x.seconds for x in own], [x.settled for x in own])))
+    return tuple(made)
 
 
 def _about_start(whole: MeasuredStudy, m: Measured, time: np.ndarray) -> np.ndarray:

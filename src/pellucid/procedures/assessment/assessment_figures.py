@@ -15,7 +15,7 @@ from ...pages.drawing import Drawing, dots, key, line, tidy
 from ...pages.quantities import unit_text
 from ...pages.style import FIGURE_WIDTH, colour
 from ...units import COORDINATES, Coordinate
-from .assessment_result import Assessed, Profile
+from .assessment_result import Assessed, Profile, Settling
 
 TONES = ("measured", "fitted", "heldout", "directional", "load", "stribeck", "combined", "good")
 """Control's colour, and those of the other conditions in their order; more than these share the last."""
@@ -55,6 +55,40 @@ def profile_figure(
         "profiles",
         figure,
         f"Mean movements of {what}, aligned at their start: over each participant's movements, then over participants.",
+    )
+
+
+def settling_figure(settling: Sequence[Settling], conditions: Sequence[str]) -> Drawing:
+    """Share of movements that still go on, over the time since they began."""
+    tone = tones(conditions)
+    figure = Figure(figsize=(FIGURE_WIDTH, 3.2), layout="constrained")
+    axis = figure.subplots()
+    for each in settling:
+        curve = each.curve
+        first = 0.5 * float(curve.time[0]) if len(curve.time) else 0.5 * curve.longest
+        time = np.concatenate(([first], curve.time, [curve.longest]))
+        last = curve.share[-1] if len(curve.share) else 1.0
+        kinds = (
+            np.concatenate(([1.0], part, [part[-1] if len(part) else last]))
+            for part in (curve.low, curve.high, curve.share)
+        )
+        low, high, share = (100.0 * part for part in kinds)
+        axis.fill_between(time, low, high, step="post", color=tone[each.condition], alpha=0.15, linewidth=0.0)
+        axis.step(time, share, where="post", color=tone[each.condition], linewidth=1.5)
+    axis.set_xscale("log")
+    ticks = [t for t in (0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 50) if axis.get_xlim()[0] <= t <= axis.get_xlim()[1]]
+    axis.set_xticks(ticks, [f"{t:g}" for t in ticks])
+    axis.minorticks_off()
+    axis.set_ylim(0.0, 105.0)
+    tidy(axis, first=True, text="Still moving (%)")
+    axis.set_xlabel("Time from start (s)")
+    key(axis, [(each.condition, tone[each.condition]) for each in settling])
+    said = "; ".join(f"{each.condition} {100.0 * each.curve.cut:.1f} %" for each in settling)
+    return Drawing(
+        "settling",
+        figure,
+        "Share of all participants' movements that still go on, with 95 % intervals for movements as if independent "
+        f"(Kaplan and Meier). Never settled before the next target came: {said}.",
     )
 
 

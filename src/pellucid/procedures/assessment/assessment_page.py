@@ -14,10 +14,15 @@ from . import assessment_figures as figures
 from . import assessment_tables as tables
 from .assessment_result import AssessmentResult
 
-TILES = (("duration", "Duration"), ("vmax", "Peak velocity"), ("emgacc", "EMG/Acc"), ("torque_rms", "Interaction"))
+TILES = (
+    ("duration_median", "Median duration"),
+    ("vmax", "Peak velocity"),
+    ("emgacc", "EMG/Acc"),
+    ("torque_rms", "Interaction"),
+)
 DRAWN = (
-    "duration", "vmax", "acceleration", "peak_time_up", "peak_time_down", "sparc", "end_absolute", "end_spread",
-    "emg_level", "emgacc", "torque_rms", "work",
+    "duration_median", "unsettled", "vmax", "acceleration", "peak_time_up", "peak_time_down", "sparc", "end_absolute",
+    "end_spread", "emg_level", "emgacc", "torque_rms", "work",
 )  # fmt: skip
 """Indices with a panel."""
 
@@ -52,6 +57,9 @@ def _tiles(findings: AssessmentResult) -> tuple[Tile, ...]:
         against = {a.condition: a for a in each.comparison.against_control}
         if each.table.index.over_control:
             shown, unit = {c: 100.0 * float(each.table.column(c).mean()) for c in others}, "% over control"
+        elif name == "duration_median" and against:
+            changes = {c: each.change_of_median(findings.control, c) for c in others}
+            shown, unit = {c: 100.0 * (x or 0.0) for c, x in changes.items()}, f"% against {findings.control}"
         elif against:
             shown, unit = {c: 100.0 * (against[c].relative or 0.0) for c in others}, f"% against {findings.control}"
         elif others:
@@ -90,8 +98,10 @@ def _people(findings: AssessmentResult) -> Section:
 
 
 def _movements(findings: AssessmentResult) -> Section:
+    settling = draw(figures.settling_figure, findings.settling, findings.conditions)
     drawing = draw(figures.profile_figure, findings.profiles, findings.profile_of, findings.conditions, findings.along)
-    return Section("assess_movements", "Movements", drawings=(drawing,))
+    table = _table(tables.settling_table(findings))
+    return Section("assess_movements", "Movements", tables=(table,), drawings=(settling, drawing))
 
 
 def _isochrony(findings: AssessmentResult) -> Section:
@@ -130,6 +140,10 @@ def _method(study: Study, findings: AssessmentResult) -> Section:
         f"lasts from the first to the last sample above {100 * spec.threshold:g} % of its largest speed. A "
         "participant's value is the mean over movements that are alike, then over amplitudes and directions."
     ]
+    said.append(
+        "A movement that was not at rest when the next target came has not settled: it lasted longer than was seen. "
+        "The median duration counts it so (Kaplan and Meier); the mean duration takes what was seen for all of it."
+    )
     said.append(
         "The end-point error is that of the movement's last sample, along its direction; where the target's 0 lies in "
         f"the angle is told by the participant's movements in {findings.control}, in the mean of both directions. The "

@@ -10,6 +10,7 @@ import numpy as np
 from ...assessment.comparison import ConditionComparison
 from ...assessment.indices import Index, IndexTable, Isochrony, indices_along
 from ...assessment.measured import Measured
+from ...assessment.survival import Survival
 from ...recordings.study import Study
 from ...units import COORDINATES, Coordinate
 from ..result import Result
@@ -26,6 +27,13 @@ class Assessed:
     def name(self) -> str:
         """Of the index."""
         return self.table.index.name
+
+    def change_of_median(self, control: str, condition: str) -> float | None:
+        """Median over participants of each one's own change from control, as a share; None without a control."""
+        if control not in self.table.conditions or condition not in self.table.conditions:
+            return None
+        base = self.table.column(control)
+        return float(np.median(self.table.column(condition) / base - 1.0)) if (base > 0.0).all() else None
 
     def share_of_control(self, control: str) -> float | None:
         """What a change is to be divided by to become a share of control's mean; None where shares say little."""
@@ -59,6 +67,14 @@ class Profile:
     acceleration: np.ndarray
 
 
+@dataclass(frozen=True, eq=False)
+class Settling:
+    """How many movements of a condition still went on after a time, all participants' together."""
+
+    condition: str
+    curve: Survival
+
+
 @dataclass(frozen=True)
 class Needed:
     """Participants with whom a change from control would be found in 8 of 10 studies."""
@@ -87,6 +103,7 @@ class AssessmentResult(Result):
     sensitivity: tuple[Sensitivity, ...] = field(default=(), repr=False)
     needed: tuple[Needed, ...] = ()
     profiles: tuple[Profile, ...] = field(default=(), repr=False)
+    settling: tuple[Settling, ...] = field(default=(), repr=False)
     profile_of: str = ""  # Which movements the profiles are the means of
     # Every movement that was used, by the study's own rule
     measured: tuple[Measured, ...] = field(default=(), repr=False)

@@ -35,6 +35,11 @@ def result_rows(found: AssessmentResult) -> tuple[ResultRow, ...]:
     )
     for each in found.assessed.values():
         _index_rows(found, each, add)
+    for each in found.settling:
+        head = f"assess.settling.{each.condition.lower()}"
+        note = "Kaplan and Meier, all participants together"
+        add(f"{head}.median", each.curve.median, "s", note)
+        add(f"{head}.never", 100.0 * each.curve.cut, "%", "not at rest when the next target came")
     for line in found.isochrony:
         head = f"assess.isochrony.{line.condition.lower()}.{line.direction}"
         for what, r2 in (("velocity", line.velocity_r2), ("duration", line.duration_r2)):
@@ -70,7 +75,15 @@ def _index_rows(found: AssessmentResult, each: Assessed, add) -> None:
             add(f"assess.{index.name}.{low}.{name}", value, index.unit)
         headline = f"transparency.{index.name}.{low}"
         own = against.get(condition)
-        if index.over_control:
+        median = each.change_of_median(found.control, condition) if index.name == "duration_median" else None
+        if median is not None and condition != found.control:
+            add(
+                headline,
+                100.0 * median,
+                "%",
+                "median over participants of each one's own change",
+            )
+        elif index.over_control:
             add(headline, 100.0 * float(column.mean()), "%", "over control, mean of participants")
         elif own is not None and own.relative is not None and index.scaled:
             add(headline, 100.0 * own.relative, "%", "change of the mean from control")

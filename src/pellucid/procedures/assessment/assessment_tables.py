@@ -15,13 +15,15 @@ if TYPE_CHECKING:
 MINUS = "\N{MINUS SIGN}"
 UNITS = {"rad/s^2": "rad/s²", "m/s^2": "m/s²", "N*m": "N·m", "1": ""}
 
-SHOWN = ("duration", "vmax", "end_absolute", "emg_level", "emgacc", "torque_rms")
+SHOWN = ("duration_median", "unsettled", "duration", "vmax", "end_absolute", "emg_level", "emgacc", "torque_rms")
 """Indices with a table of their own among an assessment's tables; a report has one for each."""
 
 
 def tables(found: AssessmentResult) -> tuple[FigureTable, ...]:
     """Tables of an assessment: a summary, the main indices, pairs, isochrony, other filters, participants needed."""
     made = [summary_table(found)]
+    if found.settling:
+        made.append(settling_table(found))
     made += [description_table(found, found.assessed[name]) for name in SHOWN if name in found.assessed]
     if any(each.comparison.nemenyi is not None for each in found.assessed.values()):
         made.insert(1, test_table(found))
@@ -162,6 +164,18 @@ def effect_table(found: AssessmentResult) -> FigureTable:
     level = f"{100 * found.confidence:g} % CI"
     heads = ("Index", "", "Change", level, "d of pairs", "Rank-biserial", "Cliff's δ", "p", "p (Holm)")
     return FigureTable(f"Changes from {found.control}", heads, tuple(rows))
+
+
+def settling_table(found: AssessmentResult) -> FigureTable:
+    """How long movements of all participants together last: quartiles, and the share that never settled."""
+    rows = []
+    for each in found.settling:
+        curve = each.curve
+        at = [curve.time[curve.share <= 1.0 - share + 1e-12] for share in (0.25, 0.5, 0.75)]
+        cells = (_fixed(float(t[0]), 3) if len(t) else f">{_fixed(curve.longest, 1)}" for t in at)
+        rows.append((each.condition, *cells, _fixed(100.0 * curve.cut, 1)))
+    heads = ("", "A quarter (s)", "Half (s)", "Three quarters (s)", "Never settled %")
+    return FigureTable("When so many movements had ended (Kaplan and Meier)", heads, tuple(rows))
 
 
 def _decimals(values: np.ndarray) -> int:

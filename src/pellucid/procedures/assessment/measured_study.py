@@ -6,15 +6,17 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
+import numpy as np
+
 from ..._errors import RecordingError
 from ...assessment.emg_index import Activity, emg_per_acceleration, maxima
 from ...assessment.end_error import end_error, target_zero
 from ...assessment.interaction import interaction
-from ...assessment.measured import DOWN, UP, Measured
+from ...assessment.measured import DOWN, UP, Lasted, Measured
 from ...assessment.movement_indices import smoothness
 from ...recordings.fault import Fault
 from ...signals.amplitude_check import OWN, RANDOM
-from ...signals.movements import Kinematics, Movement, MovementRule
+from ...signals.movements import Kinematics, Movement, MovementRule, NoMovement
 from ...signals.resampling import linear
 from ...units import Coordinate
 from .clocks import emg_on_motions_clock
@@ -30,6 +32,7 @@ class MeasuredStudy:
     movements: tuple[Measured, ...]
     left_out: Mapping[str, Mapping[str, int]]  # By recording, how many stretches gave no movement and why
     motions: Mapping[str, Kinematics] = field(repr=False)  # By recording; empty where nobody asked for them
+    lasted: tuple[Lasted, ...] = ()  # How long each was seen, unfinished ones too
 
 
 def activities(
@@ -67,6 +70,7 @@ def measure(
     left_out: dict[str, dict[str, int]] = {}
     motions: dict[str, Kinematics] = {}
     movements: dict[str, list[Movement]] = {}
+    lasted: list[Lasted] = []
     for record in records:
         name = record.recording.name
         motions[name], found, without = record.movements(rule)
@@ -78,6 +82,7 @@ def measure(
                 reasons["amplitude"] = mistaken
         left_out[name] = dict(reasons)
         movements[name] = found
+        lasted += _lasted(record, found, without, None if pooled else named)
     zeros = _target_zeros(records, motions, movements, spec.control)
     for record in records:
         recording = record.recording
@@ -92,7 +97,31 @@ def measure(
             if detailed:
                 values |= smoothness(motion, movement)
             made.append(Measured(recording.participant, recording.condition, recording.name, movement, cell, values))
-    return MeasuredStudy(rule, tuple(made), left_out, motions if detailed else {})
+    return MeasuredStudy(rule, tuple(made), left_out, motions if detailed else {}, tuple(lasted))
+
+
+def _lasted(
+    record: PointingRecord,
+    found: Sequence[Movement],
+    without: Sequence[NoMovement],
+    named: Sequence[float] | None,
+) -> list[Lasted]:
+    """How long movements were seen; `named` are amplitudes [rad], None where they are not told apart."""
+    recording = record.recording
+    seen = [(m.amplitude, m.direction, m.lasted, m.settled) for m in found]
+    # Without a target a stretch ends in a rest: nothing was cut off there.
+    seen += [
+        (abs(n.stretch.amplitude), np.sign(n.stretch.amplitude), n.lasted, False)
+        for n in without
+        if n.kind == "unfinished" and n.stretch.amplitude is not None
+    ]
+    cells = [
+        (None if named is None else _shown(a, named, record.along), UP if way > 0 else DOWN) for a, way, *_ in seen
+    ]
+    return [
+        Lasted(recording.participant, recording.condition, cell, float(seconds), bool(settled))
+        for cell, (_, _, seconds, settled) in zip(cells, seen, strict=True)
+    ]
 
 
 def _target_zeros(records, motions, movements, control: str) -> dict[str, float]:
@@ -113,7 +142,7 @@ def joined(parts: Sequence[MeasuredStudy]) -> MeasuredStudy:
         raise RecordingError("assess: found no movement in any recording, expected some")
     left_out = {name: reasons for part in parts for name, reasons in part.left_out.items()}
     motions = {name: motion for part in parts for name, motion in part.motions.items()}
-    return MeasuredStudy(parts[0].rule, movements, left_out, motions)
+    return MeasuredStudy(parts[0].rule, movements, left_out, motions, tuple(x for part in parts for x in part.lasted))
 
 
 def _shown(amplitude: float | None, named: Sequence[float], along: Coordinate) -> float | None:

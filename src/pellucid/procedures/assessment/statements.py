@@ -17,8 +17,9 @@ if TYPE_CHECKING:
     from ...assessment.comparison import AgainstControl
     from .assessment_result import Assessed, AssessmentResult
 
-MAIN = ("duration", "vmax", "end_absolute", "emgacc", "torque_rms", "emg_level")
-"""Indices that the paragraph goes through; of the others it says whether conditions differ."""
+MAIN = ("duration_median", "unsettled", "vmax", "end_absolute", "emgacc", "torque_rms", "emg_level")
+"""Indices that the paragraph goes through; of the others it says whether conditions differ. A mean duration is none of
+them: where movements are cut off, it is a mean of where."""
 
 ISOCHRONOUS = 0.8
 """Mean R² of amplitude and mean velocity from which on the relation counts as kept."""
@@ -28,13 +29,14 @@ def headline(found: AssessmentResult) -> str:
     """The result in one sentence."""
     who = f"{len(found.participants)} participant" + ("s" if len(found.participants) != 1 else "")
     said = f"{len(found.conditions)} conditions, {who}, {found.movements} movements"
-    duration = found.assessed.get("duration")
+    duration = found.assessed.get("duration_median")
     if duration is None or not duration.comparison.against_control:
         return f"{said}."
-    parts = [
-        f"{a.condition} {_percent(a.relative)}" for a in duration.comparison.against_control if a.relative is not None
-    ]
-    return f"{said}; duration against {found.control}: {', '.join(parts)}."
+    changes = {c: duration.change_of_median(found.control, c) for c in found.conditions if c != found.control}
+    parts = [f"{condition} {_percent(change)}" for condition, change in changes.items() if change is not None]
+    cut = [f"{100.0 * each.curve.cut:.0f} % in {each.condition}" for each in found.settling if each.curve.cut]
+    more = f"; never settled: {_listed(cut)}" if cut else ""
+    return f"{said}; median duration against {found.control}: {', '.join(parts)}{more}."
 
 
 def paragraph(found: AssessmentResult) -> str:
@@ -108,7 +110,13 @@ def _index_sentences(found: AssessmentResult, each: Assessed, alpha: float) -> l
 
 def _mean_of(words: str) -> str:
     """``Duration`` becomes ``Mean duration``; a name that begins with an abbreviation keeps its capitals."""
-    return f"Mean {words if words[:2].isupper() else words[:1].lower() + words[1:]}"
+    if words.startswith(("Median", "Share")):
+        return f"The mean {_lower(words)}"
+    return f"Mean {_lower(words)}"
+
+
+def _lower(words: str) -> str:
+    return words if words[:2].isupper() else words[:1].lower() + words[1:]
 
 
 def _change(found: AssessmentResult, each: Assessed, own: AgainstControl) -> str:
@@ -136,7 +144,7 @@ def _other_indices(found: AssessmentResult, alpha: float) -> list[str]:
     same = [e for e in others if e.comparison.p_value >= alpha]
 
     def named(each: Assessed) -> str:
-        return f"{_mean_of(each.table.index.words)[5:]} ({_p(each.comparison.p_value)})"
+        return f"{_lower(each.table.index.words)} ({_p(each.comparison.p_value)})"
 
     said = [f"Conditions also differed in {_listed(list(map(named, differ)))}."] if differ else []
     return said + ([f"No difference was found in {_listed(list(map(named, same)))}."] if same else [])
@@ -237,7 +245,7 @@ def _filter_verdicts(found: AssessmentResult) -> list[Verdict]:
         yes, no = ([words for words, q in p.items() if (q < alpha) == differs] for differs in (True, False))
         if yes and no:
             said = f"only with {_listed(yes)}" if len(yes) <= len(no) else f"not with {_listed(no)}"
-            turned.append(f"{_mean_of(found.indices[index].words)[5:]} ({said})")
+            turned.append(f"{_lower(found.indices[index].words)} ({said})")
     if not turned:
         return []
     text = f"Whether conditions differ hangs on the filter or on where movements end: {'; '.join(turned)}."

@@ -20,7 +20,7 @@ from ...recordings.study import Study
 from ...signals.emg_chain import emg_chain
 from ..result import FigureTable, Result
 from .calibration_rows import calibration_rows
-from .evaluated import CAUSAL, EVALUATED, Calibrated, Evaluated, TorqueTrace, estimators_for
+from .evaluated import CAUSAL, EVALUATED, Calibrated, Evaluated, TorqueTrace, estimators_for, mean_choice
 from .leave_one_out import moments_left_out, repetitions_left_out
 from .leg_extension_trials import EXTENSION
 from .muscle_findings import (
@@ -120,6 +120,7 @@ def _by_recording(study: Study, tell: Progress) -> Calibrated:
             found.evaluated.append(
                 Evaluated(
                     joint, name, causal, trial.name, score(trial.torque, made), fit.choice.score, fit.choice.words,
+                    compared=fit.choice.compared,
                     seconds=fit.fit.seconds if isinstance(fit, HillMap) else None,
                     coverage=None if half is None else float(np.mean(np.abs(trial.torque - made) <= half)),
                     partial=partial_errors(trial.torque, made) if isinstance(fit, HillMap) else (),
@@ -158,7 +159,10 @@ def _by_repetition(study: Study, tell: Progress) -> Calibrated:
             )
             for name, result in results.items():
                 words = " / ".join(dict.fromkeys(choice.words for choice in result.choices))
-                found.evaluated.append(Evaluated(what, name, causal, "", result.score, None, words, "steps"))
+                compared = mean_choice(result.choices)
+                found.evaluated.append(
+                    Evaluated(what, name, causal, "", result.score, None, words, compared=compared, kind="steps")
+                )
             if causal:
                 card = f"torque_map_{what}"
                 found.cards[card] = torque_card(study, fit_torque_map(trials, CARD, causal=True), trials, card)
@@ -196,28 +200,40 @@ def _tables(evaluated: Sequence[Evaluated]) -> tuple[FigureTable, ...]:
     return tuple(tables)
 
 
-def preferred(evaluated: Sequence[Evaluated], what: str) -> Evaluated:
-    """The estimator to name first: what is judged must not choose it."""
-    own = [e for e in evaluated if e.what == what and not e.causal and ESTIMATORS[e.estimator].muscles]
-    own = [e for e in own if e.recording == own[0].recording]
-    return min(own, key=lambda e: e.within.rmse if e.within is not None else inf)
+def preferred(evaluated: Sequence[Evaluated], what: str) -> tuple[Evaluated, ...]:
+    """The estimator to name first, on every recording that judged it: none of them may choose it.
+
+    It is the one with the smallest error out of fold, over the same samples of what was fitted for all.
+    """
+    own = [
+        e for e in evaluated
+        if e.what == what and not e.causal and ESTIMATORS[e.estimator].muscles and not ESTIMATORS[e.estimator].told
+    ]  # fmt: skip
+    best = min(own, key=lambda e: inf if e.compared is None else e.compared.rmse).estimator
+    return tuple(e for e in own if e.estimator == best)
 
 
 def _headline(evaluated: Sequence[Evaluated]) -> str:
     said = []
     for what in dict.fromkeys(each.what for each in evaluated):
-        best = preferred(evaluated, what)
-        said.append(
-            f"{what}: {ESTIMATORS[best.estimator].words} errs by {best.score.rmse:.3g} {best.unit} "
-            f"(R² {best.score.r2:.3f})"
-        )
-    return "; ".join(said) + ", on what was not fitted."
+        judged = preferred(evaluated, what)
+        first = judged[0]
+        errors = [f"{each.score.rmse:.3g} {each.unit} (R² {each.score.r2:.3f})" for each in judged]
+        if len(judged) > 3:
+            errors = [
+                f"{min(e.score.rmse for e in judged):.3g} to {max(e.score.rmse for e in judged):.3g} {first.unit} (R² "
+                f"{max(e.score.r2 for e in judged):.3f} to {min(e.score.r2 for e in judged):.3f})"
+            ]
+        said.append(f"{what}: {ESTIMATORS[first.estimator].words} errs by {' and '.join(errors)}")
+    recordings = {each.recording for each in evaluated} - {""}
+    where = f", on the {len(recordings)} recordings that were not fitted" if len(recordings) > 1 else ""
+    return "; ".join(said) + (where or ", on what was not fitted") + "."
 
 
 def _verdicts(study: Study, evaluated: Sequence[Evaluated], trials: Sequence[TorqueTrial]) -> tuple[Verdict, ...]:
     said = []
-    for what in dict.fromkeys(each.what for each in evaluated):
-        best = preferred(evaluated, what)
+    for best in (one for what in dict.fromkeys(each.what for each in evaluated) for one in preferred(evaluated, what)):
+        what, on = best.what, f" on {best.recording}" if best.recording else ""
         bare = next(
             (e for e in evaluated if (e.what, e.estimator, e.recording) == (what, "motion", best.recording)), None
         )
@@ -225,9 +241,9 @@ def _verdicts(study: Study, evaluated: Sequence[Evaluated], trials: Sequence[Tor
             said.append(
                 Verdict(
                     "note",
-                    f"{what}: joint angles alone err by {bare.score.rmse:.3g} {bare.unit}, no more than the map with "
-                    f"EMG ({best.score.rmse:.3g} {best.unit}): in these movements the torque follows the motion, and "
-                    "the map would not see an effort that does not move the joint.",
+                    f"{what}{on}: joint angles alone err by {bare.score.rmse:.3g} {bare.unit}, no more than the map "
+                    f"with EMG ({best.score.rmse:.3g} {best.unit}): in these movements the torque follows the motion, "
+                    "and the map would not see an effort that does not move the joint.",
                 )
             )
         if best.within is not None and best.score.r2 < best.within.r2 - 0.1:
@@ -238,6 +254,16 @@ def _verdicts(study: Study, evaluated: Sequence[Evaluated], trials: Sequence[Tor
                     f"{best.recording}: record more, and more varied, movement to fit.",
                 )
             )
+    judged = {each.recording for each in evaluated} | {trial.name for trial in trials}
+    idle = [r.name for r in study.recordings("validate") if not any(name.startswith(r.name) for name in judged)]
+    if idle:
+        said.append(
+            Verdict(
+                "warning",
+                f"{', '.join(idle)}: to be judged on, and nothing was: no torque is known there. No figure here says "
+                "anything of such movements.",
+            )
+        )
     late = smoothing_delay(0.05, trials[0].fs)
     chain = study.config.emg_torque.chain
     if chain == "none":

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from ...estimators.families import ESTIMATORS
 from ...pages.drawing import draw
 from ...pages.page import Page, Section, Tile
@@ -14,6 +16,7 @@ from ..study_page import figure_tables, study_page
 from . import calibration_figures as figures
 from . import muscle_figures
 from .calibrate import CalibrationResult, preferred
+from .evaluated import TorqueTrace
 
 
 def page(study: Study, findings: CalibrationResult) -> Page:
@@ -31,9 +34,13 @@ def page(study: Study, findings: CalibrationResult) -> Page:
 def _tiles(findings: CalibrationResult) -> tuple[Tile, ...]:
     tiles = []
     for what in dict.fromkeys(each.what for each in findings.evaluated):
-        best = preferred(findings.evaluated, what)
-        more = f"{ESTIMATORS[best.estimator].words}; R² {best.score.r2:.3f}"
-        tiles.append(Tile(f"Torque error, {what}", number(best.score.rmse, digits=3), "N·m RMS", more))
+        judged = preferred(findings.evaluated, what)
+        best = judged[0]
+        others = [f"{e.recording.replace('_', ' ')} {number(e.score.rmse, digits=3)}" for e in judged[1:]]
+        more = "; ".join([ESTIMATORS[best.estimator].words, f"R² {best.score.r2:.3f}", *others])
+        unit = "of the leg's weight, RMS" if best.kind == "normalised" else "N·m RMS"
+        where = f", {best.recording.replace('_', ' ')}" if others else ""
+        tiles.append(Tile(f"Torque error, {what}{where}", number(best.score.rmse, digits=3), unit, more))
     return tuple(tiles)
 
 
@@ -59,11 +66,20 @@ def _traces(findings: CalibrationResult) -> Section:
             figures.torque_trace, trace.time, trace.reference, trace.predicted, f"torque_{i + 1}", words=words,
             half_width=trace.half_width,
             caption=f"Torque of {trace.what}, {trace.recording.replace('_', ' ')}: the reference (grey), what maps "
-            "made of EMG and motion they were not fitted to, and their errors; the band holds 95 % of the torque.",
+            f"made of EMG and motion they were not fitted to, and their errors{coverage_text(trace)}.",
         )
         for i, trace in enumerate(findings.traces)
     )  # fmt: skip
     return Section("emg_torque", "Torque over time", drawings=drawings)
+
+
+def coverage_text(trace: TorqueTrace) -> str:
+    """What the bands of a trace are, and how much of its torque they hold; empty without one."""
+    said = []
+    for name, half in trace.half_width.items():
+        share = 100.0 * float(np.mean(np.abs(trace.reference - trace.predicted[name]) <= half))
+        said.append(f"; the band of {ESTIMATORS[name].words}, meant for 95 %, holds {share:.0f} % of this torque")
+    return "".join(said)
 
 
 def _muscles(findings: CalibrationResult) -> Section | None:

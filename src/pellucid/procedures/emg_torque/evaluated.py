@@ -32,6 +32,7 @@ class Evaluated:
     score: Score
     within: Score | None  # Of cross-validation within what was fitted
     choice: str  # Features and settings, in words
+    compared: Score | None = None  # The same over the samples alone that all estimators are scored on
     # What the figures are called: ``"recording"``, ``"steps"`` (torque against an orthosis), ``"trials"`` (means over
     # trials left out), ``"normalised"`` (a torque relative to the leg's own weight)
     kind: str = "recording"
@@ -72,6 +73,14 @@ class Calibrated:
     shown: dict[str, TorqueTrial] = field(default_factory=dict)  # A trial to show them with
     passed_over: dict[str, str] = field(default_factory=dict)  # Why muscles were not fitted, by joint or participant
     verdicts: list[Verdict] = field(default_factory=list)  # On this way of judging
+
+
+def mean_choice(choices: Sequence) -> Score | None:
+    """What cross-validation within each outer fold said of an estimator, in the mean; None where one said nothing."""
+    scores = [choice.compared for choice in choices]
+    if any(each is None for each in scores):
+        return None
+    return Score(float(np.mean([s.rmse for s in scores])), float(np.mean([s.r2 for s in scores])))
 
 
 def estimators_for(

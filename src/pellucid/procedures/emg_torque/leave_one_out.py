@@ -13,7 +13,7 @@ from ...estimators.torque_map import fit_torque_map, torque_map_cv
 from ...estimators.torque_trial import TorqueTrial
 from ...fit.parameter import Verdict
 from ...recordings.study import Study
-from .evaluated import Calibrated, Evaluated, TorqueTrace, estimators_for
+from .evaluated import Calibrated, Evaluated, TorqueTrace, estimators_for, mean_choice
 from .leg_extension_trials import EXTENSION, leg_extension_trials
 from .trial_sources import moment_trials
 
@@ -69,7 +69,9 @@ def _judge(found: Calibrated, trials: list[TorqueTrial], what: str, kind: str, u
         every = list(result.by_trial.values())
         score = Score(float(np.mean([s.rmse for s in every])) / unit, result.score.r2)
         words = " / ".join(dict.fromkeys(choice.words for choice in result.choices))
-        found.evaluated.append(Evaluated(what, name, False, "", score, None, words, kind))
+        found.evaluated.append(
+            Evaluated(what, name, False, "", score, None, words, compared=mean_choice(result.choices), kind=kind)
+        )
     worst = max(trials, key=lambda t: results[names[0]].by_trial[t.name].rmse)
     made = {name: result.predicted[worst.name] for name, result in results.items()}
     found.traces.append(TorqueTrace(what, worst.name, worst.time, worst.torque, made))

@@ -152,6 +152,7 @@ def _judge(found: Calibrated, trials: list[TorqueTrial], who: str, tell: Callabl
             found.evaluated.append(
                 Evaluated(
                     who, name, False, trial.name, score(trial.torque, torque), fit.choice.score, fit.choice.words,
+                    compared=fit.choice.compared,
                     seconds=fit.fit.seconds if muscles else None,
                     coverage=None if inside is None else float(np.mean(inside)),
                     partial=partial_errors(trial.torque, torque) if muscles else (),
