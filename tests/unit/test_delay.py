@@ -14,7 +14,7 @@ from pellucid.procedures.joint.aligned_motions import alignments, motions
 from pellucid.procedures.registry import open_study
 from pellucid.procedures.run import check, identify
 from pellucid.recordings.cut import Cut
-from pellucid.recordings.delay import at_times, moved
+from pellucid.recordings.delay import at_times, led, moved
 from pellucid.recordings.recording import Channel, Recording
 
 
@@ -111,6 +111,31 @@ def test_one_that_is_held_out_is_told_and_stays(bench):
     assert together.said == ""
     assert (apart.recording, apart.moved) == ("point_to_point", 0.0)
     assert "it is held out and stays so" in apart.said
+
+
+def test_a_lag_is_told_from_a_delay_and_undone(bench):
+    loaded, slow = {}, 0.05
+    for r in bench.recordings():
+        column, filtered = r.channels["current"], r["current"].copy()
+        share = 1.0 - np.exp(-1.0 / (slow * r.fs))
+        for i in range(1, len(filtered)):
+            filtered[i] = filtered[i - 1] + share * (column.samples[i] - filtered[i - 1])
+        loaded[r.name] = replace(r, channels={**r.channels, "current": replace(column, samples=filtered)})
+    study = replace(bench, _loaded=loaded, found={})
+    found = alignment(study)
+    assert found.delay.lag
+    assert found.delay.low < slow - 0.0005 < found.delay.high  # read half a sample early
+    assert 'current = { lag = "' in found.do
+    plain = identify(bench, families=["symmetric"], thorough=False)["inertia"]
+    assert identify(study, families=["symmetric"], thorough=False)["inertia"].value == pytest.approx(
+        plain.value, rel=0.02
+    )
+
+
+def test_what_lagged_is_undone_by_its_slope():
+    time = np.arange(300) / 100.0
+    found = led(recording(time=time, current=np.sin(3.0 * time)), {"current": 0.2})
+    assert found["current"][1:-1] == pytest.approx((np.sin(3.0 * time) + 0.6 * np.cos(3.0 * time))[1:-1], abs=2e-4)
 
 
 def test_it_is_told_with_what_to_write(bench):

@@ -40,6 +40,12 @@ of some milliseconds, and explains less."""
 LEAST_SEEN = 0.5
 """Share of a motion during which an effort must be recorded for a delay to be tried."""
 
+LAGS = np.geomspace(0.4, 4.0, 12)
+"""Time constants of a lag that are tried, as shares of the delay that is most like it."""
+
+SMOOTHER = 0.8
+"""A lag leaves at most so much of what a delay leaves, in mean square, before it is taken for one."""
+
 ALIKE = 1.1
 """By how much the residual's mean square may exceed the smallest of those tried."""
 
@@ -100,6 +106,7 @@ class Delay:
     high: float
     explained: float  # Least share of the residual's mean square that it explains, of those models
     sure: tuple[float, float]  # What holds it where those intervals are `SURE` standard errors wide [s]
+    lag: bool = False  # Whether it is a first-order lag, whose time constant these are
 
     def beyond(self, other: float) -> float:
         """By how much it is certainly longer than an `other`, negative where it is shorter; 0 where it may be that."""
@@ -220,3 +227,64 @@ def likeliest(
     best = int(np.argmin(left))
     others = left[np.abs(tried - tried[best]) > apart]
     return float(tried[best]), float(others.min() / left[best]) if others.size else np.inf
+
+
+def lag_instead(
+    delay: Delay, after: float, rows: Sequence[DrivenRows], whole: Sequence[np.ndarray], step: float
+) -> Delay:
+    """The `delay`, or a first-order lag of the effort in its place where that leaves clearly less than `after`, in mean
+    square. `whole`: of each stretch the intercept and the regressor at full rate, (n, 1 + p); `step` [s]."""
+    if delay.value <= 0.0:
+        return delay
+    y = np.concatenate([r.driven[r.kept] for r in rows])
+
+    def lagged(time: float) -> np.ndarray:
+        parts = []
+        for r, columns in zip(rows, whole, strict=True):
+            moving = columns.copy()
+            moving[:, 0] += r.own
+            parts.append(first_order(moving, time * r.fs)[r.kept])
+        return np.concatenate(parts)
+
+    def fitted(time: float) -> tuple[float, np.ndarray, np.ndarray]:
+        columns = lagged(time)
+        q = _basis(columns[:, 1:] / np.maximum(np.linalg.norm(columns[:, 1:], axis=0), np.finfo(float).tiny))
+        off = y - columns[:, 0]
+        modelled = q @ (q.T @ off)
+        return float(np.mean((off - modelled) ** 2)), off - modelled, columns[:, 0] + modelled
+
+    tried = delay.value * LAGS
+    left = np.array([fitted(time)[0] for time in tried])
+    time = float(tried[np.argmin(left)])
+    if time in (tried[0], tried[-1]):
+        return delay
+    for share in (LAGS[1] / LAGS[0], 1.03, 1.03):
+        # The parabola through it and both neighbours, over the logarithm.
+        a, b, c = (fitted(time * share**k)[0] for k in (-1, 0, 1))
+        time *= float(share ** np.clip(0.5 * (a - c) / (a - 2.0 * b + c), -1.0, 1.0))
+    less, residual, _ = fitted(time)
+    if less > SMOOTHER * after:
+        return delay
+    columns = lagged(time)
+    values = np.linalg.lstsq(columns[:, 1:], y - columns[:, 0], rcond=1e-9)[0]
+    more = lagged(1.01 * time)
+    slope = ((more[:, 0] - columns[:, 0]) + (more[:, 1:] - columns[:, 1:]) @ values) / (0.01 * time)
+    q = _basis(columns[:, 1:] / np.maximum(np.linalg.norm(columns[:, 1:], axis=0), np.finfo(float).tiny))
+    seen = slope - q @ (q.T @ slope)
+    spread = long_run_covariance((seen * residual)[:, None], residual, [len(r.kept) for r in rows])
+    error = float(np.sqrt(spread[0, 0])) / float(seen @ seen)
+    before, reach = (
+        left[0] if delay.explained <= 0.0 else after / (1.0 - delay.explained),
+        1.959964 * error + 0.5 * step,
+    )
+    sure = time - SURE * error, time + SURE * error
+    return Delay(time, error, time - reach, time + reach, 1.0 - less / before, sure, lag=True)
+
+
+def first_order(columns: np.ndarray, samples: float) -> np.ndarray:
+    """`columns`, (n, k), behind a first-order lag of so many `samples`, settled at the start."""
+    n = len(columns)
+    padded = n + int(np.ceil(20.0 * samples))
+    spectrum = np.fft.rfft(columns - columns[0], padded, axis=0)
+    turns = 2.0 * np.pi * np.fft.rfftfreq(padded) * samples
+    return np.fft.irfft(spectrum / (1.0 + 1j * turns)[:, None], padded, axis=0)[:n] + columns[0]

@@ -33,6 +33,22 @@ def moved(recording: Recording, delays: Mapping[str, float]) -> Recording:
     return with_channels(recording, channels, lost)
 
 
+def led(recording: Recording, lags: Mapping[str, float]) -> Recording:
+    """The recording with each channel of `lags` as it was before a first-order lag of so much [s]: its slope times that
+    is added."""
+    lags = {name: lag for name, lag in lags.items() if name in recording}
+    if not lags or not (np.diff(recording.time) > 0.0).all():
+        return recording
+    channels = dict(recording.channels)
+    for name, lag in lags.items():
+        samples = np.array(recording[name])
+        for span in recording.spans:
+            if span.stop - span.start > 2:
+                samples[span] += lag * np.gradient(samples[span], recording.time[span])
+        channels[name] = replace(channels[name], samples=samples)
+    return replace(recording, channels=channels)
+
+
 def with_channels(
     recording: Recording, channels: Mapping[str, Channel], lost: np.ndarray, kind: str = MOVED, found: str = ""
 ) -> Recording:

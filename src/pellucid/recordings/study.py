@@ -16,7 +16,7 @@ from .._errors import RecordingError
 from .._given import require_inside
 from .cut import Cut
 from .defects.find import cut_out
-from .delay import moved
+from .delay import led, moved
 from .joined_stream import first_offset, joined
 from .optical import OpticalRecording, read_optical
 from .recording import Channel, Payload, Recording
@@ -357,6 +357,7 @@ def open_folder(
 
 def _in_time(recording: Recording, specs: Mapping[str, ChannelSpec]) -> Recording:
     """A recording whose channels lie where study.toml says that they belong."""
+    recording = led(recording, {n: spec.lag for n, spec in specs.items() if spec.lag is not None})
     return moved(recording, {n: spec.delay for n, spec in specs.items() if isinstance(spec.delay, float)})
 
 

@@ -370,6 +370,8 @@ class ChannelSpec(StudyTable):
         ``"refuse"``, or ``"accept"`` where the channel may rest at its largest value.
     delay : str, float or None
         How much later the channel is than the file's time says [s]; ``"auto"`` or None: estimated where it can be.
+    lag : float or None
+        Time constant of the first-order lag that the channel went through [s].
     si_factor, si_offset : float
         SI value = value * si_factor + si_offset.
     si_unit : str
@@ -390,6 +392,7 @@ class ChannelSpec(StudyTable):
     rate: quantity("Hz", gt=0) | None = None
     clip: Literal["refuse", "accept"] = "refuse"
     delay: Annotated[Literal["auto"] | float | None, Field(json_schema_extra={"type": "string"})] = None
+    lag: quantity("s", gt=0) | None = None
     si_factor: float = Field(validation_alias=DERIVED + "si_factor")
     si_offset: float = Field(validation_alias=DERIVED + "si_offset")
     si_unit: str = Field(validation_alias=DERIVED + "si_unit")
@@ -407,7 +410,7 @@ class ChannelSpec(StudyTable):
 
     @model_validator(mode="after")
     def _of_a_signal(self) -> ChannelSpec:
-        if self.delay is not None and self.name == "time":
+        if self.name == "time" and not self.delay is self.lag is None:
             raise ValueError("found a delay of time, expected one of the channel that is late")
         if self.delay == "auto" and self.name.partition(".")[0] not in DRIVEN:
             raise ValueError(f'found delay = "auto", which is estimated of {", ".join(DRIVEN)} alone; expected a time')

@@ -10,7 +10,7 @@ import numpy as np
 from ...models.joint import JointModel, joint_model
 from ...signals.filters import anti_aliased
 from ...signals.motion import Motion
-from ..delay import Columns, Delay, DrivenRows, fit_delay, over_models
+from ..delay import Columns, Delay, DrivenRows, fit_delay, lag_instead, over_models
 from .friction_solver import with_known_stribeck_velocity
 
 STRIBECK_AT = 0.05
@@ -35,18 +35,20 @@ def drive_delay(
     fits, values = [], {}
     for model in _richer(plain, motions):
         at = np.array([values.get(name, 0.0) for name in model.names])
-        columns = []
+        columns, full = [], []
         for motion, row in zip(motions, rows, strict=True):
             effort, jacobian = model.jacobian(at, motion)
             whole = np.column_stack([effort - jacobian @ at, jacobian])
             whole = anti_aliased(whole, motion.filtering.decimate)
+            full.append(whole)
             columns.append(Columns.of(whole[:, 0], whole[:, 1:], row))
         found = fit_delay(rows, columns, fits[-1].delay if fits else None)
         if found is None:
             return None
         fits.append(found)
         values = dict(zip(model.names, found.values, strict=True))
-    return over_models(fits, quantile, step)
+    found = over_models(fits, quantile, step)
+    return lag_instead(found, fits[-1].after, rows, full, step) if found.clear(step) else found
 
 
 def _richer(plain: JointModel, motions: Sequence[Motion]) -> tuple[JointModel, ...]:

@@ -10,7 +10,7 @@ import numpy as np
 from ..._errors import PellucidError
 from ...fit.delay import Delay
 from ...fit.joint.drive_delay import drive_delay
-from ...recordings.delay import moved
+from ...recordings.delay import led, moved
 from ...recordings.drive_channel import drive_channel
 from ...recordings.recording import Recording
 from ...recordings.study import Study
@@ -43,6 +43,12 @@ class Alignment:
         if not (self.moved or self.recording):
             return f"No delay of {self.channel} against position is certain ({interval})." if self.asked else ""
         first, second = (self.channel, "position") if d.value > 0.0 else ("position", self.channel)
+        if d.lag:
+            done = "this was undone before anything else" if self.moved else "it is held out and stays so"
+            return (
+                f"{self.channel} lags{where} behind what moves the joint, as a filter with a time constant of "
+                f"{1e3 * d.value:.3g} ms does ({interval}), which is no mere delay: {done}."
+            )
         done = f"{self.channel} was moved by that before anything else" if self.moved else "it is held out and stays so"
         return (
             f"{first} comes {1e3 * abs(d.value):.3g} ms late{where}, against {second} ({interval} for {self.channel}): "
@@ -54,7 +60,7 @@ class Alignment:
         """What to write."""
         if self.delay is None or not (self.moved or self.recording):
             return ""
-        key = f'delay = "{1e3 * self.delay.value:.3g} ms"'
+        key = f'{"lag" if self.delay.lag else "delay"} = "{1e3 * self.delay.value:.3g} ms"'
         if self.recording:
             keep = f"channels.{self.channel} = {{ {key} }} at this recording to "
         else:
@@ -91,13 +97,16 @@ def alignments(study: Study) -> tuple[Alignment, ...]:
 def _aligned(recording: Recording, study: Study) -> Recording:
     found = {a.recording: a for a in alignments(study) if a.moved} if _open(recording, study) else {}
     late = found.get(recording.name, found.get(""))
-    return recording if late is None else moved(recording, {late.channel: late.moved})
+    if late is None:
+        return recording
+    return (led if late.delay.lag else moved)(recording, {late.channel: late.moved})
 
 
 def _open(recording: Recording, study: Study) -> bool:
     """Whether a recording's delay is to be estimated: study.toml gives none."""
     spec = study.specs_of(recording).get(drive_channel(recording, study) or "")
-    return spec is not None and not isinstance(spec.delay, float) and not clocks_to_find(recording, study)
+    given = spec is None or isinstance(spec.delay, float) or spec.lag is not None
+    return not given and not clocks_to_find(recording, study)
 
 
 def _alignments(study: Study) -> Iterator[Alignment]:
