@@ -2,7 +2,7 @@
 
 A virtual joint follows two hours of movements at 1 kHz; its CSV file (time, position, current) is identified with all
 five friction families and intervals, first as it is and then again from what was kept of it. Beside it stands the
-least a user would write: read the file, filter, differentiate, thin, solve one family. All processor time counts, of
+least a user would write: read the file, filter, differentiate, solve one family. All processor time counts, of
 children too, start-up included.
 """
 
@@ -42,17 +42,15 @@ import sys
 import numpy as np
 from scipy import signal
 time, position, current = np.loadtxt(sys.argv[1], delimiter=",", skiprows=2).T
-lowpass, order, keep, dead_band, trim, gain = map(float, sys.argv[2:])
+lowpass, order, trim, gain = map(float, sys.argv[2:])
 fs = (len(time) - 1) / (time[-1] - time[0])
 sos = signal.butter(int(order), lowpass, fs=fs, output="sos")
 q, effort = signal.sosfiltfilt(sos, position), signal.sosfiltfilt(sos, gain * current)
 v = np.gradient(q, 1.0 / fs)
-columns = [np.gradient(v, 1.0 / fs), np.sin(q), v, np.sign(v), np.ones_like(v), effort]
-block = np.column_stack([x[int(trim) : len(x) - int(trim) : int(keep)] for x in columns])
-block = block[np.abs(block[:, 2]) > dead_band]
-values, rest, *_ = np.linalg.lstsq(block[:, :-1], block[:, -1], rcond=None)
-inverse = np.linalg.inv(block[:, :-1].T @ block[:, :-1])
-print(values, 1.96 * np.sqrt(np.diag(inverse) * rest / len(block)))
+inner = slice(int(trim), len(q) - int(trim))
+w = np.column_stack([np.gradient(v, 1.0 / fs), np.sin(q), v, np.sign(v), np.ones_like(v)])[inner]
+values, rest, *_ = np.linalg.lstsq(w, effort[inner], rcond=None)
+print(values, 1.96 * np.sqrt(np.diag(np.linalg.inv(w.T @ w)) * rest / len(w)))
 """
 
 
@@ -118,7 +116,7 @@ def plain(folder: Path, path: Path) -> tuple[float, float, float]:
     """What plain NumPy and SciPy take for one family of it."""
     study = open_study(folder)
     p = study.processing
-    told = (p.lowpass, p.order, p.decimate, p.dead_band, p.trim, drive_model(study.rig).gain)
+    told = (p.lowpass, p.order, p.trim, drive_model(study.rig).gain)
     return used("-c", PLAIN, str(path), *map(str, told))
 
 

@@ -87,7 +87,7 @@ def test_degrees_declared_as_radians_are_named(sound, rng):
         model = joint_model("symmetric", motion="rotary", effort_unit="N*m", gravity="sine")
         data = stack([motion])
         fit = fit_family(model, data, [motion], Machine(), level=0.95, thorough=False)
-        told = wrong_unit.find(JointCase(sound, (motion,), data, {"symmetric": fit}, "symmetric"))
+        told = wrong_unit.find(JointCase(sound, (motion,), data, (motion,), {"symmetric": fit}, "symmetric"))
         assert [v.text.partition(":")[0] for v in told] == expected
 
 

@@ -14,8 +14,7 @@ LOAD_START = 0.05
 SKIPPED = 8  # of so many motions one is enough to come close on
 FEWEST_MOTIONS = 4
 MOST_STEPS = 8
-LAST_STEPS = 2  # on everything, after others on a part of it
-CLOSE = 5e-4
+CLOSE, CLOSE_AFTER = 5e-4, 2e-3  # the latter on everything, after steps on a part of it
 
 
 def solve_family(
@@ -46,16 +45,16 @@ def solve_from_part(model: JointModel, data: Stack, found: Solution) -> Solution
         return solve_family(model, data)
     values, fewer = found.values, Stack(data.motions[::SKIPPED], data.targets[::SKIPPED])
     if len(fewer.motions) >= FEWEST_MOTIONS:
-        values = _gauss_newton_steps(model, fewer, values, MOST_STEPS).values
-        return _gauss_newton_steps(model, data, values, LAST_STEPS)
-    return _gauss_newton_steps(model, data, values, MOST_STEPS)
+        values = _gauss_newton_steps(model, fewer, values, CLOSE).values
+        return _gauss_newton_steps(model, data, values, CLOSE_AFTER)
+    return _gauss_newton_steps(model, data, values, CLOSE)
 
 
-def _gauss_newton_steps(model: JointModel, data: Stack, values: np.ndarray, most: int) -> Solution:
-    """Steps from `values`, (p,), within bounds, at `most` so many, until one moves the effort by less than `CLOSE` of
-    it: what then remains is the square of that. Jacobian as before the last step, residual after it."""
+def _gauss_newton_steps(model: JointModel, data: Stack, values: np.ndarray, close: float) -> Solution:
+    """Steps from `values`, (p,), within bounds, until one moves the effort by less than a share `close` of it: what
+    then remains is the square of that. Jacobian as before the last step, residual after it."""
     lower, upper = model.bounds()
-    for iteration in range(1, most + 1):  # noqa: B007
+    for iteration in range(1, MOST_STEPS + 1):  # noqa: B007
         jacobian, effort = rows_of(model, values, data)
         residual = data.target - effort
         # A Stribeck velocity without a Stribeck level has no effect at all.
@@ -74,10 +73,11 @@ def _gauss_newton_steps(model: JointModel, data: Stack, values: np.ndarray, most
         step[free] = least_squares_within(triangle[:, :-1], triangle[:, -1], *room)
         values, moved = values + step, jacobian @ step
         residual = residual - moved
-        near = bool(np.linalg.norm(moved) < CLOSE * np.linalg.norm(data.target))
+        near = bool(np.linalg.norm(moved) < close * np.linalg.norm(data.target))
         if near:
             break
     snapped, held = at_bounds(values, lower, upper, jacobian, residual)
+    snapped, held = np.where(free, snapped, values), held & free
     residual = residual - jacobian @ (snapped - values)
     return Solution(snapped, jacobian, residual, np.ones(len(residual)), held, iteration, near)
 

@@ -99,7 +99,7 @@ def identify_joint(
             failures[name] = str(error)
     tell("verdicts", 1.0 - 0.3 / (len(names) + 0.5))
     best = best_family(fits)
-    case = JointCase(study, everything, data, fits, best, machine, failures, constant, no_constant)
+    case = JointCase(study, everything, data, part.motions, fits, best, machine, failures, constant, no_constant)
     found = JointResult(
         study=study.name,
         headline="",

@@ -20,6 +20,7 @@ class JointCase:
     study: Study
     motions: tuple[Motion, ...]  # Of every recording, fitted and held out
     data: Stack  # The fitted ones
+    excerpt: tuple[Motion, ...]  # All of them, or parts of each where there are hours: for what searches
     fits: Mapping[str, FamilyFit]
     best: str
     machine: Machine = field(default_factory=Machine)

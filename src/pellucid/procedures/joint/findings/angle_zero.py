@@ -11,6 +11,7 @@ from ...._errors import IdentificationError
 from ....fit.block_test import LEVEL
 from ....fit.joint.angle_zero import AngleZero, angle_zero, has_weight
 from ....fit.parameter import Verdict
+from ....fit.regression import stack
 from ..joint_case import JointCase
 
 SMALLEST = np.radians(3.0)  # below it, gravity and friction that the model misses look the same
@@ -48,11 +49,12 @@ def find(case: JointCase) -> Iterator[Verdict]:
 
 def _best(case: JointCase) -> AngleZero | None:
     """By the family that predicts best with its zero free: one that misses friction finds a coarser angle."""
-    held = [m for m in case.motions if m.split == "heldout"]
+    held = [m for m in case.excerpt if m.split == "heldout"]
+    data = stack([m for m in case.excerpt if m.split == "fitted"])
     made = []
     for fit in [case.fits[n] for n in PLAIN if n in case.fits] or [case.fit]:
         try:
-            made.append(angle_zero(fit.model, case.data, held))
+            made.append(angle_zero(fit.model, data, held))
         except IdentificationError:
             continue  # too small a range of angles to tell
     return min(made, key=lambda each: each.after, default=None)
