@@ -197,3 +197,34 @@ def test_a_study_that_is_a_file(tmp_path):
     (tmp_path / "a").write_text("")
     with pytest.raises(StudyError):
         open_study(tmp_path / "a")
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        (
+            "[processing]",
+            '[model]\nknown = { inertia = "-5 kg*m^2" }\n[processing]',
+            "expected more than 0: every",
+        ),
+        ("[processing]", '[model]\nknown = { coulomb = "-1 N*m" }\n[processing]', "expected 0 or more: friction takes"),
+        ("[processing]", '[model]\nknown = { inertia = "1e8 kg*m^2" }\n[processing]', "expected at most 100000 in SI"),
+        ('"2 N*m/A"', '"6e9 N*m/A"', "[rig.drive] torque_constant: found 6000000000.0, expected at most 10000"),
+        ('"2 N*m/A"', '"2 N*m/A"\ngear_ratio = 2e6', "[rig.drive] gear_ratio: found 2000000.0, expected at most 100000"),
+        ('unit = "rad"', 'unit = "rad", wrap_bits = 2', "[channels] position.wrap_bits: found 2, expected at least 6"),
+    ],
+)
+def test_nonsense_constants(make_study, old, new, message):
+    kind, text = complaint(lambda: make_study(None, (old, new)))
+    assert kind is StudyError
+    assert "study.toml, line " in text
+    assert message in text
+
+
+def test_counts_that_do_not_roll_over_where_study_toml_says(make_study):
+    columns = make_study.swing()
+    columns["q"] = np.round(columns["q"] / 1e-4)
+    kind, text = complaint(lambda: make_study(columns, ('unit = "rad"', 'unit = "rad", scale = 1e-4, wrap_bits = 10')))
+    assert kind is RecordingError
+    assert text.startswith("sweep.csv: channel position (column 'q'): found counts from -")
+    assert text.endswith("expected all within 1024, as wrap_bits = 10 says")

@@ -411,6 +411,14 @@ def _of_columns(columns: Columns, name: str, spec: ChannelSpec) -> np.ndarray:
             f"{columns.path.name}: channel {name}: column {spec.column!r} has {len(stored)} samples, column "
             f"{spec.minus.column!r}, which is taken off it, {len(less)}; expected as many"
         )
+    if spec.wrap_bits is not None and np.isfinite(stored).any():
+        known = stored[np.isfinite(stored)][:: max(1, len(stored) // 200_000)]
+        low, high = np.quantile(known, (0.01, 0.99))
+        if high - low > 2.0**spec.wrap_bits:
+            raise RecordingError(
+                f"{columns.path.name}: channel {name} (column {spec.column!r}): found counts from {low:.6g} to "
+                f"{high:.6g}, expected all within {2.0**spec.wrap_bits:.6g}, as wrap_bits = {spec.wrap_bits} says"
+            )
     return _to_si(stored, spec, less)
 
 

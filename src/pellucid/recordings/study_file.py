@@ -39,6 +39,10 @@ _GAINS = {
 }
 
 
+MOST_KNOWN = 1e5
+"""Largest magnitude of a known parameter [SI]; that of an industrial robot's first axis is below."""
+
+
 class Drive(StudyTable):
     """How the effort is known: ``[rig.drive]``.
 
@@ -60,11 +64,11 @@ class Drive(StudyTable):
     """
 
     kind: Literal["torque", "current", "voltage"]
-    torque_constant: quantity("<constant>", gt=0) | None = None
-    force_constant: quantity("<constant>", gt=0) | None = None
-    gear_ratio: float = Field(1.0, gt=0)
-    resistance: quantity("ohm", gt=0) | None = None
-    supply: quantity("V", gt=0) | None = None
+    torque_constant: quantity("<constant>", gt=0, le=1e4) | None = None
+    force_constant: quantity("<constant>", gt=0, le=1e6) | None = None
+    gear_ratio: float = Field(1.0, ge=1e-5, le=1e5)
+    resistance: quantity("ohm", gt=0, le=1e5) | None = None
+    supply: quantity("V", gt=0, le=1e4) | None = None
     limit: quantity("<command>", gt=0) | None = None
 
     @property
@@ -385,7 +389,7 @@ class ChannelSpec(StudyTable):
     offset: float = 0.0
     scale: Annotated[float, AfterValidator(_not_zero)] = 1.0
     minus: Subtracted | None = None
-    wrap_bits: int | None = Field(None, ge=1, le=64)
+    wrap_bits: int | None = Field(None, ge=6, le=64)
     wrap: Annotated[float | None, Field(gt=0, json_schema_extra={"type": "string"})] = None
     signed_bits: int | None = Field(None, ge=2, le=64)
     missing: Literal["NaN"] | float | None = None
@@ -648,7 +652,16 @@ class Model(StudyTable):
         if not isinstance(known, dict):
             return known
         units = info.context or {}
-        return {name: parse_quantity(text, parameter_units(name, units), name) for name, text in known.items()}
+        values = {name: parse_quantity(text, parameter_units(name, units), name) for name, text in known.items()}
+        for name, value in values.items():
+            kind, found = name.split("_")[0], f'{name}: found "{known[name]}", expected'
+            if value < 0.0 and kind in ("viscous", "coulomb", "stribeck", "load"):
+                raise ValueError(f"{found} 0 or more: friction takes energy")
+            if value <= 0.0 and kind in ("inertia", "mass"):
+                raise ValueError(f"{found} more than 0: every body has inertia")
+            if abs(value) > MOST_KNOWN:
+                raise ValueError(f"{found} at most {MOST_KNOWN:g} in SI: no such machine has more")
+        return values
 
     @model_validator(mode="after")
     def _no_weight_along_a_slide(self, info: ValidationInfo) -> Model:

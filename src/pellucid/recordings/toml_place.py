@@ -93,6 +93,9 @@ def _say(problem: dict[str, Any], where: tuple, root: type[BaseModel]) -> str:
         return f"found {_short(found)}, expected letters, digits, - and _, without blanks"
     if kind in ("model_type", "dict_type", "model_attributes_type"):
         return f"found {_short(found)}, expected a table"
+    if kind in ("less_than_equal", "greater_than_equal"):
+        word, bound = ("at most", "le") if kind == "less_than_equal" else ("at least", "ge")
+        return f"found {_short(found)}, expected {word} {problem['ctx'][bound]:g}"
     return f"found {_short(found)}: {problem['msg'][0].lower()}{problem['msg'][1:]}"
 
 
