@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from pellucid._errors import RecordingError, StudyError
+from pellucid._errors import IdentificationError, RecordingError, StudyError
 from pellucid.procedures.joint.aligned_motions import motions
 from pellucid.procedures.registry import open_study
 from pellucid.procedures.run import check, identify
@@ -155,3 +155,13 @@ def test_a_recording_is_not_judged_by_itself(make_study):
     assert [f.kind for f in check(study) if f.severity == "refuse"] == ["duplicate"]
     windows = make_study(None, ('use = "fit"', 'use = "fit"\nwindow = ["0 s", "6 s"]'), append=again.format("sweep"))
     assert [f.kind for f in check(windows) if f.severity == "refuse"] == ["duplicate"]
+
+
+def test_one_recording_of_two_with_its_drive_reversed(make_study):
+    columns = make_study.swing()
+    again = '\n[[recordings]]\nname = "again"\nfile = "recordings/again.csv"\n'
+    study = make_study(columns, append=again)
+    rows = np.column_stack([columns["t"], columns["q"], -columns["i"]])[100:]
+    np.savetxt(study.folder / "recordings" / "again.csv", rows, delimiter=",", header="t,q,i", comments="")
+    with pytest.raises(IdentificationError, match=r"recording again: .* the sign of the drive or of the position"):
+        identify(study)

@@ -11,6 +11,9 @@ GAP_STEPS = 1.5
 """A time step longer than this many typical ones is a gap: a sample is missing."""
 
 
+BEYOND_JITTER = 1.3
+"""Neither is a step a gap that is not this many times as long as all but 2 in 100 of a clock that jitters."""
+
 JITTER_SHARE = 0.1
 """Share of the time step by which 1 sample in 100 may be off before samples count as unevenly spaced."""
 

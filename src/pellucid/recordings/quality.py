@@ -12,7 +12,7 @@ import numpy as np
 from .._errors import RecordingError
 from .cut import JITTER_SHARE, sound_samples
 from .defects import clipped
-from .defects.find import MOST_CLIPPED, find, kinds, watched
+from .defects.find import MOST_CLIPPED, bridgeable, find, kinds, watched
 from .defects.magnitude import implausible
 from .defects.watched import Watched
 from .delay import MOVED
@@ -170,6 +170,11 @@ def _check_time(recording: Recording, study: Study, add: Add) -> bool:
         found = f"time {what} at {place}, {back.size} times in all"
         add("refuse", "time_order", "time", found, "time that increases with every sample")
         return False
+    bridged = bridgeable(study.processing_of(recording), recording.fs)
+    long = steps[(steps > recording.longest_step) & (steps <= bridged)]
+    if long.size and study.processing_of(recording).resample is not None:
+        many = "a gap" if long.size == 1 else f"{long.size} gaps"
+        add("note", "gap", "time", f"{many} of up to {long.max():.4g} s", "a sample at every step; interpolated over")
     if recording.jitter > JITTER_SHARE:
         rate, step = study.processing_of(recording).resample or recording.fs, 1.0 / recording.fs
         found = f"irregular steps, off by {100 * recording.jitter:.3g} % of {step:.4g} s in 1 of 100 samples (jitter)"
@@ -257,7 +262,7 @@ def _check_jump(q: np.ndarray, add: Add) -> None:
     if not 0.0 < np.nanmax(moved) <= 0.1 * span:
         return
     i = int(jumps[0])
-    found = f"a jump from {q[i]:.4g} to {q[i + 1]:.4g} at index {i + 1}, {jumps.size} in all"
+    found = f"a leap from {q[i]:.4g} to {q[i + 1]:.4g} at index {i + 1}, {jumps.size} in all"
     add(
         "refuse", "wrap", "position", found, "a continuous position: an encoder that rolls over needs wrap_bits or wrap"
     )

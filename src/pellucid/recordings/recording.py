@@ -11,7 +11,7 @@ from types import MappingProxyType
 import numpy as np
 
 from .._errors import RecordingError
-from .cut import GAP_STEPS, Cut, sound_samples, spans_between
+from .cut import BEYOND_JITTER, GAP_STEPS, Cut, sound_samples, spans_between
 from .optical import OpticalRecording
 
 NO_JITTER = 0.01
@@ -226,12 +226,22 @@ class Recording:
         return len(time) > 1 and bool(np.all(np.diff(time) > 0.0))
 
     @cached_property
+    def longest_step(self) -> float:
+        """Time step beyond which samples are missing: half as long again as usual, more where the clock jitters [s]."""
+        steps = np.diff(self.time)
+        steps = steps[np.isfinite(steps)]
+        usual = GAP_STEPS / self.fs
+        if steps.max(initial=0.0) <= usual:
+            return usual
+        return max(usual, BEYOND_JITTER * float(np.quantile(steps[:: max(1, len(steps) // 200_000)], 0.98)))
+
+    @cached_property
     def jitter(self) -> float:
         """Share of the time step by which 1 sample in 100 is off; by which all are where that is next to nothing."""
         steps = np.diff(self.time)
         if steps.size and (most := max(steps.max() * self.fs - 1.0, 1.0 - steps.min() * self.fs)) < NO_JITTER:
             return float(most)
-        steps = steps[steps <= GAP_STEPS / self.fs]
+        steps = steps[steps <= self.longest_step]
         return float(np.quantile(np.abs(steps * self.fs - 1.0), 0.99)) if steps.size else 0.0
 
     @cached_property
@@ -241,7 +251,7 @@ class Recording:
         if "position" not in self or len(self) < 3:
             return False
         time, q = self.time, self["position"]
-        near = np.diff(time) <= GAP_STEPS / self.fs
+        near = np.diff(time) <= self.longest_step
         inner = near[1:] & near[:-1] & self.sound[1:-1]
         share = (time[1:-1] - time[:-2]) / (time[2:] - time[:-2])
         recorded, even = (

@@ -10,6 +10,10 @@ import numpy as np
 from .._errors import RecordingError
 from ..recordings.cut import GAP_STEPS
 from ..recordings.recording import Recording
+from .filters import runs
+
+HELD = 5
+"""Samples in a row that may be lost: a simulation bridges them by what the input was before."""
 
 
 @dataclass(frozen=True)
@@ -53,6 +57,15 @@ def input_output(recording: Recording, channels: Sequence[str]) -> InputOutput:
     known = finite & recording.sound
     if not finite.all():
         notes.append(f"{_samples(int((~finite).sum()))} with a missing number left out")
+    lost = [run.stop - run.start for run in runs(~known)]
+    if max(lost, default=0) > HELD:
+        # What drove it meanwhile is not known, and a simulation cannot go on over it.
+        starts = [0, *(r.stop for r in runs(~known) if r.stop - r.start > HELD), len(known)]
+        ends = [*(r.start for r in runs(~known) if r.stop - r.start > HELD), len(known)]
+        begin, end = max(zip(starts, ends, strict=False), key=lambda part: part[1] - part[0])
+        notes.append(f"a stretch of {max(lost)} samples lost: the longest part beside it kept, {end - begin} samples")
+        known[:begin] = False
+        known[end:] = False
     if not known.all():
         table = table[known]
     starts = np.concatenate([[0], np.flatnonzero(np.diff(table[:, 0]) < 0.0) + 1])

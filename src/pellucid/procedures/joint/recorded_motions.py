@@ -9,6 +9,7 @@ import numpy as np
 
 from ..._errors import RecordingError
 from ...recordings.cut import JITTER_SHARE
+from ...recordings.delay import at_times
 from ...recordings.fault import Fault
 from ...recordings.recording import Recording
 from ...recordings.study import Study
@@ -188,10 +189,16 @@ def evenly_sampled(recording: Recording, span: slice, processing: Processing) ->
         return recording.fs, values
     fs, time = processing.resample or recording.fs, values["time"]
     if processing.resample is None and recording.stamped_evenly:
-        count = np.arange(len(time)) / fs
-        return fs, {**values, "time": count + float(np.median(time - count))}
+        step, first = np.polyfit(np.arange(len(time)), time, 1) if len(time) > 2 else (1.0 / fs, time[0])
+        return 1.0 / step, {**values, "time": first + step * np.arange(len(time))}
     grid = even_times(time, fs)
     held = {"enabled"}
     nearest = np.clip(np.searchsorted(time, grid, side="right") - 1, 0, len(time) - 1)
-    even = {n: x[nearest] if n in held else np.interp(grid, time, x) for n, x in values.items() if n != "time"}
+    # Where nobody asked for straight lines there are cubics through neighbours, which lose less.
+    curved = processing.resample is None
+    even = {
+        n: x[nearest] if n in held else at_times(time, x, grid) if curved else np.interp(grid, time, x)
+        for n, x in values.items()
+        if n != "time"
+    }
     return fs, {"time": grid, **even}

@@ -18,6 +18,9 @@ SHORTEST = 10
 APART = 5.0
 """How many times longer than any other run of one value a dropout is."""
 
+NEAR = 1.5
+"""And where it leaps by `SURE` times the usual step."""
+
 MOST = 20
 """Dropouts in a recording beyond which resting is the channel's way."""
 
@@ -30,6 +33,9 @@ LONGEST = 1.0
 LEAP = 5.0
 """A value that is lost and comes back leaps by this many times the usual step on either side."""
 
+SURE = 25.0
+"""And by this many times where its length alone says little."""
+
 MOVES = 0.25
 """Share of the typical way that a body goes in the time of a dropout, if it moves."""
 
@@ -41,11 +47,13 @@ def find(watched: Watched) -> Iterator[Cut]:
         x = watched.samples(name)
         first, length = runs(np.diff(x) == 0.0)
         length = length + 1
-        for i in _outstanding(length, len(x)):
+        far = set(_outstanding(length, len(x), APART).tolist())
+        for i in _outstanding(length, len(x), NEAR).tolist():
             a, b = int(first[i]), int(first[i] + length[i] - 1)
             if length[i] > LONGEST * watched.recording.fs or _limited(watched, name, x, a):
                 continue
-            lost = _leaps(x, a, b) or (moved is not None and not _is_motion(name) and _moves(moved, a, b))
+            lost = _leaps(x, a, b, LEAP if i in far else SURE)
+            lost |= i in far and moved is not None and not _is_motion(name) and _moves(moved, a, b)
             if lost:
                 many = f"the one value {x[a]:.6g} {watched.recording.channels[name].unit} in {length[i]} samples"
                 yield watched.cut(KIND, name, a, b, f"a dropout, {many}")
@@ -55,12 +63,14 @@ def _is_motion(name: str) -> bool:
     return name.partition(".")[0] in MOTION
 
 
-def _outstanding(length: np.ndarray, n: int) -> np.ndarray:
-    """Which runs are far longer than all others of `n` samples."""
+def _outstanding(length: np.ndarray, n: int, apart: float) -> np.ndarray:
+    """Which runs are so many times longer than all others of `n` samples."""
     order = np.argsort(length)[::-1][: MOST + 1]
     longest = np.append(length[order], 1).astype(float)
-    apart = np.flatnonzero(longest[:-1] >= APART * longest[1:])
-    count = int(apart[-1]) + 1 if apart.size else 0
+    gaps = np.flatnonzero(longest[:-1] >= apart * longest[1:])
+    # Below the shortest dropout any two runs are that far apart.
+    gaps = gaps[longest[gaps] >= SHORTEST]
+    count = int(gaps[-1]) + 1 if gaps.size else 0
     kept = order[: count if count <= MOST else 0]
     return np.sort(kept[length[kept] >= SHORTEST]) if length[kept].sum() <= MOST_SHARE * n else kept[:0]
 
@@ -71,15 +81,15 @@ def _limited(watched: Watched, name: str, x: np.ndarray, at: int) -> bool:
     return at_limit(watched, name, value) or value >= np.nanmax(x) or value <= np.nanmin(x)
 
 
-def _leaps(x: np.ndarray, a: int, b: int) -> bool:
-    """Whether it leaves for one value at once, and comes back from it at once."""
+def _leaps(x: np.ndarray, a: int, b: int, times: float) -> bool:
+    """Whether it leaves for one value at once, and comes back from it at once, by so many times the usual step."""
     if a == 0 or b + 1 >= len(x):
         return False
     there, back = x[a] - x[a - 1], x[b] - x[b + 1]
     around = np.abs(np.concatenate([np.diff(x[max(a - 25, 0) : a]), np.diff(x[b + 1 : b + 26])]))
     around = around[np.isfinite(around)]
     usual = float(np.quantile(around, 0.75)) if around.size else np.inf
-    return there * back > 0.0 and min(abs(there), abs(back)) > LEAP * usual
+    return there * back > 0.0 and min(abs(there), abs(back)) > times * usual
 
 
 def _moves(q: np.ndarray, a: int, b: int) -> bool:

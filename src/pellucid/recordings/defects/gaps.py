@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from ..cut import GAP_STEPS, Cut
+from ..cut import Cut
 from .watched import Watched
 
 KIND = "gap"
@@ -18,7 +18,7 @@ def find(watched: Watched) -> Iterator[Cut]:
     steps = np.diff(time)
     if np.any(steps <= 0.0):
         return
-    for before in np.flatnonzero(steps > max(GAP_STEPS * step, watched.bridged)):
+    for before in np.flatnonzero(steps > max(watched.recording.longest_step, watched.bridged)):
         if watched.usable[before] and watched.usable[before + 1]:
             found = f"a gap of {steps[before]:.4g} s instead of {step:.4g} s"
             yield watched.cut(KIND, "time", before + 1, before, found)

@@ -30,6 +30,9 @@ BEYOND = {"emg": 30.0, "acceleration": 3.0, "angular_velocity": 3.0}
 """Parts of names of channels in which a knock, or a muscle, is as sharp: a spike is so many times as high as all the
 rest of the channel is wide."""
 
+STEPS = 3.0
+"""And where a channel without inertia begins or ends."""
+
 SHARP = 0.4
 """Share of a spike's height by which it rises, and falls, in one step."""
 
@@ -45,21 +48,23 @@ def find(watched: Watched) -> Iterator[Cut]:
     for name in watched.channels:
         unit = watched.recording.channels[name].unit
         widest = max(WIDEST[0], round(WIDEST[1] * watched.recording.fs))
-        x, border = watched.samples(name), name.partition(".")[0] in MOTION
-        found = spikes(x, widest, border)
+        x, inert = watched.samples(name), name.partition(".")[0] in MOTION
+        found = spikes(x, widest)
         beyond = max((BEYOND.get(part, 0.0) for part in name.split(".")), default=0.0)
-        if found and beyond:
+        if found:
             rest = x.copy()
             for first, last, _ in found:
                 rest[first : last + 1] = np.nan
-            found = [each for each in found if each[2] > beyond * (np.nanmax(rest) - np.nanmin(rest))]
+            wide = float(np.nanmax(rest) - np.nanmin(rest)) if np.isfinite(rest).any() else 0.0
+            # What begins or ends may step, unless it has inertia.
+            ends = [each for each in found if each[0] == 0 or each[1] == len(x) - 1]
+            found = [e for e in found if e[2] > wide * max(beyond, STEPS if e in ends and not inert else 0.0)]
         for first, last, height in found:
             yield watched.cut(KIND, name, first, last, f"a spike of {height:.3g} {unit}")
 
 
-def spikes(x: np.ndarray, widest: int, border: bool) -> list[tuple[int, int, float]]:
-    """First and last sample of each spike of `x`, shape (n,), and its height; `widest` samples, with `border` also
-    where `x` begins or ends."""
+def spikes(x: np.ndarray, widest: int) -> list[tuple[int, int, float]]:
+    """First and last sample of each spike of `x`, shape (n,), and its height; at most `widest` samples."""
     n = len(x)
     if n < 4 * AROUND:
         return []
@@ -74,7 +79,7 @@ def spikes(x: np.ndarray, widest: int, border: bool) -> list[tuple[int, int, flo
     leaps = np.flatnonzero(steps > max(QUANTA * quantum, 3.0 * usual))
     if leaps.size > MOST:
         leaps = np.sort(leaps[np.argpartition(steps[leaps], -MOST)[-MOST:]])
-    first, last, height = _excursions(x, leaps, widest, border)
+    first, last, height = _excursions(x, leaps, widest)
     # The largest step that is part of no excursion is what the channel itself can do.
     bounds = np.searchsorted(leaps, np.column_stack([first - 1, last + 1]))
     change = np.zeros(leaps.size + 1, int)
@@ -90,9 +95,7 @@ def spikes(x: np.ndarray, widest: int, border: bool) -> list[tuple[int, int, flo
     return found
 
 
-def _excursions(
-    x: np.ndarray, leaps: np.ndarray, widest: int, border: bool
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _excursions(x: np.ndarray, leaps: np.ndarray, widest: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """First and last sample, and height, of each stretch of at most `widest` samples into which a leap leads and from
     which `x` comes back at once."""
     n = len(x)
@@ -121,13 +124,11 @@ def _excursions(
     width = whole.argmax(axis=1) + 1
     first, last = leaps[found] + 1, leaps[found] + width[found]
     height = peak[found, width[found] - 1]
-    if border:
-        begins, ends = leaps < widest, leaps >= n - 1 - widest
-        high = rise[:, 0] > LOCALLY * local
-        edge = (begins | ends) & high & ~found
-        first = np.concatenate([first, np.where(begins, 0, leaps + 1)[edge]])
-        last = np.concatenate([last, np.where(begins, leaps, n - 1)[edge]])
-        height = np.concatenate([height, rise[edge, 0]])
-        order = np.argsort(first, kind="stable")
-        first, last, height = first[order], last[order], height[order]
-    return first, last, height
+    # Where it begins or ends there is nothing to come back to.
+    begins, ends = leaps < widest, leaps >= n - 1 - widest
+    edge = (begins | ends) & (rise[:, 0] > LOCALLY * local) & ~found
+    first = np.concatenate([first, np.where(begins, 0, leaps + 1)[edge]])
+    last = np.concatenate([last, np.where(begins, leaps, n - 1)[edge]])
+    height = np.concatenate([height, rise[edge, 0]])
+    order = np.argsort(first, kind="stable")
+    return first[order], last[order], height[order]
