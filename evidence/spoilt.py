@@ -212,6 +212,9 @@ def _bases(folder: Path) -> Iterator[tuple[Base, dict[str, Case]]]:
     study = open_study(folder / "bench")
     shown = {n: study.recording("multisine").channels[n] for n in ("time", "position", "current")}
     yield Base("bench", _head(study), shown, drive="current"), JOINT
+    point = {n: study.recording("point_to_point").channels[n] for n in shown}
+    pair = {"contradicting": Case("contradiction", _scaled("drive", 1.7))}
+    yield Base("bench.two", _head(study), shown, (point,), "current"), pair
     study = init(folder / "modexo", dataset="modexo_joint")
     made = study.recording("i_05_b_1_k_20_T_50")
     few = {
