@@ -265,7 +265,7 @@ def _real(made: Demonstration) -> Section:
         "real",
         "A real machine",
         (
-            f"{name}: {info(name).title}. Its recordings come with Pellucid under {info(name).licence}. Of "
+            f"{name}: {info(name).title}, under the licence {info(name).licence}. Of "
             f"{len(fit.families)} friction families, {best.family} was chosen. "
             f"{fitted} recordings were fitted; on {judged} others, of other movements, the error of its effort is "
             f"{percent(best.heldout_effort_error)} %.",
