@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
 import select
@@ -9,18 +10,23 @@ import signal
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 MOST_SECONDS, MOST_BYTES = 10.0, 1e9
 """Above which a trial is over its limit [s], [B]."""
+
+PATIENCE = 30.0
+"""After which a trial that has not come back is killed [s]; processors are shared with others."""
 
 
 @dataclass(frozen=True)
 class Outcome:
     """Of one trial."""
 
+    case: str
     said: str  # What it returned; of one that died, how
-    seconds: float
+    seconds: float  # Of processors; of one that was killed for not coming back, until then
     bytes: float  # Largest memory of its process and of the one that reads for it, up to then
     died: bool = False
 
@@ -41,10 +47,10 @@ def tried(cases: Sequence[Any], run: Callable[[Any], str], workers: int = 2) -> 
             line = worker.pipe.readline() if worker.pipe in ready else b""
             if line:
                 i, said, seconds, held = json.loads(line)
-                found[i] = Outcome(said, seconds, held)
+                found[i] = Outcome(_shown(cases[i]), said, seconds, held)
                 worker.share.remove(i)
                 worker.since = time.monotonic()
-            elif worker.pipe in ready or time.monotonic() - worker.since > 2.0 * MOST_SECONDS:
+            elif worker.pipe in ready or time.monotonic() - worker.since > PATIENCE:
                 running.remove(worker)
                 os.kill(worker.pid, signal.SIGKILL)
                 worker.pipe.close()
@@ -52,7 +58,9 @@ def tried(cases: Sequence[Any], run: Callable[[Any], str], workers: int = 2) -> 
                 if not worker.share:
                     continue
                 took = time.monotonic() - worker.since
-                found[worker.share[0]] = Outcome(f"died with status {status}", took, 0.0, died=took <= MOST_SECONDS)
+                first = worker.share[0]
+                said, late = f"died with status {status}", took > PATIENCE
+                found[first] = Outcome(_shown(cases[first]), said, took if late else 0.0, 0.0, died=not late)
                 if worker.share[1:]:
                     running.append(_start(cases, run, worker.share[1:]))
     return [found[i] for i in range(len(cases))]
@@ -77,9 +85,9 @@ def _start(cases, run, share):
         with os.fdopen(write, "wb", buffering=0) as out:
             for i in share:
                 _forget()
-                begun = time.monotonic()
+                begun = _ran()
                 said = run(cases[i])
-                out.write(json.dumps([i, said, time.monotonic() - begun, _held()]).encode() + b"\n")
+                out.write(json.dumps([i, said, _ran() - begun, _held()]).encode() + b"\n")
     finally:
         for process in _readers():
             process.kill()
@@ -90,6 +98,21 @@ def _readers():
     from pellucid.recordings.readers import _apart
 
     return [process for pid, process in _apart._running.items() if pid == os.getpid()]
+
+
+def _shown(case: Any) -> str:
+    parts = case if isinstance(case, tuple) else (case,)
+    return " ".join(part.name if isinstance(part, Path) else str(part) for part in parts)
+
+
+def _ran() -> float:
+    """Processor time of this process, its children, and the one that reads for it [s]."""
+    total = sum(os.times()[:4])
+    for process in _readers():
+        with contextlib.suppress(OSError, IndexError):
+            fields = Path(f"/proc/{process.pid}/stat").read_text(encoding="ascii").rpartition(")")[2].split()
+            total += (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
+    return total
 
 
 def _forget() -> None:

@@ -179,3 +179,68 @@ def healthy(folder: Path, n: int = 2000) -> Iterator[Path]:
             said = TOML.format(ending=ending, time=time, position=position, current=current)
             (study / "study.toml").write_text(said, encoding="utf-8")
             yield study
+
+
+MUSCLE = """name = "muscle"
+
+[rig]
+joint = "muscle"
+motion = "prismatic"
+
+[channels]
+time = { column = "t", unit = "s" }
+force = { column = "f", unit = "N" }
+
+[streams.displacement.channels]
+time = { column = "t", unit = "s" }
+displacement = { column = "x", unit = "1" }
+
+[isolated_muscle]
+isometric_force = "1.17 N"
+max_isometric_force = "1.28 N"
+optimal_fibre_length = "17 mm"
+tendon_slack_length = "17 mm"
+pennation = "6 deg"
+"""
+
+
+def muscle_study(folder: Path) -> None:
+    """A muscle whose length is imposed, in two recordings: what `calibrate` can be asked without EMG."""
+    (folder / "recordings").mkdir(parents=True)
+    t, said = np.arange(800) / 200.0, MUSCLE
+    x = np.sin(2 * np.pi * 1.3 * t)
+    _table(",")(folder / "recordings" / "x.csv", {"t": t, "x": x})
+    for name, use, amplitude in (("small", "fit", 0.1), ("large", "validate", 0.5)):
+        _table(",")(folder / "recordings" / f"{name}.csv", {"t": t, "f": 1.17 + 0.3 * amplitude * x})
+        said += f'[[recordings]]\nname = "{name}"\nfile = "recordings/{name}.csv"\nuse = "{use}"\n'
+        said += f'streams = {{ displacement = "recordings/x.csv" }}\namplitude = "{amplitude} mm"\n'
+        said += 'protocol = "imposed_length"\n'
+    (folder / "study.toml").write_text(said, encoding="utf-8")
+
+
+def pointing_study(folder: Path) -> None:
+    """Two people who point under two conditions: what `assess` can be asked."""
+    rng, fs = np.random.default_rng(5), 100.0
+    (folder / "recordings").mkdir(parents=True)
+    said = 'name = "pointing"\n[rig]\njoint = "elbow"\nmotion = "rotary"\n[channels]\n'
+    said += 'time = { column = "t", unit = "s" }\ntarget = { column = "g", unit = "deg" }\n'
+    said += 'position = { column = "q", unit = "deg" }\n[assessment]\ncontrol = "Ctrl"\n'
+    people = [f"P{i}" for i in range(4)]
+    for person in people:
+        said += f'[participants.{person}]\nmass = "63 kg"\n'
+    for person in people:
+        for condition, slower in (("Ctrl", 1.0), ("FC", 1.2)):
+            angle, target, at = [np.full(100, 60.0)], [np.full(100, 60.0)], 60.0
+            for step in np.tile([12.0, -12.0, 36.0, -36.0, 60.0, -60.0], 2):
+                n = int(fs * slower * (0.4 + 0.008 * abs(step)) * np.exp(0.05 * rng.standard_normal()))
+                s = np.clip((np.arange(n + 150) - 30) / n, 0.0, 1.0)
+                angle.append(at + step * (10 * s**3 - 15 * s**4 + 6 * s**5))
+                target.append(np.full(n + 150, at + step))
+                at += step
+            q = np.concatenate(angle)
+            name = f"{person}_{condition}"
+            columns = {"t": np.arange(len(q)) / fs, "g": np.concatenate(target), "q": q}
+            _table(",")(folder / "recordings" / f"{name}.csv", columns)
+            said += f'[[recordings]]\nname = "{name}"\nfile = "recordings/{name}.csv"\nprotocol = "pointing"\n'
+            said += f'participant = "{person}"\ncondition = "{condition}"\n'
+    (folder / "study.toml").write_text(said, encoding="utf-8")

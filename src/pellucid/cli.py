@@ -438,12 +438,11 @@ def _found(study: Study, command: str, json: bool, run: Callable[[Study, Callabl
 
 
 def _print_json(result: Result) -> None:
-    from dataclasses import asdict
     from json import dumps
 
-    from .recordings.results import finite
+    from .recordings.results import as_table, finite
 
-    typer.echo(dumps({"figures": [asdict(finite(row)) for row in result.rows]}, indent=1, ensure_ascii=False))
+    typer.echo(dumps({"figures": [as_table(finite(row)) for row in result.rows]}, indent=1, ensure_ascii=False))
 
 
 def _list(out: Console, items: Sequence[tuple[str, str]]) -> None:

@@ -8,6 +8,9 @@ from math import isnan
 
 from ..models.card import CardParameter
 
+UNDETERMINED = "undetermined: a change of the recordings by 1e-12 moves it beyond its interval"
+"""Why the interval of a parameter is refused that means another number on every machine."""
+
 
 @dataclass(frozen=True)
 class Parameter:
@@ -48,6 +51,11 @@ class Parameter:
     def __post_init__(self) -> None:
         if isnan(self.statistical_error):
             object.__setattr__(self, "statistical_error", self.standard_error)
+
+    @property
+    def undetermined(self) -> bool:
+        """Whether the recordings leave the value to chance: another processor's rounding finds another one."""
+        return self.refused == UNDETERMINED
 
     @property
     def trusted(self) -> bool:

@@ -158,6 +158,8 @@ def parameter_interval(parameter: Parameter, level: float) -> str:
 def parameter_note(parameter: Parameter, level: float) -> str:
     """What has to be said of a parameter beside its interval, in a few words; nothing where all is well."""
     low, high = parameter.interval(level)
+    if parameter.undetermined:
+        return "undetermined"
     if parameter.at_bound:
         return "at its bound"
     if parameter.standard_error == 0.0:

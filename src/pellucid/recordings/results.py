@@ -13,6 +13,7 @@ from typing import Any
 
 from .._atomic import write_text_atomically
 from .._errors import RecordingError
+from .._given import read_given
 from .lock import locked
 
 SPLITS = ("fitted", "heldout", "simulated")
@@ -29,8 +30,11 @@ class ResultRow:
     split: str  # ``"fitted"``, ``"heldout"`` or ``"simulated"``
     data_checksum: str | None = None  # SHA-256 of what it was computed from
     note: str = ""  # Remark for a reader
+    undetermined: bool = False  # Whether the recordings leave it to chance: another processor finds another value
 
     def __post_init__(self):
+        if not all(isinstance(text, str) for text in (self.id, self.command, self.note)):
+            raise RecordingError(f"{str(self.id)[:100]}: found an id, a command or a note that is no text")
         if self.split not in SPLITS:
             raise RecordingError(f"{self.id}: found the split {self.split!r}, expected one of {', '.join(SPLITS)}")
         if not isinstance(self.unit, str) or not self.unit:
@@ -72,19 +76,24 @@ def replace_rows(path: Path, command: str, rows: Iterable[ResultRow]) -> tuple[R
                 f"{path}: the id {row.id} occurs twice, in rows of {seen[row.id]} and of {row.command}"
             )
         seen[row.id] = row.command
-    text = json.dumps({"figures": [asdict(row) for row in both]}, indent=1, ensure_ascii=False, allow_nan=False)
+    text = json.dumps({"figures": [as_table(row) for row in both]}, indent=1, ensure_ascii=False, allow_nan=False)
     write_text_atomically(path, text + "\n")
     return both
+
+
+def as_table(row: ResultRow) -> dict[str, Any]:
+    """A row as JSON has it; whether it is undetermined is said only of one that is."""
+    return {key: value for key, value in asdict(row).items() if key != "undetermined" or value}
 
 
 def read_rows(path: str | os.PathLike) -> list[ResultRow]:
     """Rows of a results.json, in its order."""
     path = Path(path)
     try:
-        content: Any = json.loads(path.read_text(encoding="utf-8"))
+        content: Any = json.loads(read_given(path).decode("utf-8"))
     except FileNotFoundError:
         raise RecordingError(f"{path}: no such file; the commands write it") from None
-    except (OSError, ValueError) as error:
+    except (OSError, ValueError, RecursionError) as error:
         raise RecordingError(
             f"{path}: not readable as JSON, truncated or damaged: {error}; remove it and run the commands again"
         ) from error

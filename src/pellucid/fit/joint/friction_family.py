@@ -15,6 +15,7 @@ from ..parameter import Parameter
 from ..regression import Solution, Stack, stack
 from .closed_loop import solve_didim, solve_instrumental, solve_output_error
 from .consistency import enforce_pseudo_inertia
+from .determinacy import marked, undetermined
 from .estimator_choice import EstimatorChoice, estimator_choice
 from .evaluation import Prediction, pooled, predict
 from .friction_solver import solve_family, solve_from_part, with_known_stribeck_velocity
@@ -96,12 +97,18 @@ def fit_family(
     taken, part = everything, data
     if said:
         taken, part = excerpt, stack([m for m in excerpt if m.split == "fitted"])
-    start, note = solve_family(model, part), ()
+    free = start = solve_family(model, part)
+    note = ()
     first = solve_from_part(model, data, start) if said else start
     if moving_mass is not None:
         first, note = enforce_pseudo_inertia(model, data, first, moving_mass)
         start = enforce_pseudo_inertia(model, part, start, moving_mass)[0] if said else first
     estimate = estimated(model, data, first, "ls", note, level=level)
+    loose = frozenset()
+    if thorough:
+        widths = [0.5 * np.ptp(p.interval(level)) for p in estimate.parameters]
+        loose = undetermined(model, part, free, widths)
+        estimate = replace(estimate, parameters=marked(estimate.parameters, loose))
     half_width = float(np.quantile(np.abs(first.residual), level))
     known = {}
     if said:
@@ -112,6 +119,9 @@ def fit_family(
     others, simulations, failures = (
         _thorough(model, part, start, estimate, taken, machine, level) if thorough else ({}, {}, {})
     )
+    # The others take the Stribeck velocity of least squares, and with it what depends on it.
+    taken_over = loose | {"stribeck"} if "stribeck_velocity" in loose else loose
+    others = {name: replace(e, parameters=marked(e.parameters, taken_over)) for name, e in others.items()}
     estimates = {"ls": estimate, **others}
     by_method = {"ls": predict(model, first.values, taken, half_width) if said else predictions}
     for name, other in others.items():

@@ -205,7 +205,8 @@ def _headline_rows(fit: JointResult, together: str) -> Iterator[ResultRow]:
     head = f"{fit.study}.headline"
     for p in one.estimate.parameters:
         note = f"{p.sentence()}; {how}; {fit.filter_note}"
-        yield replace(plain, id=f"{head}.{p.name}", value=p.value, unit=p.unit, note=note)
+        own = replace(plain, note=note, undetermined=p.undetermined)
+        yield replace(own, id=f"{head}.{p.name}", value=p.value, unit=p.unit)
     held = replace(plain, split="heldout")
     if np.isfinite(one.heldout_effort_error):
         yield replace(held, id=f"{head}.heldout.effort_error", value=one.heldout_effort_error, unit="%")
@@ -221,8 +222,9 @@ def _headline_rows(fit: JointResult, together: str) -> Iterator[ResultRow]:
 def _estimate_rows(head: str, estimate: JointEstimate, plain: ResultRow) -> Iterator[ResultRow]:
     for p in estimate.parameters:
         note = f"{p.sentence()}; {plain.note}"
-        yield replace(plain, id=f"{head}.{p.name}", value=p.value, unit=p.unit, note=note)
-        yield replace(plain, id=f"{head}.{p.name}.relative_sd", value=p.relative_sd, unit="%")
+        own = replace(plain, undetermined=p.undetermined)
+        yield replace(own, id=f"{head}.{p.name}", value=p.value, unit=p.unit, note=note)
+        yield replace(own, id=f"{head}.{p.name}.relative_sd", value=p.relative_sd, unit="%")
     yield replace(plain, id=f"{head}.condition_number", value=estimate.condition_number)
     if estimate.whiteness is not None:
         yield replace(plain, id=f"{head}.residual_lag1", value=estimate.whiteness.lag1)

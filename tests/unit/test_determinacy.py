@@ -1,0 +1,94 @@
+"""Figures that mean something on every machine: the chosen family's agree, and those left to chance say so."""
+
+import json
+import os
+import subprocess
+import sys
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import pellucid as pl
+from pellucid.fit.joint.determinacy import _changed, marked, undetermined
+from pellucid.fit.joint.friction_solver import solve_family
+from pellucid.fit.regression import stack
+from pellucid.models.joint import joint_model
+from pellucid.pages.quantities import parameter_note
+from pellucid.procedures.joint.aligned_motions import motions
+from pellucid.recordings import read_rows
+
+KERNELS = ("Haswell", "SkylakeX", "Nehalem")
+IDENTIFY = """
+import json, sys
+import pellucid as pl
+found = pl.identify(pl.open(sys.argv[1]), families=["symmetric", "directional"])
+print(json.dumps({row.id: row.value for row in found.rows if not row.undetermined}))
+"""
+
+
+@pytest.fixture
+def data(make_study):
+    return stack(motions(make_study(), "fit"))
+
+
+def test_what_the_recordings_carry_is_determined(data):
+    model = joint_model("symmetric", motion="rotary", effort_unit="N*m", gravity="sine")
+    found = solve_family(model, data)
+    assert undetermined(model, data, found, np.full(len(found.values), 1e-6)) == frozenset()
+
+
+def test_two_columns_that_are_one_are_left_to_chance(data):
+    """An interval that is given narrower than what rounding moves is not one."""
+    model = joint_model("symmetric", motion="rotary", effort_unit="N*m", gravity="sine")
+    found = solve_family(model, data)
+    moved = found.values.copy()
+    moved[1] += 1e-3
+    wrong = replace(found, values=moved)
+    assert undetermined(model, data, wrong, np.full(len(moved), 1e-4)) == {model.names[1]}
+    changed = _changed(data, np.random.default_rng(1))
+    assert 0.0 < np.abs(changed.target - data.target).max() < 1e-10 * np.abs(data.target).max()
+
+
+def test_what_has_no_effect_is_undetermined_in_rows_and_on_pages(make_study):
+    # Friction that only grows with speed, seen from above: no more of it at rest.
+    columns = make_study.swing()
+    q, t = columns["q"], columns["t"]
+    v = np.gradient(q, t)
+    columns["i"] = (
+        columns["i"] - 0.2 * np.tanh(v / 0.05) / 2.0 + (0.2 - 0.1 * np.exp(-np.abs(v) / 0.5)) * np.sign(v) / 2.0
+    )
+    study = make_study(columns)
+    found = pl.identify(study, families=["symmetric", "stribeck"])
+    found.save(study)
+    family = found.families["stribeck"].estimate
+    velocity = family["stribeck_velocity"]
+    assert family["stribeck"].value == 0.0
+    assert velocity.undetermined
+    assert parameter_note(velocity, 0.95) == "undetermined"
+    rows = {row.id: row for row in read_rows(study.results_path)}
+    assert rows["bench.stribeck.stribeck_velocity"].undetermined
+    assert rows["bench.stribeck.wls.stribeck"].undetermined
+    assert not any(row.undetermined for id, row in rows.items() if ".symmetric." in id)
+    told = json.loads(study.results_path.read_text())["figures"]
+    assert [f["undetermined"] for f in told if f["id"] == "bench.stribeck.stribeck_velocity"] == [True]
+    assert not any("undetermined" in f for f in told if f["id"].startswith("bench.symmetric"))
+    assert "undetermined" in pl.report(study, found).read_text(encoding="utf-8")
+    assert not any(p.undetermined for p in marked(family.parameters[:1], frozenset()))
+
+
+def test_the_chosen_familys_figures_agree_on_every_kernel(make_study):
+    study, told = make_study(), {}
+    for kernel in KERNELS:
+        environment = os.environ | {"OPENBLAS_CORETYPE": kernel, "OPENBLAS_NUM_THREADS": "1"}
+        run = subprocess.run(
+            [sys.executable, "-c", IDENTIFY, str(study.folder)], capture_output=True, text=True, env=environment
+        )
+        assert run.returncode == 0, run.stderr
+        told[kernel] = json.loads(run.stdout)
+    first = told[KERNELS[0]]
+    chosen = [id for id in first if ".headline." in id or id.startswith("bench.symmetric.")]
+    assert len(chosen) > 20
+    for id in chosen:
+        values = [told[kernel][id] for kernel in KERNELS]
+        assert values == pytest.approx([first[id]] * len(KERNELS), rel=1e-6, abs=1e-12, nan_ok=True), id
