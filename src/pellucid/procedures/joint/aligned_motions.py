@@ -21,6 +21,11 @@ from .joined_clocks import clocks_to_find, rejoined
 from .recorded_motions import Excerpt, excerpt_of, motions_of
 
 
+CONTRADICTS = 0.25
+"""Share of a delay by which another recording's must certainly differ before they are not one: what friction models
+lack moves each a little."""
+
+
 @dataclass(frozen=True)
 class Alignment:
     """What was found of a drive's delay, of one recording or, without a name, of all: `moved` [s] is by how much its
@@ -122,7 +127,11 @@ def _alignments(study: Study) -> Iterator[Alignment]:
     each = {r.name: _estimated([r], study, step, MOST // len(every)) for r in alone}
     own = {r.name: d for r in fitted if (d := each.get(r.name)) is not None}
     late = {name: d for name, d in own.items() if d.clear(step)}
-    if any(abs(other.beyond(d.value)) > step for d in late.values() for other in own.values()):
+
+    def apart(one: Delay, value: float) -> bool:
+        return abs(one.beyond(value)) > max(step, CONTRADICTS * abs(value))
+
+    if any(apart(other, d.value) for d in late.values() for other in own.values()):
         yield from (Alignment(channel, d, d.value, asked, name) for name, d in late.items())
         by = 0.0
     else:
@@ -131,7 +140,7 @@ def _alignments(study: Study) -> Iterator[Alignment]:
         yield Alignment(channel, pooled, by, asked)
     for r in every:
         d = each.get(r.name)
-        if r.use != "fit" and d is not None and d.clear(step) and abs(d.beyond(by)) > step:
+        if r.use != "fit" and d is not None and d.clear(step) and apart(d, by):
             yield Alignment(channel, d, 0.0, asked, r.name)
 
 
