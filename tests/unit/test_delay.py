@@ -132,6 +132,15 @@ def test_a_lag_is_told_from_a_delay_and_undone(bench):
     )
 
 
+def test_a_time_that_is_missing_stops_nothing():
+    n = np.arange(60.0)
+    time = np.where(n == 30, np.nan, 0.01 * n)
+    cut = Cut("missing_samples", "time", np.nan, 0.31, 30, 30, "1 missing sample")
+    found = moved(recording(cuts=(cut,), time=time, current=n), {"current": 0.05})
+    assert [(s.start, s.stop) for s in found.spans] == [(0, 25), (31, 55)]
+    assert np.array_equal(found["current"][31:55], n[36:60])
+
+
 def test_what_lagged_is_undone_by_its_slope():
     time = np.arange(300) / 100.0
     found = led(recording(time=time, current=np.sin(3.0 * time)), {"current": 0.2})

@@ -21,7 +21,7 @@ def moved(recording: Recording, delays: Mapping[str, float]) -> Recording:
     """The recording with each channel of `delays` so much earlier [s]; where its record then begins later or ends
     earlier than the others, so does the whole."""
     delays = {name: delay for name, delay in delays.items() if delay != 0.0 and name in recording}
-    if not delays or not (np.diff(recording.time) > 0.0).all():
+    if not delays or not _advances(recording):
         return recording  # time that does not increase is refused later
     time, channels = recording.time, {}
     for name, delay in delays.items():
@@ -33,11 +33,16 @@ def moved(recording: Recording, delays: Mapping[str, float]) -> Recording:
     return with_channels(recording, channels, lost)
 
 
+def _advances(recording: Recording) -> bool:
+    """Whether time increases wherever nothing was cut out."""
+    return all((np.diff(recording.time[span]) > 0.0).all() for span in recording.spans)
+
+
 def led(recording: Recording, lags: Mapping[str, float]) -> Recording:
     """The recording with each channel of `lags` as it was before a first-order lag of so much [s]: its slope times that
     is added."""
     lags = {name: lag for name, lag in lags.items() if name in recording}
-    if not lags or not (np.diff(recording.time) > 0.0).all():
+    if not lags or not _advances(recording):
         return recording
     channels = dict(recording.channels)
     for name, lag in lags.items():
@@ -69,17 +74,7 @@ def with_channels(
     cuts += [
         _cut(recording, kind, found, whole.start + a, whole.start + b - 1) for a, b in edges.reshape(-1, 2).tolist()
     ]
-    left = [cut for cut in cuts if cut.last >= whole.start and cut.first <= whole.stop]
-    return replace(
-        recording,
-        channels={name: replace(c, samples=c.samples[whole]) for name, c in channels.items()},
-        cuts=tuple(
-            replace(
-                cut, first=max(cut.first, whole.start) - whole.start, last=min(cut.last, whole.stop - 1) - whole.start
-            )
-            for cut in sorted(left, key=lambda cut: cut.first)
-        ),
-    )
+    return part_of(replace(recording, channels=channels, cuts=tuple(cuts)), whole.start, whole.stop)
 
 
 def _cut(recording: Recording, kind: str, found: str, first: int, last: int) -> Cut:
@@ -88,10 +83,16 @@ def _cut(recording: Recording, kind: str, found: str, first: int, last: int) -> 
 
 
 def part_of(recording: Recording, first: int, stop: int) -> Recording:
-    """A recording without what lies before its sample `first` and from `stop` on."""
-    outside = ((0, first - 1), (stop, len(recording) - 1))
-    cuts = [_cut(recording, MOVED, "", a, b) for a, b in outside if a <= b]
-    return replace(recording, cuts=(*recording.cuts, *cuts))
+    """A recording's samples from `first` to before `stop`, with the cuts among them."""
+    cuts = (cut for cut in recording.cuts if cut.last >= first and cut.first < stop)
+    return replace(
+        recording,
+        channels={name: replace(c, samples=c.samples[first:stop]) for name, c in recording.channels.items()},
+        cuts=tuple(
+            replace(cut, first=max(cut.first, first) - first, last=min(cut.last, stop - 1) - first)
+            for cut in sorted(cuts, key=lambda cut: cut.first)
+        ),
+    )
 
 
 def at_times(time: np.ndarray, samples: np.ndarray, wanted: np.ndarray, *, hold: bool = False) -> np.ndarray:

@@ -121,7 +121,7 @@ def _alignments(study: Study) -> Iterator[Alignment]:
         return
     channel = drive_channel(fitted[0], study)
     asked = any(study.specs_of(r)[channel].delay == "auto" for r in fitted if channel in r)
-    step = max(float(np.median(np.diff(r.time))) for r in every)
+    step = max(1.0 / r.fs for r in every)
     pooled = _estimated(fitted, study, step)
     alone = every if len(fitted) > 1 else [r for r in every if r.use != "fit"]
     each = {r.name: _estimated([r], study, step, MOST // len(every)) for r in alone}
