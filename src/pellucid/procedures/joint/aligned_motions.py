@@ -20,7 +20,6 @@ from .first_look import MOST, simple_model, some_of
 from .joined_clocks import clocks_to_find, rejoined
 from .recorded_motions import Excerpt, excerpt_of, motions_of
 
-
 CONTRADICTS = 0.25
 """Share of a delay by which another recording's must certainly differ before they are not one: what friction models
 lack moves each a little."""
