@@ -82,9 +82,19 @@ def test_a_lost_marker_is_missing_in_all_three(make_optical, lost):
 def test_a_row_of_other_length_is_told_beside_empty_cells(make_optical):
     time, markers = frames()
     markers["C"][5] = np.nan
-    study = make_optical(text_of(time, markers)[:-30])
-    with pytest.raises(RecordingError, match=r"sweep_markers.csv: line 1791 has .* the last line, so the file is trun"):
+    lines = text_of(time, markers).splitlines()
+    lines[1700] = lines[1700][:-30]
+    study = make_optical("\n".join(lines) + "\n")
+    with pytest.raises(RecordingError, match=r"sweep_markers.csv: line 1701 has .* fields, expected"):
         study.recordings()
+
+
+def test_a_last_row_that_is_cut_off_is_left_out_and_told(make_optical):
+    study = make_optical(text_of(*frames())[:-30])
+    recording = study.recording("sweep")
+    assert len(recording.optical) == len(frames()[0]) - 1
+    (fault,) = [fault for fault in inspect(recording, study) if fault.severity == "cut"]
+    assert "sweep_markers.csv (recording sweep), time: found an incomplete last row" in fault.message
 
 
 def test_columns_of_another_name(make_optical):

@@ -8,6 +8,7 @@ import numpy as np
 
 from .defects.watched import runs
 from .fault import Fault
+from .readers.csv import ENDINGS, cut_row
 from .recording import Recording
 
 MIN_FRAMES = 200
@@ -39,6 +40,9 @@ def optical_faults(recording: Recording) -> list[Fault]:
         message = f"{optical.path.name} (recording {recording.name}), {what}: found {found}, expected {expected}"
         faults.append(Fault(severity, kind, optical.path.name, channel, found, expected, message))
 
+    cut = cut_row(optical.path) if optical.path.suffix.lower() in ENDINGS else None
+    if cut is not None:
+        add("cut", "truncated", "time", f'an incomplete last row, "{cut.text[:40]}"', "a whole one: it is left out")
     for marker in optical.markers:
         _check_seen(optical, marker, add)
     if _check_optical_time(optical, add):

@@ -250,7 +250,10 @@ class Study:
             streams={stream: self._load_stream(entry, name, stream, files) for stream in entry.streams},
             amplitude=entry.amplitude,
             repetition=entry.repetition,
-            cuts=(*_excluded(entry, path, channels["time"].samples), *_cut_row(entry, path, channels["time"].samples)),
+            cuts=(
+                *_excluded(entry, path, channels["time"].samples),
+                *_cut_row(path, channels["time"].samples, entry.window),
+            ),
         )
         specs = self.config.channels_of(entry)
         recording = _in_time(self._without_defects(recording, specs, entry.processing or self.config.processing), specs)
@@ -313,6 +316,7 @@ class Study:
         specs = self.config.streams[stream].channels
         channels = _channels(columns, specs, None)
         made = Recording(f"{name}.{stream}", path, digest, entry.use, channels, entry.protocol, entry.participant)
+        made = replace(made, cuts=_cut_row(path, made.time))
         return _in_time(self._without_defects(made, specs, entry.processing or self.config.processing, stream), specs)
 
     def _without_defects(
@@ -440,12 +444,13 @@ def _excluded(entry: RecordingEntry, path: Path, time: np.ndarray) -> tuple[Cut,
     return tuple(cuts)
 
 
-def _cut_row(entry: RecordingEntry, path: Path, time: np.ndarray) -> tuple[Cut, ...]:
-    """The last row of a text file in which its writer was cut off, after samples at `time`, shape (n,) [s]."""
+def _cut_row(path: Path, time: np.ndarray, window: tuple[float, float] | None = None) -> tuple[Cut, ...]:
+    """The last row of a text file in which its writer was cut off, after samples at `time`, shape (n,) [s], of a
+    `window` [s]."""
     from .readers.csv import ENDINGS, cut_row
 
     cut = cut_row(path) if path.suffix.lower() in ENDINGS else None
-    if cut is None or (entry.window is not None and entry.window[1] <= time[-1]):
+    if cut is None or (window is not None and window[1] <= time[-1]):
         return ()
     text = cut.text if len(cut.text) <= 40 else f"{cut.text[:37]}..."
     found = f'an incomplete last row, "{text}", where the file is truncated'
