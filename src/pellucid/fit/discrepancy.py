@@ -132,7 +132,7 @@ def states_of(
         usual = np.sqrt(np.mean(np.concatenate([m.velocity for m in data.motions]) ** 2))
         slow = dead_band if dead_band > 0.0 else STANDSTILL * float(usual)
         known["_kinematics"] = tuple(
-            data.reduced([of(m, slow) for m in data.motions])
+            np.concatenate([m.rows(of(m, slow)) for m in data.motions])
             for of in (
                 lambda m, slow: m.position,
                 lambda m, slow: m.velocity,

@@ -70,7 +70,8 @@ def correlation_time(residual: np.ndarray, lengths: Sequence[int]) -> float:
     total = np.zeros(max(lengths))
     for rows in _stretches(lengths):
         n = rows.stop - rows.start
-        total[:n] += np.fft.irfft(np.abs(np.fft.rfft(centred[rows], 2 * n)) ** 2)[:n] if n else 0.0
+        padded = 1 << (2 * n - 1).bit_length() if n else 0  # a power of two is transformed soonest
+        total[:n] += np.fft.irfft(np.abs(np.fft.rfft(centred[rows], padded)) ** 2)[:n] if n else 0.0
     if not total[0] > 0.0:
         return 0.5
     sums = 0.5 + np.cumsum(total[1:] / total[0])

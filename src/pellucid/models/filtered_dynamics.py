@@ -110,11 +110,12 @@ def filtered_rows(vector: np.ndarray, selection: np.ndarray, motion: FilteredMot
         if i in body:
             jacobian[:, j] -= plain[:, body.index(i)]
     chosen = np.flatnonzero(selection[active].any(axis=0))
-    jumps = np.empty((len(whole), 1 + len(chosen)))
+    # Filters take four signals, or eight, as soon as three, or seven.
+    jumps = np.zeros((len(whole), -4 * (-(1 + len(chosen)) // 4)))
     jumps[:, 0] = whole
-    np.matmul(jacobian, selection[np.ix_(active, chosen)], out=jumps[:, 1:])
+    jumps[:, 1 : 1 + len(chosen)] = jacobian @ selection[np.ix_(active, chosen)]
     added = motion.rows(motion.smooth(jumps))
-    rows[:, chosen] += added[:, 1:]
+    rows[:, chosen] += added[:, 1 : 1 + len(chosen)]
     return effort + added[:, 0], rows
 
 

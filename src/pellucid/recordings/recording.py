@@ -14,6 +14,9 @@ from .._errors import RecordingError
 from .cut import BEYOND_JITTER, GAP_STEPS, Cut, sound_samples, spans_between
 from .optical import OpticalRecording
 
+LONG = 100_000
+"""Samples from which on a recording's time steps are looked at in blocks of so many."""
+
 NO_JITTER = 0.01
 """Share of a step: where no sample is off by more, how many are is nobody's question."""
 
@@ -202,6 +205,15 @@ class Recording:
         return self.channels["time"].samples
 
     @cached_property
+    def _step_range(self) -> tuple[float, float]:
+        """Shortest and longest time step of a long recording [s]; NaN of another, or where a time is missing."""
+        if len(self) < LONG:
+            return np.nan, np.nan
+        blocks = (np.diff(self.time[i : i + LONG + 1]) for i in range(0, len(self) - 1, LONG))
+        shortest, longest = zip(*((steps.min(), steps.max()) for steps in blocks), strict=True)
+        return float(np.min(shortest)), float(np.max(longest))
+
+    @cached_property
     def fs(self) -> float:
         """Sampling rate, one over the mean time step, gaps left out [Hz].
 
@@ -210,9 +222,11 @@ class Recording:
         RecordingError
             If there are fewer than two samples or time does not advance.
         """
+        shortest, longest = self._step_range
+        if shortest > 0.0 and longest < GAP_STEPS * shortest:
+            # Of hours, without looking for the median.
+            return (len(self) - 1) / float(self.time[-1] - self.time[0])
         steps = np.diff(self.time)
-        if steps.size and steps.min() > 0.0 and steps.max() < GAP_STEPS * steps.min():
-            return 1.0 / float(np.mean(steps))  # the same, without looking for the median of hours
         steps = steps[np.isfinite(steps) & (steps > 0.0)]
         if steps.size == 0:
             raise RecordingError(f"{self.path.name} (recording {self.name}): time does not advance, so it has no rate")
@@ -222,6 +236,8 @@ class Recording:
     @cached_property
     def advances(self) -> bool:
         """Whether time, where it is known, increases with every sample."""
+        if self._step_range[0] > 0.0:
+            return True
         time = self.time[np.isfinite(self.time)]
         return len(time) > 1 and bool(np.all(np.diff(time) > 0.0))
 
@@ -238,9 +254,10 @@ class Recording:
     @cached_property
     def jitter(self) -> float:
         """Share of the time step by which 1 sample in 100 is off; by which all are where that is next to nothing."""
+        shortest, longest = self._step_range
+        if shortest > 0.0 and (most := max(longest * self.fs - 1.0, 1.0 - shortest * self.fs)) < NO_JITTER:
+            return most
         steps = np.diff(self.time)
-        if steps.size and (most := max(steps.max() * self.fs - 1.0, 1.0 - steps.min() * self.fs)) < NO_JITTER:
-            return float(most)
         steps = steps[steps <= self.longest_step]
         return float(np.quantile(np.abs(steps * self.fs - 1.0), 0.99)) if steps.size else 0.0
 

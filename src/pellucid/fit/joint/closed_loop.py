@@ -117,7 +117,7 @@ def solve_output_error(model: JointModel, data: Stack, machine: Machine, first: 
 
     @last_call
     def at(values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        traces = [replay(model, values, m, machine, closed=closed, differentiate=True) for m in data.motions]
+        traces = [replay(model, values, m, machine, closed=closed, differentiate=signal) for m in data.motions]
         # A simulation speaks of every sample, those at rest too.
         off = [m.reduce(getattr(t, signal) - x) for m, t, x in zip(data.motions, traces, measured, strict=True)]
         residual = np.concatenate(off)

@@ -56,11 +56,11 @@ def replay(
     machine: Machine,
     *,
     closed: bool,
-    differentiate: bool = False,
+    differentiate: str = "",
 ) -> JointTrace:
     """Simulate one `motion` of a `machine` from its measured initial state, the joint a `model` with `values`, (p,);
     `closed` with the machine's controller following the recorded reference, else from the recorded command;
-    `differentiate` for smooth friction, and Jacobians by the free values, (n, p)."""
+    the signal to `differentiate`, if any, asks for smooth friction and its Jacobian by the free values, (n, p)."""
     width = SMOOTHING * float(np.abs(motion.velocity).max()) if differentiate else 0.0
     selection = model.selection()
     active = np.flatnonzero(selection.any(axis=1)) if differentiate else None
@@ -79,8 +79,7 @@ def replay(
     )
     if trace.jacobians is None:
         return trace
-    chained = {name: jacobian @ selection[active] for name, jacobian in trace.jacobians.items()}
-    return replace(trace, jacobians=chained)
+    return replace(trace, jacobians={differentiate: trace.jacobians[differentiate] @ selection[active]})
 
 
 def simulation_of(

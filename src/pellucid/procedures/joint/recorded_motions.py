@@ -20,7 +20,7 @@ from ...signals.filters import runs
 from ...signals.long_motion import LONG, pieces
 from ...signals.motion import Filtering, Motion, motion_of, shortest
 
-EXCERPT = 20_000
+EXCERPT = 12_000
 """Samples of fitted recordings, and of held-out ones, that simulations and what needs them get where there are more."""
 
 PARTS = 4
