@@ -25,7 +25,7 @@ def estimated(states, w, effort):
     values = np.linalg.lstsq(w, effort, rcond=None)[0]
     residual = effort - w @ values
     statistical = sandwich(w, residual, [len(w)])
-    return values, statistical, discrepancy_of(NAMES, w, residual, states, statistical)
+    return values, statistical, discrepancy_of(NAMES, values, w, residual, states, statistical)
 
 
 def test_without_misfit_hardly_anything_is_added():

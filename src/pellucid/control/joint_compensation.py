@@ -8,6 +8,7 @@ import numpy as np
 
 from .._errors import PellucidError
 from ..models.card import Card, CardParameter, ModelCard
+from ..models.carried_friction import RESISTING, is_friction
 from ..models.joint import NAMES, SYMBOLS
 from ..models.slider_card import SliderCard
 from ..models.slider_joint import SliderJointModel
@@ -25,9 +26,6 @@ RISE = 0.02
 
 SLIDER_SPEED = 3.0
 """Of a joint with a carriage, whose card names no range of speeds [rad/s]."""
-
-RESISTING = ("coulomb", "viscous", "stribeck", "load")
-"""What the names of friction begin with."""
 
 
 def compensation(
@@ -54,13 +52,13 @@ def carried_body(card: Card, slider: float | None = None) -> dict[str, float]:
                 f"card {card.family}: found one set of parameters for each direction, which is no body; "
                 "expected slider.consistent.json or slider.load.json"
             )
-        vector = model.vector(np.array([_carried(p) for p in card.parameters]), place_on_rail(card, slider), 1.0)
+        vector = model.vector(np.array([carried(p) for p in card.parameters]), place_on_rail(card, slider), 1.0)
         body = dict(zip(NAMES, map(float, vector), strict=True))
     else:
         if slider is not None:
             raise PellucidError("found a place of a carriage, expected none: this joint has no carriage")
         body = dict.fromkeys(NAMES, 0.0)
-        for name, value in (*card.known.items(), *((p.name, _carried(p)) for p in card.parameters)):
+        for name, value in (*card.known.items(), *((p.name, carried(p)) for p in card.parameters)):
             for target in SYMBOLS[name].targets:
                 body[target] = value
     return body | {"velocity_width": WIDTH_SHARE * speed}
@@ -95,11 +93,12 @@ def place_on_rail(card: SliderCard, slider: float | None) -> float:
     return place
 
 
-def _carried(parameter: CardParameter) -> float:
-    """Of friction the lower end of its interval, so that a wrong estimate does not drive; of all else the value."""
-    if not parameter.name.startswith(RESISTING) or parameter.name == "stribeck_velocity":
+def carried(parameter: CardParameter) -> float:
+    """Of friction what the identification says may be carried, so that a wrong estimate does not drive, or of an old
+    card the lower end of its interval; of all else the value."""
+    if not is_friction(parameter.name):
         return parameter.value
-    return max(parameter.interval[0], 0.0)
+    return max(parameter.interval[0], 0.0) if parameter.carried is None else parameter.carried
 
 
 def identified_remarks(card: Card) -> Mapping[str, str]:
@@ -108,8 +107,8 @@ def identified_remarks(card: Card) -> Mapping[str, str]:
     for p in card.parameters:
         low, high = p.interval
         said = f"identified as {p.value:.6g}, {low:.6g} to {high:.6g}"
-        if _carried(p) != p.value:
-            said += "; the lower end is carried"
+        if carried(p) != p.value:
+            said += "; the lower end is carried" if p.carried is None else f"; {carried(p):.6g} is carried"
         if isinstance(card, SliderCard) and not p.name.startswith(RESISTING):
             said = "identified, at the place of the carriage"
         for target in SYMBOLS[p.name].targets if p.name in SYMBOLS else ():

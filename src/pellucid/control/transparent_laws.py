@@ -10,6 +10,8 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
+
 from .._errors import PellucidError
 from ..models.anthropometry import Segment
 from ..models.joint import NAMES
@@ -17,6 +19,7 @@ from ..models.slider_card import SliderCard
 from ..models.slider_joint import SliderJointModel
 from .control_law import LAWS, ControlLaw, gate_values
 from .elbow_laws import ELBOW_LIMITS, PERIOD
+from .joint_compensation import carried
 from .limits import Limits
 
 
@@ -35,7 +38,7 @@ def transparent(
 ) -> ControlLaw:
     """Compensation of one coherent body whose friction, by direction or by load, never drives.
 
-    Of every friction parameter the lower end of its interval is compensated, so that what is left resists.
+    Of friction is compensated what exceeds the true one in one case of twenty at most, so that what is left resists.
 
     `slider` [m]; `velocity_width` [rad/s]; `friction_lead` [s]; `bandwidth` [rad/s]; `acceleration` [rad/s^2];
     `period` [s].
@@ -43,11 +46,8 @@ def transparent(
     model = card.model()
     if not isinstance(model, SliderJointModel):
         raise PellucidError(f"card {card.family}: found a model by direction, expected one coherent body")
-    lower = card.values.copy()
-    for i, parameter in enumerate(card.parameters):
-        if parameter.name.startswith(("coulomb", "viscous", "load")):
-            lower[i] = max(parameter.interval[0], 0.0)
-    body = dict(zip(NAMES, model.vector(lower, slider, velocity_width), strict=True))
+    values = np.array([carried(p) for p in card.parameters])
+    body = dict(zip(NAMES, model.vector(values, slider, velocity_width), strict=True))
     speed = 2.0  # rad/s: as fast as the energy observer lets the robot's own inertia be sped up at once
     values = {
         **LAWS["transparent"].defaults,

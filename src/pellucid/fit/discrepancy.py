@@ -30,6 +30,7 @@ from typing import Protocol
 
 import numpy as np
 
+from ..models.carried_friction import SEED, SteadyStates, carried_friction, drawn_normal, is_friction
 from ..signals.motion import SLOW_SHARE
 from .regression import Stack
 
@@ -52,6 +53,7 @@ class States:
     cosine: np.ndarray  # Of the angle; 0 of what slides
     snap: np.ndarray  # Second derivative of the acceleration
     standstill: np.ndarray  # Share that the filters draw from standstill
+    like: States | None = None  # Whose travel and speeds are the usual ones; its own if None
 
     @property
     def direction(self) -> np.ndarray:
@@ -61,18 +63,19 @@ class States:
     @property
     def travel(self) -> np.ndarray:
         """Position, centred, over its spread."""
-        return (self.position - self.position.mean()) / max(float(self.position.std()), np.finfo(float).tiny)
+        usual = (self.like or self).position
+        return (self.position - usual.mean()) / max(float(usual.std()), np.finfo(float).tiny)
 
     @property
     def boundary(self) -> np.ndarray:
         """How far friction is from that of a full film: 1 at rest, 0 at speed."""
-        top = STRIBECK * float(np.sqrt(np.mean(self.velocity**2)))
+        top = STRIBECK * float(np.sqrt(np.mean((self.like or self).velocity ** 2)))
         return np.exp(-np.abs(self.velocity) / max(top, np.finfo(float).tiny))
 
 
 NEGLECTED: Mapping[str, Callable[[States], np.ndarray]] = {
     "friction that grows with the load": lambda s: s.direction * np.abs(s.load),
-    "load friction that differs between lifting and lowering": lambda s: s.load,
+    "lifting and lowering that lose different shares of the load": lambda s: s.load,
     "a rotor before what rubs under the load": lambda s: s.direction * np.sign(s.load) * s.acceleration,
     "a spring in the drive": lambda s: s.snap,
     "an angle zero beside where the joint hangs": lambda s: s.cosine,
@@ -87,19 +90,22 @@ NEGLECTED: Mapping[str, Callable[[States], np.ndarray]] = {
 }
 """Physics that a family may lack: effort along a motion, of any size."""
 
+RUBBING = tuple(n for n in NEGLECTED if n.startswith(("friction", "viscosity", "load friction")))
 STICKING = "sticking at standstill"
 OWN = 0.05  # share of a column beside the model's span below which the model has this physics itself
-UNSEEN = "load friction that differs between lifting and lowering"
+UNSEEN = "lifting and lowering that lose different shares of the load"
 """What looks like more inertia and gravity, and is neither: a model without both coefficients does not have it."""
 
 
 @dataclass(frozen=True)
 class Discrepancy:
-    """The discrepancy part of a covariance, (p, p), and for each of p parameters what moves it most, in words."""
+    """The discrepancy part of a covariance, (p, p), and for each of p parameters what moves it most, in words; and how
+    much of each coefficient of friction may be compensated."""
 
     names: tuple[str, ...]
     covariance: np.ndarray
     causes: tuple[str, ...]
+    carried: Mapping[str, float]
 
     def of(self, names: Sequence[str]) -> tuple[np.ndarray, tuple[str, ...]]:
         """Covariance, (k, k), and causes of the parameters `names`."""
@@ -129,7 +135,8 @@ def states_of(
     the `dead_band`, or than a twentieth of the usual speed, a joint stands still."""
     known = vars(data)
     if "_kinematics" not in known:  # the same for every model of these recordings
-        usual = np.sqrt(np.mean(np.concatenate([m.velocity for m in data.motions]) ** 2))
+        power = sum(float(m.velocity @ m.velocity) for m in data.motions)
+        usual = np.sqrt(power / sum(len(m.velocity) for m in data.motions))
         slow = dead_band if dead_band > 0.0 else STANDSTILL * float(usual)
         known["_kinematics"] = tuple(
             np.concatenate([m.rows(of(m, slow)) for m in data.motions])
@@ -152,10 +159,15 @@ def states_of(
 
 
 def discrepancy_of(
-    names: Sequence[str], jacobian: np.ndarray, residual: np.ndarray, states: States, statistical: np.ndarray
+    names: Sequence[str],
+    values: np.ndarray,
+    jacobian: np.ndarray,
+    residual: np.ndarray,
+    states: States,
+    statistical: np.ndarray,
 ) -> Discrepancy:
-    """How far what a model leaves out may have moved its p parameters `names`, beyond their `statistical` covariance,
-    (p, p). `jacobian` (m, p) and `residual` (m,) at the least-squares solution."""
+    """How far what a model leaves out may have moved its p parameters `names` from their `values`, (p,), beyond their
+    `statistical` covariance, (p, p). `jacobian` (m, p) and `residual` (m,) at the least-squares solution."""
     p = jacobian.shape[1]
     norms = np.linalg.norm(jacobian, axis=0)
     free = (norms > 1e-12 * norms.max()) & (np.diag(statistical) > 0.0)
@@ -164,7 +176,10 @@ def discrepancy_of(
     error = np.sqrt(np.diag(statistical)[free]) * scale  # of the scaled parameters
     count = int(free.sum())
     covariance = np.zeros((p, p))
-    nothing = Discrepancy(tuple(names), covariance, ("",) * p)
+    values = np.asarray(values, float)
+    friction = _Friction.of(names, values, states)
+    certain = drawn_normal(values, statistical)[:, friction.at] @ friction.terms.T
+    nothing = Discrepancy(tuple(names), covariance, ("",) * p, friction.carried(certain))
     size = float(np.sqrt(np.mean(residual**2)))
     kept = states.standstill < SLOW_SHARE
     if kept.mean() < 0.5:
@@ -172,13 +187,13 @@ def discrepancy_of(
     if not size > 0.0 or kept.sum() < 4 * (count + len(NEGLECTED)):
         return nothing
     rows = np.flatnonzero(kept)[:: max(1, int(kept.sum()) // MOST_ROWS)]
-    columns, words = _columns(states, rows, w[rows], size, "" if "load_motoring" in names else UNSEEN)
+    columns, words, sizes = _columns(states, rows, w[rows], size, "" if "load_motoring" in names else UNSEEN)
     x, y = np.hstack([w[rows], columns]), residual[rows]
     # As much noise as makes the textbook's errors the statistical ones, in the rows that are used.
     coloured = float(np.median(error**2 / np.diag(np.linalg.inv(w.T @ w)))) * len(rows) / len(residual)
     step = np.linalg.lstsq(x, y, rcond=None)[0]
-    left = float(np.mean((y - x @ step) ** 2)) / size**2
-    noise = max(coloured * min(1.0, left), np.finfo(float).tiny * size**2)
+    white = float(np.mean((y - x @ step) ** 2)) / size**2
+    noise = max(coloured * min(1.0, white), np.finfo(float).tiny * size**2)
     gram, moment = x.T @ x / noise, x.T @ y / noise
     prior = np.concatenate([np.zeros(count), np.full(len(words), _share(gram, moment, count) ** -2)])
     try:
@@ -195,24 +210,67 @@ def discrepancy_of(
     moved = np.column_stack([moved, shift - moved.sum(axis=1)])
     words = (*words, STICKING)
     cause = iter(np.argmax(np.abs(moved), axis=1))
-    return Discrepancy(tuple(names), covariance, tuple(words[next(cause)] if f else "" for f in free))
+    steps = drawn_normal(found, posterior)
+    drawn = np.tile(values, (len(steps), 1))
+    drawn[:, free] += steps[:, :count] / scale
+    rubbing = friction.beside(words[:-1]) * sizes
+    forces = drawn[:, friction.at] @ friction.terms.T + steps[:, count:] @ rubbing.T
+    # What least squares leaves over may all be friction.
+    forces += size * np.random.default_rng(SEED + 1).standard_normal(forces.shape)
+    causes = tuple(words[next(cause)] if f else "" for f in free)
+    return Discrepancy(tuple(names), covariance, causes, friction.carried(forces))
+
+
+@dataclass(frozen=True)
+class _Friction:
+    """Steady states within a recording's, and the coefficients of friction: where they stand, (k,), what they are, and
+    what one unit of each makes there, (n, k)."""
+
+    states: States
+    steady: SteadyStates
+    at: np.ndarray
+    names: tuple[str, ...]
+    values: np.ndarray
+    terms: np.ndarray
+
+    @classmethod
+    def of(cls, names: Sequence[str], values: np.ndarray, states: States) -> _Friction:
+        at = np.array([i for i, name in enumerate(names) if is_friction(name)], int)
+        own = tuple(names[i] for i in at)
+        boundary = float(values[list(names).index("stribeck_velocity")]) if "stribeck_velocity" in names else 0.0
+        steady = SteadyStates.within(states.velocity, states.load)
+        return cls(states, steady, at, own, values[at], steady.terms(own, boundary))
+
+    def beside(self, physics: Sequence[str]) -> np.ndarray:
+        """What resists per unit of each neglected physics, amid the travel; 0 of what is no friction. Gives (n, k)."""
+        still, v, y = np.zeros(len(self.terms)), self.steady.velocity, self.steady.load
+        moving = States(still + self.states.position.mean(), v, still, y, still, still, still, self.states)
+        return np.column_stack(
+            [np.zeros((len(still), 0))]
+            + [NEGLECTED[name](moving) * moving.direction if name in RUBBING else still for name in physics]
+        )
+
+    def carried(self, forces: np.ndarray) -> Mapping[str, float]:
+        """How much of each coefficient may be compensated where the friction may be any of `forces`, (d, n)."""
+        return carried_friction(self.names, self.values, self.terms, forces) if len(self.at) else {}
 
 
 def _columns(
     states: States, rows: np.ndarray, w: np.ndarray, size: float, unseen: str
-) -> tuple[np.ndarray, tuple[str, ...]]:
+) -> tuple[np.ndarray, tuple[str, ...], np.ndarray]:
     """Columns of neglected physics in `rows`, (m, k), each of root mean square `size` beside the span of the model, `w`
-    (m, p), but for those within it, the `unseen` apart; and their words."""
+    (m, p), but for those within it, the `unseen` apart; their words, and the size of one unit, (k,)."""
     basis = np.linalg.qr(w)[0]
-    made, words = [np.zeros((len(w), 0))], []
+    made, words, sizes = [np.zeros((len(w), 0))], [], []
     for name, physics in NEGLECTED.items():
         column = physics(states)[rows]
         norm = float(np.linalg.norm(column))
         beside = float(np.linalg.norm(column - basis @ (basis.T @ column)))
         if norm > 0.0 and (beside > OWN * norm or name == unseen):
-            made.append(column[:, None] * (size * np.sqrt(len(column)) / (norm if name == unseen else beside)))
+            sizes.append(size * np.sqrt(len(column)) / (norm if name == unseen else beside))
+            made.append(sizes[-1] * column[:, None])
             words.append(name)
-    return np.hstack(made), tuple(words)
+    return np.hstack(made), tuple(words), np.array(sizes)
 
 
 def _share(gram: np.ndarray, moment: np.ndarray, count: int) -> float:

@@ -35,6 +35,9 @@ class Parameter:
         What of the standard error coloured residuals alone make; all of it where no discrepancy part exists.
     refused : str
         Why no interval should be read, in words; empty where one may.
+    carried : float, optional
+        Of a coefficient of friction, what a compensation carries: together with the others it exceeds the true friction
+        in one case of twenty at most.
     """
 
     name: str
@@ -47,6 +50,7 @@ class Parameter:
     bootstrap: tuple[float, float] | None = None
     statistical_error: float = float("nan")
     refused: str = ""
+    carried: float | None = None
 
     def __post_init__(self) -> None:
         if isnan(self.statistical_error):
@@ -93,6 +97,7 @@ class Parameter:
             self.identifiable,
             self.statistical_error,
             self.refused,
+            self.carried,
         )
 
     @property

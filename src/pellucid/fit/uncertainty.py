@@ -42,6 +42,7 @@ CORRELATION_TIMES = 10
 FEWEST_BLOCKS = 8
 """Blocks that all rows must make: fewer tell no spread."""
 
+
 PREWHITENING_LIMIT = 0.8  # of r: beyond it the filter leaves little to measure, and multiplies that by 25
 NORMAL = 1.959963984540054  # 97.5 % quantile
 STUDENT = (
@@ -150,7 +151,7 @@ def block_bootstrap(
     lengths: Sequence[int],
     *,
     rng: np.random.Generator,
-    repetitions: int = 400,
+    repetitions: int = 2000,
     level: float = 0.95,
 ) -> np.ndarray:
     """Percentile intervals at `level` by blocks of scores drawn again, on the model linearised at the solution, the
@@ -159,20 +160,23 @@ def block_bootstrap(
     w = jacobian / scale
     scores = w * residual[:, None]
     scores -= scores.mean(axis=0)
-    block = max(block_length(correlation_time(residual, lengths), len(residual)), len(residual) // MOST_BLOCKS)
+    rows = len(residual)
+    # Longer blocks than are needed do no harm, and more of them than this no good.
+    block = max(block_length(correlation_time(residual, lengths), rows), rows // MOST_BLOCKS)
     # Round about within each stretch, so that its ends are drawn as often as its middle.
     sums = []
-    for rows in _stretches(lengths):
-        n = rows.stop - rows.start
+    for stretch in _stretches(lengths):
+        n = stretch.stop - stretch.start
         if n:
             length = min(block, n)
-            wrapped = np.concatenate([np.zeros((1, w.shape[1])), scores[rows], scores[rows][: length - 1]])
+            wrapped = np.concatenate([np.zeros((1, w.shape[1])), scores[stretch], scores[stretch][: length - 1]])
             ends = np.cumsum(wrapped, axis=0)
             # A stretch shorter than a block stands for its own share of one.
-            sums.append((ends[length:] - ends[:-length]) * np.sqrt(block / length))
+            sums.append((ends[length:] - ends[:-length])[:: max(1, block // PHASES)] * np.sqrt(block / length))
     pool = np.concatenate(sums)
-    draws = rng.integers(0, len(pool), size=(repetitions, max(1, round(len(w) / block))))
-    steps = np.linalg.solve(w.T @ w, np.array([pool[drawn].sum(axis=0) for drawn in draws]).T).T
+    count = max(1, round(rows / block))
+    totals = np.array([pool[rng.integers(0, len(pool), count)].sum(axis=0) for _ in range(repetitions)])
+    steps = np.linalg.solve(w.T @ w, totals.T).T
     tail = 50.0 * (1.0 - level)
     return values[:, None] + (np.percentile(steps, [tail, 100.0 - tail], axis=0) / scale).T
 

@@ -36,6 +36,7 @@ class CardParameter:
     identifiable: bool = True
     statistical_error: float | None = None  # What coloured residuals alone make; None of old cards
     refused: str = ""  # Why the interval should not be read
+    carried: float | None = None  # Of friction, what a compensation carries; None of old cards
 
 
 def named(parameters: Iterable[Any], name: str, where: str) -> Any:

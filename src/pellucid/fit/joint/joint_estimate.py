@@ -174,7 +174,7 @@ def estimated(
             lambda m, q, a: _core.load(model.loaded(bare, *m.payload), q.copy(), a.copy()),
             data.motions[0].filtering.dead_band,
         )
-        discrepancy = discrepancy_of(model.names, found.jacobian, found.residual, states, statistical)
+        discrepancy = discrepancy_of(model.names, found.values, found.jacobian, found.residual, states, statistical)
     beside, causes = discrepancy.of(model.names)
     covariance = statistical + beside
     held = np.flatnonzero(found.at_bound)
@@ -198,6 +198,7 @@ def estimated(
         replace(
             p,
             influence=float(norms[i] / size),
+            carried=discrepancy.carried.get(p.name),
             bootstrap=None if boot is None or not free[i] else (float(boot[i, 0]), float(boot[i, 1])),
         )
         for i, p in enumerate(plain)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -49,7 +50,7 @@ def fit_coherent(
     states = states_of(
         data, True, lambda m, q, a: model.inertia(values, m.slider) * a + model.gravity(values, m.slider, q), slowest
     )
-    lacking = discrepancy_of(model.names, w, residual, states, statistical)
+    lacking = discrepancy_of(model.names, values, w, residual, states, statistical)
     covariance = statistical + lacking.covariance
     units = [model.unit(n) for n in model.names]
     parameters = parameters_of(
@@ -62,7 +63,7 @@ def fit_coherent(
         method=model.family,
         model=model,
         values=values,
-        parameters=parameters,
+        parameters=tuple(replace(p, carried=lacking.carried.get(p.name)) for p in parameters),
         covariance=covariance,
         samples=len(residual),
         residual_sd=float(np.std(residual)),

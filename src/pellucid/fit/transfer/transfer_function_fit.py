@@ -17,7 +17,7 @@ residuals.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.linalg import qr
@@ -28,7 +28,7 @@ from ...signals.input_output import InputOutput
 from ...signals.sampled import sampled
 from ..estimates import Estimates
 from ..parameter import Parameter, Whiteness
-from ..uncertainty import sandwich, whiteness
+from ..uncertainty import block_bootstrap, sandwich, whiteness
 from .srivc import SINGULAR, Experiment, first_transfer_functions, solve_linear
 
 SAMPLES_EACH = 5
@@ -37,6 +37,7 @@ SAMPLES_EACH = 5
 TOLERANCE = 1e-7
 """Share of the residual by which a full step would still change the output when the search stops."""
 
+SEED = 20261121  # of the bootstrap
 MAX_ITERATIONS = 60
 
 AT_THE_EDGE = 1e-6
@@ -302,9 +303,14 @@ def _finished(experiment: Experiment, found: _Found, units: tuple[str, str]) -> 
     values = np.array([*point.denominator, *point.linear[: m + 1]])
     names = [f"a{i}" for i in range(n - 1, -1, -1)] + [f"b{i}" for i in range(m, -1, -1)]
     texts = coefficient_units(n, m, units)
+    steps = block_bootstrap(
+        jacobian, point.residual, np.zeros(jacobian.shape[1]), experiment.lengths, rng=np.random.default_rng(SEED)
+    )
     parameters = tuple(
-        _parameter(name, unit, value, variance)
-        for name, unit, value, variance in zip(names, texts, values, np.diag(covariance), strict=True)
+        replace(_parameter(name, unit, value, variance), bootstrap=(float(value + low), float(value + high)))
+        for name, unit, value, variance, (low, high) in zip(
+            names, texts, values, np.diag(covariance), steps[:p], strict=True
+        )
     )
     states = experiment.states(point.linear[m + 1 :])
     ends = np.cumsum(experiment.lengths)

@@ -1,0 +1,61 @@
+"""What is compensated of friction stays below the true one in nineteen cases of twenty, and is not nothing."""
+
+import numpy as np
+import pytest
+
+from pellucid.models.carried_friction import SteadyStates, carried_friction, drawn_normal, is_friction
+
+NAMES = ("coulomb", "viscous", "load_friction")
+VALUES = np.array([0.3, 0.1, 0.1])
+# Coulomb and viscous friction trade for each other: either is hardly known, their sum at usual speeds is.
+ROOT = np.array([[0.1, 0.01, 0.0], [-0.1, 0.01, 0.0], [0.0, 0.0, 0.02]])
+
+
+@pytest.fixture(scope="module")
+def steady():
+    rng = np.random.default_rng(1)
+    return SteadyStates.within(rng.uniform(0.2, 2.0, 500), rng.uniform(0.0, 3.0, 500))
+
+
+def test_it_exceeds_the_true_friction_in_one_case_of_twenty(steady):
+    terms, exceeds, share = steady.terms(NAMES), [], []
+    rng = np.random.default_rng(2)
+    for _ in range(400):
+        # The truth stands still, and identifications are drawn.
+        found = VALUES + ROOT @ rng.standard_normal(3)
+        carried = carried_friction(NAMES, found, terms, drawn_normal(found, ROOT @ ROOT.T) @ terms.T)
+        made = terms @ np.array(list(carried.values()))
+        exceeds.append(np.any(made > terms @ VALUES))
+        share.append(np.mean(made / (terms @ VALUES)))
+    assert np.mean(exceeds) <= 0.05
+    assert np.median(share) > 0.5
+
+
+def test_each_lower_end_alone_would_leave_more(steady):
+    terms = steady.terms(NAMES)
+    carried = np.array(
+        list(carried_friction(NAMES, VALUES, terms, drawn_normal(VALUES, ROOT @ ROOT.T) @ terms.T).values())
+    )
+    ends = np.maximum(VALUES - 1.96 * np.sqrt(np.diag(ROOT @ ROOT.T)), 0.0)
+    assert np.all(carried <= VALUES)
+    assert np.mean(terms @ carried) > 1.2 * np.mean(terms @ ends)
+
+
+def test_what_is_certain_is_carried_whole(steady):
+    terms = steady.terms(NAMES)
+    carried = carried_friction(NAMES, VALUES, terms, np.tile(terms @ VALUES, (10, 1)))
+    assert np.array(list(carried.values())) == pytest.approx(VALUES, rel=1e-6)
+
+
+def test_terms_know_directions_loads_and_rest():
+    steady = SteadyStates(np.array([1.0, -1.0]), np.array([2.0, 2.0]))
+    names = ("coulomb_positive", "viscous_negative", "load_motoring", "load_generating", "stribeck")
+    assert steady.terms(names, 1.0) == pytest.approx(
+        np.array([[1.0, 0.0, 2.0, 0.0, np.exp(-1.0)], [0.0, 1.0, 0.0, 2.0, np.exp(-1.0)]])
+    )
+    assert [is_friction(n) for n in ("coulomb", "stribeck_velocity", "inertia", "load_motoring")] == [
+        True,
+        False,
+        False,
+        True,
+    ]
