@@ -20,6 +20,7 @@ from .estimator_choice import EstimatorChoice, estimator_choice
 from .evaluation import Prediction, pooled, predict
 from .friction_solver import solve_family, solve_from_part, with_known_stribeck_velocity
 from .joint_estimate import JointEstimate, estimated
+from .predictive_band import PredictiveBand, banded, predictive_band
 from .replay import Machine, Simulation, simulation_of
 from .reweighting import solve_robust, solve_weighted
 
@@ -47,6 +48,7 @@ class FamilyFit:
     crossed: tuple[np.ndarray, ...] = ()
     """Where nothing is held out: residuals of blocks of the fitted recordings, each predicted from the others."""
     excerpt: str = ""  # Of which recordings the other estimates and simulations are parts, in words; empty: of all
+    band: PredictiveBand | None = None  # Around the chosen estimator's predictions
 
     def shown(self, most: int) -> FamilyFit:
         """The same with so many rows of each recording at most: what figures show of hours."""
@@ -65,7 +67,7 @@ class FamilyFit:
         fitted, heldout = pooled(made, "fitted"), pooled(made, "heldout")
         return FamilyFit(
             chosen.model, chosen, self.others, made, self.simulations, self.failures, *fitted, *heldout, self.choice,
-            excerpt=self.excerpt,
+            excerpt=self.excerpt, band=self.band,
         )  # fmt: skip
 
     @property
@@ -134,8 +136,14 @@ def fit_family(
         choice = replace(choice, predictions=tuple(whole))
         others = {name: replace(e, notes=(*e.notes, f"from {said}")) for name, e in others.items()}
     crossed = () if np.isfinite(heldout[0]) else crossed_residuals(first, data.lengths)
+    band = predictive_band(predictions, crossed, level)
+    if band is not None:
+        predictions = banded(predictions, band)
+        of_chosen = band if choice.method == "ls" else predictive_band(choice.predictions, crossed, level)
+        choice = replace(choice, predictions=banded(choice.predictions, of_chosen or band))
+        band = of_chosen or band
     return FamilyFit(
-        model, estimate, others, predictions, simulations, failures, *fitted, *heldout, choice, crossed, said
+        model, estimate, others, predictions, simulations, failures, *fitted, *heldout, choice, crossed, said, band
     )
 
 

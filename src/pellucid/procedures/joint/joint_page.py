@@ -95,7 +95,7 @@ def page(study: Study, result: JointResult) -> Page:
             (_families_words(result),),
             (_families(result),),
             (draw(figures.heldout, result),) if several else (),
-            folded=(("Every recording", _by_recording(result)),),
+            folded=(("Every recording", _by_recording(result)), *_by_condition(result)),
         )
     )
     residuals = (draw(figures.residuals, result, best), draw(figures.whiteness, result, best))
@@ -288,6 +288,20 @@ def _by_recording(fit: JointResult) -> Table:
         rows.append(Row(tuple(cells)))
     heads = ("Recording", "Use", *(f"{f} (%)" for f in fit.families), f"inside the interval, {fit.best} (%)")
     return Table(heads, tuple(rows), frozenset(range(2, len(heads))), "Effort error by recording and family.", True)
+
+
+def _by_condition(fit: JointResult) -> tuple[tuple[str, Table], ...]:
+    band = fit.headlined.band
+    if band is None:
+        return ()
+    rows = [Row((c.kind, c.condition, f"{100.0 * c.coverage:.1f}", f"{c.samples}")) for c in band.conditions]
+    whose = "held-out recordings" if band.heldout else "blocks of the fitted recordings, each predicted from the others"
+    caption = (
+        f"What the prediction interval of ± {number(band.half_width, digits=3)} {unit_text(fit.effort_unit)} holds "
+    )
+    caption += f"of {whose}, by intervals in which they had no part."
+    table = Table(("By", "", "inside the interval (%)", "Samples"), tuple(rows), frozenset({2, 3}), caption, True)
+    return (("Prediction interval by condition", table),)
 
 
 def _diagnostics(fit: JointResult) -> Table:

@@ -1,4 +1,4 @@
-"""Whether the prediction interval, made on fitted residuals, holds on what was held out."""
+"""Whether the predictive band holds what it was not made of: held-out recordings, each condition of motion."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ SLACK = 0.05  # share of held-out samples a prediction interval may miss beyond 
 
 
 def find(case: JointCase) -> Iterator[Verdict]:
-    """A prediction interval that holds too few held-out samples."""
+    """A band that holds too few samples of blocks that had no part in it, over all or under one condition."""
     held = [p for p in case.fit.predictions if p.split == "heldout"]
     if not held:
         return
@@ -24,3 +24,13 @@ def find(case: JointCase) -> Iterator[Verdict]:
             f"The {100 * case.level:.3g} % prediction interval holds only {100 * share:.0f} % of held-out samples: "
             "those recordings ask for something that the fitted ones do not show.",
         )
+        return
+    band = case.fit.headline.band
+    for kind in ("direction", "speed", "position") if band is not None else ():
+        worst = min((c for c in band.conditions if c.kind == kind), key=lambda c: c.coverage, default=None)
+        if worst is not None and worst.coverage < case.level - 2.0 * SLACK:
+            yield Verdict(
+                "note",
+                f"The {100 * case.level:.3g} % prediction interval holds {100 * share:.0f} % of held-out samples, but "
+                f"{100 * worst.coverage:.0f} % of those with {kind} {worst.condition}: the misfit depends on it.",
+            )
