@@ -11,7 +11,7 @@ from tempfile import gettempdir, mkdtemp
 from typing import TYPE_CHECKING
 
 from .._errors import IdentificationError, RecordingError
-from ..fit.parameter import Verdict
+from ..fit.parameter import KINDS, Verdict
 from ..recordings.duplicates import duplicates
 from ..recordings.fault import Fault, grouped
 from ..recordings.study import Study
@@ -272,4 +272,5 @@ def _one_page(pages: list[Page]) -> Page:
         known = {section.heading for section in sections}
         sections += [replace(s, heading=f"{s.heading}: {what}") if s.heading in known else s for s in page.sections]
     tiles = tuple(tile for page in pages for tile in page.tiles)
-    return replace(first, headline=" ".join(headlines), tiles=tiles, sections=tuple(sections))
+    verdicts = sorted((v for page in pages for v in page.verdicts), key=lambda v: KINDS.index(v[0]))
+    return replace(first, headline=" ".join(headlines), tiles=tiles, sections=tuple(sections), verdicts=tuple(verdicts))

@@ -6,7 +6,7 @@ import platform
 from collections.abc import Iterable
 from importlib.metadata import version
 
-from ..fit.parameter import Verdict
+from ..fit.parameter import Verdict, ranked
 from ..pages.page import Page, Section, Tile
 from ..pages.quantities import MINUS, cell_text, number, parameter_interval, parameter_note, prose, unit_text
 from ..pages.tables import Row, Table
@@ -17,7 +17,7 @@ from .result import FigureTable, ParameterTable, Result
 def study_page(
     title: str, headline: str, tiles: Iterable[Tile], sections: Iterable[Section], verdicts: Iterable[Verdict] = ()
 ) -> Page:
-    """A page of a study, in the frame that all have; verdicts are those that stand in no section."""
+    """A page of a study, in the frame that all have, its verdicts above all sections, worst first."""
     return Page(
         title,
         "Pellucid report",
@@ -26,7 +26,7 @@ def study_page(
         tuple(sections),
         f"Written by pellucid {version('pellucid')}. Every figure is beside this page as SVG and PDF, every number in "
         "results.json.",
-        tuple((v.kind, prose(v.said)) for v in verdicts),
+        tuple((v.kind, prose(v.said)) for v in ranked(verdicts)),
     )
 
 

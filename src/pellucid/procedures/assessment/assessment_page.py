@@ -44,6 +44,7 @@ def page(study: Study, findings: AssessmentResult) -> Page:
         sections=tuple(sections),
         footer=f"Written by pellucid {version('pellucid')}. Every figure is beside this page as SVG and PDF, every "
         "number in results.json.",
+        verdicts=tuple((v.kind, prose(v.said)) for v in findings.verdicts),
     )
 
 
@@ -81,12 +82,8 @@ def _found(findings: AssessmentResult) -> Section:
     return Section(
         "assess_found",
         "What was found, and what was not",
-        (
-            *map(prose, findings.paragraph.split("\n\n")),
-            *(prose(v.said) for v in findings.verdicts if v.kind != "note"),
-        ),
+        tuple(map(prose, findings.paragraph.split("\n\n"))),
         tuple(_table(each) for each in shown if each.rows),
-        notes=tuple(prose(v.said) for v in findings.verdicts if v.kind == "note"),
     )
 
 

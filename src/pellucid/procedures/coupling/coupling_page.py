@@ -22,6 +22,7 @@ def page(study: Study, findings: CouplingResult) -> Page:
     return study_page(
         title=f"{findings.study}: wearers and their orthosis",
         headline=prose(findings.headline),
+        verdicts=findings.verdicts,
         tiles=_tiles(findings),
         sections=(
             _found(findings),
@@ -47,9 +48,8 @@ def _found(findings: CouplingResult) -> Section:
     return Section(
         "coupling_found",
         "What was found",
-        tuple(prose(v.said) for v in findings.verdicts if v.kind != "note"),
+        (),
         figure_tables(findings),
-        notes=tuple(prose(v.said) for v in findings.verdicts if v.kind == "note"),
     )
 
 

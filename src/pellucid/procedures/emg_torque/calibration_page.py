@@ -28,6 +28,7 @@ def page(study: Study, findings: CalibrationResult) -> Page:
         sections=tuple(
             filter(None, (_found(findings), _traces(findings), _muscles(findings), _choices(findings), _method(study)))
         ),
+        verdicts=findings.verdicts,
     )
 
 
@@ -56,7 +57,7 @@ def _found(findings: CalibrationResult) -> Section:
         caption="RMS error of the torque on what was not fitted"
         + (f" ({first})." if first else ", each repetition left out in turn."),
     )
-    return Section("emg_found", "What was found", tuple(prose(v.said) for v in findings.verdicts), tables, (drawing,))
+    return Section("emg_found", "What was found", (), tables, (drawing,))
 
 
 def _traces(findings: CalibrationResult) -> Section:

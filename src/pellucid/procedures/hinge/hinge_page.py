@@ -6,7 +6,6 @@ import numpy as np
 
 from ...pages.drawing import draw
 from ...pages.page import Page, Section, Tile
-from ...pages.quantities import prose
 from ...recordings.study import Study
 from ..study_page import figure_tables, parameter_tables, study_page
 from . import hinge_figures as figures
@@ -19,6 +18,7 @@ def page(study: Study, findings: HingeResult) -> Page:
     return study_page(
         title=f"{findings.study}: angle of a hinge",
         headline=findings.headline,
+        verdicts=findings.verdicts,
         tiles=tuple(_tile(t) for t in evaluated),
         sections=(
             _found(findings),
@@ -42,8 +42,7 @@ def _tile(trial: HingeTrial) -> Tile:
 
 
 def _found(findings: HingeResult) -> Section:
-    told = tuple(prose(v.said) for v in findings.verdicts)
-    return Section("hinge_found", "What was found", told, figure_tables(findings))
+    return Section("hinge_found", "What was found", (), figure_tables(findings))
 
 
 def _angles(study: Study, evaluated: tuple[HingeTrial, ...]) -> Section:

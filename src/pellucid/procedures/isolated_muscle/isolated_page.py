@@ -10,5 +10,8 @@ from ..study_page import figure_tables
 
 def page(study: Study, found: Result) -> Page:
     """The page of an isolated muscle."""
-    section = Section("force", "Force over imposed length", tuple(v.said for v in found.verdicts), figure_tables(found))
-    return Page(study.name, "Isolated muscle", found.headline, sections=(section,), footer=study.config.citation)
+    section = Section("force", "Force over imposed length", (), figure_tables(found))
+    told = tuple((v.kind, v.said) for v in found.verdicts)
+    return Page(
+        study.name, "Isolated muscle", found.headline, sections=(section,), footer=study.config.citation, verdicts=told
+    )

@@ -157,18 +157,17 @@ def _headline(study: Study, fit: JointResult) -> str:
     def recordings(count: int) -> str:
         return "one recording" if count == 1 else f"{count} recordings"
 
-    text = f"The {study.rig.joint} is a {fit.motion} joint, identified from {recordings(used['fitted'])}. "
+    wrong = any(v.kind == "wrong" for v in fit.verdicts)
+    text = "These figures are not the machine's before what stands first below is mended. " if wrong else ""
+    text += f"The {study.rig.joint} is a {fit.motion} joint, identified from {recordings(used['fitted'])}. "
     effort = EFFORTS.get(fit.effort_unit, "effort").lower()
     if np.isfinite(best.heldout_effort_error):
         text += (
             f"On {recordings(used['heldout'])} it has never seen, its model predicts the {effort} with an error of "
             f"{percent(best.heldout_effort_error)} %"
         )
-        text += (
-            f"; of {len(fit.families)} friction families, {fit.best} friction is the one to use."
-            if len(fit.families) > 1
-            else "."
-        )
+        chosen = f"; of {len(fit.families)} friction families, {fit.best} friction is the one to use."
+        text += chosen if len(fit.families) > 1 and not wrong else "."
     else:
         text += (
             f"Nothing was held out; on what was fitted, its {fit.best} model leaves an error of "

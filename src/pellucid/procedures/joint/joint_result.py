@@ -11,7 +11,7 @@ import numpy as np
 from ...fit.joint.friction_family import FamilyFit
 from ...fit.joint.joint_estimate import JointEstimate
 from ...fit.joint.replay import Simulation, relative_error
-from ...fit.parameter import Parameter
+from ...fit.parameter import Parameter, Verdict
 from ...models.card import ModelCard
 from ...pages.quantities import METHODS
 from ...recordings.results import ResultRow, checksum_of_all
@@ -81,7 +81,7 @@ def completed(study: Study, found: JointResult) -> JointResult:
     cards = {f"joint.{name}": card_of(study, found, family) for name, family in found.families.items()}
     return replace(
         found,
-        headline=_headline(found.families, found.best),
+        headline=_headline(found.families, found.best) + _unless(found.verdicts),
         tables=_tables(found.families, found.best, found.drive_constant),
         rows=tuple(rows_of(found)),
         cards={**cards, "joint": card_of(study, found, found.headlined)},
@@ -94,6 +94,12 @@ def _headline(families: Mapping[str, FamilyFit], best: str) -> str:
     split, error = ("held-out", one.heldout_effort_error) if held else ("fitted", one.fitted_effort_error)
     by = f" by {METHODS[one.estimate.method]}" if one.others else ""
     return f"{best} friction{by}, {split} effort error {error:.3g} %"
+
+
+def _unless(verdicts: Sequence[Verdict]) -> str:
+    """What must be mended before a headline is one."""
+    wrong = list(dict.fromkeys(v.finding.replace("_", " ") for v in verdicts if v.kind == "wrong"))
+    return f"; not to be used before this is mended: {', '.join(wrong)}" if wrong else ""
 
 
 def _tables(

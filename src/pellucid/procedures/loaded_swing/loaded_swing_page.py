@@ -30,13 +30,13 @@ def page(study: Study, findings: LoadedSwingResult) -> Page:
         )
         for who, leg in findings.legs.items()
     ]
-    told = tuple(prose(v.said) for v in findings.verdicts)
     return study_page(
         title=f"{findings.study}: legs in an exoskeleton",
         headline=prose(findings.headline),
+        verdicts=findings.verdicts,
         tiles=tuple(tiles),
         sections=(
-            Section("swing_found", "What was found", told, figure_tables(findings)),
+            Section("swing_found", "What was found", (), figure_tables(findings)),
             Section("swing_torque", "The motor's torque", drawings=(_torque(findings),)),
             Section("swing_parameters", "Parameters", tables=parameter_tables(findings)),
             Section(

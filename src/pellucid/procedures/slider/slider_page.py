@@ -81,6 +81,7 @@ def page(study: Study, result: SliderResult) -> Page:
     return study_page(
         title=f"{fit.study}: identified joint",
         headline=headline(fit),
+        verdicts=fit.verdicts,
         tiles=tiles,
         sections=(*sections, _provenance(study, fit)),
     )
@@ -163,9 +164,8 @@ def _found(fit: SliderFit, level: float) -> Section:
     return Section(
         "found",
         "What was found",
-        tuple(prose(v.said) for v in fit.verdicts if v.kind != "note"),
+        (),
         tuple(tables),
-        notes=tuple(prose(v.said) for v in fit.verdicts if v.kind == "note"),
     )
 
 

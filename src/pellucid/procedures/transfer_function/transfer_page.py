@@ -30,6 +30,7 @@ def page(study: Study, found: TransferResult) -> Page:
     return study_page(
         title=f"{found.study}: transfer functions",
         headline=found.headline,
+        verdicts=found.verdicts,
         tiles=_tiles(found),
         sections=(_found(found), _responses(found), _poles(found), _coefficients(found), _provenance(study, found)),
     )
@@ -76,10 +77,9 @@ def _found(found: TransferResult) -> Section:
     return Section(
         "found",
         "What was found",
-        tuple(prose(v.said) for v in found.verdicts if v.kind != "note"),
+        (),
         tuple(tables),
         (draw(figures.fits, names, inside, outside),),
-        tuple(prose(v.said) for v in found.verdicts if v.kind == "note"),
     )
 
 

@@ -94,5 +94,7 @@ def _errors(found: Contest, involved: list[str], unit: str, scale: float = 1.0) 
 
 
 def _advice(case: JointCase) -> str:
+    if case.fit.choice.torque is None:
+        return 'Hold a recording out (use = "validate").'
     other = "simulation" if case.fit.choice.purpose == "torque" else "torque"
     return f'It is chosen for {case.fit.choice.purpose}; write [model] purpose = "{other}" to have it for {other}.'

@@ -33,6 +33,8 @@ RECORD = {
     "offset": "Record both directions over the same positions.",
 }
 """What shows a parameter."""
+MISFIT = 20.0  # error of the fit [%] from where a motion is not to blame
+SURE = 1.96  # statistical standard errors
 NEGLIGIBLE = 0.05  # share of the RMS effort below which an interval around zero settles the matter
 TRADE_OFF = 0.9  # correlation of two estimates above which one is said to hide the other
 
@@ -41,7 +43,8 @@ def find(case: JointCase) -> Iterator[Verdict]:
     """Each parameter of the best family that is on its bound or not told from zero."""
     top = max(float(np.abs(m.velocity).max()) for m in case.data.motions)
     speed = f"{np.degrees(top):.3g} deg/s" if case.rotary else f"{top:.3g} m/s"
-    for parameter in case.fit.estimate.parameters:
+    estimate = case.fit.headline.estimate
+    for parameter in estimate.parameters:
         name = parameter.name.replace("_", " ")
         if parameter.influence == 0.0:
             continue  # the velocity of a Stribeck level that came out zero says nothing
@@ -51,7 +54,8 @@ def find(case: JointCase) -> Iterator[Verdict]:
                 f"{name} is held at its physical bound ({parameter.value:.3g} {parameter.unit}): there is none to "
                 "see, or the model misses something that pushes it there.",
             )
-        elif not parameter.identifiable:
+        elif not parameter.identifiable and abs(parameter.value) < SURE * parameter.statistical_error:
+            # What the model leaves out may widen an interval too: that is no fault of the motion.
             low, high = parameter.interval(case.level)
             if 0.5 * (high - low) * parameter.influence < NEGLIGIBLE:
                 yield Verdict(
@@ -60,14 +64,16 @@ def find(case: JointCase) -> Iterator[Verdict]:
                     f"{parameter.unit}, too little to matter.",
                 )
                 continue
-            why = _rival(case.fit.estimate, parameter.name) or MEANING.get(
-                parameter.name, f"it never moves faster than {speed}"
-            )
+            missed = case.fit.fitted_effort_error
+            why = _rival(estimate, parameter.name)
+            if why is None and missed > MISFIT:
+                why = f"the model misses {missed:.2g} % of the effort, in which it drowns"
+            why = why or MEANING.get(parameter.name, f"it never moves faster than {speed}")
             yield Verdict(
                 "warning",
                 f"{name} is not identifiable from these recordings: {why} (interval {low:.3g} to {high:.3g} "
                 f"{parameter.unit}).",
-                RECORD.get(parameter.name.removesuffix("_positive").removesuffix("_negative"), ""),
+                "" if "drowns" in why else RECORD.get(parameter.name.partition("_")[0], ""),
             )
 
 

@@ -17,12 +17,16 @@ from ..joint_case import JointCase
 from .prediction import FAILED
 
 SAVES = 0.5  # times the error, that the angle read in degrees must not exceed
+WIDE = 2.0 * np.pi  # range of an angle [rad] that few joints with a weight have, and any has in degrees
 
 
 def find(case: JointCase) -> Iterator[Verdict]:
     """That a failed fit is one no more with the angle read in degrees: the sine of the weight tells."""
     # Radians called degrees make no fit fail: weight is proportional to small angles, and inertia takes the factor.
     if not has_weight(case.fit.model) or case.fit.fitted_r2 > FAILED:
+        return
+    position = case.data.reduced([m.position for m in case.data.motions])
+    if np.ptp(position) < WIDE:
         return
     model = case.fits.get("symmetric", case.fit).model
     said, read = _error(case, model, 1.0), _error(case, model, np.pi / 180.0)
