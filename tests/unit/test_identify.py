@@ -187,7 +187,10 @@ def test_different_joints_are_not_compared(virtual, tmp_path, fit):
     fit.save(virtual)
     card = json.loads((virtual.models_dir / "joint.json").read_text(encoding="utf-8"))
     other = tmp_path / "other.json"
-    other.write_text(json.dumps(card | {"motion": "prismatic", "effort_unit": "N"}), encoding="utf-8")
+    other.write_text(
+        json.dumps(card | {"motion": "prismatic", "effort_unit": "N", "parameters": [], "covariance": []}),
+        encoding="utf-8",
+    )
     with pytest.raises(IdentificationError, match="motion is 'rotary' in the first and 'prismatic' in the second"):
         compare(virtual.models_dir / "joint.json", other)
 

@@ -18,9 +18,9 @@ TURNED = np.radians(5.0)  # from where it differs by its zero
 
 def find(case: JointCase) -> Iterator[Verdict]:
     """Each recording that contradicts the others, in what, and what they give without it."""
-    if len({m.recording for m in case.motions}) < 2:
+    names = {m.recording for m in case.excerpt}
+    if len(names) < 2:
         return
-    names = {m.recording for m in case.motions}
     found = _found(case)
     pair = len(names) - len(found) == 1 and len(found) == 1
     for i, each in enumerate(found):
@@ -31,7 +31,7 @@ def find(case: JointCase) -> Iterator[Verdict]:
 def _found(case: JointCase) -> tuple[Disagreement, ...]:
     """By the best family; where it sees none in the body, by those that fit better, which miss less friction."""
     fits = sorted(case.fits.values(), key=lambda f: (f.family != case.best, f.fitted_effort_error))
-    every = [disagreements(f.model, f.estimate.array, case.motions) for f in fits]
+    every = [disagreements(f.model, f.estimate.array, case.excerpt) for f in fits]
     bodily = [found for found in every if any(BODY & set(each.own) for each in found)]
     return (bodily or every)[0]
 
