@@ -86,7 +86,23 @@ def test_a_drift_is_found_where_it_shows(study):
     assert clock.drift > 1e-3
     (still,) = clocks(study(offset=0.5))
     assert still.drift == 0.0
-    assert "not told from none" in still.said
+    assert "would not show" in still.said
+
+
+def test_of_a_motion_that_repeats_itself_the_nearest_offset_is_taken(study, tmp_path):
+    study()
+    time, w = np.arange(20_000) / 1000.0, 2.0 * np.pi / 5.0
+    q = 0.7 * np.sin(w * time) + 0.3 * np.sin(3.0 * w * time)
+    v = np.gradient(q, time)
+    effort = 0.08 * np.gradient(v, time) + 3.0 * np.sin(q) + 0.2 * v + 0.4 * np.sign(v)
+    current = effort / 1.68 + 0.02 * np.random.default_rng(1).standard_normal(len(time))
+    for name, column, values, late in (("a.csv", "q", q, 0.0), ("b.csv", "i", current, 0.2)):
+        rows = np.column_stack([time + late, values])
+        np.savetxt(tmp_path / name, rows, "%.9f", ",", header=f"time,{column}", comments="")
+    (clock,) = clocks(open_study(tmp_path))
+    assert clock.offset == pytest.approx(0.2, abs=3e-3)
+    assert min(abs(abs(x - clock.offset) - 5.0) for x in clock.others) < 0.02
+    assert "repeats itself" in clock.said
 
 
 def test_it_is_told_and_the_parameters_are_those_of_one_file(study):

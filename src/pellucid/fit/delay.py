@@ -208,11 +208,10 @@ def _basis(w: np.ndarray) -> np.ndarray:
 
 
 def likeliest(
-    w: np.ndarray, effort: Callable[[np.ndarray], np.ndarray], times: np.ndarray, tried: np.ndarray, apart: float
-) -> tuple[float, float]:
-    """The one of the delays `tried` [s] at which a regressor, (m, p), at `times`, (m,) [s], leaves the least of an
-    effort, NaN where it is not recorded, unexplained; and how many times as much the best of those leaves that lie
-    `apart` [s] from it."""
+    w: np.ndarray, effort: Callable[[np.ndarray], np.ndarray], times: np.ndarray, tried: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Those of the delays `tried` [s] at which a regressor, (m, p), at `times`, (m,) [s], leaves less of an effort, NaN
+    where it is not recorded, unexplained than at their neighbours, the least first; and which share they leave."""
     q = _basis(w / np.maximum(np.linalg.norm(w, axis=0), np.finfo(float).tiny))
     left = np.full(len(tried), np.inf)
     for i, delay in enumerate(tried):
@@ -224,9 +223,10 @@ def likeliest(
         off = y - basis @ (basis.T @ y)
         spread = y - y.mean()
         left[i] = float(off @ off) / max(float(spread @ spread), np.finfo(float).tiny)
-    best = int(np.argmin(left))
-    others = left[np.abs(tried - tried[best]) > apart]
-    return float(tried[best]), float(others.min() / left[best]) if others.size else np.inf
+    beside = np.pad(left, 1, constant_values=np.inf)
+    lowest = np.flatnonzero((left <= beside[:-2]) & (left <= beside[2:]) & np.isfinite(left))
+    lowest = lowest[np.argsort(left[lowest], kind="stable")]
+    return tried[lowest], left[lowest]
 
 
 def lag_instead(

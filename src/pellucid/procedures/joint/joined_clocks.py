@@ -24,11 +24,11 @@ FARTHEST = 60.0
 STEP = 0.01
 """Offsets that are tried lie so far apart [s]: joints swing slower than ten times a second."""
 
-APART = 0.3
-"""Offsets farther apart than this are of different swings [s]."""
-
 SURER = 1.2
-"""By how much more another swing must leave unexplained."""
+"""By how much more another offset must leave unexplained, or it fits alike."""
+
+UNLIKE = 0.5
+"""Share of the effort that no offset may leave unexplained."""
 
 ROWS = 1500
 """Samples with which offsets are tried."""
@@ -53,6 +53,7 @@ class Clock:
     high: float = float("nan")
     drift: float = 0.0
     drift_error: float = float("nan")
+    others: tuple[float, ...] = ()  # Offsets that fit alike [s]
     why: str = ""
 
     @property
@@ -61,14 +62,19 @@ class Clock:
         clocks = f"the clock of {self.file}", f"that of recording {self.recording}"
         if self.why:
             return f"How {clocks[0]} lies against {clocks[1]} was not found: {self.why}."
-        drift = f"{1e6 * self.drift:.3g} ± {1.96e6 * self.drift_error:.2g} millionths"
-        if np.isfinite(self.drift_error):
-            runs = f" and runs faster by {drift}" if self.drift else f"; a drift of {drift} is not told from none"
-        else:
-            runs = ""
+        runs = alike = ""
+        if self.drift:
+            runs = f" and runs faster by {1e6 * self.drift:.3g} ± {1.96e6 * self.drift_error:.2g} millionths"
+        elif np.isfinite(self.drift_error):
+            runs = f"; a drift below {SURE * 1e6 * self.drift_error:.2g} millionths would not show"
+        if self.others:
+            alike = ", ".join(f"{x:.2f} s" for x in self.others[:4]) + (" and more" if len(self.others) > 4 else "")
+            alike = (
+                f" The motion repeats itself, and {alike} would fit alike: the nearest to the first guess was taken."
+            )
         return (
             f"T{clocks[0][1:]} is {self.offset:.4f} s later than {clocks[1]} (95 % interval {self.low:.4f} to "
-            f"{self.high:.4f} s){runs}: its channels were joined by that."
+            f"{self.high:.4f} s){runs}: its channels were joined by that.{alike}"
         )
 
     @property
@@ -130,9 +136,12 @@ def _clock(recording: Recording, name: str, study: Study) -> Clock:
     # The drive's file is late by what is found; the position's is early by it.
     sense = 1.0 if any(channel in stream for channel in drives) else -1.0
     try:
-        offset, surer = _roughly(recording, apart, stream, first, sense, study)
-        if surer < SURER:
-            return unknown("its motion repeats itself, and several offsets fit alike")
+        rough, left = _roughly(recording, apart, stream, first, sense, study)
+        if not len(left) or left[0] > UNLIKE:
+            return unknown("its drive explains no motion that was recorded")
+        alike = rough[left < SURER * left[0]]
+        # Of swings that are all the same, the one for which the loggers were started together.
+        offset, *others = alike[np.argsort(np.abs(alike - first), kind="stable")].tolist()
         for _ in range(SETTLED):
             found = _delay(study.rejoined(recording.name, {name: (offset, given)}), study)
             if found is None:
@@ -141,17 +150,16 @@ def _clock(recording: Recording, name: str, study: Study) -> Clock:
             if abs(found.value) < NEAR:
                 break
         low, high = sorted(offset + sense * (end - found.value) for end in (found.low, found.high))
-        if drift != "auto":
-            return Clock(recording.name, name, stream.path.name, offset, low, high, given)
-        return _drifting(Clock(recording.name, name, stream.path.name, offset, low, high), recording, sense, study)
+        found = Clock(recording.name, name, stream.path.name, offset, low, high, given, others=tuple(others))
+        return _drifting(found, recording, sense, study) if drift == "auto" else found
     except (PellucidError, np.linalg.LinAlgError) as error:
         return unknown(str(error))
 
 
 def _roughly(
     recording: Recording, apart: Recording, stream: Recording, first: float, sense: float, study: Study
-) -> tuple[float, float]:
-    """The offset [s] to some milliseconds, and by how much better it is than that of another swing."""
+) -> tuple[np.ndarray, np.ndarray]:
+    """Offsets [s] to some milliseconds, the likeliest first, and the share of the effort that each leaves."""
     model, made = simple_model(study), motions_of(some_of([recording]), study)
     regressors, times = [], []
     for motion in made:
@@ -172,8 +180,8 @@ def _roughly(
     def effort(t: np.ndarray) -> np.ndarray:
         return np.interp(t, source.time, smooth, left=np.nan, right=np.nan)
 
-    delay, surer = likeliest(w[some], effort, at[some] + start, tried, APART)
-    return first + sense * delay, surer
+    delays, left = likeliest(w[some], effort, at[some] + start, tried)
+    return first + sense * delays, left
 
 
 def _delay(recording: Recording, study: Study) -> Delay | None:
