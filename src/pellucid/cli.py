@@ -123,13 +123,47 @@ def check(folder: Folder, allow_outside: Outside = False) -> None:
 
 @app.command()
 def identify(
-    folder: Folder, family: Family = None, json: Json = False, out: Out = None, allow_outside: Outside = False
+    folders: Annotated[list[Path], typer.Argument(metavar="DIR...", help="Folders of studies; of several, a table.")],
+    family: Family = None,
+    json: Json = False,
+    out: Out = None,
+    allow_outside: Outside = False,
+    scheduler: Annotated[
+        str | None, typer.Option(metavar="ADDRESS", help="Dask scheduler whose workers take the studies.")
+    ] = None,
 ) -> None:
     """Identify what study.toml asks for, with intervals and verdicts."""
     from .procedures.run import identify as run
 
-    study = _opened(folder, out, allow_outside)
+    if len(folders) > 1 or scheduler:
+        if json or out:
+            raise PellucidError("identify: --json and --out are of one study; each of several keeps its own results")
+        _several(folders, family or None, allow_outside, scheduler)
+        return
+    study = _opened(folders[0], out, allow_outside)
     _found(study, "identify", json, lambda study, tell: run(study, families=family or None, on_progress=tell))
+
+
+def _several(folders: list[Path], families: list[str] | None, allow_outside: bool, scheduler: str | None) -> None:
+    """Identify studies side by side, and print one table over all; status 1 if one failed."""
+    from contextlib import nullcontext
+
+    from .assessment.cluster import cluster
+    from .procedures.print_result import fitting_tables
+    from .procedures.several import identify_several, table_of
+
+    with cluster(scheduler) if scheduler else nullcontext() as executor, _progress() as tell:
+        found = identify_several(
+            folders, families=families, allow_outside=allow_outside, executor=executor, on_progress=tell
+        )
+    console = _console()
+    for table in fitting_tables(*table_of(found), console.width):
+        console.print(table)
+    _list(console, [("note", f"{each.study}: {each.headline}") for each in found if not each.failure])
+    failed = [("warning", f"{each.folder}: {each.failure}") for each in found if each.failure]
+    _list(console, failed)
+    if failed:
+        raise typer.Exit(1)
 
 
 @app.command()
@@ -392,9 +426,9 @@ def _say(out: Console, text: str) -> None:
 
 @contextmanager
 def _progress() -> Iterator[Callable[[str, float], None]]:
-    """A progress bar on standard error; nothing where that is not a terminal."""
+    """A progress bar on standard error; where that is not a terminal a line now and then."""
     if not sys.stderr.isatty():
-        yield lambda text, share: None
+        yield _now_and_then()
         return
     from rich.console import Console
     from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeElapsedColumn
@@ -403,6 +437,20 @@ def _progress() -> Iterator[Callable[[str, float], None]]:
     with Progress(*columns, console=Console(stderr=True), transient=True) as progress:
         task = progress.add_task("", total=1.0)
         yield lambda text, share: progress.update(task, description=text, completed=share)
+
+
+def _now_and_then(seconds: float = 5.0) -> Callable[[str, float], None]:
+    """Says how far it is if nothing was said for so many seconds."""
+    from time import monotonic
+
+    last = [monotonic()]
+
+    def tell(text: str, share: float) -> None:
+        if monotonic() - last[0] >= seconds and share < 1.0:
+            last[0] = monotonic()
+            typer.echo(f"pellucid: {100.0 * share:.0f} % {text}", err=True)
+
+    return tell
 
 
 def _opened(folder: Path, out: Path | None, allow_outside: bool) -> Study:

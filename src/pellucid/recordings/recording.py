@@ -244,9 +244,11 @@ class Recording:
     @cached_property
     def longest_step(self) -> float:
         """Time step beyond which samples are missing: half as long again as usual, more where the clock jitters [s]."""
+        usual = GAP_STEPS / self.fs
+        if self._step_range[1] <= usual:
+            return usual
         steps = np.diff(self.time)
         steps = steps[np.isfinite(steps)]
-        usual = GAP_STEPS / self.fs
         if steps.max(initial=0.0) <= usual:
             return usual
         return max(usual, BEYOND_JITTER * float(np.quantile(steps[:: max(1, len(steps) // 200_000)], 0.98)))

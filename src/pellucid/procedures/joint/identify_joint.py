@@ -43,10 +43,12 @@ def identify_joint(
             raise IdentificationError(f"unknown friction family '{name}'; known: {', '.join(FAMILIES)}")
     tell("reading recordings", 0.0)
     recordings = study.recordings()
+    tell("looking at recordings", 0.05)
     for recording in recordings:
         require_sound(recording, study)
     require_velocity(study)
     require_clocks(study)
+    tell("filtering", 0.1)
     everything = motions(study)
     part = excerpt(study, everything)
     data = stack([m for m in everything if m.split == "fitted"])
@@ -79,7 +81,7 @@ def identify_joint(
     machine = machine_of(study.rig)
     failures: dict[str, str] = {}
     for i, name in enumerate(names):
-        tell(f"fitting {name}", (i + 0.2) / (len(names) + 0.5))
+        tell(f"fitting {name}", 0.2 + 0.7 * i / len(names))
         try:
             fits[name] = fit_family(
                 model_of(name, constant),
@@ -97,7 +99,7 @@ def identify_joint(
             if name in ("symmetric", names[0]):
                 raise
             failures[name] = str(error)
-    tell("verdicts", 1.0 - 0.3 / (len(names) + 0.5))
+    tell("verdicts", 0.9)
     best = best_family(fits)
     case = JointCase(study, everything, data, part.motions, fits, best, machine, failures, constant, no_constant)
     found = JointResult(

@@ -1,0 +1,97 @@
+"""Many studies at once: each identified by a process of its own, or by a cluster's workers, and one table over all."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from concurrent.futures import Executor, as_completed
+from dataclasses import dataclass
+from pathlib import Path
+
+from .._errors import PellucidError
+from .._processes import finished
+from ..fit.parameter import Parameter
+from ..pages.quantities import number, unit_text
+from .procedure import Progress, quiet
+from .result import ParameterTable
+
+MOST_COLUMNS = 12
+"""Parameters that the table over all shows: those that most studies have."""
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What came of one study: its headline and the parameters of its first table, or why there are none."""
+
+    folder: str
+    study: str = ""
+    headline: str = ""
+    parameters: tuple[Parameter, ...] = ()
+    warnings: int = 0  # Findings worse than a note
+    failure: str = ""
+
+
+def identify_several(
+    folders: Sequence[Path],
+    *,
+    families: Sequence[str] | None = None,
+    allow_outside: bool = False,
+    executor: Executor | None = None,
+    on_progress: Progress | None = None,
+) -> tuple[Outcome, ...]:
+    """Identify the studies in `folders` and save each, in their order; one that fails stops no other. An `executor`,
+    of a cluster that sees the same folders for instance, takes the place of this machine's processes."""
+    tell = on_progress or quiet
+    jobs = [(_identified, str(Path(folder).resolve()), families, allow_outside) for folder in folders]
+    found: dict[int, Outcome] = {}
+    tell(f"identifying {len(jobs)} studies", 0.0)
+    for i, outcome in finished(jobs) if executor is None else _by(executor, jobs):
+        found[i] = outcome
+        tell(f"{folders[i]}: {outcome.failure or outcome.headline}".splitlines()[0], len(found) / len(jobs))
+    return tuple(found[i] for i in range(len(jobs)))
+
+
+def _by(executor: Executor, jobs: Sequence[tuple]) -> Iterator[tuple[int, Outcome]]:
+    begun = {executor.submit(*job): i for i, job in enumerate(jobs)}
+    for done in as_completed(begun):
+        yield begun[done], done.result()
+
+
+def _identified(folder: str, families: Sequence[str] | None, allow_outside: bool) -> Outcome:
+    from .registry import open_study
+    from .run import identify
+
+    try:
+        study = open_study(folder, allow_outside=allow_outside)
+        result = identify(study, families=families)
+        result.save(study)
+    except (PellucidError, OSError) as error:
+        return Outcome(folder, failure=str(error))
+    shown = next((t.parameters for t in result.tables if isinstance(t, ParameterTable)), ())
+    warnings = sum(v.kind in ("wrong", "warning") for v in result.verdicts)
+    return Outcome(folder, study.name, result.headline, tuple(shown), warnings)
+
+
+def table_of(outcomes: Sequence[Outcome]) -> tuple[tuple[str, ...], list[tuple[str, ...]]]:
+    """Heads and rows of the table over all: a study each, its parameters with half their intervals."""
+    count: dict[tuple[str, str], int] = {}
+    for outcome in outcomes:
+        for p in outcome.parameters:
+            count[p.name, p.unit] = count.get((p.name, p.unit), 0) + 1
+    most = sorted(count, key=lambda key: -count[key])[:MOST_COLUMNS]
+    columns = [key for key in count if key in most]
+    heads = ("study", "warnings", *(f"{name} [{unit_text(unit) or '1'}]" for name, unit in columns))
+    rows = []
+    for outcome in outcomes:
+        own = {(p.name, p.unit): p for p in outcome.parameters}
+        cells = [_cell(own.get(key)) for key in columns]
+        name = outcome.study or Path(outcome.folder).name
+        rows.append((name, "failed" if outcome.failure else str(outcome.warnings), *cells))
+    return heads, rows
+
+
+def _cell(parameter: Parameter | None) -> str:
+    if parameter is None:
+        return "–"
+    low, high = parameter.interval(0.95)
+    half = number(0.5 * (high - low), parameter.standard_error)
+    return f"{number(parameter.value, parameter.standard_error)} ± {half}"
