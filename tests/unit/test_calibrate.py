@@ -195,6 +195,15 @@ def test_the_beginning_of_a_trial_is_compared_for_nobody(tmp_path, quick):
     assert choices[1].compared.rmse < 0.5 * choices[1].score.rmse
 
 
+def test_a_recording_that_was_to_judge_and_did_not_is_told(tmp_path, quick):
+    study = leg(tmp_path / "leg")
+    trials = [trial for trial in moment_trials(study, "knee") if trial.name != "rest"]
+    said = [v.text for v in module.verdicts_of(study, [told("ridge", 1.0, "judged")], trials)]
+    assert next(text for text in said if "to be judged on, and nothing was" in text).startswith("rest: ")
+    said = module.verdicts_of(study, [told("ridge", 1.0, r) for r in ("judged", "rest")], trials)
+    assert not any("to be judged on" in v.text for v in said)
+
+
 def test_where_trials_are_left_out_the_folds_within_choose():
     one, other = (SimpleNamespace(compared=Score(rmse, 0.5)) for rmse in (1.0, 3.0))
     assert mean_choice([one, other]) == Score(2.0, 0.5)

@@ -67,7 +67,7 @@ def calibrate(study: Study, on_progress: Progress | None = None) -> CalibrationR
         study=study.name,
         headline=_headline(evaluated),
         tables=(*_tables(evaluated), *muscle_tables(found.muscles)),
-        verdicts=(*_verdicts(study, evaluated, trials), *muscle_verdicts_of(found)),
+        verdicts=(*verdicts_of(study, evaluated, trials), *muscle_verdicts_of(found)),
         rows=calibration_rows(study.name, evaluated, trials),
         cards={**found.cards, **muscle_cards(study, found.muscles, trials)},
         checksums={trial.name: trial.checksum for trial in trials},
@@ -230,7 +230,8 @@ def _headline(evaluated: Sequence[Evaluated]) -> str:
     return "; ".join(said) + (where or ", on what was not fitted") + "."
 
 
-def _verdicts(study: Study, evaluated: Sequence[Evaluated], trials: Sequence[TorqueTrial]) -> tuple[Verdict, ...]:
+def verdicts_of(study: Study, evaluated: Sequence[Evaluated], trials: Sequence[TorqueTrial]) -> tuple[Verdict, ...]:
+    """What is to be known of the estimator that is named first, and of what judged it."""
     said = []
     for best in (one for what in dict.fromkeys(each.what for each in evaluated) for one in preferred(evaluated, what)):
         what, on = best.what, f" on {best.recording}" if best.recording else ""
@@ -255,7 +256,9 @@ def _verdicts(study: Study, evaluated: Sequence[Evaluated], trials: Sequence[Tor
                 )
             )
     judged = {each.recording for each in evaluated} | {trial.name for trial in trials}
-    idle = [r.name for r in study.recordings("validate") if not any(name.startswith(r.name) for name in judged)]
+    idle = [
+        r.name for r in study.recordings("validate") if not any(f"{name}_".startswith(f"{r.name}_") for name in judged)
+    ]
     if idle:
         said.append(
             Verdict(
