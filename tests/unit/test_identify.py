@@ -75,6 +75,12 @@ def test_the_card_comes_back_as_it_was_written(virtual, fit):
     assert reference.method == "ls"
     assert reference.values == pytest.approx(fit.families[fit.best].estimate.array, rel=1e-15)
     assert {row.id for row in read_rows(virtual.results_path)} == {row.id for row in rows}
+    headline = {row.id: row for row in rows if row.id.startswith("virtual.headline.")}
+    for p in chosen.parameters:
+        row = headline[f"virtual.headline.{p.name}"]
+        assert row.value == p.value
+        assert f"method {chosen.method}; family {fit.best}; chosen for torque" in row.note
+    assert headline["virtual.headline.heldout.effort_error"].value == fit.headlined.heldout_effort_error
     for row in rows:
         assert row.id.startswith("virtual.")
         assert row.command == "identify"
@@ -187,10 +193,8 @@ def test_different_joints_are_not_compared(virtual, tmp_path, fit):
     fit.save(virtual)
     card = json.loads((virtual.models_dir / "joint.json").read_text(encoding="utf-8"))
     other = tmp_path / "other.json"
-    other.write_text(
-        json.dumps(card | {"motion": "prismatic", "effort_unit": "N", "parameters": [], "covariance": []}),
-        encoding="utf-8",
-    )
+    slide = {"motion": "prismatic", "effort_unit": "N", "parameters": [], "covariance": [], "statistical": []}
+    other.write_text(json.dumps(card | slide), encoding="utf-8")
     with pytest.raises(IdentificationError, match="motion is 'rotary' in the first and 'prismatic' in the second"):
         compare(virtual.models_dir / "joint.json", other)
 
