@@ -3,14 +3,18 @@
 import json
 import os
 import zlib
+from pathlib import Path
 
 import h5py
 import numpy as np
 import pytest
 import scipy.io
 
+from pellucid import _given
 from pellucid._errors import RecordingError
 from pellucid.recordings.readers import _apart, _caps, read_columns
+
+ROOT = Path(__file__).parents[2]
 
 KILLER = '''"""A reader whose library dies."""
 
@@ -151,6 +155,18 @@ def test_a_cap_can_be_raised(tmp_path, monkeypatch):
     monkeypatch.setenv("PELLUCID_MOST_COLUMNS", "many")
     with pytest.raises(RecordingError, match='PELLUCID_MOST_COLUMNS: found "many", expected a number'):
         read_columns(path)
+
+
+def test_the_page_says_the_caps():
+    page = (ROOT / "docs" / "files.md").read_text(encoding="utf-8")
+    for said in (
+        f"columns of a recording | {_caps.COLUMNS:,} |",
+        f"bytes of a recording | {_caps.FILE_BYTES:.0e} |".replace("e+0", "e"),
+        f"unpacked: {1e-6 * _caps.NUMBER_BYTES:.0f} MB, or so many times the file's own size | {_caps.SWELLS:.0f} |",
+        f"one for each {1e-6 * _caps.SPEED:.0f} MB | {_caps.SECONDS:.0f} |",
+        f"a model of muscles | {_given.MOST_BYTES:.0e} |".replace("e+0", "e"),
+    ):
+        assert said in page, said
 
 
 def test_a_file_larger_than_any_recording_is_not_opened(tmp_path):
