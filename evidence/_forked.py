@@ -16,7 +16,7 @@ from typing import Any
 MOST_SECONDS, MOST_BYTES = 10.0, 1e9
 """Above which a trial is over its limit [s], [B]."""
 
-PATIENCE = 30.0
+PATIENCE = 120.0
 """After which a trial that has not come back is killed [s]; processors are shared with others."""
 
 

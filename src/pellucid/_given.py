@@ -8,7 +8,7 @@ from pathlib import Path
 from ._errors import PellucidError
 
 MOST_BYTES = 50_000_000
-"""Of a file that is read whole as text: a study.toml, a card, a rig, a model of muscles [B]."""
+"""Of a file that is read whole as text: a card, a rig, a model of muscles [B]."""
 
 NAME = r"^\w[\w .-]{0,99}$"
 """What may be part of a file's name, a figure's id and a column's: letters and digits of any language, blanks . - _"""
@@ -19,14 +19,14 @@ STEM = r"^[\w(+=][\w .()+,=-]{0,199}$"
 _UNSEEN = re.compile(r"[\x00-\x08\x0b-\x1f\x7f-\x9f\u200e\u200f\u2028-\u202e\u2066-\u2069\ud800-\udfff]")
 
 
-def read_given(path: Path) -> bytes:
-    """The content of a regular file of a modest size; FileNotFoundError if there is none."""
+def read_given(path: Path, most: int = MOST_BYTES) -> bytes:
+    """The content of a regular file of at most so many bytes; FileNotFoundError if there is none."""
     path = Path(path)
     # A pipe or a device would be waited for, or read without end.
     if path.exists() and not path.is_file():
         raise PellucidError(f"{path}: found no regular file, expected one")
-    if path.stat().st_size > MOST_BYTES:
-        raise PellucidError(f"{path}: found {path.stat().st_size} bytes, expected at most {MOST_BYTES}")
+    if path.stat().st_size > most:
+        raise PellucidError(f"{path}: found {path.stat().st_size} bytes, expected at most {most}")
     return path.read_bytes()
 
 

@@ -143,7 +143,7 @@ def test_columns_are_counted(tmp_path, ending):
         path.write_text(json.dumps([{name: 1.0} for name in names]))
     else:
         scipy.io.savemat(path, {"q": np.ones((3, 20_000))})
-    with pytest.raises(RecordingError, match=r"20000 columns or more, expected at most 5000; .*PELLUCID_MOST_COLUMNS"):
+    with pytest.raises(RecordingError, match=r"\d+ columns or more, expected at most 5000; .*PELLUCID_MOST_COLUMNS"):
         read_columns(path)
 
 
@@ -200,3 +200,11 @@ def test_nothing_is_imported_from_where_the_user_stands(tmp_path, monkeypatch):
         _apart._end(_apart._running[os.getpid()])
     assert len(read_columns("a.mat")["t"]) == 9
     assert not (tmp_path / "was_imported").exists()
+
+
+def test_a_line_of_commas_is_not_divided(tmp_path):
+    for name, between in (("a.csv", ","), ("a.txt", " "), ("a.sto", "\t")):
+        path = tmp_path / name
+        path.write_text(("endheader\n" if name == "a.sto" else "") + f"1{between}" * 2_000_000 + "\n")
+        with pytest.raises(RecordingError, match="columns or more, expected at most 5000"):
+            read_columns(path)

@@ -125,3 +125,50 @@ def test_every_study_file_is_answered(tmp_path):
     assert opened + refused == EACH
     assert opened
     assert refused
+
+
+@pytest.mark.parametrize("folder", ["models", "report", "kept", "tables"])
+def test_nothing_is_written_where_a_link_leads(tmp_path, make_study, folder):
+    study = make_study()
+    (tmp_path / "outside").mkdir()
+    (study.folder / folder).symlink_to(tmp_path / "outside")
+    with pytest.raises(PellucidError, match="outside the study's folder"):
+        study.place(folder)
+    assert not list((tmp_path / "outside").iterdir())
+
+
+def test_what_was_kept_by_somebody_else_does_no_harm(make_study):
+    """With the right fingerprint: of no type that is expected, and one that unpacks to far more than it is."""
+    import zipfile
+
+    from pellucid.procedures.registry import asked
+    from pellucid.procedures.result import fingerprint
+    from pellucid.recordings.kept import keep, read_kept
+
+    study = make_study()
+    result = pl.identify(study, families=["symmetric"], thorough=False)
+    result.save(study)
+    (procedure,), path = asked(study), study.kept_path("joint")
+    made_from = fingerprint(study, procedure)
+    assert read_kept(path, made_from) is not None
+    from dataclasses import replace
+
+    keep(path, made_from, replace(result, families="none", rows=3))
+    assert pl.report(study).is_file()
+    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as packed:
+        packed.writestr("tree.npy", bytes(50_000_000))
+    assert path.stat().st_size < 100_000
+    assert read_kept(path, made_from) is None
+
+
+def test_a_study_file_as_long_as_a_book_is_refused_at_once(make_study):
+    study = make_study()
+    path = study.folder / "study.toml"
+    text = path.read_text()
+    path.write_text(text + "# " + "x" * 3_000_000)
+    with pytest.raises(PellucidError, match="bytes, expected at most 3000000"):
+        open_study(study.folder)
+    # A line that takes a search for its key longer than the study is old.
+    path.write_text('notes = ["""[' + " " * 9000 + '"""]\nrate = 1\n' + text)
+    with pytest.raises(StudyError, match="rate"):
+        open_study(study.folder)

@@ -81,7 +81,7 @@ def export(
         study, to, card=card, slider=slider, participant=participant, controller=controller, exponents=exponents,
         period=period, allow_outside=allow_outside,
     )  # fmt: skip
-    return write_c_folder(study.name, values, study.made / "controller" if out is None else Path(out))
+    return write_c_folder(study.name, values, study.place("controller") if out is None else Path(out))
 
 
 def values_for(

@@ -15,6 +15,9 @@ from .rig_schema import require_like
 RIGS = files(__package__) / "rigs"
 """The rigs that come with the package."""
 
+MOST_BYTES = 3_000_000
+"""Of a rig's file [B]."""
+
 DRAWN, DRAWN_FROM = 5, "able-elbow"
 """How many rigs are drawn from the ranges of the one with a carriage."""
 
@@ -84,7 +87,7 @@ def rig_text(name: str | Path) -> str:
 def text_of_rig(path: Path) -> str:
     """What a rig's file says, as it is."""
     try:
-        return read_given(path).decode("utf-8")
+        return read_given(path, MOST_BYTES).decode("utf-8")
     except UnicodeDecodeError as error:
         raise StudyError(f"{path}: not readable: {error}") from None
 

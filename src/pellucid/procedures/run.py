@@ -217,10 +217,19 @@ def report(
 
     tell, procedures, pages = on_progress or quiet, asked(study), []
     for i, procedure in enumerate(procedures):
-        found = result if result is not None and result.procedure == procedure.name else Result.kept(study, procedure)
-        if found is None:
-            tell(f"{procedure.command} again: nothing that was kept is fresh", i / len(procedures))
-            found = _run(procedure, study, lambda text, share, i=i: tell(text, (i + 0.8 * share) / len(procedures)))
+        given = result is not None and result.procedure == procedure.name
+        found = result if given else Result.kept(study, procedure)
+        if found is not None:
+            tell("drawing", (i + 0.8) / len(procedures))
+            try:
+                pages.append(procedure.page(study, found))
+                continue
+            except (TypeError, ValueError, LookupError, AttributeError, ArithmeticError):
+                # What was kept may be somebody else's: what cannot be drawn is found again.
+                if given:
+                    raise
+        tell(f"{procedure.command} again: nothing that was kept is fresh", i / len(procedures))
+        found = _run(procedure, study, lambda text, share, i=i: tell(text, (i + 0.8 * share) / len(procedures)))
         tell("drawing", (i + 0.8) / len(procedures))
         pages.append(procedure.page(study, found))
     page = _one_page(pages)

@@ -68,8 +68,14 @@ def _kept(path: Path, source: Path) -> Columns | None:
         with path.open("rb") as file:
             line = file.readline()
         head = json.loads(line)
+        for entry in head["columns"].values():
+            # Where and how long a column is; of a file that was tampered with, more than there is.
+            if not isinstance(entry, str):
+                at, n, checksum = map(int, entry)
+                if min(at, n, checksum) < 0 or len(line) + at + n * STORED.itemsize > path.stat().st_size:
+                    return None
         found = KeptColumns(path, len(line), dict(head["columns"]), source), head["angle_unit"], head["units"]
-    except (OSError, ValueError, KeyError, TypeError):
+    except (OSError, ValueError, LookupError, TypeError, AttributeError, ArithmeticError, RecursionError):
         return None
     with suppress(OSError):
         os.utime(path)  # what was used last is forgotten last

@@ -82,7 +82,7 @@ class Study:
     @property
     def models_dir(self) -> Path:
         """Where model cards are written."""
-        return self.made / "models"
+        return self.place("models")
 
     @property
     def results_path(self) -> Path:
@@ -92,16 +92,21 @@ class Study:
     @property
     def report_dir(self) -> Path:
         """Where the report is."""
-        return self.made / "report"
+        return self.place("report")
 
     def kept_path(self, procedure: str) -> Path:
         """Where what a procedure found is kept, to be drawn again."""
-        return self.made / "kept" / f"{procedure}.npz"
+        return self.place("kept") / f"{procedure}.npz"
 
     @property
     def made(self) -> Path:
         """Folder of everything that is made of the study."""
         return self.folder if self.out is None else self.out
+
+    def place(self, name: str) -> Path:
+        """Folder below `made` that something is written to; a PellucidError if a link leads out of the study."""
+        path = self.made / name
+        return path if self.out is not None else require_inside(path, self.folder, self.allow_outside, name)
 
     def inside(self, file: str | Path, where: str) -> Path:
         """A file of the study by its path from the folder; a PellucidError, which says `where` it was named, if it lies
@@ -286,7 +291,7 @@ class Study:
 
         digest = self._digest(path)
         if path not in files:
-            files[path] = kept_columns(self.made / "kept", path, digest)
+            files[path] = kept_columns(self.place("kept"), path, digest)
         return files[path], digest
 
     def _digest(self, path: Path) -> str:

@@ -23,6 +23,9 @@ DERIVED = "\0"
 SMALLEST, LARGEST = 1e-30, 1e30
 """Magnitude of any plain number that is not 0."""
 
+WHOLE = 10**9
+"""Largest whole number."""
+
 LONGEST = 10_000
 """Most characters of a text."""
 
@@ -54,6 +57,8 @@ class StudyTable(BaseModel):
         for text in value if isinstance(value, (list, tuple)) else (value,):
             if isinstance(text, str) and (len(text) > LONGEST or text != _given.seen(text)):
                 raise ValueError(f"found {text[:100]!r}, expected at most {LONGEST} characters that can be seen")
+            if isinstance(text, int) and abs(text) > WHOLE:
+                raise ValueError(f"found a whole number of {text.bit_length()} bits, expected at most {WHOLE}")
             if isinstance(text, float) and text and not SMALLEST <= abs(text) <= LARGEST:
                 raise ValueError(f"found {text:g}, expected 0, or {SMALLEST:g} to {LARGEST:g} of either sign")
         return value

@@ -29,6 +29,9 @@ from ..units import parse_quantity, si_text, to_si_factor
 from .study_fields import DERIVED, NAME, Place, ProcedureTable, Said, StudyTable, Word, quantity
 from .toml_place import explain
 
+MOST_BYTES = 3_000_000
+"""Of a study.toml; Python's reader takes a second for each million [B]."""
+
 # Gains that a kind of loop needs, and those it may have.
 _GAINS = {
     "p": (("kp",), ()),
@@ -808,15 +811,17 @@ class StudyFile(StudyTable):
 
     @model_validator(mode="after")
     def _refers_to_what_exists(self) -> StudyFile:
-        for index, entry in enumerate(self.recordings):
+        names: set[str] = set()
+        for entry in self.recordings:
             if entry.participant is not None and entry.participant not in self.participants:
                 found = ", ".join(self.participants) or "none"
                 raise ValueError(
                     f'[[recordings]] {entry.name}: found the participant "{entry.participant}", '
                     f"expected one of [participants]: {found}"
                 )
-            if any(entry.name == other.name for other in self.recordings[:index]):
+            if entry.name in names:
                 raise ValueError(f'[[recordings]] the name "{entry.name}" is given twice, expected each once')
+            names.add(entry.name)
             if "time" not in self.channels_of(entry):
                 raise ValueError("[channels] no channel time found, expected one with its column and unit")
             channels = set(self.channels_of(entry))
@@ -1049,7 +1054,7 @@ def parse_study_file(path: Path, model: type[StudyFile] = StudyFile) -> StudyFil
     import tomllib
 
     try:
-        text = read_given(path).decode("utf-8-sig")
+        text = read_given(path, MOST_BYTES).decode("utf-8-sig")
     except FileNotFoundError:
         raise StudyError(f"{path}: no such file; a study is a folder with a study.toml in it") from None
     except (OSError, UnicodeDecodeError) as error:

@@ -12,6 +12,9 @@ from pydantic import BaseModel, ValidationError
 
 from .study_fields import DERIVED
 
+LONGEST = 300
+"""Characters of a line in which a key is looked for."""
+
 _HEADER = re.compile(r"\s*(\[\[?)\s*([^\[\]]+?)\s*\]\]?\s*(?:#.*)?$")
 _KEY = re.compile(r"""\s*((?:[A-Za-z0-9_-]+|"[^"]*"|'[^']*')(?:\s*\.\s*(?:[A-Za-z0-9_-]+|"[^"]*"|'[^']*'))*)\s*=""")
 
@@ -55,6 +58,8 @@ def line_of(text: str, where: tuple[str | int, ...]) -> int | None:
     counts: dict[str, int] = {}
     best, depth = None, 0
     for number, line in enumerate(text.splitlines(), 1):
+        if len(line) > LONGEST:
+            continue
         header = _HEADER.match(line)
         if header:
             table = [part.strip().strip("\"'") for part in header[2].split(".")]

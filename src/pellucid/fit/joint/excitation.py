@@ -27,6 +27,8 @@ def excitation(model: JointModel, data: Stack) -> Excitation:
     w, _ = rows_of(model, np.zeros(len(model.names)), data)
     norms = np.linalg.norm(w, axis=0)
     w = w[:, norms > 0.0] / norms[norms > 0.0]
+    # Of fewer rows than columns what no row shows counts as nothing.
+    w = np.vstack([w, np.zeros((max(w.shape[1] - len(w), 0), w.shape[1]))])
     _, singular, axes = np.linalg.svd(np.linalg.qr(w, mode="r"))
     # One over the diagonal of the inverse of W'W: the squared part of a column that is normal to all others.
     apart = 1.0 / np.sum((axes / np.maximum(singular, 1e-12 * singular[0])[:, None]) ** 2, axis=0)

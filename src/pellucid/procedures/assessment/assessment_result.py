@@ -129,4 +129,4 @@ class AssessmentResult(Result):
     def save_more(self, study: Study) -> None:
         from .paper_tables import write_tables
 
-        write_tables(study.made / "tables", self)
+        write_tables(study.place("tables"), self)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Iterable
 from pathlib import Path
 
 from ..._errors import RecordingError
@@ -53,6 +54,14 @@ def require_few(path: Path, columns: int) -> None:
             f"{path.name}: found {columns} columns or more, expected at most {most_columns():g}; to read it all the "
             "same: PELLUCID_MOST_COLUMNS=NUMBER"
         )
+
+
+def require_narrow(path: Path, lines: Iterable[str]) -> None:
+    """RecordingError if one of some lines of text is divided into too many columns, before any is."""
+    most = int(most_columns())
+    for line in lines:
+        for delimiter in ("\t", ";", ",", None) if len(line) > 2 * most else ():
+            require_few(path, len(line.split(delimiter, most + 1)))
 
 
 def require_small(path: Path, numbers: float) -> None:

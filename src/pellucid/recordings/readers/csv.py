@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from ..._errors import RecordingError
-from ._caps import require_few
+from ._caps import require_few, require_narrow
 from ._columns import Columns
 from ._last_row import cut_row
 from ._number_table import LONG, number_table
@@ -42,6 +42,7 @@ def read(path: Path) -> Columns:
     lines = [(number, line) for number, line in lines if not line.lstrip().startswith(_COMMENT)]
     if not lines:
         raise RecordingError(f"{path.name}: found no row of data")
+    require_narrow(path, (line for _, line in lines[:20]))
     delimiter = _delimiter([line for _, line in lines[:20]])
     first = next((i for i, (_, line) in enumerate(lines[:20]) if _is_data(_split(line, delimiter))), None)
     if first is None:

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from ..._errors import RecordingError
+from ._caps import require_narrow
 from ._columns import Columns
 
 ENDINGS = (".sto", ".mot", ".dat")
@@ -24,6 +25,7 @@ def read(path: Path) -> Columns:
     header, body, first = _parts(path)
     if not body:
         raise RecordingError(f"{path.name}: found nothing after endheader, expected labels and rows")
+    require_narrow(path, body[:1])
     labels = body[0].split()
     rows = [line.split() for line in body[1:]]
     for number, fields in enumerate(rows, first + 1):
