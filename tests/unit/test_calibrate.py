@@ -323,7 +323,7 @@ def test_emg_at_a_rate_too_low_for_the_chain(tmp_path, quick):
 def test_an_instrument_that_stopped_early_is_refused(tmp_path, quick):
     study = leg(tmp_path / "leg")
     path = study.folder / "recordings" / "emg.csv"
-    path.write_text("\n".join(path.read_text(encoding="utf-8").splitlines()[:400]), encoding="utf-8")
+    path.write_text("\n".join(path.read_text(encoding="utf-8").splitlines()[:400]) + "\n", encoding="utf-8")
     with pytest.raises(
         RecordingError, match=r"emg.csv \(recording fitted\).*found samples from 0 s to 3.98 s, expected 0 s to"
     ):
