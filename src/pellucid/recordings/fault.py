@@ -17,8 +17,9 @@ class Fault:
     kind : str
         ``"missing_channel"``, ``"missing_samples"``, ``"time_order"``, ``"sampling_jitter"``, ``"gap"``, ``"rate"``,
         ``"too_few_samples"``, ``"spike"``, ``"dropout"``, ``"clipped"``, ``"frozen_encoder"``, ``"excluded"``,
-        ``"too_much_cut"``, ``"duplicate"``, ``"wrap"`` or ``"magnitude"``; of markers also ``"lost_marker"`` and
-        ``"overlap"``.
+        ``"too_much_cut"``, ``"duplicate"``, ``"wrap"`` or ``"magnitude"``; of a joint's drive ``"delay"``, of a joined
+        file ``"clock"``, of a recorded velocity ``"velocity_mismatch"``, ``"velocity_sign"``, ``"velocity_scale"`` or
+        ``"velocity_delay"``; of markers also ``"lost_marker"`` and ``"overlap"``.
     file, channel : str
         Where; of a motion capture's file, the marker or ``"time"``.
     found, expected : str

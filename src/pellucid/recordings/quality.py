@@ -179,7 +179,7 @@ def _check_time(recording: Recording, study: Study, add: Add) -> bool:
         rate, step = study.processing_of(recording).resample or recording.fs, 1.0 / recording.fs
         found = f"irregular steps, off by {100 * recording.jitter:.3g} % of {step:.4g} s in 1 of 100 samples (jitter)"
         way = f"interpolated to {rate:.6g} Hz"
-        if study.processing.resample is None and recording.stamped_evenly:
+        if study.processing_of(recording).resample is None and recording.stamped_evenly:
             way = f"taken as even at {rate:.6g} Hz, over which the position is smoother"
         add("note", "sampling_jitter", "time", found, f"an even clock; {way}")
     return True

@@ -58,8 +58,9 @@ def excerpt_of(recordings: Iterable[Recording], study: Study, everything: tuple[
     if not long and max(samples.values()) < LONG:
         return Excerpt(everything, "")
     model, made, told = drive_model(study.rig), [], []
-    least = PARTS * (shortest(filtering_of(study.processing)) + everything[0].filtering.decimate * FEWEST_ROWS)
     for recording in recordings:
+        needed = shortest(filtering_of(study.processing_of(recording)))
+        least = PARTS * (needed + everything[0].filtering.decimate * FEWEST_ROWS)
         split = "fitted" if recording.use == "fit" else "heldout"
         share = len(recording) / max(samples[split], 1)
         parts = list(_motions_of(recording, study, model, within=max(int(EXCERPT * min(share, 1.0)), least)))
