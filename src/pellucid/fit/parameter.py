@@ -102,8 +102,8 @@ class Parameter:
 
     @property
     def relative_sd(self) -> float:
-        """Standard error as a percentage of the value (infinite at zero)."""
-        return 100.0 * self.standard_error / abs(self.value) if self.value else float("inf")
+        """Statistical error as a percentage of the value (infinite at zero): how well the recording shows it."""
+        return 100.0 * self.statistical_error / abs(self.value) if self.value else float("inf")
 
 
 @dataclass(frozen=True)
