@@ -20,6 +20,7 @@ from ..procedures.assessment.assessment_result import AssessmentResult
 from ..procedures.joint import joint_figures as figures
 from ..procedures.slider import direction_figures
 from ..procedures.slider.slider_page import DRAWN, PROTOCOLS, ROLES, SHORT
+from .coverage import RICHER
 from .demonstration import Demonstration
 
 LEVEL = 0.95
@@ -247,6 +248,12 @@ def _coverage(made: Demonstration) -> Section:
             "A virtual joint that the model describes exactly was identified again and again, with new noise each "
             "time. How often did a 95 % interval hold the truth? Textbook intervals, which take residuals for white, "
             "fail where they are coloured, as filters and friction make them.",
+            "No machine is what its model says, and that proof has nothing to say of it: here plant and model are the "
+            f"same. On {RICHER.identifications} recordings of drawn virtual elbows with a gap, a spring, ripple and "
+            "friction that no model identified from them has, intervals for coloured residuals alone hold "
+            f"the worst of inertia, gravity and load friction in {RICHER.statistical:.0f} %. Intervals are therefore "
+            f"widened by what the model leaves out, and hold in {RICHER.held:.0f} %; `python -m evidence coverage` "
+            "measures it.",
         ),
         (Table(heads, rows, frozenset({1, 2, 3}), wide=True),),
     )

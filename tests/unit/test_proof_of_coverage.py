@@ -1,0 +1,45 @@
+"""The proof of coverage counts what it says: intervals that hold, those refused, and friction that is compensated."""
+
+import numpy as np
+import pytest
+from evidence.coverage import Elbow, elbow_rows, identified
+
+from pellucid.fit.parameter import Parameter
+from pellucid.lab.elbow.rig import able_elbow
+
+NAMES = ("inertia", "gravity", "load_motoring", "load_generating")
+
+
+def elbow(error, half=0.2, refused="", exceeds=False):
+    made = {
+        n: Parameter(n, "1", 1.0 + error, half / 1.959964, statistical_error=0.5 * half, refused=refused) for n in NAMES
+    }
+    return Elbow(made, dict.fromkeys(NAMES, 1.0), exceeds, 0.8)
+
+
+def figures(found):
+    return {row.id: row.value for row in elbow_rows(found)}
+
+
+def test_intervals_that_miss_are_counted_and_those_refused_are_not():
+    found = [elbow(0.1), elbow(-0.1), elbow(0.3), elbow(0.3, refused="all of it"), elbow(0.1, exceeds=True)]
+    seen = figures(found)
+    assert seen["coverage.misspecified.inertia"] == pytest.approx(75.0)
+    assert seen["coverage.misspecified.lowest"] == pytest.approx(75.0)
+    assert seen["coverage.misspecified.refused.highest"] == pytest.approx(20.0)
+    assert seen["coverage.width_over_rmse.highest"] == pytest.approx(0.2 / np.sqrt(0.03))
+    assert seen["deployed.exceeds_truth"] == pytest.approx(20.0)
+    assert seen["deployed.compensated_share"] == pytest.approx(80.0)
+
+
+def test_one_elbow_is_identified_against_its_own_targets():
+    rig = able_elbow()
+    made = identified(rig, 1)
+    assert made.targets["inertia"] == rig.inertia(0.0)
+    assert 0.14 < made.targets["load_motoring"] < 0.14 * 1.3
+    assert not made.exceeds
+    assert made.carried > 0.5
+    for name in NAMES:
+        p = made.parameters[name]
+        assert p.statistical_error < p.standard_error
+        assert abs(p.value - made.targets[name]) <= 1.96 * p.standard_error
