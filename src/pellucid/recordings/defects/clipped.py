@@ -16,6 +16,16 @@ FEWEST = 5
 """Samples in flat runs at one end below which a channel is not clipped."""
 
 
+SINGLE = 0.005
+"""Share of the samples that a flat run holds at least, where there is only one: a peak may happen to be flat."""
+
+ROUND = 8
+"""The top of a round peak on a grid lasts up to about five times as long as the level beside it; with noise, this."""
+
+LEVEL = 64
+"""Samples that a level beside a flat run is followed for."""
+
+
 def find(watched: Watched) -> Iterator[Cut]:
     """Flat runs that are no limit known or accepted."""
     for name in watched.channels:
@@ -60,4 +70,20 @@ def flat_tops(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     # more by as much as the stride, over which the slope is taken, is as wide as the run.
     own = scale.resolution * (1 + k / lengths)
     steep = (slope > 0.1 * scale.typical) & (slope / k * lengths / 4 > 2 * own)
-    return (starts[steep], lengths[steep]) if lengths[steep].sum() >= FEWEST else none
+    steep &= ~_round(x, starts, lengths)
+    starts, lengths = starts[steep], lengths[steep]
+    least = FEWEST if starts.size > 1 else max(FEWEST, SINGLE * len(x))
+    return (starts, lengths) if lengths.sum() >= least else none
+
+
+def _round(x: np.ndarray, starts: np.ndarray, lengths: np.ndarray) -> np.ndarray:
+    """Which runs are the top of a round peak, that a coarse grid makes flat: levels beside it last long, too."""
+    moved = np.abs(np.diff(x))
+    small = 3.0 * float(np.median(moved[moved > 0.0]))
+    reach, ends = np.arange(1, LEVEL), starts + lengths
+    lasts, edge = np.zeros(len(starts), int), np.zeros(len(starts))
+    for beside, away in ((starts - 1, -reach), (ends, reach)):
+        level = x[np.clip(beside[:, None] + away, 0, len(x) - 1)] == x[beside][:, None]
+        lasts = np.maximum(lasts, 1 + np.cumprod(level, axis=1).sum(axis=1))
+        edge = np.maximum(edge, np.abs(x[beside] - x[starts]))
+    return (lengths <= ROUND * lasts) & (edge <= small)

@@ -36,24 +36,32 @@ LEAP = 5.0
 SURE = 25.0
 """And by this many times where its length alone says little."""
 
+QUANTA = 8.0
+"""And by this many times the channel's resolution."""
+
 MOVES = 0.25
 """Share of the typical way that a body goes in the time of a dropout, if it moves."""
 
 
 def find(watched: Watched) -> Iterator[Cut]:
-    """Runs of one value that stand out by their length, and that leap at both ends or during which the body moves."""
+    """Runs of one value that stand out by their length, and that leap at both ends, are held at no zero, or during
+    which the body moves."""
     moved = watched.samples("position") if "position" in watched.channels else None
     for name in watched.channels:
         x = watched.samples(name)
-        first, length = runs(np.diff(x) == 0.0)
+        steps = np.diff(x)
+        first, length = runs(steps == 0.0)
         length = length + 1
         far = set(_outstanding(length, len(x), APART).tolist())
         for i in _outstanding(length, len(x), NEAR).tolist():
             a, b = int(first[i]), int(first[i] + length[i] - 1)
             if length[i] > LONGEST * watched.recording.fs or _limited(watched, name, x, a):
                 continue
-            lost = _leaps(x, a, b, LEAP if i in far else SURE)
-            lost |= i in far and moved is not None and not _is_motion(name) and _moves(moved, a, b)
+            lost = _leaps(x, a, b, LEAP if i in far else SURE, steps)
+            if i in far and not lost and not _is_motion(name):
+                # A drive may be switched off for a while; one that is on has noise.
+                held = x[a] != 0.0 and a > 0 and b < len(x) - 1
+                lost = held or (moved is not None and _moves(moved, a, b))
             if lost:
                 many = f"the one value {x[a]:.6g} {watched.recording.channels[name].unit} in {length[i]} samples"
                 yield watched.cut(KIND, name, a, b, f"a dropout, {many}")
@@ -81,15 +89,17 @@ def _limited(watched: Watched, name: str, x: np.ndarray, at: int) -> bool:
     return at_limit(watched, name, value) or value >= np.nanmax(x) or value <= np.nanmin(x)
 
 
-def _leaps(x: np.ndarray, a: int, b: int, times: float) -> bool:
-    """Whether it leaves for one value at once, and comes back from it at once, by so many times the usual step."""
+def _leaps(x: np.ndarray, a: int, b: int, times: float, steps: np.ndarray) -> bool:
+    """Whether it leaves for one value at once, and comes back from it at once, by so many times the usual step, and
+    by some times its resolution; `steps` (n - 1,) those of `x`, (n,)."""
     if a == 0 or b + 1 >= len(x):
         return False
+    quantum = float(np.min(np.abs(steps), where=np.abs(steps) > 0.0, initial=np.inf))
     there, back = x[a] - x[a - 1], x[b] - x[b + 1]
     around = np.abs(np.concatenate([np.diff(x[max(a - 25, 0) : a]), np.diff(x[b + 1 : b + 26])]))
     around = around[np.isfinite(around)]
     usual = float(np.quantile(around, 0.75)) if around.size else np.inf
-    return there * back > 0.0 and min(abs(there), abs(back)) > times * usual
+    return there * back > 0.0 and min(abs(there), abs(back)) > max(times * usual, QUANTA * quantum)
 
 
 def _moves(q: np.ndarray, a: int, b: int) -> bool:

@@ -39,6 +39,9 @@ SHARP = 0.4
 RETURNS = 0.15
 """Share of a spike's height within which it comes back to where it left."""
 
+ROUNDS = 5
+"""Times that spikes are looked for among what is left."""
+
 MOST = 20000
 """Steps that are looked at closely, the highest ones."""
 
@@ -49,7 +52,7 @@ def find(watched: Watched) -> Iterator[Cut]:
         unit = watched.recording.channels[name].unit
         widest = max(WIDEST[0], round(WIDEST[1] * watched.recording.fs))
         x, inert = watched.samples(name), name.partition(".")[0] in MOTION
-        found = spikes(x, widest)
+        found = _every(x, widest)
         beyond = max((BEYOND.get(part, 0.0) for part in name.split(".")), default=0.0)
         if found:
             rest = x.copy()
@@ -61,6 +64,20 @@ def find(watched: Watched) -> Iterator[Cut]:
             found = [e for e in found if e[2] > wide * max(beyond, STEPS if e in ends and not inert else 0.0)]
         for first, last, height in found:
             yield watched.cut(KIND, name, first, last, f"a spike of {height:.3g} {unit}")
+
+
+def _every(x: np.ndarray, widest: int) -> list[tuple[int, int, float]]:
+    """Spikes, and those that show once higher ones are gone."""
+    found: list[tuple[int, int, float]] = []
+    for _ in range(ROUNDS):
+        more = spikes(x, widest)
+        if not more:
+            break
+        found += more
+        x = x.copy()
+        for first, last, _ in more:
+            x[first : last + 1] = np.nan
+    return sorted(found)
 
 
 def spikes(x: np.ndarray, widest: int) -> list[tuple[int, int, float]]:
