@@ -39,7 +39,7 @@ SURE = 25.0
 QUANTA = 8.0
 """And by this many times the channel's resolution."""
 
-MOVES = 0.25
+MOVES = 0.1
 """Share of the typical way that a body goes in the time of a dropout, if it moves."""
 
 
