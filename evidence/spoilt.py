@@ -86,6 +86,7 @@ class Case:
     may_name: tuple[str, ...] = ()  # Other causes that are there, too
     text: Callable[[str], str] | None = None  # Of the file
     everywhere: bool = False  # In what is fitted with it, too
+    apart: bool = False  # The drive in a file of its own, on a clock that is 0.35 s ahead
     append: str = ""  # To study.toml
     change: Callable[[str], str] | None = None  # Of study.toml
 
@@ -169,6 +170,7 @@ JOINT = {
     "copied": Case("copy", refusable=True, append=COPY),
 }
 MORE = {
+    "drive in another file": Case("", apart=True),
     "zero off by 15 degrees": Case("zero", _scaled("position", 1.0, np.radians(15.0))),
     "drive late by 20 ms": Case("late", _late),
     "rolls over": Case("rollover", lambda base, c: c | {"position": c["position"] % (2.0 * np.pi)}, refusable=True),
@@ -232,7 +234,8 @@ def _channels(base: Base, case: Case) -> dict[str, Channel]:
 
 def _write(folder: Path, base: Base, case: Case) -> Study:
     folder.mkdir()
-    path = write_csv(folder / "a.csv", _channels(base, case))
+    channels = _channels(base, case)
+    path = write_csv(folder / "a.csv", channels)
     if case.text:
         path.write_text(case.text(path.read_text(encoding="utf-8")), encoding="utf-8")
     (folder / "copy.csv").write_bytes(path.read_bytes())
@@ -245,6 +248,16 @@ def _write(folder: Path, base: Base, case: Case) -> Study:
             folder / f"other{i}.csv", _channels(replace(base, channels=other), case if case.everywhere else Case(""))
         )
         entries += f'\n[[recordings]]\nname = "other{i}"\nfile = "other{i}.csv"\n'
+    if case.apart:
+        drive = {"time": channels["time"], base.drive: channels[base.drive]}
+        later = replace(drive["time"], samples=drive["time"].samples + 0.35)
+        write_csv(folder / "drive.csv", drive | {"time": later})
+        write_csv(folder / "a.csv", {n: c for n, c in channels.items() if n != base.drive})
+        table = channels_toml({n: c for n, c in channels.items() if n != base.drive})
+        table += "[streams.drive]\njoin = true\n" + channels_toml(drive).replace(
+            "[channels]", "[streams.drive.channels]"
+        )
+        entries = entries.replace('file = "a.csv"', 'file = "a.csv"\nstreams = { drive = "drive.csv" }')
     text = base.text + table + entries + case.append
     (folder / "study.toml").write_text(case.change(text) if case.change else text, encoding="utf-8")
     return open_study(folder)
