@@ -40,11 +40,11 @@ class KeptColumns(Mapping):
             return entry
         at, n, checksum = entry
         try:
-            column = np.fromfile(self._path, STORED, n, offset=self._start + at)
-            if len(column) == n and crc32(column) == checksum:
-                return column.astype(float, copy=False)
-        except OSError:
-            pass
+            column = np.memmap(self._path, STORED, "r", self._start + at, (n,)) if n else np.empty(0, STORED)
+            if crc32(column) == checksum:
+                return np.asarray(column).astype(float, copy=False)
+        except (OSError, ValueError):
+            pass  # it is gone, or shorter than it was
         return read_columns(self._source).values[name]
 
     def __iter__(self) -> Iterator[str]:
@@ -93,7 +93,8 @@ def _keep(path: Path, columns: Columns) -> Columns:
     if at > MOST or any(isinstance(name, int) for name in columns.units):
         return columns
     head = {"columns": entries, "angle_unit": columns.angle_unit, "units": dict(columns.units)}
-    line = json.dumps(head).encode() + b"\n"
+    text = json.dumps(head).encode()
+    line = text + b" " * (-(len(text) + 1) % STORED.itemsize) + b"\n"  # numbers lie where a processor wants them
     try:
         with atomically(path) as file:
             file.write(line)
