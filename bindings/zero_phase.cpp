@@ -38,10 +38,17 @@ Returns
 (n, m)
     In the signals' units.)";
 
+// The same bits with wider registers, where the compiler can choose between them when the module is loaded.
+#if defined(__GNUC__) && !defined(__clang__) && defined(__x86_64__) && defined(__gnu_linux__)
+#define PELLUCID_WIDEST __attribute__((target_clones("avx512f", "avx2", "default")))
+#else
+#define PELLUCID_WIDEST
+#endif
+
 /// Sections `k`, so many as `sections`, over `columns` signals that stand side by side, `from` row by row in steps of
 /// `stride`, in place. While one section waits for its own last result, the others and the other columns go on.
 template <int columns, int sections>
-void run(const p::BiquadSection<double>* k, const double* settled, const double* level, double* from, std::size_t rows,
+PELLUCID_WIDEST void run(const p::BiquadSection<double>* k, const double* settled, const double* level, double* from, std::size_t rows,
          std::ptrdiff_t stride) {
   double s1[sections][columns], s2[sections][columns];
   for (int i = 0; i < sections; ++i)

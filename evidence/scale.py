@@ -125,9 +125,13 @@ def rows() -> Iterator[ResultRow]:
     with tempfile.TemporaryDirectory() as place:
         folder = Path(place) / "hours"
         path = record(folder, 3600.0 * HOURS)
-        theirs = plain(folder, path)
+        # In turn, so that a slow moment of the machine meets both.
+        rivals = [plain(folder, path)]
         first = identified(folder)
+        rivals.append(plain(folder, path))
         again = identified(folder)
+        rivals.append(plain(folder, path))
+        theirs = sorted(rivals)[1]
         size = path.stat().st_size
         short, part = Path(place) / "short", Path(place) / "part"
         record(short, SHORT)
@@ -139,7 +143,10 @@ def rows() -> Iterator[ResultRow]:
     rival = "over numpy.loadtxt, sosfiltfilt and lstsq of one family"
     wall = statistics.median(taken) - statistics.median(started)
     beside = f"beside {theirs[2]:.0f} MB of NumPy"
-    yield _row("numpy.cpu", theirs[0], "s", f"plain: loadtxt, sosfiltfilt, lstsq of one family, {HOURS:g} h at 1 kHz")
+    spread = f"median of {min(r[0] for r in rivals):.1f} to {max(r[0] for r in rivals):.1f} s"
+    yield _row(
+        "numpy.cpu", theirs[0], "s", f"loadtxt, sosfiltfilt, lstsq of one family, {HOURS:g} h at 1 kHz; {spread}"
+    )
     for name, (cpu, seconds, memory) in (("first", first), ("again", again)):
         yield _row(f"identify.cpu.{name}", cpu, "s", f"{told}; {seconds:.0f} s of wall time, {memory:.0f} MB")
         yield _row(f"identify.over_numpy.{name}", cpu / theirs[0], "1", f"{told}; processor, {rival}")
