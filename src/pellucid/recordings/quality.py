@@ -81,6 +81,20 @@ def cut_faults(recording: Recording) -> list[Fault]:
     return faults
 
 
+def jitter_fault(recording: Recording, study: Study) -> Fault | None:
+    """That a clock jitters, and what is made of it; None where it does not."""
+    if not recording.advances or recording.jitter <= JITTER_SHARE:
+        return None
+    rate, step = study.processing_of(recording).resample or recording.fs, 1.0 / recording.fs
+    found = f"irregular steps, off by {100 * recording.jitter:.3g} % of {step:.4g} s in 1 of 100 samples (jitter)"
+    way = f"interpolated to {rate:.6g} Hz"
+    if study.processing_of(recording).resample is None and recording.stamped_evenly:
+        way = f"taken as even at {rate:.6g} Hz, over which the position is smoother"
+    where = f"{recording.path.name} (recording {recording.name}), channel time"
+    message = f"{where}: found {found}, expected an even clock; {way}"
+    return Fault("note", "sampling_jitter", recording.path.name, "time", found, f"an even clock; {way}", message)
+
+
 def share_faults(recording: Recording, study: Study) -> list[Fault]:
     """Whether so much was cut out of a recording, or of what was recorded with it, that the rest is not to be used."""
     faults, share = [], study.processing_of(recording).cut_share
@@ -175,13 +189,9 @@ def _check_time(recording: Recording, study: Study, add: Add) -> bool:
     if long.size and study.processing_of(recording).resample is not None:
         many = "a gap" if long.size == 1 else f"{long.size} gaps"
         add("note", "gap", "time", f"{many} of up to {long.max():.4g} s", "a sample at every step; interpolated over")
-    if recording.jitter > JITTER_SHARE:
-        rate, step = study.processing_of(recording).resample or recording.fs, 1.0 / recording.fs
-        found = f"irregular steps, off by {100 * recording.jitter:.3g} % of {step:.4g} s in 1 of 100 samples (jitter)"
-        way = f"interpolated to {rate:.6g} Hz"
-        if study.processing_of(recording).resample is None and recording.stamped_evenly:
-            way = f"taken as even at {rate:.6g} Hz, over which the position is smoother"
-        add("note", "sampling_jitter", "time", found, f"an even clock; {way}")
+    jitter = jitter_fault(recording, study)
+    if jitter is not None:
+        add(jitter.severity, jitter.kind, jitter.channel, jitter.found, jitter.expected)
     return True
 
 

@@ -20,10 +20,12 @@ class JointProcedure(Procedure):
     page = late("joint.joint_page", "page")
 
     def cut(self, study: Study) -> list[Fault]:
-        """Cuts, and what between them is too short."""
+        """Cuts, what between them is too short, and what was made of a clock that jitters."""
+        from ...recordings.quality import jitter_fault
         from .recorded_motions import left_out
 
-        return super().cut(study) + left_out(study)
+        evened = (jitter_fault(recording, study) for recording in study.recordings())
+        return [*super().cut(study), *left_out(study), *(fault for fault in evened if fault is not None)]
 
     def unfit(self, study: Study) -> dict[str, Fault]:
         """None: a recording of which too much is cut refuses the study."""
