@@ -50,8 +50,11 @@ class PredictiveBand:
 
 def conformal_half_width(errors: np.ndarray, level: float, independent: float) -> float:
     """The quantile of absolute `errors`, (n,), worth so many `independent` ones, that holds the next with `level`."""
-    share = min(1.0, level * (1.0 + 1.0 / max(independent, 1.0)))
-    return float(np.quantile(errors, share, method="higher"))
+    return float(np.quantile(errors, _share(level, independent), method="higher"))
+
+
+def _share(level: float, independent: float) -> float:
+    return min(1.0, level * (1.0 + 1.0 / max(independent, 1.0)))
 
 
 def predictive_band(
@@ -70,14 +73,17 @@ def predictive_band(
     size, block = np.abs(together), max(block_length(time, len(together)), len(together) // MOST_BLOCKS)
     # Blocks of their own in every recording.
     owner = np.concatenate([np.full(n, i) for i, n in enumerate(lengths)])
-    within = np.concatenate([np.arange(n) // block for n in lengths])
-    blocks = np.unique(np.column_stack([owner, within]), axis=0, return_inverse=True)[1].ravel()
+    before = np.cumsum([0, *(-(-n // block) for n in lengths)])
+    blocks = np.concatenate([first + np.arange(n) // block for first, n in zip(before, lengths, strict=False)])
+    order = np.argsort(size)  # once: what is left without a block is in order too
+    ordered, owned = size[order], blocks[order]
     worth = len(size) / max(2.0 * time, 1.0)
     inside = np.empty(len(size), bool)
     for b in range(blocks.max() + 1):
         mine = blocks == b
-        rest = size[~mine] if not mine.all() else size
-        inside[mine] = size[mine] <= conformal_half_width(rest, level, worth * len(rest) / len(size))
+        rest = ordered[owned != b] if not mine.all() else ordered
+        share = _share(level, worth * len(rest) / len(size))
+        inside[mine] = size[mine] <= rest[int(np.ceil(share * (len(rest) - 1)))]
     by_recording = {p.recording: float(inside[owner == i].mean()) for i, p in enumerate(own)}
     return PredictiveBand(
         conformal_half_width(size, level, worth), bool(heldout), by_recording, tuple(_conditions(own, inside))
