@@ -7,6 +7,7 @@
 #include "hill.hpp"
 #include "kernels.hpp"
 #include "laws.hpp"
+#include "supervision.hpp"
 #include "zero_phase.hpp"
 
 #include <pellucid/pellucid.hpp>
@@ -377,6 +378,7 @@ nb::dict model_fields() {
   models["muscle"] = fields_of<p::EmgMuscleParams<double>>();
   models["strap_estimator"] = fields_of<p::StrapEstimatorParams<double>>();
   models["gate"] = fields_of<p::SafetyParams<double>>();
+  models["supervisor"] = fields_of<p::SupervisorParams<double>>();
   return models;
 }
 
@@ -462,6 +464,7 @@ NB_MODULE(_core, m) {
 
   b::add_controllers(m);
   b::add_laws(m);
+  b::add_supervision(m);
   b::add_coupled_plant(m);
   b::add_elbow(m);
   b::add_hill(m);

@@ -1,13 +1,7 @@
 // A person who reaches with a robot strapped to the forearm: the whole loop in the core, movement by movement.
 #include "elbow.hpp"
 
-#include "laws.hpp"
-
-#include <pellucid/reaching.hpp>
-#include <pellucid/worn_geared_plant.hpp>
-
-#include <algorithm>
-#include <cmath>
+#include "single_fault.hpp"
 
 namespace bindings {
 namespace {
@@ -40,7 +34,9 @@ emg_gains : (2,)
 substeps : int
     Of integration, per period.
 sensor_delay : int
-    Periods by which the force sensor is late, 0 to 63.)";
+    Periods by which the force sensor is late, 0 to 63.
+supervisor : (m,), optional
+    In the order of SUPERVISOR_FIELDS, SI; left out: a supervisor that holds nothing against anybody.)";
 
 constexpr const char* move_doc = R"(One movement to a target, and holding it.
 
@@ -69,6 +65,42 @@ tuple of (k,)
     the robot [N m], the law's torque [N m], excitation of flexors and of extensors [1], link velocity
     [rad/s]; k <= longest.)";
 
+constexpr const char* live_doc = R"(Minutes or hours of reaching, healthy or with one single fault.
+
+Parameters
+----------
+tasks : (k, 5)
+    Target [rad], amplitude [rad], duration [s], reaction [s] and the whole time [s] of each movement; after the last
+    the first comes again.
+noise : (n, 5)
+    As `move` takes it.
+sensor_error : (n,) or None
+    As `move` takes it.
+emg : bool
+    Whether the law gets EMG.
+tremor : (2,)
+    Amplitude [N m] and angular frequency [rad/s] of the wearer's tremor.
+stops : (m,)
+    When the wearer stops the arm suddenly [s], in order.
+fault : str
+    "none", or a name of `single_faults`.
+onset, seconds : float
+    When it begins, and how long it is watched if nothing finds it [s].
+longest : int
+    The most periods.
+seed : int
+    Of what the fault draws.
+
+Returns
+-------
+dict
+    found, safe: periods after the onset until the supervisor acted, and until the output was safe, -1 for never;
+    fault, mode: what it found and did; early: periods with a fault before the onset; energy: positive work on the
+    limb since the onset, every 5 periods [J]; peak: largest strap torque from onset to safe [N m]; impulse: of the
+    drive from the onset to safe [N m s]; speed: largest of the limb from onset to safe [rad/s]; onset_speed: of the motor [rad/s]; periods. Without a
+    fault also how near it came to what would be one: lasting, push, contradiction [N m], spent [J], and the work of
+    the test [J].)";
+
 template <class S> p::ExpectedLoad<S> read_load(nb::handle load) {
   const Array v = read_array("load", load);
   v.expect("(5,)", {5});
@@ -79,12 +111,12 @@ class WornElbow {
  public:
   WornElbow(nb::handle person, nb::handle load, double position0, nb::handle robot, nb::handle strap, nb::handle drive,
             const char* law, nb::handle law_parameters, nb::handle emg_gains, nb::handle substeps,
-            nb::handle sensor_delay) {
+            nb::handle sensor_delay, nb::handle supervisor) {
     const auto params = read_params<p::ReachingParams<double>, double>("person", person);
     if (!(params.period > 0 && std::isfinite(params.period)))
       throw nb::value_error("person: expected a period above 0");
-    person_ = p::coefficients(params);
-    smoothing_ = 1 - std::exp(-params.period * 25.0);  // 4 Hz
+    arm_.person = p::coefficients(params);
+    arm_.smoothing = 1 - std::exp(-params.period * 25.0);  // 4 Hz
 
     p::WornGearedPlantParams<double> plant;
     plant.limb = params.limb;
@@ -104,17 +136,18 @@ class WornElbow {
     plant.robot.encoder = {d.data[4]};
     plant.robot.loop.period = params.period;
     plant.robot.substeps = static_cast<std::uint32_t>(read_integer("substeps", substeps, 1, 1000));
-    gain_ = d.data[0];
-    limit_ = d.data[1];
-    emg_gain_[0] = g.data[0];
-    emg_gain_[1] = g.data[1];
-    sensor_delay_ = static_cast<std::uint32_t>(read_integer("sensor_delay", sensor_delay, 0, 63));
-    plant_ = p::coefficients(plant);
-    state_ = p::balanced(plant_, position0);
-    reach_ = p::holding(person_, position0, read_load<double>(load));
-    law_ = read_law<double>(law, law_parameters);
-    level_[0] = reach_.torque > 0 ? reach_.torque : 0;
-    level_[1] = reach_.torque < 0 ? -reach_.torque : 0;
+    arm_.gain = d.data[0];
+    arm_.limit = d.data[1];
+    arm_.emg_gain[0] = g.data[0];
+    arm_.emg_gain[1] = g.data[1];
+    arm_.sensor_delay = static_cast<std::uint32_t>(read_integer("sensor_delay", sensor_delay, 0, 63));
+    arm_.plant = p::coefficients(plant);
+    arm_.state = p::balanced(arm_.plant, position0);
+    arm_.reach = p::holding(arm_.person, position0, read_load<double>(load));
+    arm_.law = read_supervised<double>(law, law_parameters, supervisor);
+    of_law(arm_.law, 0, [](auto& one) { return p::seal(one), 0; });
+    arm_.level[0] = arm_.reach.torque > 0 ? arm_.reach.torque : 0;
+    arm_.level[1] = arm_.reach.torque < 0 ? -arm_.reach.torque : 0;
   }
 
   nb::object move(double target, double amplitude, double duration, double reaction, nb::handle load, double tolerance,
@@ -128,19 +161,20 @@ class WornElbow {
     const bool sensed = !sensor_error.is_none();
     const Array error = sensed ? read_array("sensor_error", sensor_error) : z;
     if (sensed) error.expect(same_length("noise", n), {n});
-    p::aim(person_, reach_, {target, amplitude, duration, reaction, read_load<double>(load)});
+    p::aim(arm_.person, arm_.reach, {target, amplitude, duration, reaction, read_load<double>(load)});
     std::vector<double> rows;
     std::size_t k = 0;
     {
       nb::gil_scoped_release release;
       rows.reserve(columns * n);
-      const double period = person_.params.period;
+      const double period = arm_.person.params.period;
       double held = 0;
+      Healthy healthy;
       while (k < most && held < hold) {
         rows.resize(columns * (k + 1));
-        period_of(z.data + 5 * (k % n), sensed ? error.data + k % n : nullptr, emg, rows.data() + columns * k);
+        arm_.period(z.data + 5 * (k % n), sensed ? error.data + k % n : nullptr, emg, rows.data() + columns * k, healthy);
         // Someone who has just arrived is not holding yet.
-        const bool there = reach_.time > reaction && std::fabs(state_.limb_position - target) <= tolerance;
+        const bool there = arm_.reach.time > reaction && std::fabs(arm_.state.limb_position - target) <= tolerance;
         held = there ? held + period : 0;
         ++k;
       }
@@ -154,60 +188,36 @@ class WornElbow {
   }
 
   const char* fault() const {
-    return of_law(law_, "none", [](const auto& law) { return fault_name(law.fault); });
+    return of_law(arm_.law, "none", [](const auto& one) { return fault_name(pellucid::fault_of(one.state)); });
+  }
+
+  nb::dict live(nb::handle tasks, nb::handle noise, nb::handle sensor_error, bool emg, nb::handle tremor,
+                nb::handle stops, const std::string& fault, double onset, double seconds, nb::handle longest,
+                std::uint64_t seed) {
+    const Array t = read_array("tasks", tasks), z = read_array("noise", noise), shake = read_array("tremor", tremor),
+                halts = read_array("stops", stops);
+    if (t.shape.size() != 2 || t.shape[1] != 5) t.fail("(k, 5)");
+    if (z.shape.size() != 2 || z.shape[1] != 5 || z.shape[0] == 0) z.fail("(n, 5) with n above 0");
+    shake.expect("(2,)", {2});
+    if (halts.shape.size() != 1) halts.fail("(m,)");
+    const bool sensed = !sensor_error.is_none();
+    const Array error = sensed ? read_array("sensor_error", sensor_error) : z;
+    if (sensed) error.expect(same_length("noise", z.shape[0]), {z.shape[0]});
+    const auto most = static_cast<std::size_t>(read_integer("longest", longest, 1, 1000000000));
+    const Life life{{t.data, t.shape[0]}, {z.data, z.shape[0]}, sensed ? error.data : nullptr, emg, {shake.data[0], shake.data[1]},
+                    {halts.data, halts.shape[0]}, onset, seconds, most};
+    Lived lived;
+    SingleFault wrong(fault, onset, seed);
+    {
+      nb::gil_scoped_release release;
+      lived = live_with(arm_, life, wrong);
+    }
+    return lived.told();
   }
 
  private:
-  static constexpr std::size_t columns = 9;
-
-  // Everything inlined: a quarter of a study's time goes into calls between functions of a line or two.
-  [[gnu::flatten]] void period_of(const double* noise, const double* sensor_error, bool emg, double* row) {
-    const double torque_now = p::interaction(plant_, state_);
-    sensor_[ticks_ % 64] = torque_now;
-    const double late = sensor_[(ticks_ - std::min<std::uint64_t>(sensor_delay_, ticks_)) % 64];
-    const double measured = p::step(plant_.robot.encoder, state_.motor_position, noise[2]);
-    p::Samples<double> samples;
-    samples.position = {measured, 0, 0, true};
-    samples.torque = {drive_torque_, 0, 0, true};
-    samples.interaction = {sensor_error != nullptr ? late + *sensor_error : 0.0, 0, 0, sensor_error != nullptr};
-    samples.muscle = {emg_gain_[0] * level_[0] - emg_gain_[1] * level_[1], 0, 0, emg};
-    const std::int64_t now = std::llround(1e6 * person_.params.period * static_cast<double>(ticks_));
-    const double wanted = of_law(law_, 0.0, [&](auto& law) { return p::step_now(law, samples, now); });
-    const double current = p::clamp(wanted / gain_, -limit_, limit_);
-    const p::ReachingOutput<double> muscles =
-        p::step(person_, reach_, state_.limb_position, state_.limb_velocity, noise[0], noise[1]);
-    listen(muscles, noise + 3);
-    row[0] = state_.limb_position;
-    row[1] = state_.limb_velocity;
-    row[3] = measured;
-    row[4] = torque_now;
-    row[5] = drive_torque_ = gain_ * current;
-    row[6] = muscles.flexor;
-    row[7] = muscles.extensor;
-    row[8] = state_.link_velocity;
-    p::step(plant_, state_, current, muscles.torque);
-    row[2] = state_.limb_acceleration;
-    ++ticks_;
-  }
-
-  /// The torque that rectified, smoothed EMG shows of either muscle group, its resting level taken off [N m].
-  void listen(const p::ReachingOutput<double>& muscles, const double* noise) {
-    const auto& who = person_.params;
-    const double excitation[2] = {muscles.flexor, muscles.extensor}, most[2] = {who.flexion_max, who.extension_max};
-    for (int i = 0; i < 2; ++i) {
-      const double rectified = std::fabs(excitation[i] * noise[i]) * 1.2533141373155001;
-      level_[i] += smoothing_ * ((rectified - who.cocontraction) * most[i] - level_[i]);
-    }
-  }
-
-  p::ReachingCoefficients<double> person_;
-  p::ReachingState<double> reach_;
-  p::WornGearedPlantCoefficients<double> plant_;
-  p::WornGearedPlantState<double> state_;
-  AnyLaw<double> law_;
-  double drive_torque_ = 0, gain_ = 1, limit_ = 0, smoothing_ = 0, emg_gain_[2] = {1, 1}, level_[2] = {0, 0}, sensor_[64] = {};
-  std::uint64_t ticks_ = 0;
-  std::uint32_t sensor_delay_ = 0;
+  static constexpr std::size_t columns = WornArm::columns;
+  WornArm arm_;
 };
 
 }  // namespace
@@ -216,13 +226,15 @@ void add_elbow(nb::module_& m) {
   m.attr("REACHING_PARAMETER_NAMES") = names_of<p::ReachingParams<double>>();
   nb::class_<WornElbow>(m, "WornElbow", worn_elbow_doc)
       .def(nb::init<nb::handle, nb::handle, double, nb::handle, nb::handle, nb::handle, const char*, nb::handle,
-                    nb::handle, nb::handle, nb::handle>(),
+                    nb::handle, nb::handle, nb::handle, nb::handle>(),
            nb::arg("person"), nb::arg("load"), nb::kw_only(), nb::arg("position0"), nb::arg("robot").none() = nb::none(),
            nb::arg("strap"), nb::arg("drive"), nb::arg("law") = "none", nb::arg("law_parameters").none() = nb::none(),
            nb::arg("emg_gains"), nb::arg("substeps"), nb::arg("sensor_delay") = 0,
+           nb::arg("supervisor").none() = nb::none(),
            nb::sig("def __init__(self, person: ArrayLike, load: ArrayLike, *, position0: float, robot: ArrayLike | "
                    "None = None, strap: ArrayLike, drive: ArrayLike, law: str = 'none', law_parameters: ArrayLike | "
-                   "None = None, emg_gains: ArrayLike, substeps: int, sensor_delay: int = 0) -> None"))
+                   "None = None, emg_gains: ArrayLike, substeps: int, sensor_delay: int = 0, supervisor: "
+                   "ArrayLike | None = None) -> None"))
       .def("move", &WornElbow::move, nb::kw_only(), nb::arg("target"), nb::arg("amplitude"), nb::arg("duration"),
            nb::arg("reaction"), nb::arg("load"), nb::arg("tolerance"), nb::arg("hold"), nb::arg("noise"), nb::arg("longest"),
            nb::arg("sensor_error").none() = nb::none(), nb::arg("emg") = false,
@@ -230,7 +242,17 @@ void add_elbow(nb::module_& m) {
                    "ArrayLike, tolerance: float, hold: float, noise: ArrayLike, longest: int, sensor_error: ArrayLike | None "
                    "= None, emg: bool = False) -> tuple[NDArray[float64], ...]"),
            move_doc)
-      .def_prop_ro("fault", &WornElbow::fault, "Of the law's gate, as of SafetyGate: 'none' while it is open.");
+      .def("live", &WornElbow::live, nb::kw_only(), nb::arg("tasks"), nb::arg("noise"), nb::arg("sensor_error").none(),
+           nb::arg("emg"), nb::arg("tremor"), nb::arg("stops"), nb::arg("fault"), nb::arg("onset"), nb::arg("seconds"),
+           nb::arg("longest"), nb::arg("seed"),
+           nb::sig("def live(self, *, tasks: ArrayLike, noise: ArrayLike, sensor_error: ArrayLike | None, emg: bool, "
+                   "tremor: ArrayLike, stops: ArrayLike, fault: str, onset: float, seconds: float, longest: int, seed: "
+                   "int) -> dict"),
+           live_doc)
+      .def_prop_ro("fault", &WornElbow::fault, "Why its supervisor has stopped; 'none' while all is well.");
+  m.def("single_faults", single_faults, nb::sig("def single_faults() -> list[dict]"),
+        "Every fault that `WornElbow.live` can have: name, group, sentence, sensor that it needs ('' for none), and "
+        "whether it is there from the start.");
 }
 
 }  // namespace bindings

@@ -4,6 +4,7 @@
 #include "fields.hpp"
 
 #include <pellucid/laws.hpp>
+#include <pellucid/supervisor.hpp>
 
 #include <variant>
 
@@ -12,6 +13,9 @@ namespace bindings {
 template <class... C> using OneOf = std::variant<std::monostate, C...>;
 /// Any law behind its front; none is there too.
 template <class S> using AnyLaw = pellucid::Laws::any<OneOf, pellucid::Controller, S>;
+
+/// The same under its supervisor.
+template <class S> using AnySupervised = pellucid::Laws::any<OneOf, pellucid::Supervised, S>;
 
 /// A law of the list under its name, of its numbers. "none" is nothing.
 template <class S> AnyLaw<S> read_law(const std::string& name, nb::handle parameters) {
@@ -28,6 +32,22 @@ template <class S> AnyLaw<S> read_law(const std::string& name, nb::handle parame
     found = law;
   });
   if (!is_known) throw nb::value_error(("law: expected one of " + known).c_str());
+  return found;
+}
+
+/// The same under a supervisor of its numbers, or under one that holds nothing against anybody. To be sealed where it lies.
+template <class S> AnySupervised<S> read_supervised(const std::string& name, nb::handle parameters, nb::handle numbers) {
+  AnySupervised<S> found;
+  AnyLaw<S> law = read_law<S>(name, parameters);
+  const auto rules = numbers.is_none() ? pellucid::SupervisorParams<S>{}
+                                       : read_params<pellucid::SupervisorParams<S>, S>("supervisor", numbers);
+  pellucid::Laws::for_each([&](auto of) {
+    using L = typename decltype(of)::template law<S>;
+    if (name != L::name) return;
+    pellucid::Supervised<L> made;
+    pellucid::configure(made, read_params<typename L::Params, S>("law_parameters", parameters), rules);
+    found = made;
+  });
   return found;
 }
 

@@ -48,7 +48,8 @@ S step(const EncoderSpeedCoefficients<S>& c, EncoderSpeedState<S>& state, const 
   }
   const S oldest = state.past[state.next];
   state.past[state.next] = measured;
-  state.next = state.next + 1 < c.span ? state.next + 1 : 0;
+  // The second bound is for a memory that has lost a bit.
+  state.next = state.next + 1 < c.span && state.next + 1 < max_speed_span ? state.next + 1 : 0;
   return (measured - oldest) * c.inverse_time;
 }
 

@@ -127,15 +127,20 @@ template <class L, class S> S step(Controller<L>& c, const Samples<S>& read, std
   return effort;
 }
 
-/// The same with samples that are all read just now: a sensor that says nothing starts anew when it speaks again.
-template <class L, class S> S step_now(Controller<L>& c, Samples<S> read, std::int64_t now) noexcept {
+/// Samples that are all read just now: a sensor that says nothing starts anew when it speaks again.
+template <class L, class S> Samples<S> stamped(Controller<L>& c, Samples<S> read, std::int64_t now) noexcept {
   for (std::size_t i = 0; i < sensor_count<L>; ++i) {
     Sample<S>& sample = read[L::sensors[i].quantity];
     if (!is_heard(sample)) c.seen[i] = {};
     sample.time = now;
     sample.sequence = c.steps;
   }
-  return step(c, read, now);
+  return read;
+}
+
+/// The same of such samples.
+template <class L, class S> S step_now(Controller<L>& c, const Samples<S>& read, std::int64_t now) noexcept {
+  return step(c, stamped(c, read, now), now);
 }
 
 /// From the next step on the effort ramps to 0.

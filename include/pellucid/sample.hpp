@@ -18,7 +18,7 @@ template <class S> struct Sample {
 /// Whether it is a measurement.
 template <class S> bool is_heard(const Sample<S>& sample) noexcept { return sample.valid && is_finite(sample.value); }
 
-/// Why a gate is shut.
+/// Why a gate is shut, or a supervisor has stopped.
 enum class SafetyFault : std::uint8_t {
   none,           ///< it is open
   configuration,  ///< the parameters make no sense
@@ -27,9 +27,32 @@ enum class SafetyFault : std::uint8_t {
   out_of_order,   ///< a sequence number or a time went backwards, or a sample came from the future
   velocity,       ///< faster than velocity_limit
   stopped,        ///< somebody asked for it
+  not_started,    ///< nothing was configured
+  overspeed,      ///< raw differences of the encoder are faster than raw_speed_limit
+  jump,           ///< the encoder went where no acceleration within raw_acceleration_limit leads
+  range,          ///< the position is outside range_min to range_max
+  frozen,         ///< the encoder's value stopped dead in the middle of a motion
+  disagreement,   ///< motor and joint encoder have drifted apart
+  force_sensor,   ///< the force sensor contradicts what model and motion say of the wearer
+  muscle,         ///< EMG says more than the wearer's muscles can
+  lost,           ///< a sensor that the law makes use of is silent
+  drive_silent,   ///< the drive's own measurement is
+  drive_effort,   ///< the drive gives another effort than it is asked for
+  drive_sign,     ///< it gives it the other way
+  drive_stuck,    ///< it gives the same whatever it is asked for
+  unexplained,    ///< model and command do not explain the motion, nor can a wearer
+  power,          ///< the command's power is beyond its limit
+  energy,         ///< the command gives more energy than weight and friction take
+  polarity,       ///< the start-up test moved the joint the wrong way, or not
+  gain,           ///< the start-up test moved it too far
+  integrity,      ///< numbers in memory are not those that were configured
 };
-constexpr const char* safety_fault_names[] = {"none",         "configuration", "not_finite", "stale",
-                                              "out_of_order", "velocity",      "stopped"};
+constexpr const char* safety_fault_names[] = {
+    "none",         "configuration", "not_finite",   "stale",        "out_of_order", "velocity",    "stopped",
+    "not_started",  "overspeed",     "jump",         "range",        "frozen",       "disagreement", "force_sensor",
+    "muscle",       "lost",          "drive_silent", "drive_effort", "drive_sign",   "drive_stuck", "unexplained",
+    "power",        "energy",        "polarity",     "gain",         "integrity"};
+constexpr std::size_t safety_fault_count = sizeof safety_fault_names / sizeof *safety_fault_names;
 
 /// What makes a sample too old.
 struct SampleRules {

@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from .control.controller import controller as controller
     from .control.controller import controllers as controllers
     from .control.limits import Limits as Limits
+    from .control.supervised import supervised as supervised
     from .demonstration.demo import demo as demo
     from .deployment.export import export as export
     from .estimators.torque_regressor import TorqueRegressor as TorqueRegressor
@@ -48,6 +49,7 @@ _WHERE = {
     "controller": ("control.controller", "controller"),
     "controllers": ("control.controller", "controllers"),
     "Limits": ("control.limits", "Limits"),
+    "supervised": ("control.supervised", "supervised"),
     "compare": ("procedures.compare", "compare"),
     "report": ("procedures.run", "report"),
     "fit_joint": ("fit.joint.fit_joint", "fit_joint"),
@@ -94,6 +96,7 @@ __all__ = [
     "report",
     "reproduce",
     "simulate",
+    "supervised",
 ]
 
 

@@ -6,8 +6,11 @@ from pathlib import Path
 
 import numpy as np
 
+from pellucid import _core
 from pellucid.control.control_law import LAWS
+from pellucid.control.supervised import SUPERVISOR_NAMES
 from pellucid.deployment.controller_values import ControllerValues
+from pellucid.deployment.replay_vector import VARIANTS
 
 
 class Sample(ctypes.Structure):
@@ -20,7 +23,14 @@ class Sample(ctypes.Structure):
 
 
 class Output(ctypes.Structure):
-    _fields_ = (("effort", ctypes.c_float), ("fault", ctypes.c_uint32), ("steps", ctypes.c_uint32))
+    _fields_ = (
+        ("effort", ctypes.c_float),
+        *((name, ctypes.c_uint32) for name in ("fault", "steps", "enable", "mode", "challenge")),
+    )
+
+
+class Logged(ctypes.Structure):
+    _fields_ = tuple((name, ctypes.c_uint32) for name in ("step", "fault", "mode"))
 
 
 class Loaded:
@@ -36,24 +46,39 @@ class Loaded:
         self.core = ctypes.CDLL(str(library))
 
         class Input(ctypes.Structure):
-            _fields_ = (("now_us", ctypes.c_int64), *((s.name, Sample) for s in law.sensors))
+            _fields_ = (
+                ("now_us", ctypes.c_int64),
+                *((s.name, Sample) for s in law.sensors),
+                ("drive", Sample),
+                ("joint", Sample),
+                ("token", ctypes.c_uint32),
+            )
 
         class Config(ctypes.Structure):
-            _fields_ = tuple((name, ctypes.c_float) for name in law.parameters)
+            _fields_ = tuple((name, ctypes.c_float) for name in (*law.parameters, *SUPERVISOR_NAMES))
 
         self.law, self.values, self.input_type, self.config_type = law, values, Input, Config
-        self.context = (ctypes.c_uint64 * (1 + law.storage // 8))()
+        self.core.pellucid_log.restype = Logged
+        # The law's own faults, unless a test asks for more.
+        self.numbers = {**values.numbers, **values.supervised.supervision, **VARIANTS["law"]}
+        self.context = (ctypes.c_uint64 * (1 + _core.supervised_storage(values.law) // 8))()
         self.period = round(1e6 * values.numbers["period"])
         self.now, self.count = 10**6, 0
 
-    def init(self, **changed: float) -> int:
-        config = self.config_type(*({**self.values.numbers, **changed}[n] for n in self.law.parameters))
+    def init(self, *, power_on: bool = True, **changed: float) -> int:
+        """Start with numbers `changed`, from a memory that is zero at `power_on`."""
+        if power_on:
+            ctypes.memset(self.context, 0, ctypes.sizeof(self.context))
+        config = self.config_type(*({**self.numbers, **changed}[n] for n in (*self.law.parameters, *SUPERVISOR_NAMES)))
         return self.core.pellucid_init(self.context, ctypes.byref(config))
 
-    def step(self, *readings: float, **changed) -> Output:
+    def step(self, *readings: float, token: int = 0, drive: float | None = None, **changed) -> Output:
         """One period on; `changed` alters the first sample, or `now_us`."""
         self.now, self.count = self.now + self.period, self.count + 1
         read = self.input_type(self.now, *(Sample(x, self.count, self.now - 50, 1) for x in readings))
+        read.token = token
+        if drive is not None:
+            read.drive = Sample(drive, self.count, self.now - 50, 1)
         for name, value in changed.items():
             setattr(read if name == "now_us" else read.position, name, value)
         output = Output()

@@ -26,6 +26,9 @@ PERIOD = 1e-3
 
 ELBOW_LIMITS = Limits(effort=10.0, rate=1000.0, velocity=8.0, position=(0.0, 2.6))
 
+LOOP_BANDWIDTH = 100.0
+"""Of the loop of position control, whose stiffness is the inertia times its square [rad/s]."""
+
 PUBLISHED_EXPONENTS = (-1.0, -1.9)
 """k of equation 8, upwards and downwards, as five people chose it on the paper's robot."""
 
@@ -34,7 +37,7 @@ def position_control(
     card: SliderCard,
     slider: float,
     *,
-    bandwidth: float = 100.0,
+    bandwidth: float = LOOP_BANDWIDTH,
     speed_span: int = 8,
     dead_band: float = 0.02,
     limits: Limits = ELBOW_LIMITS,

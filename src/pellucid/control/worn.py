@@ -7,6 +7,10 @@ from dataclasses import dataclass
 
 from .. import _core
 from .residual_compensator import ResidualDesign
+from .supervised import Instruments, body_of, supervised
+
+WATCHED = Instruments(encoder_resolution=1e-3)
+"""What an orthosis has whose spring is its sensor."""
 
 
 @dataclass(frozen=True)
@@ -31,7 +35,11 @@ class WornCompensator:
     ):
         self.design = design
         self._law = design.control_law()
-        self.core = self._law.start()
+        # Raw data and memory are watched. The strap's share of the motion is no robot's, and EMG may come and go.
+        nothing = dict.fromkeys(body_of(self._law), 0.0)
+        self.core = supervised(
+            self._law, instruments=WATCHED, body=nothing, start_up=False, muscle_expected=0.0
+        ).start()
         self._emg = emg
         self._strap = None
         if learning is not None:
@@ -54,7 +62,7 @@ class WornCompensator:
 
     @property
     def fault(self) -> str:
-        """As of the gate."""
+        """As of its supervisor."""
         return self.core.fault
 
     def step(self, time: float, position: float, torque: float, emg: Sequence[tuple[float, float]] = ()) -> float:
@@ -74,5 +82,5 @@ class WornCompensator:
             if learns:
                 self.strap = (stiffness, damping)
                 self._law = self._law.changed(strap_stiffness=stiffness, strap_damping=damping)
-                self.core.configure(self._law.parameters)
+                self.core.adjust(self._law.parameters)
         return self.core.step(time, position, torque, muscle if heard else None)

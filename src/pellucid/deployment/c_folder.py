@@ -13,12 +13,13 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 
+from .. import _core
 from .._atomic import remove_leftovers, write_text_atomically
 from .._errors import PellucidError
 from ..control.control_law import LAWS, LawSensor
-from ..models.fields import COORDINATE, Field
+from ..models.fields import COORDINATE, Field, model_fields
 from .controller_values import ControllerValues
-from .replay_vector import replay_vector
+from .replay_vector import VARIANTS, replay_vector
 
 TEMPLATES = {
     "pellucid_controller.h": "",
@@ -70,7 +71,7 @@ def write_c_folder(study: str, values: ControllerValues, out: Path) -> Path:
     if obeyed:
         raise PellucidError(f"{out}: found {obeyed.pop()}, expected none: make would obey it, not the controller's own")
     law = LAWS[values.law]
-    headers = needed_headers(law.header)
+    headers = sorted({*needed_headers(law.header), *needed_headers("supervisor.hpp"), "watchdog.hpp"})
     files = {f"{HEADERS}/{name}": (core_headers() / "pellucid" / name).read_text(encoding="utf-8") for name in headers}
 
     def unit(of: Field | LawSensor) -> str:
@@ -80,6 +81,12 @@ def write_c_folder(study: str, values: ControllerValues, out: Path) -> Path:
     content = {
         "law": law,
         "values": values,
+        "supervision": values.supervised.supervision,
+        "supervisor": model_fields("supervisor"),
+        "storage": _core.supervised_storage(values.law),
+        "faults": _core.FAULTS,
+        "modes": _core.MODES,
+        "variants": VARIANTS,
         "study": study,
         "version": version("pellucid"),
         "vector": vector,
@@ -111,8 +118,8 @@ def _answers(files: Mapping[str, str], out: Path, motion: int) -> dict[str, str]
         run = subprocess.run(["make", "-s", "record"], cwd=scratch, capture_output=True, text=True)
     if run.returncode:
         raise PellucidError(f"{out}: found that it does not compile:\n{run.stderr.strip()}")
-    outputs = [(int(bits, 16), int(fault)) for bits, fault in (line.split() for line in run.stdout.splitlines())]
-    wrong = next((fault for _, fault in outputs[:motion] if fault), 0)
+    outputs = [(int(bits, 16), int(said)) for bits, said in (line.split() for line in run.stdout.splitlines())]
+    wrong = next((said & 0xFF for _, said in outputs[:motion] if said & 0xFF), 0)
     if wrong:
         raise PellucidError(f"{out}: found fault {wrong} in the test vector's motion, expected none")
     return {OUTPUTS: _render("vector_outputs.h.j2", outputs=outputs)}

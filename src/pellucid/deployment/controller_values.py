@@ -4,6 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
+
+from ..control.control_law import ControlLaw
+from ..control.supervised import SupervisedLaw, supervised
 
 
 @dataclass(frozen=True)
@@ -19,3 +23,9 @@ class ControllerValues:
     effort_unit: str = "N*m"
     speed: float = 3.0  # Largest speed that the model was fitted on, that of the test vector [rad/s or m/s]
     notes: tuple[str, ...] = field(default=())  # What an engineer must know before switching on
+    uses: frozenset[str] = frozenset()  # Of the law's optional sensors, those that it makes use of
+
+    @cached_property
+    def supervised(self) -> SupervisedLaw:
+        """The law under the supervisor that goes with it, its test at start-up included."""
+        return supervised(ControlLaw(self.law, self.numbers, self.uses))

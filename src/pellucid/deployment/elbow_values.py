@@ -79,6 +79,7 @@ def elbow_values(
     return ControllerValues(
         law=law.kind,
         numbers=law.values,
+        uses=law.uses,
         remarks=remarks,
         cards=(named.card,),
         checksums={named.card: sha256(path.read_bytes()).hexdigest()},

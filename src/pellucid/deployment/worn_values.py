@@ -69,6 +69,7 @@ def worn_values(study: Study, *, participant: str | None = None, period: float |
     return ControllerValues(
         law=law.kind,
         numbers=law.values,
+        uses=law.uses,
         remarks=remarks,
         cards=tuple(names.values()),
         checksums={name: sha256(paths[kind].read_bytes()).hexdigest() for kind, name in names.items()},

@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING, Protocol
 import numpy as np
 
 from ... import _core
+from ...control.control_law import ControlLaw
+from ...control.supervised import Instruments, supervised
 from ...models.simulate import substeps_for
 from ...signals.movements import Kinematics, MovementRule, Stretch, kinematics
 from .load_learning import felt, learnt
@@ -75,7 +77,7 @@ class PointingSession:
     target: np.ndarray  # (n,) [rad]
     signals: dict[str, np.ndarray]  # (n,) By `SIGNALS`
     movements: tuple[Reach, ...]
-    fault: str  # Of the law's gate, at the end
+    fault: str  # Of the law's supervisor, at the end
 
 
 def true_motion(session: PointingSession, rule: MovementRule) -> tuple[Kinematics, list[Stretch]]:
@@ -191,7 +193,18 @@ def _strapped(
         emg_gains=1.0 + 0.1 * rng.standard_normal(2),
         substeps=substeps_for(rig.period),
         sensor_delay=round(rig["force_sensor"]["delay"] / rig.period),
+        supervisor=_watching(rig, law),
     )
+
+
+def _watching(rig: PointingRig, law: RobotLaw | None) -> np.ndarray | None:
+    """The numbers of a law's supervisor, shape (m,); None where no law drives. The robot was tested before it was put
+    on, and its drive obeys."""
+    if not isinstance(law, ControlLaw):
+        return getattr(law, "supervisor", None)
+    robot = rig.robot
+    return supervised(law, instruments=Instruments(robot.quantum + 4.0 * robot["encoder"]["noise"], drive=True,
+                      drive_limit=robot.gain * robot["motor"]["current_limit"]), start_up=False).supervisor  # fmt: skip
 
 
 def point_all(jobs: Sequence[tuple], *, threads: int = 1) -> list[PointingSession]:

@@ -1,0 +1,420 @@
+// A law of the list under its supervisor, for Python: stepped in double or float, fuzzed, timed.
+#include "supervision.hpp"
+
+#include "laws.hpp"
+
+#include <nanobind/stl/string.h>
+#include <nanobind/stl/unique_ptr.h>
+
+#include <chrono>
+#include <cmath>
+#include <cstring>
+#include <memory>
+
+namespace bindings {
+namespace {
+
+namespace p = pellucid;
+
+constexpr const char* class_doc = R"(A control law under its supervisor, as on a robot. Made by `supervised`.)";
+constexpr const char* step_doc = R"(One control period: the effort for the drive [N m].
+
+Parameters
+----------
+time : float
+    When everything was measured [s].
+*samples : float or None
+    In the order of the law's sensors, SI; None, NaN or left out: the sensor says nothing.
+drive, joint : float or None
+    The effort that the drive measures [N m], and a second encoder [rad].
+token : int
+    The challenge, sent back by an operator who asks for a reset; 0: nobody asks.)";
+constexpr const char* samples_doc = R"(One control period as on a robot, where each sample has its own age.
+
+Parameters
+----------
+now : int
+    The time of this step [us].
+samples : sequence of (float, int, int, bool)
+    Value, sequence number, time [us] and whether its sensor vouches for it; in the order of the law's sensors, then
+    of the drive's measurement and of a second encoder.
+token : int
+    As `step` takes it.
+
+Returns
+-------
+float
+    [N m].)";
+constexpr const char* make_doc = R"(A law of the list under its supervisor.
+
+Parameters
+----------
+name : str
+    Of `laws`.
+parameters : (k,)
+    The law's numbers, SI.
+supervisor : (m,)
+    In the order of model_fields()["supervisor"].
+single : bool
+    In float32, as on a microcontroller.
+
+Returns
+-------
+Supervised)";
+constexpr const char* fuzz_doc = R"(A supervised law among nonsense: numbers, clocks, drives, tokens and memory that go wrong.
+
+Parameters
+----------
+name : str
+parameters : (k,)
+supervisor : (m,)
+cycles, seed : int
+single : bool
+
+Returns
+-------
+tuple
+    Efforts beyond the limits or that are no number, or power while latched (unsafe); faults; cycles with an effort;
+    resets that were granted.)";
+constexpr const char* time_doc = R"(Nanoseconds that a supervisor adds to a step of a law on a smooth motion, mean over `cycles`, least of `turns`.)";
+
+/// What Python sees of any supervised law.
+class Supervised {
+ public:
+  Supervised() = default;
+  Supervised(const Supervised&) = delete;
+  virtual ~Supervised() = default;
+  virtual std::size_t sensors() const = 0;
+  virtual double step_now(double time, const double* values, double drive, double joint, std::uint32_t token) = 0;
+  virtual double step_samples(std::int64_t now, const p::Sample<double>* from, std::size_t count, std::uint32_t token) = 0;
+  virtual bool configure(nb::handle parameters, nb::handle supervisor) = 0;
+  virtual void adjust(nb::handle parameters) = 0;
+  virtual void stop() = 0;
+  virtual nb::list log() const = 0;
+  p::SupervisorOutput<double> out{};
+};
+
+template <class L, class S> class SupervisedIn : public Supervised {
+ public:
+  SupervisedIn(nb::handle parameters, nb::handle supervisor) { configure(parameters, supervisor); }
+  std::size_t sensors() const override { return p::sensor_count<L>; }
+  bool configure(nb::handle parameters, nb::handle supervisor) override {
+    const bool sound = p::configure(law_, read_params<typename L::Params, S>("parameters", parameters),
+                                    read_params<p::SupervisorParams<S>, S>("supervisor", supervisor));
+    out.mode = p::mode_of(law_.state);
+    out.fault = p::fault_of(law_.state);
+    return sound;
+  }
+  void adjust(nb::handle parameters) override {
+    p::adjust(law_, read_params<typename L::Params, S>("parameters", parameters));
+  }
+  double step_now(double time, const double* values, double drive, double joint, std::uint32_t token) override {
+    const bool sound = std::fabs(time) < 9e12;  // microseconds that 64 bits hold; false for NaN
+    const std::int64_t now = sound ? std::llround(time * 1e6) : 0;
+    p::Samples<S> samples;
+    for (std::size_t i = 0; i < p::sensor_count<L>; ++i)
+      samples[L::sensors[i].quantity] = {static_cast<S>(values[i]), 0, 0, sound && !std::isnan(values[i])};
+    p::Feedback<S> back;
+    const auto sequence = law_.state.steps;
+    back.drive = {static_cast<S>(drive), now, sequence, sound && !std::isnan(drive)};
+    back.joint = {static_cast<S>(joint), now, sequence, sound && !std::isnan(joint)};
+    back.token = token;
+    return take(p::step(law_, p::stamped(law_, samples, now), back, now));
+  }
+  double step_samples(std::int64_t now, const p::Sample<double>* from, std::size_t count, std::uint32_t token) override {
+    const auto sample = [&](std::size_t i) {
+      return i < count ? p::Sample<S>{static_cast<S>(from[i].value), from[i].time, from[i].sequence, from[i].valid}
+                       : p::Sample<S>{};
+    };
+    constexpr std::size_t n = p::sensor_count<L>;
+    p::Samples<S> samples;
+    for (std::size_t i = 0; i < n; ++i) samples[L::sensors[i].quantity] = sample(i);
+    return take(p::step(law_, samples, p::Feedback<S>{sample(n), sample(n + 1), token}, now));
+  }
+  void stop() override { p::stop(law_); }
+  nb::list log() const override {
+    nb::list list;
+    for (std::uint32_t i = 0; i < p::log_length && i < law_.state.faults; ++i) {
+      const p::LoggedFault one = p::logged(law_.state, i);
+      list.append(nb::make_tuple(one.step, fault_name(one.fault), p::mode_names[static_cast<std::size_t>(one.mode)]));
+    }
+    return list;
+  }
+
+ private:
+  double take(const p::SupervisorOutput<S>& o) {
+    out = {static_cast<double>(o.effort), o.beat, o.challenge, o.fault, o.mode, o.enable};
+    return out.effort;
+  }
+  p::Supervised<L> law_;
+};
+
+/// f(LawOf) of the law with that name.
+template <class F> void with_law(const std::string& name, F&& f) {
+  bool known = false;
+  p::Laws::for_each([&](auto of) {
+    if (name == decltype(of)::template law<double>::name) f(of), known = true;
+  });
+  if (!known) throw nb::value_error(("law: found no \"" + name + "\"").c_str());
+}
+
+template <class S> std::unique_ptr<Supervised> make(const std::string& name, nb::handle parameters, nb::handle supervisor) {
+  std::unique_ptr<Supervised> made;
+  with_law(name, [&](auto of) {
+    made = std::make_unique<SupervisedIn<typename decltype(of)::template law<S>, S>>(parameters, supervisor);
+  });
+  return made;
+}
+
+double step(Supervised& law, double time, const nb::args& samples, nb::handle drive, nb::handle joint, std::uint32_t token) {
+  if (samples.size() > law.sensors()) throw nb::type_error("step: more samples than the law has sensors");
+  const auto number = [](nb::handle x) {
+    return x.is_none() ? std::numeric_limits<double>::quiet_NaN() : nb::cast<double>(x);
+  };
+  double values[p::quantity_count];
+  for (std::size_t i = 0; i < law.sensors(); ++i)
+    values[i] = i < samples.size() ? number(samples[i]) : std::numeric_limits<double>::quiet_NaN();
+  return law.step_now(time, values, number(drive), number(joint), token);
+}
+
+double step_samples(Supervised& law, std::int64_t now, const nb::sequence& samples, std::uint32_t token) {
+  p::Sample<double> read[p::quantity_count + 2];
+  std::size_t i = 0;
+  for (const nb::handle sample : samples) {
+    if (i == law.sensors() + 2) break;
+    read[i++] = {nb::cast<double>(sample[0]), nb::cast<std::int64_t>(sample[2]), nb::cast<std::uint32_t>(sample[1]),
+                 nb::cast<bool>(sample[3])};
+  }
+  return law.step_samples(now, read, i, token);
+}
+
+/// Numbers that look random and are the same everywhere (SplitMix64).
+class Bits {
+ public:
+  explicit Bits(std::uint64_t seed) : state_(seed) {}
+  std::uint64_t next() {
+    std::uint64_t z = (state_ += 0x9e3779b97f4a7c15u);
+    z = (z ^ (z >> 30)) * 0xbf58476d1ce4e5b9u;
+    z = (z ^ (z >> 27)) * 0x94d049bb133111ebu;
+    return z ^ (z >> 31);
+  }
+  double uniform() { return static_cast<double>(next() >> 11) * 0x1p-53; }
+  template <class S> S anything() {
+    const std::uint64_t pattern = next();
+    S x;
+    std::memcpy(&x, &pattern, sizeof x);
+    return x;
+  }
+
+ private:
+  std::uint64_t state_;
+};
+
+struct Fuzzed {
+  long long unsafe = 0, faults = 0, moving = 0, resets = 0;
+};
+
+template <class L, class S> Fuzzed fuzz(p::Supervised<L>& law, std::uint64_t cycles, std::uint64_t seed) {
+  Bits bits(seed);
+  Fuzzed found;
+  const auto gate = law.controller.law.gate;
+  const auto settings = law.supervisor;
+  const S limit = gate.params.effort_limit, change = gate.max_change * (S(1) + S(1e-5));
+  const double period = static_cast<double>(gate.params.period);
+  const auto micros = static_cast<std::int64_t>(1e6 * period + 0.5);
+  std::int64_t now = 0;
+  std::uint32_t sequence = 0, token = 0;
+  S before = 0;
+  double phase = 0, rate = 2, offset = 0, frozen = 0, stuck = 0;
+  int freeze = 0, drive = 0;
+  p::Mode mode = p::mode_of(law.state);
+  const p::Supervised<L> fresh = law;
+  long long stopped = 0;
+  for (std::uint64_t k = 0; k < cycles; ++k) {
+    if (k % 8192 == 0) rate = 0.2 + 2 * bits.uniform();
+    phase += rate * period;
+    if (phase > 6.283185307179586) phase -= 6.283185307179586;
+    const std::uint64_t dice = bits.next();
+    double q = 1.4 + 0.5 * p::sin(phase) + offset;
+    if (freeze > 0) q = frozen, --freeze;
+    frozen = q;
+    now += micros;
+    ++sequence;
+    const double wobble = static_cast<double>(dice >> 40) * 0x1p-24 - 0.5;
+    const p::Sample<S> felt{static_cast<S>(0.4 * wobble), now, sequence, true};
+    p::Samples<S> in{{static_cast<S>(q), now, sequence, true}, felt, felt, felt};
+    p::Feedback<S> back{{law.state.output, now, sequence, true}, {static_cast<S>(q), now, sequence, true}, token};
+    if (drive > 0) back.drive.value = static_cast<S>(stuck), --drive;
+    if (dice % 1024 == 7) {
+      switch (static_cast<int>(24 * bits.uniform())) {
+        case 0: in.position.value = std::numeric_limits<S>::quiet_NaN(); break;
+        case 1: in.position.value = -std::numeric_limits<S>::infinity(); break;
+        case 2: in.position.value = bits.anything<S>(); break;
+        case 3: in.interaction.value = bits.anything<S>(); break;
+        case 4: in.muscle.value = bits.anything<S>(); break;
+        case 5: now += static_cast<std::int64_t>(4e6 * (bits.uniform() - 0.5)); break;
+        case 6: sequence += static_cast<std::uint32_t>(bits.next()); break;
+        case 7: in.position.sequence = --sequence; break;
+        case 8: in.position.valid = false; break;
+        case 9: in.interaction.valid = in.muscle.valid = false; break;
+        case 10: back.drive.value = bits.anything<S>(); break;
+        case 11: back.drive.valid = back.joint.valid = false; break;
+        case 12: back.joint.value = bits.anything<S>(); break;
+        case 13: back.token = static_cast<std::uint32_t>(bits.next()); break;
+        case 14: freeze = static_cast<int>(60 * bits.uniform()); break;
+        case 15: offset = bits.uniform() - 0.5; break;
+        case 16: drive = 30, stuck = 20 * bits.uniform() - 10; break;
+        case 17: law.state.doing.word ^= 1u << (bits.next() % 32); break;
+        case 18: law.state.doing = {static_cast<std::uint32_t>(bits.next()), static_cast<std::uint32_t>(bits.next())}; break;
+        case 19: law.state.output = bits.anything<S>(); break;
+        case 20: law.state.body.momentum = law.state.hold.taken = law.state.budget.spent = bits.anything<S>(); break;
+        case 21: law.state.test.work = law.state.encoder.velocity = bits.anything<S>(); break;
+        case 22: law.state.law_sum.next = static_cast<std::uint32_t>(bits.next()); break;
+        default: p::stop(law);
+      }
+    }
+    const bool lost = !(std::fabs(law.state.output) <= limit);  // a bit fell over there: what came before says nothing
+    const p::SupervisorOutput<S> out = p::step(law, in, back, now);
+    const bool inside = out.effort >= -limit && out.effort <= limit;
+    const bool slow = lost || std::fabs(out.effort) <= std::fabs(before) + change;
+    const bool still = out.mode != p::Mode::latched || (out.effort == S(0) && !out.enable);
+    found.unsafe += !(inside && slow && still && (out.mode < p::Mode::zero || !out.enable));
+    found.moving += out.effort != S(0);
+    const bool now_stopped = p::is_stopped(out.mode), was = p::is_stopped(mode);
+    found.faults += now_stopped && !was;
+    found.resets += was && !now_stopped;
+    stopped = now_stopped ? stopped + 1 : 0;
+    token = stopped > 30 ? out.challenge : 0;
+    if (stopped > 200000) law = fresh, p::seal(law), stopped = 0;
+    mode = p::mode_of(law.state);
+    before = out.effort;
+  }
+  (void)settings;
+  return found;
+}
+
+template <class S> nb::tuple fuzz_any(const std::string& name, nb::handle parameters, nb::handle supervisor,
+                                      std::uint64_t cycles, std::uint64_t seed) {
+  AnySupervised<S> any = read_supervised<S>(name, parameters, supervisor);
+  Fuzzed found;
+  {
+    nb::gil_scoped_release release;
+    found = of_law(any, Fuzzed(), [&](auto& law) {
+      p::seal(law);
+      return fuzz<typename std::decay_t<decltype(law)>::Law, S>(law, cycles, seed);
+    });
+  }
+  return nb::make_tuple(found.unsafe, found.faults, found.moving, found.resets);
+}
+
+double time_added(const std::string& name, nb::handle parameters, nb::handle supervisor, std::size_t cycles, int turns) {
+  using Clock = std::chrono::steady_clock;
+  AnySupervised<double> any = read_supervised<double>(name, parameters, supervisor);
+  return of_law(any, 0.0, [&](auto& law) {
+    p::seal(law);
+    auto alone = law.controller;
+    std::vector<double> places(cycles);
+    for (std::size_t k = 0; k < cycles; ++k)
+      places[k] = 1.4 + 0.5 * p::sin(std::fmod(4e-3 * static_cast<double>(k), 6.283185307179586));
+    volatile double sink = 0;
+    const auto timed = [&](auto&& one) {
+      const auto start = Clock::now();
+      for (std::size_t k = 0; k < cycles; ++k) {
+        const std::int64_t now = 1000 * static_cast<std::int64_t>(k + 1);
+        const auto sequence = static_cast<std::uint32_t>(k + 1);
+        // The torque changes, as a sensor's does.
+        const p::Sample<double> torque{1e-9 * static_cast<double>(k), now, sequence, true};
+        sink = sink + one(p::Samples<double>{{places[k], now, sequence, true}, torque, torque, torque}, torque, now);
+      }
+      return std::chrono::duration<double, std::nano>(Clock::now() - start).count() / static_cast<double>(cycles);
+    };
+    double least = 1e9, bare = 1e9;
+    const auto law_at_rest = law;
+    const auto alone_at_rest = alone;
+    for (int turn = 0; turn < turns; ++turn) {
+      law = law_at_rest;
+      alone = alone_at_rest;
+      p::seal(law);
+      least = std::fmin(least, timed([&](const p::Samples<double>& in, p::Sample<double> felt, std::int64_t now) {
+        felt.value = law.state.output;
+        return p::step(law, in, p::Feedback<double>{felt, {}, 0}, now).effort;
+      }));
+      bare = std::fmin(bare, timed([&](const p::Samples<double>& in, const p::Sample<double>&, std::int64_t now) {
+        return p::step(alone, in, now);
+      }));
+    }
+    if (law.state.faults != 0) throw nb::value_error("time_supervisor: the motion is a fault");
+    return least - bare;
+  });
+}
+
+}  // namespace
+
+void add_supervision(nb::module_& m) {
+  nb::list faults, modes;
+  for (const char* name : p::safety_fault_names) faults.append(name);
+  for (const char* name : p::mode_names) modes.append(name);
+  m.attr("FAULTS") = nb::tuple(faults);
+  m.attr("MODES") = nb::tuple(modes);
+  nb::class_<Supervised>(m, "Supervised", class_doc)
+      .def("step", step, nb::arg("time"), nb::arg("samples"), nb::kw_only(), nb::arg("drive").none() = nb::none(),
+           nb::arg("joint").none() = nb::none(), nb::arg("token") = 0,
+           nb::sig("def step(self, time: float, *samples: float | None, drive: float | None = None, joint: float | None "
+                   "= None, token: int = 0) -> float"),
+           step_doc)
+      .def("step_samples", step_samples, nb::arg("now"), nb::arg("samples"), nb::arg("token") = 0,
+           nb::sig("def step_samples(self, now: int, samples: Sequence[tuple[float, int, int, bool]], token: int = 0) -> "
+                   "float"),
+           samples_doc)
+      .def("configure", &Supervised::configure, nb::arg("parameters").none(), nb::arg("supervisor").none(),
+           nb::sig("def configure(self, parameters: ArrayLike, supervisor: ArrayLike) -> bool"),
+           "Starts again with other numbers; a fault that is latched stays so.")
+      .def("adjust", &Supervised::adjust, nb::arg("parameters").none(),
+           nb::sig("def adjust(self, parameters: ArrayLike) -> None"),
+           "Other numbers of the law, from the next period on; what it remembers stays.")
+      .def("stop", &Supervised::stop, "From the next step on it stops, and stays stopped until reset.")
+      .def_prop_ro("effort", [](const Supervised& s) { return s.out.effort; }, "The last [N m].")
+      .def_prop_ro("fault", [](const Supervised& s) { return fault_name(s.out.fault); }, "The first, latched; 'none'.")
+      .def_prop_ro("mode", [](const Supervised& s) { return p::mode_names[static_cast<std::size_t>(s.out.mode)]; },
+                   "What it does: start_up, running, degraded, damped_stop, zero or latched.")
+      .def_prop_ro("enable", [](const Supervised& s) { return s.out.enable; }, "False: the drive must take its power off.")
+      .def_prop_ro("challenge", [](const Supervised& s) { return s.out.challenge; },
+                   "What a reset needs as its token; 0 while all is well.")
+      .def_prop_ro("beat", [](const Supervised& s) { return s.out.beat; }, "Counts periods, for the drive's watchdog.")
+      .def_prop_ro("log", &Supervised::log, nb::sig("def log(self, /) -> list[tuple[int, str, str]]"),
+                   "The last faults, the latest first: period, fault, and what was then done.");
+  m.def(
+      "supervised",
+      [](const std::string& name, nb::handle parameters, nb::handle supervisor, bool single) {
+        return single ? make<float>(name, parameters, supervisor) : make<double>(name, parameters, supervisor);
+      },
+      nb::arg("name"), nb::arg("parameters").none(), nb::arg("supervisor").none(), nb::arg("single") = false,
+      nb::sig("def supervised(name: str, parameters: ArrayLike, supervisor: ArrayLike, single: bool = False) -> Supervised"),
+      make_doc);
+  m.def("supervised_storage", [](const std::string& name) {
+    std::size_t storage = 0;
+    with_law(name, [&](auto of) {
+      storage = (sizeof(p::Supervised<typename decltype(of)::template law<float>>) + 7) / 8 * 8;
+    });
+    return storage;
+  }, nb::arg("name"), nb::sig("def supervised_storage(name: str) -> int"), "Bytes of a supervised law in float.");
+  m.def(
+      "fuzz_supervised",
+      [](const std::string& name, nb::handle parameters, nb::handle supervisor, std::uint64_t cycles, std::uint64_t seed,
+         bool single) {
+        return single ? fuzz_any<float>(name, parameters, supervisor, cycles, seed)
+                      : fuzz_any<double>(name, parameters, supervisor, cycles, seed);
+      },
+      nb::arg("name"), nb::arg("parameters"), nb::arg("supervisor"), nb::arg("cycles"), nb::arg("seed"),
+      nb::arg("single") = false,
+      nb::sig("def fuzz_supervised(name: str, parameters: ArrayLike, supervisor: ArrayLike, cycles: int, seed: int, single: "
+              "bool = False) -> tuple[int, int, int, int]"),
+      fuzz_doc);
+  m.def("time_supervisor", time_added, nb::arg("name"), nb::arg("parameters"), nb::arg("supervisor"), nb::arg("cycles"),
+        nb::arg("turns"),
+        nb::sig("def time_supervisor(name: str, parameters: ArrayLike, supervisor: ArrayLike, cycles: int, turns: int) -> "
+                "float"),
+        time_doc);
+}
+
+}  // namespace bindings

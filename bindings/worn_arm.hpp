@@ -1,0 +1,104 @@
+// A person's forearm strapped to a robot under a supervised law: one period of the whole loop.
+#pragma once
+
+#include "laws.hpp"
+
+#include <pellucid/reaching.hpp>
+#include <pellucid/watchdog.hpp>
+#include <pellucid/worn_geared_plant.hpp>
+
+#include <algorithm>
+#include <cmath>
+
+namespace bindings {
+
+/// Nothing that is wrong: what a period of a healthy arm passes through.
+struct Healthy {
+  template <class Arm> void samples(Arm&, pellucid::Samples<double>&, pellucid::Feedback<double>&, std::int64_t&) {}
+  bool hangs() const { return false; }
+  double given(double asked) { return asked; }
+  double measured(double given) const { return given; }
+  double pushes(double) const { return 0; }
+};
+
+/// The arm, what is strapped to it, what drives that, and what is measured.
+struct WornArm {
+  static constexpr std::size_t columns = 9;
+  static constexpr std::uint32_t patience = 10;    // periods that the drive's watchdog waits
+  static constexpr std::uint32_t off_periods = 3;  // until a drive that is to have no power has none
+
+  pellucid::ReachingCoefficients<double> person;
+  pellucid::ReachingState<double> reach;
+  pellucid::WornGearedPlantCoefficients<double> plant;
+  pellucid::WornGearedPlantState<double> state;
+  AnySupervised<double> law;
+  pellucid::SupervisorOutput<double> out{};
+  pellucid::Watchdog watchdog{};
+  double drive_torque = 0, drive_measured = 0, gain = 1, limit = 0, smoothing = 0, emg_gain[2] = {1, 1}, level[2] = {0, 0},
+         sensor[64] = {};
+  std::uint64_t ticks = 0;
+  std::uint32_t sensor_delay = 0, off = 0;
+
+  /// One period; what the drive gives is `drive_torque`. The row has what `WornElbow.move` returns.
+  /// Everything inlined: a quarter of a study's time goes into calls between functions of a line or two.
+  template <class Fault> [[gnu::flatten]] void period(const double* noise, const double* sensor_error, bool emg, double* row,
+                                                      Fault& fault) {
+    namespace p = pellucid;
+    const double torque_now = p::interaction(plant, state);
+    sensor[ticks % 64] = torque_now;
+    const double late = sensor[(ticks - std::min<std::uint64_t>(sensor_delay, ticks)) % 64];
+    const double encoder = p::step(plant.robot.encoder, state.motor_position, noise[2]);
+    p::Samples<double> samples;
+    samples.position = {encoder, 0, 0, true};
+    samples.torque = {drive_torque, 0, 0, true};
+    samples.interaction = {sensor_error != nullptr ? late + *sensor_error : 0.0, 0, 0, sensor_error != nullptr};
+    samples.muscle = {emg_gain[0] * level[0] - emg_gain[1] * level[1], 0, 0, emg};
+    const std::int64_t now = std::llround(1e6 * person.params.period * static_cast<double>(ticks));
+    if (!fault.hangs()) {
+      of_law(law, 0, [&](auto& one) {
+        p::Samples<double> read = p::stamped(one, samples, now);
+        const p::Sample<double>& stamp = read.position;
+        p::Feedback<double> back;
+        back.drive = {drive_measured, stamp.time, stamp.sequence, true};
+        back.joint = {state.link_position, stamp.time, stamp.sequence, true};
+        std::int64_t clock = now;
+        fault.samples(one, read, back, clock);
+        out = p::step(one, read, back, clock);
+        return 0;
+      });
+    }
+    const double current = p::clamp(out.effort / gain, -limit, limit);
+    const bool power = p::step(watchdog, out.beat, out.enable, patience);
+    off = power ? 0 : off + 1;
+    const double asked = gain * current;
+    drive_torque = off >= off_periods ? 0.0 : fault.given(asked);
+    drive_measured = fault.measured(drive_torque);
+    const p::ReachingOutput<double> muscles =
+        p::step(person, reach, state.limb_position, state.limb_velocity, noise[0], noise[1]);
+    listen(muscles, noise + 3);
+    row[0] = state.limb_position;
+    row[1] = state.limb_velocity;
+    row[3] = encoder;
+    row[4] = torque_now;
+    row[5] = drive_torque;
+    row[6] = muscles.flexor;
+    row[7] = muscles.extensor;
+    row[8] = state.link_velocity;
+    p::step(plant, state, drive_torque == asked ? current : drive_torque / gain,
+            muscles.torque + fault.pushes(muscles.torque));
+    row[2] = state.limb_acceleration;
+    ++ticks;
+  }
+
+  /// The torque that rectified, smoothed EMG shows of either muscle group, its resting level taken off [N m].
+  void listen(const pellucid::ReachingOutput<double>& muscles, const double* noise) {
+    const auto& who = person.params;
+    const double excitation[2] = {muscles.flexor, muscles.extensor}, most[2] = {who.flexion_max, who.extension_max};
+    for (int i = 0; i < 2; ++i) {
+      const double rectified = std::fabs(excitation[i] * noise[i]) * 1.2533141373155001;
+      level[i] += smoothing * ((rectified - who.cocontraction) * most[i] - level[i]);
+    }
+  }
+};
+
+}  // namespace bindings

@@ -1,0 +1,107 @@
+// The torque on a body that its model and its command do not explain: what the wearer gives, or what a fault does.
+//
+//   r = w (J v - p),   p' = u - G(q) - f(v) + r
+//
+// An observer of the generalised momentum (A. De Luca, R. Mattone, ICRA 2005): it needs the velocity, no acceleration.
+// At rest friction may be anything up to its level, and so may r; in motion it is known but for a share. A fault is only
+// what lies beyond.
+#pragma once
+
+#include "fields.hpp"
+#include "sample.hpp"
+
+namespace pellucid {
+inline namespace PELLUCID_ABI {
+
+template <class S> struct BodyResidualParams {
+  S inertia{}, gravity_sine{}, gravity_cosine{}, offset{}, coulomb{}, load{}, viscous{}, width = S(0.1),
+    bandwidth = S(40), slow = S(5), wearer_torque = S(std::numeric_limits<S>::infinity()),
+    wearer_push = wearer_torque, force_tolerance = wearer_torque;
+
+  template <class P, class V> static constexpr void walk(P& p, V& visit) noexcept {
+    visit(p.inertia, {"body_inertia", unit::inertia, at_least(0), "J of the robot alone; 0: no model, nothing is checked"});
+    visit(p.gravity_sine, {"body_gravity_sine", unit::effort, any_number(), "gravity effort per sin q"});
+    visit(p.gravity_cosine, {"body_gravity_cosine", unit::effort, any_number(), "gravity effort per cos q"});
+    visit(p.offset, {"body_offset", unit::effort, any_number(), "effort that is always there"});
+    visit(p.coulomb, {"body_coulomb", unit::effort, at_least(0), "friction's level, its rise towards rest included"});
+    visit(p.load, {"body_load", unit::one, share(), "friction per load"});
+    visit(p.viscous, {"body_viscous", unit::viscous, at_least(0), "friction per velocity"});
+    visit(p.width, {"body_width", unit::velocity, above(0), "over which friction changes its sign"});
+    visit(p.bandwidth, {"residual_bandwidth", unit::rate, above(0), "w of the observer; times the period below 1"});
+    visit(p.slow, {"residual_slow", unit::rate, above(0), "of what counts as lasting; times the period below 1"});
+    visit(p.wearer_torque, {"wearer_torque", unit::effort, above(0).or_infinite(),
+                            "the most that a wearer gives lastingly, beyond friction; infinite: not checked"});
+    visit(p.wearer_push, {"wearer_push", unit::effort, above(0).or_infinite(),
+                          "the most that a wearer gives at once, beyond friction; infinite: not checked"});
+    visit(p.force_tolerance, {"force_tolerance", unit::effort, above(0).or_infinite(),
+                              "lasting difference from the force sensor beyond friction; infinite: not checked"});
+  }
+};
+
+constexpr double known_friction = 0.7;  ///< of a joint in motion
+
+/// What follows from BodyResidualParams and the period once.
+template <class S> struct BodyResidualCoefficients {
+  BodyResidualParams<S> params{};  ///< as they are
+  S period{};                      ///< [s]
+  S inverse_width{};               ///< [s/rad]
+  S smoothing{};                   ///< share of a new residual in what lasts [1]
+  bool checks = false;             ///< whether there is a model
+  bool valid = false;              ///< whether the parameters make sense
+};
+
+template <class S>
+BodyResidualCoefficients<S> coefficients(const BodyResidualParams<S>& p, const S& period) noexcept {
+  BodyResidualCoefficients<S> c;
+  c.params = p;
+  c.period = period;
+  c.inverse_width = S(1) / p.width;
+  c.smoothing = p.slow * period;
+  c.checks = p.inertia > S(0);
+  c.valid = is_sound(p) && p.bandwidth * period < S(1) && c.smoothing < S(1);
+  return c;
+}
+
+template <class S> struct BodyResidualState {
+  S momentum{};          ///< p [N m s]
+  S residual{};          ///< r [N m]
+  S lasting{};           ///< its slow part [N m]
+  S contradiction{};     ///< the slow part of r less the force sensor [N m]
+  S level{};             ///< friction at most, now [N m]
+  S open{};              ///< of it what is not known, its slow part [N m]
+  S weight{};            ///< gravity effort, now [N m]
+  bool started = false;  ///< false until the first sample
+};
+
+/// One period of a body under an effort; `felt` is what a force sensor says, if it is `sensed`.
+template <class S> void step(const BodyResidualCoefficients<S>& c, BodyResidualState<S>& s, const S& position,
+                             const S& velocity, const S& effort, const S& felt, bool sensed) noexcept {
+  const BodyResidualParams<S>& p = c.params;
+  const SinCos<S> at = sincos(position);
+  s.weight = p.gravity_sine * at.sin + p.gravity_cosine * at.cos + p.offset;
+  s.level = p.coulomb + p.load * abs(s.weight);
+  const S direction = clamp(velocity * c.inverse_width, S(-1), S(1));
+  const S resisted = s.level * direction + p.viscous * velocity;
+  if (!s.started) {
+    s.momentum = p.inertia * velocity;
+    s.open = s.level;
+    s.started = true;
+  }
+  s.momentum = s.momentum + c.period * (effort - s.weight - resisted + s.residual);
+  s.residual = p.bandwidth * (p.inertia * velocity - s.momentum);
+  s.lasting = s.lasting + c.smoothing * (s.residual - s.lasting);
+  s.open = s.open + c.smoothing * (s.level * (S(1) - S(known_friction) * abs(direction)) - s.open);
+  s.contradiction = s.contradiction + c.smoothing * ((sensed ? s.residual - felt : S(0)) - s.contradiction);
+  if (!is_finite(s.momentum + s.residual + s.lasting + s.contradiction)) s = {};
+}
+
+/// What the residual shows, if anything: `force_sensor` where that sensor alone contradicts it.
+template <class S> SafetyFault shown(const BodyResidualCoefficients<S>& c, const BodyResidualState<S>& s) noexcept {
+  const BodyResidualParams<S>& p = c.params;
+  if (!(abs(s.lasting) <= p.wearer_torque + s.open) || !(abs(s.residual) <= p.wearer_push + s.level))
+    return SafetyFault::unexplained;
+  return abs(s.contradiction) <= p.force_tolerance + s.open ? SafetyFault::none : SafetyFault::force_sensor;
+}
+
+}  // namespace PELLUCID_ABI
+}  // namespace pellucid

@@ -1,0 +1,61 @@
+// Whether a drive gives what it was asked for, by its own measurement of current or torque.
+//
+// The measurement of this period answers the command of the last. A drive follows within a share of the command, a
+// tolerance, and the last change of the command, which it may still be making; longer than a few periods outside is a
+// fault, named by what it looks like.
+#pragma once
+
+#include "fields.hpp"
+#include "sample.hpp"
+
+namespace pellucid {
+inline namespace PELLUCID_ABI {
+
+template <class S> struct DriveWatchParams {
+  std::uint32_t expected = 0, cycles = 4;
+  S tolerance = S(std::numeric_limits<S>::infinity()), relative = S(0.15), limit = tolerance;
+
+  template <class P, class V> static constexpr void walk(P& p, V& visit) noexcept {
+    visit(p.expected, {"drive_expected", unit::one, between(0, 1), "1: the drive measures its effort, and must say so"});
+    visit(p.cycles, {"drive_cycles", unit::one, at_least(1), "periods in a row outside, or silent, that are a fault"});
+    visit(p.tolerance, {"drive_tolerance", unit::effort, above(0).or_infinite(), "of what it gives"});
+    visit(p.relative, {"drive_share", unit::one, share(), "more of it, per effort asked for"});
+    visit(p.limit, {"drive_limit", unit::effort, above(0).or_infinite(), "what it can give at most"});
+  }
+};
+
+template <class S> struct DriveWatchState {
+  S asked{};                  ///< last [N m]
+  S asked_before{};           ///< the time before [N m]
+  S given{};                  ///< when it was first outside [N m]
+  std::uint32_t outside = 0;  ///< periods in a row
+  std::uint32_t silent = 0;   ///< periods in a row
+};
+
+/// What was asked for in this period, of a drive that is on.
+template <class S> void ask(DriveWatchState<S>& s, const S& effort) noexcept {
+  s.asked_before = s.asked;
+  s.asked = effort;
+}
+
+/// What is wrong with what the drive gives, if anything, after it was asked for `s.asked`.
+template <class S>
+SafetyFault step(const DriveWatchParams<S>& p, DriveWatchState<S>& s, const S& given, bool heard) noexcept {
+  if (p.expected == 0) return SafetyFault::none;
+  if (!heard) return ++s.silent >= p.cycles ? SafetyFault::drive_silent : SafetyFault::none;
+  s.silent = 0;
+  const S asked = clamp(s.asked, -p.limit, p.limit);
+  const S allowed = p.tolerance + p.relative * abs(asked) + abs(s.asked - s.asked_before);
+  if (abs(given - asked) <= allowed) {
+    s.outside = 0;
+    return SafetyFault::none;
+  }
+  if (s.outside == 0) s.given = given;
+  if (++s.outside < p.cycles) return SafetyFault::none;
+  s.outside = 0;
+  if (abs(given - s.given) <= S(0.1) * p.tolerance) return SafetyFault::drive_stuck;
+  return same_sign(given, -asked) && abs(given) > p.tolerance ? SafetyFault::drive_sign : SafetyFault::drive_effort;
+}
+
+}  // namespace PELLUCID_ABI
+}  // namespace pellucid

@@ -1,0 +1,37 @@
+// What a whole command, gravity and offset included, may give over time: a limit of its power, and a store of energy.
+//
+// Lifting its own weight is no gift: that work comes back. What friction is known to take refills the store, and so does
+// a small steady power. What is left went into speed, or into the wearer.
+#pragma once
+
+#include "fields.hpp"
+#include "sample.hpp"
+
+namespace pellucid {
+inline namespace PELLUCID_ABI {
+
+template <class S> struct EnergyBudgetParams {
+  S power_limit = S(std::numeric_limits<S>::infinity()), store = power_limit, steady{};
+
+  template <class P, class V> static constexpr void walk(P& p, V& visit) noexcept {
+    visit(p.power_limit, {"power_limit", Unit{1, 1, -1}, above(0).or_infinite(), "of effort times velocity; infinite: none"});
+    visit(p.store, {"budget_store", unit::energy, above(0).or_infinite(),
+                    "energy that may be given beyond weight and friction; infinite: any"});
+    visit(p.steady, {"budget_power", Unit{1, 1, -1}, at_least(0), "that refills it"});
+  }
+};
+
+template <class S> struct EnergyBudgetState {
+  S spent{};  ///< of the store [J]
+};
+
+/// One period of an effort at a velocity, of a body that weighs `weight` and whose friction takes up to `level` [N m].
+template <class S> SafetyFault step(const EnergyBudgetParams<S>& p, EnergyBudgetState<S>& s, const S& period,
+                                    const S& effort, const S& velocity, const S& weight, const S& level) noexcept {
+  s.spent = max(s.spent + period * ((effort - weight) * velocity - level * abs(velocity) - p.steady), S(0));
+  if (!(s.spent <= p.store)) return SafetyFault::energy;
+  return abs(effort * velocity) <= p.power_limit ? SafetyFault::none : SafetyFault::power;
+}
+
+}  // namespace PELLUCID_ABI
+}  // namespace pellucid

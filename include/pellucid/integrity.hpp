@@ -1,0 +1,61 @@
+// Whether memory still holds what was put there: a checksum that is gone through a little each period, a word kept twice.
+#pragma once
+
+#include "math.hpp"
+
+namespace pellucid {
+inline namespace PELLUCID_ABI {
+
+/// A word beside its complement.
+struct TwinWord {
+  std::uint32_t word = 0;
+  std::uint32_t twin = ~std::uint32_t(0);
+};
+constexpr void put(TwinWord& t, std::uint32_t word) noexcept {
+  t.word = word;
+  t.twin = ~word;
+}
+constexpr bool is_whole(const TwinWord& t) noexcept { return t.word == ~t.twin; }
+
+/// FNV-1a over 32-bit words.
+constexpr std::uint32_t checksum_start = 2166136261u;
+constexpr std::uint32_t checksum_of(std::uint32_t sum, std::uint32_t word) noexcept { return (sum ^ word) * 16777619u; }
+
+constexpr std::uint32_t words_a_step = 8;
+
+/// How far a checksum has come.
+struct ChecksumState {
+  std::uint32_t sealed = 0;               ///< what it must be
+  std::uint32_t sum = checksum_start;     ///< of the words so far
+  std::uint32_t next = 0;                 ///< the word that comes next
+};
+
+/// The word of a block of memory at a place.
+template <class T> std::uint32_t word_at(const T& block, std::uint32_t at) noexcept {
+  static_assert(std::is_trivially_copyable<T>::value && sizeof(T) % 4 == 0, "words of plain numbers");
+  std::uint32_t word;
+  __builtin_memcpy(&word, reinterpret_cast<const unsigned char*>(&block) + 4 * at, sizeof word);
+  return word;
+}
+
+/// The checksum of a block where it lies.
+template <class T> std::uint32_t checksum(const T& block) noexcept {
+  std::uint32_t sum = checksum_start;
+  for (std::uint32_t i = 0; i < sizeof(T) / 4; ++i) sum = checksum_of(sum, word_at(block, i));
+  return sum;
+}
+
+/// Some words further; false where the whole block came out otherwise than sealed.
+template <class T> bool step(ChecksumState& s, const T& block) noexcept {
+  constexpr std::uint32_t words = sizeof(T) / 4;
+  std::uint32_t at = s.next < words ? s.next : 0;
+  std::uint32_t sum = s.sum;
+  for (std::uint32_t i = 0; i < words_a_step && at < words; ++i) sum = checksum_of(sum, word_at(block, at++));
+  const bool whole = at < words || sum == s.sealed;
+  s.next = at < words ? at : 0;
+  s.sum = at < words ? sum : checksum_start;
+  return whole;
+}
+
+}  // namespace PELLUCID_ABI
+}  // namespace pellucid

@@ -1,0 +1,87 @@
+// Polarity and gain of drive and encoder, before a law may use its limits: one small wave of effort, up and down again.
+//
+// What is at rest can only take energy from a wave, whatever its springs, frictions and wearer: work that comes out
+// negative has the wrong polarity. A body J alone takes 2 A^2 / (J w^2) by the middle of A sin(w t); with an arm and
+// friction it is less or more by a factor, far more is a wrong gain. It waits for rest, without effort, for as long as
+// that takes.
+#pragma once
+
+#include "fields.hpp"
+#include "sample.hpp"
+
+namespace pellucid {
+inline namespace PELLUCID_ABI {
+
+template <class S> struct StartUpTestParams {
+  S effort{};
+  std::uint32_t samples = 30, rest = 100;
+  S least{}, most = S(std::numeric_limits<S>::infinity());
+
+  template <class P, class V> static constexpr void walk(P& p, V& visit) noexcept {
+    visit(p.effort, {"test_effort", unit::effort, at_least(0), "A of the wave; 0: no test at start-up"});
+    visit(p.samples, {"test_samples", unit::one, between(8, 200), "of half a wave, in periods"});
+    visit(p.rest, {"test_rest", unit::one, at_least(0), "periods of rest in a row before it"});
+    visit(p.least, {"test_least", unit::energy, any_number(), "least work by its middle that is the right polarity"});
+    visit(p.most, {"test_most", unit::energy, above(0).or_infinite(), "largest that is the right gain"});
+  }
+};
+
+/// What follows from StartUpTestParams once: a sine is made step by step, by turning.
+template <class S> struct StartUpTestCoefficients {
+  StartUpTestParams<S> params{};  ///< as they are
+  S turn_sine{};                  ///< of the angle of a period
+  S turn_cosine{};                ///< of the angle of a period
+  std::uint32_t valid = 0;        ///< 1: the parameters make sense
+};
+
+template <class S> StartUpTestCoefficients<S> coefficients(const StartUpTestParams<S>& p) noexcept {
+  StartUpTestCoefficients<S> c;
+  c.params = p;
+  c.valid = is_sound(p) && p.samples >= 8 && p.samples <= 200 ? 1 : 0;
+  if (c.valid == 0) return c;
+  const SinCos<S> turn = sincos(S(3.14159265358979323846) / static_cast<S>(p.samples));
+  c.turn_sine = turn.sin;
+  c.turn_cosine = turn.cos;
+  return c;
+}
+
+template <class S> struct StartUpTestState {
+  S drift{};                 ///< smoothed velocity before the wave [rad/s]
+  std::uint32_t rested = 0;  ///< periods in a row
+  std::uint32_t count = 0;   ///< periods of the wave so far
+  S sine{};                  ///< of the wave, now
+  S cosine = S(1);           ///< of the wave, now
+  S pushed{};                ///< the last effort [N m]
+  S work{};                  ///< so far [J]
+  S middle{};                ///< by the middle of the wave [J]
+};
+
+/// Takes note of a velocity and goes on one period: the effort of the wave [N m]. `done` becomes true after its last.
+template <class S> S step(const StartUpTestCoefficients<S>& c, StartUpTestState<S>& s, const S& period, const S& velocity,
+                          const S& rest, bool& done) noexcept {
+  if (s.rested < c.params.rest) {
+    s.drift = s.drift + S(0.0625) * (velocity - s.drift);
+    s.rested = abs(s.drift) <= rest ? s.rested + 1 : 0;
+    return S(0);
+  }
+  s.work = s.work + period * s.pushed * (velocity - s.drift);
+  if (s.count == c.params.samples) s.middle = s.work;
+  // What is wrong by the middle is not gone on with.
+  const bool wrong = !(s.middle >= c.params.least && s.middle <= c.params.most);
+  done = s.count >= 2 * c.params.samples || (s.count == c.params.samples && wrong);
+  ++s.count;
+  const S sine = s.sine * c.turn_cosine + s.cosine * c.turn_sine;
+  s.cosine = s.cosine * c.turn_cosine - s.sine * c.turn_sine;
+  s.sine = sine;
+  s.pushed = done ? S(0) : c.params.effort * sine;
+  return s.pushed;
+}
+
+/// What the whole wave shows, if anything.
+template <class S> SafetyFault shown(const StartUpTestParams<S>& p, const StartUpTestState<S>& s) noexcept {
+  if (!(s.middle >= p.least)) return SafetyFault::polarity;
+  return s.middle <= p.most ? SafetyFault::none : SafetyFault::gain;
+}
+
+}  // namespace PELLUCID_ABI
+}  // namespace pellucid

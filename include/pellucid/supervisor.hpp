@@ -1,0 +1,429 @@
+// Between sensors, law and drive: whether what they say can be true together, and what to do when it cannot.
+//
+// A law behind its front guards its interface; single faults can stay within every limit and still push a wearer. Here
+// raw data are held to limits of their own, sensors to each other and to the robot's model, the drive to its command,
+// the whole command to a budget of energy, memory to a checksum. In a healthy run the law's effort passes to the bit.
+//
+//   start_up -> running -> degraded       the law goes on without a sensor that it can do without
+//        \         |         /
+//         damped_stop  or  zero -> latched   until an operator's token, a healthy while and a delay
+//
+// A damped stop needs encoder and drive; where either is in doubt the effort ramps to 0 and the power is taken off
+// through `enable`, which a drive must obey, since one that is stuck heeds no command.
+#pragma once
+
+#include "body_residual.hpp"
+#include "damped_stop.hpp"
+#include "drive_watch.hpp"
+#include "encoder_watch.hpp"
+#include "energy_budget.hpp"
+#include "integrity.hpp"
+#include "law.hpp"
+#include "sensor_watch.hpp"
+#include "start_up_test.hpp"
+
+namespace pellucid {
+inline namespace PELLUCID_ABI {
+
+template <class S> struct SupervisorParams {
+  EncoderWatchParams<S> encoder{};
+  std::uint32_t joint_expected = 0;
+  S joint_tolerance = S(std::numeric_limits<S>::infinity());
+  BodyResidualParams<S> body{};
+  SensorWatchParams<S> force{};   ///< of the interaction torque
+  SensorWatchParams<S> muscle{};  ///< of EMG
+  DriveWatchParams<S> drive{};
+  EnergyBudgetParams<S> budget{};
+  DampedStopParams<S> hold{};
+  StartUpTestParams<S> test{};
+  std::uint32_t degrades = 0;
+  S moving = S(0.2), rest_speed = S(0.3), reset_delay = S(1);
+  std::uint32_t healthy_samples = 500;
+
+  template <class P, class V> static constexpr void walk(P& p, V& visit) noexcept {
+    pellucid::walk(p.encoder, visit);
+    visit(p.joint_expected, {"joint_expected", unit::one, between(0, 1), "1: there is a second encoder, at the joint"});
+    visit(p.joint_tolerance, {"joint_tolerance", unit::coordinate, above(0).or_infinite(),
+                              "by which the two encoders may differ more than at the start"});
+    pellucid::walk(p.body, visit);
+    auto of_force = prefixed(visit, "force_"), of_muscle = prefixed(visit, "muscle_");
+    pellucid::walk(p.force, of_force);
+    pellucid::walk(p.muscle, of_muscle);
+    pellucid::walk(p.drive, visit);
+    pellucid::walk(p.budget, visit);
+    pellucid::walk(p.hold, visit);
+    pellucid::walk(p.test, visit);
+    visit(p.degrades, {"degrades", unit::one, between(0, 1), "1: without its force sensor the law still carries the robot"});
+    visit(p.moving, {"moving_speed", unit::velocity, at_least(0), "faster, a force sensor's word must change"});
+    visit(p.rest_speed, {"rest_speed", unit::velocity, above(0).or_infinite(), "slower, a reset may be granted, or the test at start-up begin"});
+    visit(p.reset_delay, {"reset_delay", unit::time, between(0, 60), "from a fault to the earliest reset"});
+    visit(p.healthy_samples, {"healthy_samples", unit::one, at_least(1), "in a row before a reset is granted"});
+  }
+};
+
+/// What a supervised law is doing.
+enum class Mode : std::uint8_t {
+  start_up,     ///< polarity and gain are tested with a small effort
+  running,      ///< the law's effort passes
+  degraded,     ///< it passes, without a sensor that is not believed
+  damped_stop,  ///< the joint is held back, viscously
+  zero,         ///< the effort ramps to 0, without power
+  latched,      ///< it is 0
+};
+constexpr const char* mode_names[] = {"start_up", "running", "degraded", "damped_stop", "zero", "latched"};
+constexpr bool is_stopped(Mode mode) noexcept { return mode >= Mode::damped_stop; }
+
+/// What follows from SupervisorParams and the law's gate once.
+template <class S> struct SupervisorCoefficients {
+  SupervisorParams<S> params{};
+  EncoderWatchCoefficients<S> encoder{};
+  BodyResidualCoefficients<S> body{};
+  StartUpTestCoefficients<S> test{};
+  SampleRules rules{};              ///< of the drive's and the joint encoder's samples
+  S period{};                       ///< [s]
+  S effort_limit{};                 ///< the gate's [N m]
+  S max_change{};                   ///< of the effort in a period [N m]
+  std::uint32_t reset_periods = 0;  ///< of the delay
+  std::uint32_t valid = 0;          ///< 1: the parameters make sense
+};
+
+template <class S>
+SupervisorCoefficients<S> coefficients(const SupervisorParams<S>& p, const SafetyCoefficients<S>& gate) noexcept {
+  SupervisorCoefficients<S> c;
+  c.params = p;
+  c.encoder = coefficients(p.encoder, gate.params.period);
+  c.body = coefficients(p.body, gate.params.period);
+  c.test = coefficients(p.test);
+  c.rules = gate.rules;
+  c.period = gate.params.period;
+  c.effort_limit = gate.params.effort_limit;
+  c.max_change = gate.max_change;
+  const bool valid = gate.valid && is_sound(p) && c.encoder.valid && c.body.valid && c.test.valid != 0;
+  c.valid = valid ? 1 : 0;
+  c.reset_periods = valid && p.reset_delay < S(1e6) * c.period ? static_cast<std::uint32_t>(p.reset_delay / c.period)
+                                                               : 1000000u;
+  return c;
+}
+
+/// What comes back from drive, joint and operator, beside what the law reads.
+template <class S> struct Feedback {
+  Sample<S> drive{};        ///< the effort that the drive measures, at the joint [N m]
+  Sample<S> joint{};        ///< a second encoder [rad]
+  std::uint32_t token = 0;  ///< the challenge of a fault, sent back by an operator who asks for a reset
+};
+
+/// What goes to the drive, and what an operator may see.
+template <class S> struct SupervisorOutput {
+  S effort{};                             ///< [N m]
+  std::uint32_t beat = 0;                 ///< counts periods, for the drive's watchdog
+  std::uint32_t challenge = 0;            ///< what a reset needs as its token; 0 while all is well
+  SafetyFault fault = SafetyFault::none;  ///< the first, latched
+  Mode mode = Mode::latched;              ///< what is being done
+  bool enable = false;                    ///< false: the drive must take its power off
+};
+
+/// One entry of the log.
+struct LoggedFault {
+  std::uint32_t step = 0;                 ///< period in which it was found
+  SafetyFault fault = SafetyFault::none;  ///< what
+  Mode mode = Mode::latched;              ///< what was then done
+};
+constexpr std::uint32_t log_length = 8;
+
+constexpr std::uint32_t supervisor_alive = 0x5afe0001u;
+
+template <class S> struct SupervisorState {
+  TwinWord alive{};          ///< that it was configured
+  TwinWord doing{};          ///< mode, and the fault above it
+  TwinWord challenge{};      ///< of the last fault
+  S output{};                ///< the last effort [N m]
+  EncoderWatchState<S> encoder{};
+  BodyResidualState<S> body{};
+  SensorWatchState<S> force{}, muscle{};
+  DriveWatchState<S> drive{};
+  EnergyBudgetState<S> budget{};
+  DampedStopState<S> hold{};
+  StartUpTestState<S> test{};
+  SampleState drive_seen{}, joint_seen{};
+  S joint_offset{};             ///< of the second encoder [rad]
+  bool joint_started = false;   ///< false until it was read
+  std::uint32_t joint_silent = 0;
+  ChecksumState law_sum{}, own_sum{};
+  std::uint32_t steps = 0;      ///< since it was configured
+  std::uint32_t stopped = 0;    ///< periods since the last fault
+  std::uint32_t healthy = 0;    ///< periods in a row since
+  std::uint32_t faults = 0;     ///< in the log, ever
+  LoggedFault log[log_length]{};
+};
+
+template <class L> using scalar_of = decltype(L::Params::gate.period);
+
+/// A law behind its front, under its supervisor. It may be moved in memory only before `seal`.
+template <class L> struct Supervised {
+  using Law = L;
+  using S = scalar_of<L>;
+  Controller<L> controller{};
+  SupervisorCoefficients<S> supervisor{};
+  SupervisorState<S> state{};
+};
+
+template <class S> Mode mode_of(const SupervisorState<S>& s) noexcept { return static_cast<Mode>(s.doing.word & 0xffu); }
+template <class S> SafetyFault fault_of(const SupervisorState<S>& s) noexcept {
+  return static_cast<SafetyFault>((s.doing.word >> 8) & 0xffu);
+}
+template <class S> void go(SupervisorState<S>& s, Mode mode, SafetyFault fault) noexcept {
+  put(s.doing, static_cast<std::uint32_t>(mode) | static_cast<std::uint32_t>(fault) << 8);
+}
+
+/// A fault of the log; 0 is the last. None where there were not so many.
+template <class S> LoggedFault logged(const SupervisorState<S>& s, std::uint32_t ago) noexcept {
+  return ago < s.faults && ago < log_length ? s.log[(s.faults - 1 - ago) % log_length] : LoggedFault{};
+}
+
+/// Takes the checksums where everything now lies.
+template <class L> void seal(Supervised<L>& s) noexcept {
+  s.state.law_sum = {checksum(s.controller.law), checksum_start, 0};
+  s.state.own_sum = {checksum(s.supervisor), checksum_start, 0};
+}
+
+/// Where a supervised law begins: with its test, if it has one.
+template <class S> Mode first_mode(const SupervisorCoefficients<S>& c) noexcept {
+  return c.params.test.effort > S(0) ? Mode::start_up : Mode::running;
+}
+
+/// What outlives a start: the log, and what a reset needs.
+template <class S> void keep(SupervisorState<S>& s, const SupervisorState<S>& before) noexcept {
+  s.challenge = before.challenge;
+  s.steps = before.steps;
+  s.faults = before.faults;
+  for (std::uint32_t i = 0; i < log_length; ++i) s.log[i] = before.log[i];
+}
+
+/// Starts with an effort of 0; a fault that is latched stays so. False where the parameters make no sense.
+template <class L> bool configure(Supervised<L>& s, const typename L::Params& params,
+                                  const SupervisorParams<scalar_of<L>>& supervisor) noexcept {
+  using S = scalar_of<L>;
+  const SupervisorState<S> before = s.state;
+  const bool was = is_whole(before.alive) && before.alive.word == supervisor_alive;
+  const bool whole = is_whole(before.doing);
+  const bool shut = was && (!whole || (is_stopped(mode_of(before)) && fault_of(before) != SafetyFault::configuration));
+  configure(s.controller, params);
+  s.supervisor = coefficients(supervisor, s.controller.law.gate);
+  const SupervisorState<S> fresh;
+  s.state = fresh;
+  put(s.state.alive, supervisor_alive);
+  if (was) keep(s.state, before);
+  if (shut) go(s.state, Mode::latched, whole ? fault_of(before) : SafetyFault::integrity);
+  else if (s.supervisor.valid == 0) go(s.state, Mode::latched, SafetyFault::configuration);
+  else go(s.state, first_mode(s.supervisor), SafetyFault::none);
+  seal(s);
+  return s.supervisor.valid != 0;
+}
+
+/// Other numbers of the law, from the next period on; what it remembers stays.
+template <class L> void adjust(Supervised<L>& s, const typename L::Params& params) noexcept {
+  s.controller.law = coefficients(params);
+  s.state.law_sum = {checksum(s.controller.law), checksum_start, 0};
+}
+
+/// What a fault asks for: a damped stop where encoder and drive are above suspicion and there is something to hold.
+template <class S> Mode response(const SupervisorCoefficients<S>& c, SafetyFault fault) noexcept {
+  const bool sound = fault == SafetyFault::velocity || fault == SafetyFault::stopped ||
+                     fault == SafetyFault::overspeed || fault == SafetyFault::force_sensor ||
+                     fault == SafetyFault::muscle || fault == SafetyFault::lost || fault == SafetyFault::power ||
+                     fault == SafetyFault::energy;
+  return sound && c.params.hold.damping > S(0) ? Mode::damped_stop : Mode::zero;
+}
+
+/// Writes a fault down and does what it asks for; what is stopped already is only ever stopped harder.
+template <class S>
+void enter(const SupervisorCoefficients<S>& c, SupervisorState<S>& s, SafetyFault fault, Mode wanted) noexcept {
+  const Mode now = mode_of(s);
+  const Mode next = is_stopped(now) && now >= wanted ? now : wanted;
+  if (next == now && is_stopped(now)) return;
+  s.log[s.faults % log_length] = {s.steps, fault, next};
+  ++s.faults;
+  go(s, next, is_stopped(now) || (now == Mode::degraded && next == now) ? fault_of(s) : fault);
+  if (!is_stopped(next)) return;
+  put(s.challenge, checksum_of(checksum_of(s.challenge.word ^ s.steps, s.faults), 0x9e3779b9u) | 1u);
+  s.stopped = 0;
+  s.healthy = 0;
+  s.hold = {};
+  s.drive = {};
+  (void)c;
+}
+
+/// What the encoder of the joint says beside the motor's, if anything.
+template <class S>
+SafetyFault compare(const SupervisorCoefficients<S>& c, SupervisorState<S>& s, const Sample<S>& position,
+                    const Sample<S>& joint, std::int64_t now) noexcept {
+  if (c.params.joint_expected == 0) return SafetyFault::none;
+  if (examine(c.rules, s.joint_seen, joint, now) != SafetyFault::none)
+    return ++s.joint_silent > c.params.drive.cycles ? SafetyFault::disagreement : SafetyFault::none;
+  s.joint_silent = 0;
+  if (!is_heard(position)) return SafetyFault::none;
+  const S apart = position.value - joint.value;
+  if (!s.joint_started) {
+    s.joint_offset = apart;
+    s.joint_started = true;
+  }
+  return abs(apart - s.joint_offset) <= c.params.joint_tolerance ? SafetyFault::none : SafetyFault::disagreement;
+}
+
+constexpr SafetyFault first_of(SafetyFault a, SafetyFault b) noexcept { return a != SafetyFault::none ? a : b; }
+
+/// What is wrong with encoder, motion, drive and command in this period, the law's optional sensors aside.
+template <class S>
+SafetyFault observe(const SupervisorCoefficients<S>& c, SupervisorState<S>& s, const Samples<S>& samples,
+                    const Feedback<S>& back, std::int64_t now) noexcept {
+  const SupervisorParams<S>& p = c.params;
+  SafetyFault found = step(c.encoder, s.encoder, samples.position);
+  found = first_of(found, compare(c, s, samples.position, back.joint, now));
+  if (p.drive.expected != 0) {
+    const bool heard = examine(c.rules, s.drive_seen, back.drive, now) == SafetyFault::none;
+    found = first_of(found, step(p.drive, s.drive, back.drive.value, heard));
+  }
+  const S velocity = s.encoder.velocity;
+  if (c.body.checks && s.encoder.heard > 1) {
+    step(c.body, s.body, s.encoder.position, velocity, s.output, samples.interaction.value,
+         p.force.expected != 0 && is_heard(samples.interaction));
+    // The sensor alone is no reason to stop: its turn comes later.
+    const SafetyFault residual = shown(c.body, s.body);
+    // Before a law carries the robot the wearer does.
+    if (residual == SafetyFault::unexplained && mode_of(s) != Mode::start_up) found = first_of(found, residual);
+  }
+  return first_of(found, step(p.budget, s.budget, c.period, s.output, velocity, s.body.weight, s.body.level));
+}
+
+/// The law's optional sensors: without one that is silent or beyond its range it goes on if it can. A force sensor that
+/// contradicts model, command and motion may be right and the drive wrong: then nothing goes on.
+template <class S> void judge_sensors(const SupervisorCoefficients<S>& c, SupervisorState<S>& s,
+                                      const Samples<S>& samples) noexcept {
+  const bool moves = abs(s.encoder.velocity) > c.params.moving;
+  const SafetyFault force = step(c.params.force, s.force, samples.interaction, moves, SafetyFault::force_sensor);
+  const SafetyFault muscle = step(c.params.muscle, s.muscle, samples.muscle, false, SafetyFault::muscle);
+  if (mode_of(s) != Mode::running) return;
+  if (c.params.force.expected != 0 && c.body.checks && shown(c.body, s.body) == SafetyFault::force_sensor)
+    return enter(c, s, SafetyFault::force_sensor, response(c, SafetyFault::force_sensor));
+  const SafetyFault found = first_of(force, muscle);
+  if (found == SafetyFault::none) return;
+  enter(c, s, found, force == SafetyFault::none || c.params.degrades != 0 ? Mode::degraded : response(c, found));
+}
+
+/// Back to where it began, after a fault; the log stays.
+template <class L> void start_again(Supervised<L>& s) noexcept {
+  using S = scalar_of<L>;
+  const SupervisorState<S> before = s.state;
+  reset(s.controller);
+  s.controller.state.gate.output = S(0);
+  const SupervisorState<S> fresh;
+  s.state = fresh;
+  s.state.alive = before.alive;
+  keep(s.state, before);
+  go(s.state, first_mode(s.supervisor), SafetyFault::none);
+  seal(s);
+}
+
+/// The effort while stopped [N m], and whether an operator's token may end it.
+template <class L> void stay_stopped(Supervised<L>& s, SafetyFault found, bool heard, std::uint32_t token) noexcept {
+  using S = scalar_of<L>;
+  const SupervisorCoefficients<S>& c = s.supervisor;
+  SupervisorState<S>& state = s.state;
+  const S velocity = state.encoder.velocity;
+  S wanted = S(0);
+  if (mode_of(state) == Mode::damped_stop) wanted = step(c.params.hold, state.hold, c.period, velocity);
+  const S limit = c.effort_limit;
+  state.output = clamp(clamp(wanted, state.output - c.max_change, state.output + c.max_change), -limit, limit);
+  if (!is_finite(state.output) || mode_of(state) == Mode::latched) state.output = S(0);
+  if (mode_of(state) == Mode::zero && state.output == S(0)) go(state, Mode::latched, fault_of(state));
+
+  const bool good = found == SafetyFault::none && heard && abs(velocity) <= c.params.rest_speed;
+  state.healthy = good ? (state.healthy < 0xffffffffu ? state.healthy + 1 : state.healthy) : 0;
+  if (state.stopped < 0xffffffffu) ++state.stopped;
+  const bool asked = token != 0 && is_whole(state.challenge) && token == state.challenge.word;
+  if (asked && c.valid != 0 && state.healthy >= c.params.healthy_samples && state.stopped >= c.reset_periods)
+    start_again(s);
+}
+
+/// Samples that are all read just now: a sensor that says nothing starts anew when it speaks again.
+template <class L, class S> Samples<S> stamped(Supervised<L>& s, const Samples<S>& read, std::int64_t now) noexcept {
+  Samples<S> made = stamped(s.controller, read, now);
+  for (const SensorUse& use : L::sensors) made[use.quantity].sequence = s.state.steps;
+  return made;
+}
+
+/// From the next step on it stops.
+template <class L> void stop(Supervised<L>& s) noexcept { stop(s.controller); }
+
+/// One control period of a law under its supervisor, whatever comes in.
+template <class L, class S> SupervisorOutput<S> step(Supervised<L>& s, const Samples<S>& read, const Feedback<S>& back,
+                                                     std::int64_t now) noexcept {
+  const SupervisorCoefficients<S>& c = s.supervisor;
+  SupervisorState<S>& state = s.state;
+  ++state.steps;
+  if (state.alive.word != supervisor_alive && state.alive.twin != ~supervisor_alive)
+    return {S(0), state.steps, 0, SafetyFault::not_started, Mode::latched, false};
+  if (c.valid == 0) return {S(0), state.steps, 0, SafetyFault::configuration, Mode::latched, false};
+  if (!is_whole(state.alive) || !is_whole(state.doing) || state.doing.word >= 0x10000u || mode_of(state) > Mode::latched) {
+    put(state.alive, supervisor_alive);
+    go(state, Mode::running, SafetyFault::none);  // so that the fault is written down
+    enter(c, state, SafetyFault::integrity, Mode::zero);
+  }
+  const bool law_kept = step(state.law_sum, s.controller.law), own_kept = step(state.own_sum, c);
+  if (!law_kept || !own_kept) enter(c, state, SafetyFault::integrity, Mode::zero);
+
+  const Mode before = mode_of(state);
+  if (is_stopped(before)) s.controller.fault = SafetyFault::none;  // what was wrong is written down; what is wrong now?
+  Samples<S> samples = believed(s.controller, read, now);
+  SafetyFault found = observe(c, state, samples, back, now);
+  const bool heard = is_heard(samples.position);
+  if (!is_stopped(before)) {
+    found = first_of(s.controller.fault, found);
+    if (found != SafetyFault::none) enter(c, state, found, response(c, found));
+    if (before != Mode::start_up) judge_sensors(c, state, samples);
+  } else {
+    const bool runs_away = state.stopped > 20 && found == SafetyFault::overspeed;
+    const SafetyFault doubt = first_of(s.controller.fault, found);
+    // What a hold needs is in doubt now, or it does not hold.
+    if (before == Mode::damped_stop && (runs_away || (doubt != SafetyFault::none && response(c, doubt) == Mode::zero)))
+      enter(c, state, doubt, Mode::zero);
+    if (s.controller.fault != SafetyFault::none)
+      for (SampleState& seen : s.controller.seen) seen = {};
+  }
+
+  Mode mode = mode_of(state);
+  if (mode == Mode::start_up) {
+    bool done = false;
+    const S wave = step(c.test, state.test, c.period, state.encoder.velocity, c.params.rest_speed, done);
+    const S wanted = clamp(wave, -c.effort_limit, c.effort_limit);
+    state.output = clamp(wanted, state.output - c.max_change, state.output + c.max_change);
+    if (done) {
+      const SafetyFault said = shown(c.params.test, state.test);
+      s.controller.state.gate.output = state.output;
+      state.body = {};
+      state.budget = {};
+      if (said != SafetyFault::none) enter(c, state, said, Mode::zero);
+      else go(state, Mode::running, SafetyFault::none);
+    }
+  } else if (!is_stopped(mode)) {
+    if (mode == Mode::degraded) {
+      // Which of the two is not asked: neither is needed.
+      samples.interaction.valid = samples.muscle.valid = false;
+      samples.interaction.value = samples.muscle.value = std::numeric_limits<S>::quiet_NaN();
+    }
+    const S effort = step(s.controller.law, s.controller.state, samples);
+    latch(s.controller, s.controller.state.gate.fault);
+    ++s.controller.steps;
+    if (s.controller.fault == SafetyFault::none) state.output = effort;
+    else enter(c, state, s.controller.fault, response(c, s.controller.fault));
+  }
+  mode = mode_of(state);
+  if (is_stopped(mode)) stay_stopped(s, found, heard, back.token);
+  ask(state.drive, state.output);
+  mode = mode_of(state);
+  const bool enable = mode <= Mode::damped_stop;
+  return {state.output, state.steps, is_stopped(mode) ? state.challenge.word : 0, fault_of(state), mode, enable};
+}
+
+}  // namespace PELLUCID_ABI
+}  // namespace pellucid

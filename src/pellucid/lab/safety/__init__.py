@@ -1,0 +1,1 @@
+"""Single faults on virtual robots that somebody wears, and what comes of them."""

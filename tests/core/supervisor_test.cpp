@@ -1,0 +1,270 @@
+// The supervisor: a healthy run passes to the bit, every fault is answered, nothing but a token ends it.
+#include "check.hpp"
+#include "law_numbers.hpp"
+
+#include <pellucid/laws.hpp>
+#include <pellucid/supervisor.hpp>
+#include <pellucid/watchdog.hpp>
+
+#include <initializer_list>
+
+namespace p = pellucid;
+
+namespace {
+
+using F = p::SafetyFault;
+using M = p::Mode;
+
+template <class S> p::SupervisorParams<S> rules() {
+  p::SupervisorParams<S> r;
+  r.encoder = {S(8), S(2000), S(-0.1), S(2.7), S(1e-4), S(0.5), 20};
+  r.body.inertia = S(0.05);
+  r.body.gravity_sine = S(2);
+  r.body.gravity_cosine = S(0.3);
+  r.body.offset = S(0.1);
+  r.body.coulomb = S(0.25);
+  r.body.load = S(0.13);
+  r.body.viscous = S(0.05);
+  r.drive.expected = 1;
+  r.drive.tolerance = S(0.5);
+  r.hold = {S(2.5), S(4)};
+  r.reset_delay = S(0.1);
+  r.healthy_samples = 50;
+  return r;
+}
+
+/// A joint that swings as it is told, under a supervised law.
+template <class S, template <class> class L = p::JointCompensation> struct Rig {
+  p::Supervised<L<S>> law{};
+  p::SupervisorOutput<S> out{};
+  S place = S(1.2), speed = S(0.4), given_more = S(0);
+  std::int64_t now = 1000000;
+  std::uint32_t count = 100;
+  std::uint32_t token = 0;
+  p::Samples<S> in{};
+  p::Feedback<S> back{};
+
+  explicit Rig(const p::SupervisorParams<S>& r = rules<S>()) {
+    check(p::configure(law, typical_params<typename L<S>::Params>(), r), "the example makes sense");
+  }
+  void read() {
+    now += 1000;
+    ++count;
+    place = place + speed * S(1e-3);
+    in = {};
+    in.position = {place, now, count, true};
+    back.drive = {law.state.output + given_more, now, count, true};
+    back.token = token;
+  }
+  void step() { out = p::step(law, in, back, now); }
+  void run(int n) {
+    for (int k = 0; k < n; ++k) read(), step();
+  }
+};
+
+template <class S> void healthy_runs_pass() {
+  p::Laws::for_each([](auto of) {
+    using L = typename decltype(of)::template law<S>;
+    p::SupervisorParams<S> r = rules<S>();
+    r.body = {};
+    p::Supervised<L> watched;
+    p::Controller<L> alone;
+    check(p::configure(watched, typical_params<typename L::Params>(), r), L::name);
+    p::configure(alone, typical_params<typename L::Params>());
+    long different = 0, moving = 0;
+    for (std::uint32_t k = 1; k < 20000; ++k) {
+      const std::int64_t now = 1000 * static_cast<std::int64_t>(k);
+      const S q = S(1.2) + S(0.5) * p::sin(S(0.004) * static_cast<S>(k % 1571));
+      const p::Sample<S> felt{S(0.3) * p::cos(S(0.01) * static_cast<S>(k % 629)), now, k, k % 7 != 0};
+      p::Samples<S> in{{q, now, k, true}, {felt.value, now, k, true}, felt, felt};
+      const p::Feedback<S> back{{watched.state.output, now, k, true}, {}, 0};
+      const S safe = p::step(watched, in, back, now).effort, bare = p::step(alone, in, now);
+      different += p::bits_of(safe) != p::bits_of(bare);
+      moving += bare != S(0);
+    }
+    check(different == 0 && moving > 10000, L::name);
+    check(p::mode_of(watched.state) == M::running && watched.state.faults == 0, "no fault in a healthy run");
+  });
+}
+
+template <class S, class Wrong> void answers(F fault, M mode, int within, Wrong&& wrong) {
+  Rig<S> rig;
+  rig.run(300);
+  check(rig.out.mode == M::running && rig.out.enable && rig.out.effort != S(0), "it runs");
+  int k = 0;
+  while (k < 200 && rig.out.fault == F::none) {
+    rig.read();
+    wrong(rig, k++);
+    rig.step();
+  }
+  check(rig.out.fault == fault, p::safety_fault_names[static_cast<std::size_t>(fault)]);
+  check(k <= within, "in time");
+  check(rig.out.mode == mode || (mode == M::zero && rig.out.mode == M::latched), "and answers as it should");
+  check(rig.out.enable == (mode == M::damped_stop), "power only to hold");
+  check(p::logged(rig.law.state, 0).fault == fault, "written down");
+}
+
+template <class S> void faults() {
+  const S nan = std::numeric_limits<S>::quiet_NaN();
+  using R = Rig<S>;
+  answers<S>(F::jump, M::zero, 1, [](R& r, int) { r.in.position.value = r.place + S(1); });
+  answers<S>(F::jump, M::zero, 1, [](R& r, int) { r.in.position.value = r.place + S(0.01); });
+  answers<S>(F::not_finite, M::zero, 1, [&](R& r, int) { r.in.position.value = nan; });
+  answers<S>(F::frozen, M::zero, 21, [](R& r, int k) {
+    r.speed = S(0);
+    if (k == 0) r.place = r.law.state.encoder.position + S(0.0004) * S(2), r.in.position.value = r.place;
+    else r.in.position.value = r.place;
+  });
+  answers<S>(F::drive_stuck, M::zero, 4, [](R& r, int) { r.back.drive.value = S(5); });
+  answers<S>(F::drive_sign, M::zero, 4, [](R& r, int k) { r.back.drive.value = -r.back.drive.value - S(0.2) * static_cast<S>(k); });
+  answers<S>(F::drive_silent, M::zero, 4, [](R& r, int) { r.back.drive.valid = false; });
+  answers<S>(F::stopped, M::damped_stop, 1, [](R& r, int) { p::stop(r.law); });
+  answers<S>(F::integrity, M::zero, 1, [](R& r, int) { r.law.state.doing.word ^= 2u; });
+  answers<S>(F::integrity, M::zero, 60, [](R& r, int k) { if (k == 0) r.law.controller.law.friction_share = S(0.81); });
+  answers<S>(F::integrity, M::zero, 60, [](R& r, int k) { if (k == 0) r.law.supervisor.params.encoder.speed_limit = S(900); });
+}
+
+/// However fast it gets faster: the estimator of a law is not asked.
+template <class S, template <class> class L> void overspeed() {
+  for (const double gain : {100.0, 263.0, 472.0, 1000.0, 1900.0}) {
+    p::SupervisorParams<S> r = rules<S>();
+    r.body = {};
+    r.encoder.range_min = S(-1e3), r.encoder.range_max = S(1e3);
+    Rig<S, L> rig(r);
+    rig.run(100);
+    int late = 0;
+    for (int k = 0; k < 400 && rig.out.fault == F::none; ++k) {
+      rig.speed = rig.speed + static_cast<S>(gain * 1e-3);
+      late += rig.speed > S(8.4);
+      rig.run(1);
+    }
+    check(rig.out.fault == F::overspeed || rig.out.fault == F::velocity, "found");
+    check(late <= 2, "within two cycles");
+  }
+}
+
+template <class S> void resets() {
+  Rig<S> rig;
+  rig.speed = S(0.05);
+  rig.run(300);
+  p::stop(rig.law);
+  rig.run(2);
+  const std::uint32_t challenge = rig.out.challenge;
+  check(rig.out.fault == F::stopped && challenge != 0, "stopped");
+  p::configure(rig.law, typical_params<p::JointCompensationParams<S>>(), rules<S>());
+  rig.run(300);
+  check(rig.out.fault == F::stopped && rig.out.effort == S(0), "a start does not clear a fault");
+  check(!rig.out.enable && rig.out.mode == M::latched, "nor does waiting");
+  rig.token = challenge + 2;
+  rig.run(300);
+  check(rig.out.fault == F::stopped, "nor a wrong token");
+  rig.token = challenge;
+  rig.run(1);
+  check(rig.out.fault == F::none && rig.out.effort == S(0), "the token does, from an effort of 0");
+  rig.run(1);
+  check(std::fabs(rig.out.effort) <= S(0.5001), "and then within the rate");
+  p::stop(rig.law);
+  rig.run(2);
+  check(rig.out.challenge != challenge, "the next fault wants another token");
+  rig.run(400);
+  check(rig.out.fault == F::stopped, "so that an old one is no use");
+  rig.token = rig.out.challenge;
+  for (int k = 0; k < 200; ++k) {
+    rig.read();
+    if (k % 40 == 0) rig.in.position.valid = false;
+    rig.step();
+  }
+  check(rig.out.fault == F::stopped, "nor is the right one before a healthy while");
+  check(rig.law.state.faults == 3 && p::logged(rig.law.state, 2).fault == F::stopped, "the log outlives a reset");
+}
+
+/// A weight of 2 N m sinks slowly, and takes no energy from the hold, whatever pulls at it.
+template <class S> void holds() {
+  Rig<S> rig;
+  rig.run(100);
+  p::stop(rig.law);
+  S v = S(0.4), q = rig.place, taken = S(0), fastest = S(0);
+  for (int k = 0; k < 4000; ++k) {
+    const S pull = k < 2000 ? S(-2) : S(6) * p::sin(S(0.05) * static_cast<S>(k));
+    v = v + S(1e-3) * (pull + rig.out.effort) / S(0.05);
+    q = q + S(1e-3) * v;
+    if (q > S(2.6) || q < S(0)) q = q > S(1) ? S(2.6) : S(0), v = S(0);
+    if (k > 20) taken = taken - S(1e-3) * rig.out.effort * v;  // the law's last effort has gone by then
+    if (k > 300 && k < 600) fastest = p::max(fastest, p::abs(v));
+    rig.speed = (q - rig.place) * S(1000);
+    rig.run(1);
+    check(taken >= S(-1e-3), "a hold gives no energy");
+    if (rig.out.mode != M::damped_stop) break;
+  }
+  check(fastest < S(0.9) && fastest > S(0.3), "it sinks, slowly");
+}
+
+template <class S> void start_up(S gain, F wanted) {
+  p::SupervisorParams<S> r = rules<S>();
+  r.test = {S(1.5), 30, 100, S(0.001), S(0.012)};
+  r.drive.expected = 0;
+  Rig<S> rig(r);
+  S v = S(0), impulse = S(0);
+  for (int k = 0; k < 400 && (k == 0 || rig.out.mode == M::start_up); ++k) {
+    const S given = gain * rig.out.effort;
+    impulse = impulse + S(1e-3) * std::fabs(rig.out.effort);
+    v = v + S(1e-3) * (given - S(0.3) * p::clamp(S(20) * v, S(-1), S(1))) / S(0.05);
+    rig.speed = v;
+    rig.run(1);
+    if (k == 0) check(rig.out.mode == M::start_up, "a test first");
+  }
+  check(rig.out.fault == wanted, p::safety_fault_names[static_cast<std::size_t>(wanted)]);
+  check(impulse < S(0.2), "with little impulse");
+}
+
+void power_of_the_drive() {
+  p::Watchdog w;
+  check(p::step(w, 1, true, 5), "power while it beats");
+  for (int k = 0; k < 5; ++k) check(p::step(w, 1, true, 5), "and a little longer");
+  check(!p::step(w, 1, true, 5), "not for ever");
+  check(p::step(w, 2, true, 5) && !p::step(w, 3, false, 5), "and never against enable");
+}
+
+/// Any bits at all in the whole state: what comes out is finite, within the limit, and ends in a stop or runs.
+template <class S> void anything() {
+  Random random(5);
+  Rig<S> rig;
+  for (int k = 0; k < 200000; ++k) {
+    rig.read();
+    if (k % 50 == 0) rig.in.position.value = random.anything<S>();
+    if (k % 77 == 0) rig.back.drive.value = random.anything<S>();
+    if (k % 501 == 0) rig.law.state.output = rig.law.state.body.momentum = random.anything<S>();
+    if (k % 703 == 0) rig.law.state.doing.word = static_cast<std::uint32_t>(random.bits());
+    if (k % 401 == 0) rig.law.state.hold.taken = rig.law.state.encoder.velocity = random.anything<S>();
+    rig.token = k % 3 == 0 ? rig.out.challenge : 0;
+    rig.step();
+    check(rig.out.effort >= S(-10) && rig.out.effort <= S(10), "within the limit");
+    check(rig.out.mode != M::latched || (rig.out.effort == S(0) && !rig.out.enable), "latched is nothing");
+    if (rig.place > S(2) || rig.place < S(0.5)) rig.speed = -rig.speed;
+  }
+}
+
+template <class S> void all() {
+  healthy_runs_pass<S>();
+  faults<S>();
+  overspeed<S, p::JointCompensation>();
+  overspeed<S, p::TransparentCompensation>();
+  overspeed<S, p::DirectionalCompensation>();
+  overspeed<S, p::PositionPrediction>();
+  resets<S>();
+  holds<S>();
+  start_up<S>(S(1), F::none);
+  start_up<S>(S(-1), F::polarity);
+  start_up<S>(S(0), F::polarity);
+  start_up<S>(S(3), F::gain);
+  anything<S>();
+}
+
+}  // namespace
+
+int main() {
+  all<double>();
+  all<float>();
+  power_of_the_drive();
+  return failures();
+}
