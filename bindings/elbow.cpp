@@ -97,8 +97,8 @@ dict
     found, safe: periods after the onset until the supervisor acted, and until the output was safe, -1 for never;
     fault, mode: what it found and did; early: periods with a fault before the onset; energy: positive work on the
     limb since the onset, every 5 periods [J]; peak: largest strap torque from onset to safe [N m]; impulse: of the
-    drive from the onset to safe [N m s]; speed: largest of the limb from onset to safe [rad/s]; onset_speed: of the motor [rad/s]; periods. Without a
-    fault also how near it came to what would be one: lasting, push, contradiction [N m], spent [J], and the work of
+    drive from the onset to safe [N m s]; speed: largest of the limb from onset to safe [rad/s]; onset_speed: of the motor [rad/s]; periods; how
+    near it came to a fault before there was one: lasting, push, contradiction, burst, excess [N m], spent [J], and the work of
     the test [J].)";
 
 template <class S> p::ExpectedLoad<S> read_load(nb::handle load) {
@@ -251,8 +251,8 @@ void add_elbow(nb::module_& m) {
            live_doc)
       .def_prop_ro("fault", &WornElbow::fault, "Why its supervisor has stopped; 'none' while all is well.");
   m.def("single_faults", single_faults, nb::sig("def single_faults() -> list[dict]"),
-        "Every fault that `WornElbow.live` can have: name, group, sentence, sensor that it needs ('' for none), and "
-        "whether it is there from the start.");
+        "Every fault that `WornElbow.live` can have: name, group, sentence, sensor that it needs ('' for none), whether "
+        "it is there from the start and needs a second encoder, and why no sensor can show it ('' where one can).");
 }
 
 }  // namespace bindings

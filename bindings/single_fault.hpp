@@ -17,10 +17,11 @@ struct FaultKind {
   const char* needs;
   bool at_start;
   bool joint_encoder;  ///< whether the robot has a second encoder
+  const char* hidden = "";  ///< why no sensor of the robot can show it
 };
 enum class Wrong {
   none, encoder_frozen, encoder_repeats, encoder_nan, encoder_jump, encoder_slip, encoder_drift, encoder_drift_two,
-  encoder_flipped, encoder_far, encoder_noise, encoder_half, force_flipped, force_offset, force_triple, force_frozen,
+  encoder_flipped, encoder_flipped_two, encoder_far, encoder_noise, encoder_half, encoder_half_two, force_flipped, force_offset, force_triple, force_frozen,
   force_lost, force_rail, emg_rail, emg_lost, emg_crossed, drive_reversed_at_start, drive_triple_at_start,
   drive_reversed, drive_triple, drive_triple_unseen, drive_stuck, drive_holds, drive_dead, drive_late, current_zero,
   current_offset, wearer_spasm, wearer_faints, wearer_blocked, strap_opens, clock_ahead, clock_back, samples_late,
@@ -33,12 +34,17 @@ constexpr FaultKind fault_kinds[] = {
     {"encoder_nan", "sensor", "the encoder says NaN", "", false, false},
     {"encoder_jump", "sensor", "the encoder jumps by 1 rad", "", false, false},
     {"encoder_slip", "sensor", "the encoder jumps by 0.1 rad", "", false, false},
-    {"encoder_drift", "sensor", "the encoder, the only one, drifts by 0.02 rad/s", "", false, false},
+    {"encoder_drift", "sensor", "the encoder, the only one, drifts by 0.02 rad/s", "", false, false,
+     "one encoder has nothing to be compared with"},
     {"encoder_drift_two", "sensor", "the motor's encoder drifts by 0.02 rad/s beside one at the joint", "", false, true},
-    {"encoder_flipped", "sensor", "the encoder changes its sign, mirrored where it is", "", false, false},
+    {"encoder_flipped", "sensor", "the encoder, the only one, changes its sign, mirrored where it is", "", false, false,
+     "from rest on, the mirrored motion is one that a wearer could make"},
+    {"encoder_flipped_two", "sensor", "the motor's encoder does so beside one at the joint", "", false, true},
     {"encoder_far", "sensor", "the encoder reads 5 rad too much", "", false, false},
     {"encoder_noise", "sensor", "the encoder is noisy, 2 mrad", "", false, false},
-    {"encoder_half", "sensor", "the encoder loses every second count", "", false, false},
+    {"encoder_half", "sensor", "the encoder, the only one, loses every second count", "", false, false,
+     "half the motion is a motion"},
+    {"encoder_half_two", "sensor", "the motor's encoder does so beside one at the joint", "", false, true},
     {"force_flipped", "sensor", "the force sensor changes its sign", "interaction", false, false},
     {"force_offset", "sensor", "the force sensor reads 3 N m too much", "interaction", false, false},
     {"force_triple", "sensor", "the force sensor reads three times too much", "interaction", false, false},
@@ -52,7 +58,8 @@ constexpr FaultKind fault_kinds[] = {
     {"drive_triple_at_start", "drive", "the drive gives three times the effort, and says the asked one, from the start", "", true, false},
     {"drive_reversed", "drive", "the drive gives the opposite effort, and says so", "", false, false},
     {"drive_triple", "drive", "the drive gives three times the effort, and says so", "", false, false},
-    {"drive_triple_unseen", "drive", "the drive's current sensor reads a third: three times the effort, said to be right", "", false, false},
+    {"drive_triple_unseen", "drive", "the drive's current sensor reads a third: three times the effort, said to be right", "", false, false,
+     "a wearer who holds against it moves as one who holds nothing: only a second measurement of current or force tells"},
     {"drive_stuck", "drive", "the drive is stuck at 5 N m", "", false, false},
     {"drive_holds", "drive", "the drive is stuck at what it gives", "", false, false},
     {"drive_dead", "drive", "the drive gives nothing", "", false, false},
@@ -85,6 +92,7 @@ inline nb::list single_faults() {
     one["needs"] = kind.needs;
     one["at_start"] = kind.at_start;
     one["joint_encoder"] = kind.joint_encoder;
+    one["hidden"] = kind.hidden;
     list.append(one);
   }
   return list;
@@ -130,10 +138,10 @@ class SingleFault {
       case Wrong::encoder_jump: q.value += seed_ % 2 == 0 ? 1.0 : -1.0; break;
       case Wrong::encoder_slip: q.value += seed_ % 2 == 0 ? 0.1 : -0.1; break;
       case Wrong::encoder_drift: case Wrong::encoder_drift_two: q.value += (seed_ % 2 == 0 ? 0.02 : -0.02) * since_; break;
-      case Wrong::encoder_flipped: q.value = 2 * flip_ - q.value; break;
+      case Wrong::encoder_flipped: case Wrong::encoder_flipped_two: q.value = 2 * flip_ - q.value; break;
       case Wrong::encoder_far: q.value += 5; break;
       case Wrong::encoder_noise: q.value += 0.002 * 1.7320508 * (2 * uniform() - 1); break;
-      case Wrong::encoder_half: q.value = 0.5 * (q.value + flip_); break;
+      case Wrong::encoder_half: case Wrong::encoder_half_two: q.value = 0.5 * (q.value + flip_); break;
       case Wrong::force_flipped: f.value = -f.value; break;
       case Wrong::force_offset: f.value += seed_ % 2 == 0 ? 3.0 : -3.0; break;
       case Wrong::force_triple: f.value *= 3; break;
@@ -234,13 +242,15 @@ struct Life {
 
 /// How near a healthy life came to each threshold that follows from a model: largest so far.
 struct Nearest {
-  double lasting = 0, push = 0, contradiction = 0, spent = 0, answer = 0;
+  double lasting = 0, push = 0, contradiction = 0, burst = 0, excess = -1e9, spent = 0, answer = 0;
   template <class S> void take(const pellucid::SupervisorState<S>& s) {
     if (pellucid::mode_of(s) == pellucid::Mode::start_up) return;
     const auto& body = s.body;
     lasting = std::max(lasting, std::fabs(body.lasting) - body.open);
     push = std::max(push, std::fabs(body.residual) - body.level);
     contradiction = std::max(contradiction, std::fabs(body.contradiction) - body.open);
+    burst = std::max(burst, std::fabs(body.burst) - body.level);
+    excess = std::max(excess, body.excess);
     spent = std::max(spent, s.budget.spent);
     if (answer == 0) answer = s.test.middle;
   }
@@ -269,6 +279,8 @@ struct Lived {
     d["lasting"] = nearest.lasting;
     d["push"] = nearest.push;
     d["contradiction"] = nearest.contradiction;
+    d["burst"] = nearest.burst;
+    d["excess"] = nearest.excess;
     d["spent"] = nearest.spent;
     d["answer"] = nearest.answer;
     Result result({energy.size()});
@@ -315,7 +327,7 @@ inline Lived live_with(WornArm& arm, const Life& life, SingleFault& fault) {
     const std::size_t at = k % life.noise.count;
     arm.period(life.noise.data + 5 * at, life.sensor_error != nullptr ? life.sensor_error + at : nullptr, life.emg, row, fault);
     ++lived.periods;
-    if (!fault.any()) of_law(arm.law, 0, [&](auto& one) { return lived.nearest.take(one.state), 0; });
+    if (arm.out.fault == p::SafetyFault::none) of_law(arm.law, 0, [&](auto& one) { return lived.nearest.take(one.state), 0; });
     const bool acted = arm.out.fault != p::SafetyFault::none;
     if (!fault.on()) {
       if (acted) {

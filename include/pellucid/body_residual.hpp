@@ -16,7 +16,8 @@ inline namespace PELLUCID_ABI {
 template <class S> struct BodyResidualParams {
   S inertia{}, gravity_sine{}, gravity_cosine{}, offset{}, coulomb{}, load{}, viscous{}, width = S(0.1),
     bandwidth = S(40), slow = S(5), wearer_torque = S(std::numeric_limits<S>::infinity()),
-    wearer_push = wearer_torque, force_tolerance = wearer_torque;
+    wearer_push = wearer_torque, force_tolerance = wearer_torque, force_burst = wearer_torque,
+    force_excess = wearer_torque;
 
   template <class P, class V> static constexpr void walk(P& p, V& visit) noexcept {
     visit(p.inertia, {"body_inertia", unit::inertia, at_least(0), "J of the robot alone; 0: no model, nothing is checked"});
@@ -35,16 +36,23 @@ template <class S> struct BodyResidualParams {
                           "the most that a wearer gives at once, beyond friction; infinite: not checked"});
     visit(p.force_tolerance, {"force_tolerance", unit::effort, above(0).or_infinite(),
                               "lasting difference from the force sensor beyond friction; infinite: not checked"});
+    visit(p.force_burst, {"force_burst", unit::effort, above(0).or_infinite(),
+                          "difference at once from the force sensor beyond friction; infinite: not checked"});
+    visit(p.force_excess, {"force_excess", unit::effort, above(0).or_infinite(),
+                           "by which it says more than half as much again as the residual, over seconds; infinite: not checked"});
   }
 };
 
 constexpr double known_friction = 0.7;  ///< of a joint in motion
+constexpr double louder = 1.5;          ///< than the residual, a force sensor whose gain is right is not [1]
+constexpr double louder_slow = 0.1;     ///< how slowly that is judged, of what lasts [1]
 
 /// What follows from BodyResidualParams and the period once.
 template <class S> struct BodyResidualCoefficients {
   BodyResidualParams<S> params{};  ///< as they are
   S period{};                      ///< [s]
   S inverse_width{};               ///< [s/rad]
+  S following{};                   ///< share of a new force in what is as late as the residual [1]
   S smoothing{};                   ///< share of a new residual in what lasts [1]
   bool checks = false;             ///< whether there is a model
   bool valid = false;              ///< whether the parameters make sense
@@ -56,6 +64,7 @@ BodyResidualCoefficients<S> coefficients(const BodyResidualParams<S>& p, const S
   c.params = p;
   c.period = period;
   c.inverse_width = S(1) / p.width;
+  c.following = p.bandwidth * period;
   c.smoothing = p.slow * period;
   c.checks = p.inertia > S(0);
   c.valid = is_sound(p) && p.bandwidth * period < S(1) && c.smoothing < S(1);
@@ -66,7 +75,10 @@ template <class S> struct BodyResidualState {
   S momentum{};          ///< p [N m s]
   S residual{};          ///< r [N m]
   S lasting{};           ///< its slow part [N m]
-  S contradiction{};     ///< the slow part of r less the force sensor [N m]
+  S felt{};              ///< what the force sensor says, as late as r [N m]
+  S burst{};             ///< r less that [N m]
+  S contradiction{};     ///< its slow part [N m]
+  S excess{};            ///< by how much the sensor is too loud, over seconds [N m]
   S level{};             ///< friction at most, now [N m]
   S open{};              ///< of it what is not known, its slow part [N m]
   S weight{};            ///< gravity effort, now [N m]
@@ -91,8 +103,12 @@ template <class S> void step(const BodyResidualCoefficients<S>& c, BodyResidualS
   s.residual = p.bandwidth * (p.inertia * velocity - s.momentum);
   s.lasting = s.lasting + c.smoothing * (s.residual - s.lasting);
   s.open = s.open + c.smoothing * (s.level * (S(1) - S(known_friction) * abs(direction)) - s.open);
-  s.contradiction = s.contradiction + c.smoothing * ((sensed ? s.residual - felt : S(0)) - s.contradiction);
-  if (!is_finite(s.momentum + s.residual + s.lasting + s.contradiction)) s = {};
+  s.felt = s.felt + c.following * ((sensed ? felt : S(0)) - s.felt);
+  s.burst = sensed ? s.residual - s.felt : S(0);
+  s.contradiction = s.contradiction + c.smoothing * (s.burst - s.contradiction);
+  const S loud = sensed ? abs(s.felt) - S(louder) * abs(s.residual) : S(0);
+  s.excess = s.excess + S(louder_slow) * c.smoothing * (loud - s.excess);
+  if (!is_finite(s.momentum + s.residual + s.lasting + s.contradiction + s.felt + s.excess)) s = {};
 }
 
 /// What the residual shows, if anything: `force_sensor` where that sensor alone contradicts it.
@@ -100,7 +116,9 @@ template <class S> SafetyFault shown(const BodyResidualCoefficients<S>& c, const
   const BodyResidualParams<S>& p = c.params;
   if (!(abs(s.lasting) <= p.wearer_torque + s.open) || !(abs(s.residual) <= p.wearer_push + s.level))
     return SafetyFault::unexplained;
-  return abs(s.contradiction) <= p.force_tolerance + s.open ? SafetyFault::none : SafetyFault::force_sensor;
+  const bool agrees = abs(s.contradiction) <= p.force_tolerance + s.open && abs(s.burst) <= p.force_burst + s.level &&
+                      s.excess <= p.force_excess;
+  return agrees ? SafetyFault::none : SafetyFault::force_sensor;
 }
 
 }  // namespace PELLUCID_ABI

@@ -2,6 +2,8 @@
 #include "example.hpp"
 #include "law_numbers.hpp"
 
+#include <pellucid/supervisor.hpp>
+
 #include <cstdlib>
 #include <new>
 
@@ -48,8 +50,37 @@ template <class L, class S> void swing() {
   check(moving > 30000 && faults > 1000, "the law moved, and was shut");
 }
 
+/// The same under a supervisor whose checks are all at work.
+template <class L, class S> void supervised_swing() {
+  p::SupervisorParams<S> rules;
+  rules.encoder.resolution = S(1e-3);
+  rules.encoder.acceleration_limit = S(5000);
+  rules.encoder.speed_limit = S(8);
+  rules.body.inertia = S(0.05);
+  rules.drive.expected = rules.joint_expected = rules.force.expected = rules.muscle.expected = 1;
+  rules.drive.tolerance = rules.joint_tolerance = S(1);
+  rules.reset_delay = S(0.01);
+  rules.healthy_samples = 10;
+  p::Supervised<L> s;
+  check(p::configure(s, typical_params<typename L::Params>(), rules), L::name);
+  long moving = 0;
+  std::uint32_t token = 0;
+  for (std::uint32_t k = 0; k < 100000; ++k) {
+    const S q = S(1.2) + S(0.6) * static_cast<S>(reference_at(k));
+    const std::int64_t now = 1000 * static_cast<std::int64_t>(k);
+    p::Samples<S> in{{q, now, k, k % 997 != 0}, {q, now, k, true}, {q, now, k, true}, {q, now, k, k % 5 == 0}};
+    if (k % 1499 == 0) in.position.value = std::numeric_limits<S>::quiet_NaN();
+    if (k % 5003 == 0) s.state.doing.word ^= 1u;
+    const auto out = p::step(s, in, p::Feedback<S>{{s.state.output, now, k, true}, {q, now, k, true}, token}, now);
+    token = out.challenge;
+    moving += out.effort != S(0);
+  }
+  check(moving > 30000 && s.state.faults > 100, "it moved, and was stopped");
+}
+
 template <class S> void laws() {
   p::Laws::for_each([](auto of) { swing<typename decltype(of)::template law<S>, S>(); });
+  p::Laws::for_each([](auto of) { supervised_swing<typename decltype(of)::template law<S>, S>(); });
   p::StrapEstimatorParams<S> worn{typical_params<p::ResidualParams<S>>().bodies, S(30), S(1), S(5), S(0.02), S(0.01),
                                   S(7), S(21), S(0.2), S(0.8), S(0.002)};
   const auto f = p::coefficients(worn);

@@ -35,9 +35,9 @@ rest before it [s]."""
 WEARER_TORQUE, WEARER_PUSH = 0.15, 0.8
 """The most that a wearer gives a robot that is carried, lastingly and at once, of the law's limit of effort [1]."""
 
-FORCE_TOLERANCE, LEFT_SHARE = 0.05, 0.15
-"""By which a force sensor may differ from model and motion, beyond friction: of the law's limit of effort, and of the
-weight that the wearer carries [1]."""
+FORCE_TOLERANCE, FORCE_BURST, FORCE_EXCESS, LEFT_SHARE = 0.05, 0.5, 0.01, 0.15
+"""By which a force sensor may differ from model and motion, beyond friction, lastingly, at once, and by its gain: of the
+law's limit of effort, and of the weight that the wearer carries [1]."""
 
 DRIVE_TOLERANCE = 0.05
 """Of what a drive gives, of the law's limit of effort [1]."""
@@ -48,7 +48,7 @@ TEST_ACCELERATION = 30.0
 TEST_LEAST, TEST_MOST = 0.1, 2.2
 """Of the work that a wave does by its middle on the robot alone: with an arm on it it moves less [1]."""
 
-ANSWERS = (0.35, 1.7)
+ANSWERS = (0.2, 1.8)
 """Of the work that the wave did when the robot was commissioned, on whomever wears it [1]."""
 
 STORE_SPEED = 0.75
@@ -362,6 +362,8 @@ def supervision_of(
             "wearer_push": WEARER_PUSH * effort + left,
             "force_tolerance": FORCE_TOLERANCE * effort + LEFT_SHARE * left,
             "budget_store": inertia * (STORE_SPEED * speed) ** 2 if math.isfinite(speed) else math.inf,
+            "force_burst": FORCE_BURST * effort + LEFT_SHARE * left,
+            "force_excess": FORCE_EXCESS * effort,
             "hold_damping": HOLD * inertia / period,
             "hold_limit": min(effort, 1.5 * weight + friction),
             "test_effort": min(pushed, effort) if start_up else 0.0,

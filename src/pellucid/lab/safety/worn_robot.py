@@ -36,6 +36,9 @@ TREMOR = ((0.0, 0.6), (4.0, 10.0))
 STOP_EVERY = 11.0
 """Mean time between sudden stops of a wearer [s]."""
 
+EXPONENTS = (-0.5, -0.5)
+"""Of equation 8, as five people chose them on most of the robots that thresholds were chosen on."""
+
 NOISE = 5000
 """Periods of noise that is drawn; then it is heard again."""
 
@@ -69,7 +72,8 @@ class WornRobot:
         else:
             named = ELBOW_CONTROLLERS[name]
             limb = {"limb": self.person.forearm} if named.wearer else {}
-            law = named.build(self.cards[named.method], place, **limb)
+            exponents = {"exponents": EXPONENTS} if named.exponents else {}
+            law = named.build(self.cards[named.method], place, **limb, **exponents)
         # What was identified of the robot is known whatever law it runs.
         body = body_of(compensation(self.cards["load"], slider=place, limits=ELBOW_LIMITS))
         return supervised(law, instruments=self.instruments(), body=body, answer=self.answer, **supervision)

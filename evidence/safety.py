@@ -1,0 +1,210 @@
+"""Single faults on robots that somebody wears, healthy hours, nonsense, and what a supervisor costs.
+
+``python -m evidence.safety`` writes docs/safety.md from the same figures; the table there is this proof's.
+"""
+
+from __future__ import annotations
+
+import shutil
+import subprocess
+from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
+from functools import cache, partial
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import numpy as np
+
+from pellucid import _core
+from pellucid.control.control_law import ControlLaw
+from pellucid.control.supervised import SupervisedLaw
+from pellucid.deployment.c_folder import write_c_folder
+from pellucid.deployment.controller_values import ControllerValues
+from pellucid.deployment.microcontroller import measure, missing_tools
+from pellucid.lab.safety.fault_table import FAULT_KINDS, FaultTable, fault_table, judged_robot
+from pellucid.lab.safety.worn_robot import LAWS, WornRobot
+from pellucid.recordings.results import ResultRow
+
+ROBOTS, HOURS = 20, 10.5
+CYCLES = 104_000_000
+"""Of nonsense, over all laws, each with and without its supervisor, in double and in float."""
+
+MOVING = 0.6
+"""From which on an encoder is said to freeze in motion [rad/s]."""
+
+HARMLESS = 1.5
+"""Excess energy that an undetected fault may give in ten seconds and still be called bounded [J]."""
+
+LIMIT = 10.0
+"""Of every law's effort here [N m]."""
+
+ROOT = Path(__file__).parents[1]
+
+
+def row(name: str, value: float | None, unit: str, note: str = "") -> ResultRow:
+    """A figure of this proof."""
+    return ResultRow(name, value, unit, "evidence", "simulated", None, note)
+
+
+@cache
+def measured() -> FaultTable:
+    """The table, once a run."""
+    return fault_table(ROBOTS, HOURS)
+
+
+def rows() -> Iterator[ResultRow]:
+    """Every figure."""
+    yield from fault_rows(measured())
+    robot = judged_robot(0)
+    yield from overspeed_rows(robot)
+    yield from fuzz_rows(robot)
+    yield from heap_rows()
+    yield from cost_rows(robot)
+
+
+def fault_rows(table: FaultTable) -> Iterator[ResultRow]:
+    """What single faults and healthy use came to."""
+    hidden = {kind.name for kind in FAULT_KINDS if kind.hidden}
+    shown = [t for t in table.trials if t.kind not in hidden and not t.early]
+    note = f"{len(shown)} runs, {len(FAULT_KINDS) - len(hidden)} kinds, {len(LAWS)} laws, {ROBOTS} drawn robots and wearers"
+    yield row("safety.single_fault.count", len(FAULT_KINDS), "1", f"{len(hidden)} of them no sensor of the robot can show")
+    loose = [t for t in shown if np.isnan(t.found) and t.excess > HARMLESS]
+    yield row("safety.single_fault.undetected_unbounded", len(loose), "1", f"{note}; bounded: up to {HARMLESS} J in 10 s")
+    worst = max(shown, key=lambda t: t.excess)
+    yield row(
+        "safety.single_fault.worst_excess_energy", worst.excess, "J",
+        f"{note}; positive work on the limb over the same run without the fault; {worst.kind}, {worst.law}",
+    )  # fmt: skip
+    robots = [t for t in shown if group_of(t.kind) != "wearer"]
+    worst = max(robots, key=lambda t: t.peak)
+    yield row("safety.single_fault.peak", worst.peak, "N*m", f"in the strap until safe; {worst.kind}, {worst.law}; limit {LIMIT:g}")
+    for kind in FAULT_KINDS:
+        if kind.hidden:
+            trials = table.of(kind.name)
+            yield row(f"safety.hidden.{kind.name}.energy", max(t.excess for t in trials), "J",
+                      f"{kind.hidden}; found in {sum(t.found == t.found for t in trials)} of {len(trials)}")  # fmt: skip
+            yield row(f"safety.hidden.{kind.name}.peak", max(t.peak for t in trials), "N*m", "in the strap, over 10 s")
+    frozen = [t for t in table.of("encoder_frozen") if t.onset_speed >= MOVING]
+    late = max((1e3 * t.found if t.found == t.found else np.inf for t in frozen), default=np.nan)
+    yield row("safety.freeze.detected_after", late, "ms", f"{len(frozen)} runs in which the motor moved at {MOVING} rad/s or more")
+    starts = [t for t in table.trials if t.kind.endswith("_at_start")]
+    yield row("safety.start_up.impulse", max(t.impulse for t in starts), "N*m*s", f"of the drive until safe, {len(starts)} runs")
+    yield row("safety.start_up.missed", sum(t.fault not in ("polarity", "gain") for t in starts), "1", "wrong polarity or gain")
+    alarms = sum(life.alarm != "none" for life in table.healthy) + sum(t.early for t in table.trials)
+    hours = sum(life.hours for life in table.healthy)
+    yield row("safety.false_alarms", alarms, "1", "wearers with tremor and sudden stops; starts of all runs included")
+    yield row("safety.healthy_hours", hours, "h", f"{len(table.healthy)} stretches, all laws on all robots")
+
+
+def group_of(kind: str) -> str:
+    """Of a fault by name."""
+    return next(k.group for k in FAULT_KINDS if k.name == kind)
+
+
+def overspeed_rows(worn: WornRobot) -> Iterator[ResultRow]:
+    """How many periods a joint is too fast before every law's supervisor has acted, at any acceleration."""
+    most = 0
+    for name in LAWS:
+        law = worn.law(name, start_up=False, drive_expected=0.0, force_expected=0.0, muscle_expected=0.0,
+                       body_inertia=0.0, range_min=-1e3, range_max=1e3)  # fmt: skip
+        for acceleration in (50.0, 100.0, 263.0, 472.0, 900.0, 1500.0):
+            most = max(most, _late(law, acceleration))
+    yield row("safety.overspeed.detected_after", most, "1", "periods; every law, 50 to 1500 rad/s^2")
+
+
+def _late(law: SupervisedLaw, acceleration: float) -> int:
+    running, limit, position, late = law.start(), law.supervision["raw_speed_limit"], 0.5, 0
+    for k in range(1000):
+        speed = acceleration * 1e-3 * max(k - 20, 0)
+        position += 1e-3 * speed
+        running.step(1e-3 * k, position, *[0.0] * (len(law.sensors) - 1))
+        if running.fault != "none":
+            return late
+        # Half a count is what a raw difference cannot tell.
+        late += speed > limit + 2e3 * law.supervision["encoder_resolution"]
+    return 1000
+
+
+def fuzz_rows(worn: WornRobot) -> Iterator[ResultRow]:
+    """Commands among nonsense."""
+    each = CYCLES // (4 * len(LAWS))
+
+    def jobs() -> Iterator[partial]:
+        for number, name in enumerate(LAWS):
+            law = worn.law(name)
+            for single in (False, True):
+                yield partial(_core.fuzz_law, law.kind, law.parameters, each, 100 + number, single)
+                safe = law.changed(reset_delay=0.02, healthy_samples=20.0, test_least=-1.0, test_most=1e9)
+                yield partial(_core.fuzz_supervised, law.kind, law.parameters, safe.supervisor, each, number, single)
+
+    with ThreadPoolExecutor(2) as pool:
+        told = list(pool.map(lambda job: job(), jobs()))
+    moving = sum(t[3] if i % 2 == 0 else t[2] for i, t in enumerate(told))
+    faults = sum(t[1] for t in told)
+    note = f"{faults} faults, {sum(t[3] for t in told[1::2])} resets, {moving} cycles with an effort"
+    yield row("safety.unsafe", sum(t[0] for t in told), "1", f"beyond limits, not finite, or power while latched; {note}")
+    yield row("safety.fuzzed_cycles", each * len(told), "1", "each law alone and under its supervisor, double and float")
+
+
+def heap_rows() -> Iterator[ResultRow]:
+    """What the core asks of the heap while it runs."""
+    compiler = shutil.which("c++")
+    if compiler is None:
+        yield row("safety.heap_operations", None, "1", "c++ is not installed")
+        return
+    with TemporaryDirectory() as folder:
+        program = Path(folder) / "heap"
+        wrapped = [f"-Wl,--wrap={name}" for name in ("malloc", "calloc", "realloc")]
+        source = ROOT / "tests" / "core" / "heap_test.cpp"
+        subprocess.run(
+            [compiler, "-std=c++17", "-O1", "-ffp-contract=off", "-fno-exceptions", "-fno-rtti", f"-I{ROOT / 'include'}",
+             str(source), *wrapped, "-o", str(program)], check=True,
+        )  # fmt: skip
+        said = subprocess.run([str(program)], capture_output=True, text=True, check=True).stdout
+    counted = int(said.split("cycles: ")[1].split()[0])
+    yield row("safety.heap_operations", counted, "1", "every law and its supervisor, 100,000 steps each, malloc counted")
+
+
+def cost_rows(worn: WornRobot) -> Iterator[ResultRow]:
+    """Time and instructions that a supervisor adds to a step."""
+    law = worn.law("force_sensor", start_up=False, wearer_torque=np.inf, wearer_push=np.inf, force_tolerance=np.inf,
+                   force_burst=np.inf, force_excess=np.inf, budget_store=np.inf, power_limit=np.inf)  # fmt: skip
+    added = _core.time_supervisor(law.kind, law.parameters, law.supervisor, 20_000, 60)
+    yield row("supervisor.step", added, "ns", "double, this machine; mean over 20,000 steps, least of 60 turns; every check at work")
+    absent = missing_tools()
+    if absent:
+        yield row("supervisor.m4.instructions", None, "1", f"not installed: {', '.join(absent)}")
+        return
+    values = ControllerValues(law.kind, law.law.values, {}, (), {}, uses=law.law.uses)
+    with TemporaryDirectory() as folder:
+        whole = write_c_folder("evidence", values, Path(folder) / "whole")
+        watched = measure(whole)
+        bare = measure(without_supervisor(whole))
+    yield row("supervisor.m4.instructions", watched.instructions - bare.instructions, "1",
+              f"Cortex-M4F in QEMU, mean of a step; {watched.instructions:.0f} with, {bare.instructions:.0f} without")  # fmt: skip
+    yield row("supervisor.m4.wrong", watched.wrong, "1", f"of {watched.steps} steps with every fault, bits that differ from here")
+    yield row("supervisor.m4.bytes", watched.bytes - bare.bytes, "B", "code and configuration")
+
+
+def without_supervisor(folder: Path) -> Path:
+    """A copy of an exported folder whose step is the law's alone: only to be counted."""
+    copy = Path(shutil.copytree(folder, folder.parent / "bare"))
+    source = copy / "pellucid_controller.cpp"
+    text = source.read_text(encoding="utf-8")
+    called = "const p::SupervisorOutput<float> out = p::step(c, samples_of(read), back, read.now_us);"
+    if called not in text:
+        raise AssertionError(f"{source}: found no call of the supervisor")
+    alone = (
+        "(void)back; const float effort = p::step(c.controller, samples_of(read), read.now_us); "
+        "const p::SupervisorOutput<float> out{effort, c.controller.steps, 0, c.controller.fault, p::Mode::running, true};"
+    )
+    source.write_text(text.replace(called, alone), encoding="utf-8")
+    return copy
+
+
+
+
+if __name__ == "__main__":
+    from ._safety_page import write_page
+
+    write_page(measured(), list(rows()))

@@ -1,0 +1,156 @@
+"""Every single fault on every law, on drawn robots and wearers: found or bounded, how soon, and what it did till then."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ... import _core
+from ..._processes import in_order
+from ..elbow.rig import able_elbow, drawn_rigs
+from ..pointing.conditions import identified_cards
+from ..pointing.people import draw_people
+from ..pointing.rig import elbow_participants
+from .worn_robot import LAWS, WornRobot, sudden_stops, worn_robot
+
+JUDGED_SEED = 20270301
+"""Of the robots that are judged. Thresholds were chosen on `law_comparison.tuning_robots`, which are others."""
+
+WATCHED = 10.0
+"""How long a fault is watched that nothing finds [s]."""
+
+ONSET = (2.0, 5.0)
+"""When a fault begins that is not there from the start [s]."""
+
+SETTLED = 0.05
+"""How far an onset is rounded [s]."""
+
+
+@dataclass(frozen=True)
+class FaultKind:
+    """A fault of the core's list; `hidden` says why no sensor of the robot can show it, "" where one can."""
+
+    name: str
+    group: str
+    sentence: str
+    needs: str
+    at_start: bool
+    joint_encoder: bool
+    hidden: str
+
+
+FAULT_KINDS: tuple[FaultKind, ...] = tuple(FaultKind(**kind) for kind in _core.single_faults())
+"""Every single fault, in the core's order."""
+
+
+@dataclass(frozen=True)
+class FaultTrial:
+    """What one fault came to on one law of one robot."""
+
+    kind: str
+    law: str
+    robot: int
+    early: bool  # Whether the supervisor acted before there was a fault
+    found: float  # found, safe: From the onset until it acted, and until the output was safe [s]; NaN for never
+    safe: float
+    fault: str  # What it found
+    mode: str  # What it did
+    excess: float  # Positive work on the limb over that of the same run without the fault, the most until safe [J]
+    peak: float  # Of the strap's torque until safe [N m]
+    impulse: float  # Of the drive until safe [N m s]
+    onset_speed: float  # Of the motor [rad/s]
+
+
+@dataclass(frozen=True)
+class HealthyLife:
+    """A stretch of healthy use of one law on one robot."""
+
+    law: str
+    robot: int
+    hours: float
+    alarm: str  # "none", or what was found though nothing was wrong
+    energy: float  # Positive work on the limb a second [W]
+
+
+@dataclass(frozen=True)
+class FaultTable:
+    """All trials, and all healthy use."""
+
+    trials: tuple[FaultTrial, ...]
+    healthy: tuple[HealthyLife, ...]
+
+    def of(self, kind: str) -> tuple[FaultTrial, ...]:
+        """Trials of a fault by name."""
+        return tuple(trial for trial in self.trials if trial.kind == kind)
+
+
+def judged_robot(index: int) -> WornRobot:
+    """A robot and a wearer that no threshold was chosen on."""
+    robot = drawn_rigs(able_elbow(), index + 1, seed=JUDGED_SEED)[index]
+    rig = elbow_participants(robot)
+    wearer, other = draw_people(rig, np.random.default_rng([JUDGED_SEED, index]), count=6)[:2]
+    worn = worn_robot(rig, wearer, identified_cards(robot), JUDGED_SEED + index)
+    return worn.commissioned(other)
+
+
+def try_robot(worn: WornRobot, index: int, hours: float, laws: Sequence[str] = LAWS) -> FaultTable:
+    """Every fault that a robot and its `laws` can have, and some `hours` of healthy use, shared among the laws."""
+    trials, healthy = [], []
+    for name in laws:
+        trials += _try_law(worn, index, name)
+        seconds = 3600.0 * hours / len(laws)
+        stops = sudden_stops(seconds, np.random.default_rng([index, 3]))
+        lived = worn.live(worn.law(name), longest=seconds, seconds=np.inf, stops=stops)
+        energy = lived["energy"][-1] if len(lived["energy"]) else 0.0
+        took = lived["periods"] * worn.rig.period
+        healthy.append(HealthyLife(name, index, took / 3600.0, lived["fault"], float(energy) / took))
+    return FaultTable(tuple(trials), tuple(healthy))
+
+
+def _try_law(worn: WornRobot, index: int, name: str) -> Iterator[FaultTrial]:
+    law, period = worn.law(name), worn.rig.period
+    two = law.changed(joint_expected=1.0)
+    longest = ONSET[1] + WATCHED + 1.0
+    stops = sudden_stops(longest, np.random.default_rng([index, 5]))
+    every = 5.0 * period  # of the energy that the core returns
+    healthy = worn.live(law, longest=longest, seconds=np.inf, stops=stops)["energy"]
+    for number, kind in enumerate(FAULT_KINDS):
+        if kind.needs and kind.needs not in law.law.uses:
+            continue
+        rng = np.random.default_rng([index, number, sum(map(ord, name))])
+        onset = 0.0 if kind.at_start else round(rng.uniform(*ONSET) / SETTLED) * SETTLED
+        lived = worn.live(
+            two if kind.joint_encoder else law, kind.name, onset=onset, seconds=WATCHED, longest=longest, stops=stops,
+            seed=int(rng.integers(1, 2**60)),
+        )  # fmt: skip
+        begin, faulty = round(onset / every), lived["energy"]
+        n = min(len(faulty), len(healthy) - begin)
+        same = healthy[begin : begin + n] - (healthy[begin - 1] if begin else 0.0)
+        yield FaultTrial(
+            kind.name,
+            name,
+            index,
+            lived["early"] > 0,
+            lived["found"] * period if lived["found"] >= 0 else float("nan"),
+            lived["safe"] * period if lived["safe"] >= 0 else float("nan"),
+            lived["fault"],
+            lived["mode"],
+            max(float(np.max(faulty[:n] - same)), 0.0) if n > 0 else 0.0,
+            lived["peak"],
+            lived["impulse"],
+            lived["onset_speed"],
+        )
+
+
+def _one(index: int, hours: float) -> FaultTable:
+    return try_robot(judged_robot(index), index, hours)
+
+
+def fault_table(robots: int = 20, hours: float = 10.0, workers: int | None = None) -> FaultTable:
+    """The whole table on so many `robots`, and so many `hours` of healthy use of all laws together."""
+    made = in_order([(_one, index, hours / robots) for index in range(robots)], workers)
+    return FaultTable(
+        tuple(trial for one in made for trial in one.trials), tuple(life for one in made for life in one.healthy)
+    )
