@@ -97,7 +97,8 @@ dict
     found, safe: periods after the onset until the supervisor acted, and until the output was safe, -1 for never;
     fault, mode: what it found and did; early: periods with a fault before the onset; energy: positive work on the
     limb since the onset, every 5 periods [J]; peak: largest strap torque from onset to safe [N m]; impulse: of the
-    drive from the onset to safe [N m s]; speed: largest of the limb from onset to safe [rad/s]; onset_speed: of the motor [rad/s]; periods; how
+    drive from the onset to safe [N m s]; speed: largest of the limb from onset to safe [rad/s]; onset_speed: least of
+    the motor in the 5 periods before the onset [rad/s]; periods; how
     near it came to a fault before there was one: lasting, push, contradiction, burst, excess [N m], spent [J], and the work of
     the test [J].)";
 

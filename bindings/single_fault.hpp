@@ -300,7 +300,7 @@ inline Lived live_with(WornArm& arm, const Life& life, SingleFault& fault) {
   const double period = arm.person.params.period;
   of_law(arm.law, 0, [](auto& one) { return p::seal(one), 0; });
   std::size_t task = 0, stop = 0;
-  double left = settles, work = 0, row[WornArm::columns], blocked_at = 0, blocked_way = 1;
+  double left = settles, work = 0, row[WornArm::columns], blocked_at = 0, blocked_way = 1, speeds[5] = {};
   for (std::size_t k = 0; k < life.longest; ++k) {
     const double time = period * static_cast<double>(k);
     if (left <= 0.5 * period && life.tasks.count > 0) {
@@ -314,7 +314,8 @@ inline Lived live_with(WornArm& arm, const Life& life, SingleFault& fault) {
     if (stop < life.stops.count && time >= life.stops.data[stop])
       extra -= p::clamp(brace * arm.state.limb_velocity, -brace_most, brace_most);
     fault.at(time, period, extra);
-    if (fault.on() && fault.since() == 0) lived.onset_speed = std::fabs(arm.state.motor_velocity);
+    speeds[k % 5] = std::fabs(arm.state.motor_velocity);
+    if (fault.on() && fault.since() == 0) lived.onset_speed = *std::min_element(speeds, speeds + 5);
     if (fault.opens()) arm.plant.strap = {};
     if (fault.blocks()) {
       if (fault.since() == 0) blocked_at = arm.state.limb_position;

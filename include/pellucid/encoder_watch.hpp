@@ -55,7 +55,7 @@ template <class S> struct EncoderWatchState {
   S position{};                ///< the last reading [rad]
   S velocity{};                ///< over the last two [rad/s]
   S before{};                  ///< smoothed over two, when the reading last changed [rad/s]
-  std::int64_t time = 0;       ///< of the last reading [us]
+  std::uint32_t time = 0;      ///< of the last reading, its low half [us]
   std::uint32_t sequence = 0;  ///< of the last reading
   std::uint32_t equal = 0;     ///< readings in a row that did not change
   std::uint32_t heard = 0;     ///< readings since the start, up to 3
@@ -68,7 +68,8 @@ SafetyFault step(const EncoderWatchCoefficients<S>& c, EncoderWatchState<S>& s, 
   const EncoderWatchParams<S>& p = c.params;
   const S at = reading.value;
   if (s.heard != 0 && reading.sequence == s.sequence) return SafetyFault::none;
-  const std::uint64_t gap = static_cast<std::uint64_t>(reading.time) - static_cast<std::uint64_t>(s.time);
+  // The front has seen to clocks; of a gap within its rules 32 bits are all.
+  const std::uint32_t gap = static_cast<std::uint32_t>(reading.time) - s.time;
   const bool steady = gap == c.micros || gap == 0 || gap > 1000000u;
   const S passed = steady ? c.period : S(1e-6) * static_cast<S>(static_cast<std::int32_t>(gap));
   const S rate = steady ? c.inverse_period : S(1) / passed;
@@ -92,7 +93,7 @@ SafetyFault step(const EncoderWatchCoefficients<S>& c, EncoderWatchState<S>& s, 
   }
   s.position = at;
   s.velocity = velocity;
-  s.time = reading.time;
+  s.time = static_cast<std::uint32_t>(reading.time);
   s.sequence = reading.sequence;
   if (s.heard < 3) ++s.heard;
   return found;

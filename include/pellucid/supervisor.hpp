@@ -79,7 +79,6 @@ template <class S> struct SupervisorCoefficients {
   EncoderWatchCoefficients<S> encoder{};
   BodyResidualCoefficients<S> body{};
   StartUpTestCoefficients<S> test{};
-  SampleRules rules{};              ///< of the drive's and the joint encoder's samples
   S period{};                       ///< [s]
   S effort_limit{};                 ///< the gate's [N m]
   S max_change{};                   ///< of the effort in a period [N m]
@@ -92,9 +91,8 @@ SupervisorCoefficients<S> coefficients(const SupervisorParams<S>& p, const Safet
   SupervisorCoefficients<S> c;
   c.params = p;
   c.encoder = coefficients(p.encoder, gate.params.period);
-  c.body = coefficients(p.body, gate.params.period);
+  c.body = coefficients(p.body, S(2) * gate.params.period);
   c.test = coefficients(p.test);
-  c.rules = gate.rules;
   c.period = gate.params.period;
   c.effort_limit = gate.params.effort_limit;
   c.max_change = gate.max_change;
@@ -144,7 +142,9 @@ template <class S> struct SupervisorState {
   EnergyBudgetState<S> budget{};
   DampedStopState<S> hold{};
   StartUpTestState<S> test{};
-  SampleState drive_seen{}, joint_seen{};
+  std::uint32_t drive_seen = ~std::uint32_t(0), joint_seen = ~std::uint32_t(0);  ///< sequence numbers
+  SafetyFault residual = SafetyFault::none;  ///< what model and motion show, now
+  S other_velocity{};           ///< of the period before [rad/s]
   S joint_offset{};             ///< of the second encoder [rad]
   bool joint_started = false;   ///< false until it was read
   std::uint32_t joint_silent = 0;
@@ -253,13 +253,19 @@ void enter(const SupervisorCoefficients<S>& c, SupervisorState<S>& s, SafetyFaul
   (void)c;
 }
 
+/// Whether a sample is a measurement that was not seen before. Also takes note of it.
+template <class S> bool is_new(std::uint32_t& seen, const Sample<S>& sample) noexcept {
+  const bool fresh = is_heard(sample) && sample.sequence != seen;
+  seen = sample.sequence;
+  return fresh;
+}
+
 /// What the encoder of the joint says beside the motor's, if anything.
 template <class S>
 SafetyFault compare(const SupervisorCoefficients<S>& c, SupervisorState<S>& s, const Sample<S>& position,
-                    const Sample<S>& joint, std::int64_t now) noexcept {
+                    const Sample<S>& joint) noexcept {
   if (c.params.joint_expected == 0) return SafetyFault::none;
-  if (examine(c.rules, s.joint_seen, joint, now) != SafetyFault::none)
-    return ++s.joint_silent > c.params.drive.cycles ? SafetyFault::disagreement : SafetyFault::none;
+  if (!is_new(s.joint_seen, joint)) return ++s.joint_silent > c.params.drive.cycles ? SafetyFault::disagreement : SafetyFault::none;
   s.joint_silent = 0;
   if (!is_heard(position)) return SafetyFault::none;
   const S apart = position.value - joint.value;
@@ -275,24 +281,27 @@ constexpr SafetyFault first_of(SafetyFault a, SafetyFault b) noexcept { return a
 /// What is wrong with encoder, motion, drive and command in this period, the law's optional sensors aside.
 template <class S>
 SafetyFault observe(const SupervisorCoefficients<S>& c, SupervisorState<S>& s, const Samples<S>& samples,
-                    const Feedback<S>& back, std::int64_t now) noexcept {
+                    const Feedback<S>& back) noexcept {
   const SupervisorParams<S>& p = c.params;
   SafetyFault found = step(c.encoder, s.encoder, samples.position);
-  found = first_of(found, compare(c, s, samples.position, back.joint, now));
+  found = first_of(found, compare(c, s, samples.position, back.joint));
   if (p.drive.expected != 0) {
-    const bool heard = examine(c.rules, s.drive_seen, back.drive, now) == SafetyFault::none;
-    found = first_of(found, step(p.drive, s.drive, back.drive.value, heard));
+    found = first_of(found, step(p.drive, s.drive, back.drive.value, is_new(s.drive_seen, back.drive)));
   }
-  const S velocity = s.encoder.velocity;
-  if (c.body.checks && s.encoder.heard > 1) {
-    step(c.body, s.body, s.encoder.position, velocity, s.output, samples.interaction.value,
+  // Every second period, of both together: momentum and energy are slow, and it halves what they cost.
+  const S other = s.other_velocity;
+  s.other_velocity = s.encoder.velocity;
+  if ((s.steps & 1u) == 0) return found;
+  const S velocity = S(0.5) * (s.encoder.velocity + other);
+  const S effort = S(0.5) * (s.drive.asked + s.drive.asked_before);
+  if (c.body.checks && s.encoder.heard > 2) {
+    step(c.body, s.body, s.encoder.position, velocity, effort, samples.interaction.value,
          p.force.expected != 0 && is_heard(samples.interaction));
-    // The sensor alone is no reason to stop: its turn comes later.
-    const SafetyFault residual = shown(c.body, s.body);
-    // Before a law carries the robot the wearer does.
-    if (residual == SafetyFault::unexplained && mode_of(s) != Mode::start_up) found = first_of(found, residual);
+    // Before a law carries the robot the wearer does. What the force sensor contradicts has its turn later.
+    s.residual = shown(c.body, s.body);
+    if (s.residual == SafetyFault::unexplained && mode_of(s) != Mode::start_up) found = first_of(found, s.residual);
   }
-  return first_of(found, step(p.budget, s.budget, c.period, s.output, velocity, s.body.weight, s.body.level));
+  return first_of(found, step(p.budget, s.budget, S(2) * c.period, effort, velocity, s.body.weight, s.body.level));
 }
 
 /// The law's optional sensors: without one that is silent or beyond its range it goes on if it can. A force sensor that
@@ -303,7 +312,7 @@ template <class S> void judge_sensors(const SupervisorCoefficients<S>& c, Superv
   const SafetyFault force = step(c.params.force, s.force, samples.interaction, moves, SafetyFault::force_sensor);
   const SafetyFault muscle = step(c.params.muscle, s.muscle, samples.muscle, false, SafetyFault::muscle);
   if (mode_of(s) != Mode::running) return;
-  if (c.params.force.expected != 0 && c.body.checks && shown(c.body, s.body) == SafetyFault::force_sensor)
+  if (c.params.force.expected != 0 && s.residual == SafetyFault::force_sensor)
     return enter(c, s, SafetyFault::force_sensor, response(c, SafetyFault::force_sensor));
   const SafetyFault found = first_of(force, muscle);
   if (found == SafetyFault::none) return;
@@ -364,18 +373,20 @@ template <class L, class S> SupervisorOutput<S> step(Supervised<L>& s, const Sam
   if (state.alive.word != supervisor_alive && state.alive.twin != ~supervisor_alive)
     return {S(0), state.steps, 0, SafetyFault::not_started, Mode::latched, false};
   if (c.valid == 0) return {S(0), state.steps, 0, SafetyFault::configuration, Mode::latched, false};
-  if (!is_whole(state.alive) || !is_whole(state.doing) || state.doing.word >= 0x10000u || mode_of(state) > Mode::latched) {
+  if (!is_whole(state.alive) || !is_whole(state.doing) || mode_of(state) > Mode::latched) {
     put(state.alive, supervisor_alive);
     go(state, Mode::running, SafetyFault::none);  // so that the fault is written down
     enter(c, state, SafetyFault::integrity, Mode::zero);
   }
-  const bool law_kept = step(state.law_sum, s.controller.law), own_kept = step(state.own_sum, c);
-  if (!law_kept || !own_kept) enter(c, state, SafetyFault::integrity, Mode::zero);
+  // By turns, in the periods that do not look at momentum and energy.
+  const bool kept = (state.steps & 1u) != 0 || ((state.steps & 2u) != 0 ? step(state.law_sum, s.controller.law)
+                                                                       : step(state.own_sum, c));
+  if (!kept) enter(c, state, SafetyFault::integrity, Mode::zero);
 
   const Mode before = mode_of(state);
   if (is_stopped(before)) s.controller.fault = SafetyFault::none;  // what was wrong is written down; what is wrong now?
   Samples<S> samples = believed(s.controller, read, now);
-  SafetyFault found = observe(c, state, samples, back, now);
+  SafetyFault found = observe(c, state, samples, back);
   const bool heard = is_heard(samples.position);
   if (!is_stopped(before)) {
     found = first_of(s.controller.fault, found);

@@ -92,7 +92,7 @@ template <class S, class Wrong> void answers(F fault, M mode, int within, Wrong&
   rig.run(300);
   check(rig.out.mode == M::running && rig.out.enable && rig.out.effort != S(0), "it runs");
   int k = 0;
-  while (k < 200 && rig.out.fault == F::none) {
+  while (k < 300 && rig.out.fault == F::none) {
     rig.read();
     wrong(rig, k++);
     rig.step();
@@ -120,8 +120,8 @@ template <class S> void faults() {
   answers<S>(F::drive_silent, M::zero, 4, [](R& r, int) { r.back.drive.valid = false; });
   answers<S>(F::stopped, M::damped_stop, 1, [](R& r, int) { p::stop(r.law); });
   answers<S>(F::integrity, M::zero, 1, [](R& r, int) { r.law.state.doing.word ^= 2u; });
-  answers<S>(F::integrity, M::zero, 60, [](R& r, int k) { if (k == 0) r.law.controller.law.friction_share = S(0.81); });
-  answers<S>(F::integrity, M::zero, 60, [](R& r, int k) { if (k == 0) r.law.supervisor.params.encoder.speed_limit = S(900); });
+  answers<S>(F::integrity, M::zero, 240, [](R& r, int k) { if (k == 0) r.law.controller.law.friction_share = S(0.81); });
+  answers<S>(F::integrity, M::zero, 240, [](R& r, int k) { if (k == 0) r.law.supervisor.params.encoder.speed_limit = S(900); });
 }
 
 /// However fast it gets faster: the estimator of a law is not asked.

@@ -14,11 +14,13 @@ from exported import Loaded, Output, nonsense
 from typer.testing import CliRunner
 
 import pellucid
+from pellucid import _core
 from pellucid._errors import PellucidError
 from pellucid.cli import app
 from pellucid.control.control_law import LAWS, ControlLaw
 from pellucid.control.coupling import Coupling
 from pellucid.control.residual_compensator import design
+from pellucid.control.supervised import SUPERVISOR_NAMES
 from pellucid.deployment.c_folder import check_here, core_headers, needed_headers, write_c_folder
 from pellucid.deployment.controller_values import ControllerValues
 from pellucid.deployment.joint_values import joint_values
@@ -138,7 +140,7 @@ def test_a_cortex_m4_answers_bit_by_bit_as_the_host(study, tmp_path, law):
     assert found.steps > 500
     assert 100 < found.instructions <= found.most < 5000
     assert found.bytes < 16384
-    assert found.memory == 8 + LAWS[law].storage
+    assert found.memory == 8 + _core.supervised_storage(law)
 
 
 @compiled
@@ -203,6 +205,7 @@ def test_emg_that_says_nothing_is_no_fault(tmp_path):
     assert robot.step(0.2, np.nan, 0.0).fault == 2
 
 
+FAULTS = _core.FAULTS
 WRONG = {
     "nan": ({"value": np.nan}, 2),
     "infinite": ({"value": -np.inf}, 2),
@@ -238,6 +241,43 @@ def test_a_fault_latches_at_once_and_the_effort_goes_to_zero(joint, what):
 
 
 @compiled
+def test_a_start_does_not_clear_a_fault_but_an_operator_does(joint):
+    joint.init()
+    for _ in range(40):
+        joint.step(0.5)
+    joint.core.pellucid_stop(joint.context)
+    stopped = [joint.step(0.5) for _ in range(40)][-1]
+    assert (stopped.fault, stopped.effort) == (6, 0.0)
+    assert stopped.challenge != 0
+    assert joint.init(power_on=False) == 6
+    assert [joint.step(0.5, token=stopped.challenge + 1).fault for _ in range(60)][-1] == 6
+    assert [joint.step(0.5, token=stopped.challenge).fault for _ in range(60)][-1] == 0
+    entry = joint.core.pellucid_log(joint.context, 0)
+    assert (entry.fault, joint.core.pellucid_log(joint.context, 1).fault) == (6, 0)
+    # What is switched on with everything at work tests polarity first.
+    assert joint.init(test_effort=1.0, test_least=0.01) == 0
+    assert [joint.step(0.5).fault for _ in range(400)][-1] == FAULTS.index("polarity")
+    assert joint.step(0.5).enable == 0
+
+
+@compiled
+def test_a_drive_that_does_not_do_as_it_is_told_has_its_power_taken(joint):
+    joint.init(drive_expected=1.0, drive_tolerance=0.2)
+    output = joint.step(0.5, drive=0.0)
+    for _ in range(40):
+        output = joint.step(0.5, drive=output.effort)
+    assert (output.fault, output.enable) == (0, 1)
+    late = 0
+    while output.enable:
+        output, late = joint.step(0.5, drive=5.0), late + 1
+    assert FAULTS[output.fault] == "drive_stuck"
+    assert late <= 4
+    watchdog = (ctypes.c_uint32 * 2)()
+    powered = [joint.core.pellucid_watchdog_step(watchdog, beat, 1, 3) for beat in (1, 2, 2, 2, 2, 2, 3)]
+    assert powered == [1, 1, 1, 1, 1, 0, 1]
+
+
+@compiled
 def test_a_sample_seen_again_is_borne_twice(joint):
     joint.init()
     joint.step(0.5)
@@ -260,7 +300,7 @@ def test_stop_and_what_was_never_started(joint):
     assert joint.step(0.5).fault == 7
     assert joint.init(inertia=0.0, coulomb_positive=-1.0) == 1
     out = joint.step(0.5)
-    assert (out.fault, out.effort) == (7, 0.0)
+    assert (out.fault, out.effort, out.enable) == (1, 0.0, 0)
     assert joint.init() == 0
     for _ in range(40):
         joint.step(0.5)
@@ -414,7 +454,7 @@ def test_a_folder_is_whole_without_a_compiler(study, monkeypatch):
     assert not (folder / "test" / "vector_outputs.h").exists()
     assert "make record" in (folder / "README.md").read_text(encoding="utf-8")
     assert sorted(p.name for p in (folder / "include" / "pellucid").iterdir()) == sorted(
-        {*needed_headers("joint_compensation.hpp"), *needed_headers("sample.hpp")}
+        {*needed_headers("joint_compensation.hpp"), *needed_headers("supervisor.hpp"), "watchdog.hpp"}
     )
 
 
@@ -424,7 +464,10 @@ def test_constants_are_the_same_floats(study):
     text = (folder / "pellucid_constants.h").read_text(encoding="utf-8")
     body = text[text.index("= {") :].splitlines()[1:]
     read = [np.float32(line.split("f,")[0]) for line in body if "f, /*" in line]
-    assert read == [np.float32(values.numbers[n]) for n in LAWS["joint"].parameters]
+    largest = np.finfo(np.float32).max  # stands for no limit
+    numbers = {**values.numbers, **values.supervised.supervision}
+    expected = [np.float32(numbers[n]) for n in (*LAWS["joint"].parameters, *SUPERVISOR_NAMES)]
+    assert read == [np.clip(x, -largest, largest) for x in expected]
     assert "identified as 0.05, 0.045 to 0.055" in text
 
 

@@ -35,7 +35,7 @@ rest before it [s]."""
 WEARER_TORQUE, WEARER_PUSH = 0.15, 0.8
 """The most that a wearer gives a robot that is carried, lastingly and at once, of the law's limit of effort [1]."""
 
-FORCE_TOLERANCE, FORCE_BURST, FORCE_EXCESS, LEFT_SHARE = 0.05, 0.5, 0.01, 0.15
+FORCE_TOLERANCE, FORCE_BURST, FORCE_EXCESS, LEFT_SHARE = 0.05, 0.5, 0.02, 0.15
 """By which a force sensor may differ from model and motion, beyond friction, lastingly, at once, and by its gain: of the
 law's limit of effort, and of the weight that the wearer carries [1]."""
 
@@ -51,8 +51,9 @@ TEST_LEAST, TEST_MOST = 0.1, 2.2
 ANSWERS = (0.2, 1.8)
 """Of the work that the wave did when the robot was commissioned, on whomever wears it [1]."""
 
-STORE_SPEED = 0.75
-"""Of the velocity limit, whose kinetic energy in robot and limb is what a command may give beyond its due [1]."""
+STORE_SPEED, STORE_LIFT = 0.5, 0.5
+"""Of the velocity limit, whose kinetic energy in robot and limb is what a command may give beyond its due [1]; and by how
+far it may lift what the wearer carries [rad or m]."""
 
 BUDGET_POWER = 0.01
 """That a command may give beyond its due all the time, of effort times velocity at their limits [1]."""
@@ -339,6 +340,8 @@ def supervision_of(
         "joint_expected": float(instruments.joint_encoder),
         "joint_tolerance": instruments.joint_tolerance,
         **{f"body_{name}": value for name, value in body.items()},
+        "residual_bandwidth": min(known["residual_bandwidth"], 0.2 / period),
+        "residual_slow": min(known["residual_slow"], 0.05 / period),
         "force_expected": float(law.sensed),
         "force_range": instruments.force_range,
         "force_quiet_samples": max(2.0, round(QUIET / period)),
@@ -361,7 +364,7 @@ def supervision_of(
             "wearer_torque": WEARER_TORQUE * effort + left,
             "wearer_push": WEARER_PUSH * effort + left,
             "force_tolerance": FORCE_TOLERANCE * effort + LEFT_SHARE * left,
-            "budget_store": inertia * (STORE_SPEED * speed) ** 2 if math.isfinite(speed) else math.inf,
+            "budget_store": inertia * (STORE_SPEED * speed) ** 2 + STORE_LIFT * left if math.isfinite(speed) else math.inf,
             "force_burst": FORCE_BURST * effort + LEFT_SHARE * left,
             "force_excess": FORCE_EXCESS * effort,
             "hold_damping": HOLD * inertia / period,
