@@ -70,8 +70,8 @@ constexpr const char* live_doc = R"(Minutes or hours of reaching, healthy or wit
 Parameters
 ----------
 tasks : (k, 5)
-    Target [rad], amplitude [rad], duration [s], reaction [s] and the whole time [s] of each movement; after the last
-    the first comes again.
+    Target [rad], amplitude [rad], duration [s], reaction [s] and the whole time [s] of each movement; after the
+    last the first comes again.
 noise : (n, 5)
     As `move` takes it.
 sensor_error : (n,) or None
@@ -94,13 +94,13 @@ seed : int
 Returns
 -------
 dict
-    found, safe: periods after the onset until the supervisor acted, and until the output was safe, -1 for never;
-    fault, mode: what it found and did; early: periods with a fault before the onset; energy: positive work on the
-    limb since the onset, every 5 periods [J]; peak: largest strap torque from onset to safe [N m]; impulse: of the
-    drive from the onset to safe [N m s]; speed: largest of the limb from onset to safe [rad/s]; onset_speed: least of
-    the motor in the 5 periods before the onset [rad/s]; periods; how
-    near it came to a fault before there was one: lasting, push, contradiction, burst, excess [N m], spent [J], and the work of
-    the test [J].)";
+    found, safe: periods after the onset until the supervisor acted, and until the output was safe, -1
+    for never; fault, mode: what it found and did; early: periods with a fault before the onset; energy:
+    positive work on the limb since the onset, every 5 periods [J]; peak: largest strap torque from
+    onset to safe [N m]; impulse: of the drive from the onset to safe [N m s]; speed: largest of the
+    limb from onset to safe [rad/s]; onset_speed: least of the motor in the 5 periods before the onset
+    [rad/s]; periods; how near it came to a fault before there was one: lasting, push, contradiction,
+    burst, excess [N m], spent [J], and the work of the test [J].)";
 
 template <class S> p::ExpectedLoad<S> read_load(nb::handle load) {
   const Array v = read_array("load", load);
@@ -252,8 +252,7 @@ void add_elbow(nb::module_& m) {
            live_doc)
       .def_prop_ro("fault", &WornElbow::fault, "Why its supervisor has stopped; 'none' while all is well.");
   m.def("single_faults", single_faults, nb::sig("def single_faults() -> list[dict]"),
-        "Every fault that `WornElbow.live` can have: name, group, sentence, sensor that it needs ('' for none), whether "
-        "it is there from the start and needs a second encoder, and why no sensor can show it ('' where one can).");
+        "Faults of `WornElbow.live`: name, group, sentence, needs (a sensor), at_start, joint_encoder, hidden (why).");
 }
 
 }  // namespace bindings

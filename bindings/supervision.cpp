@@ -36,8 +36,8 @@ Parameters
 now : int
     The time of this step [us].
 samples : sequence of (float, int, int, bool)
-    Value, sequence number, time [us] and whether its sensor vouches for it; in the order of the law's sensors, then
-    of the drive's measurement and of a second encoder.
+    Value, sequence number, time [us] and whether its sensor vouches for it; in the order of the law's sensors,
+    then of the drive's measurement and of a second encoder.
 token : int
     As `step` takes it.
 

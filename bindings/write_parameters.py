@@ -34,6 +34,9 @@ def text() -> str:
     ]
     parts += [f"## {title}\n\n{table(model_fields(name))}" for name, title in MODELS.items()]
     parts.append(f"## The safety gate, with which every law ends\n\n{table(model_fields('gate'))}")
+    parts.append(
+        f"## The supervisor, which the lab and exports put around every law\n\n{table(model_fields('supervisor'))}"
+    )
     for law in LAWS.values():
         reads = ", ".join(f"`{s.name}` [{s.unit()}]{'' if s.required else ' (optional)'}" for s in law.sensors)
         title = law.title[0].upper() + law.title[1:]

@@ -16,7 +16,6 @@ from tempfile import TemporaryDirectory
 import numpy as np
 
 from pellucid import _core
-from pellucid.control.control_law import ControlLaw
 from pellucid.control.supervised import SupervisedLaw
 from pellucid.deployment.c_folder import write_c_folder
 from pellucid.deployment.controller_values import ControllerValues
@@ -66,10 +65,14 @@ def fault_rows(table: FaultTable) -> Iterator[ResultRow]:
     """What single faults and healthy use came to."""
     hidden = {kind.name for kind in FAULT_KINDS if kind.hidden}
     shown = [t for t in table.trials if t.kind not in hidden and not t.early]
-    note = f"{len(shown)} runs, {len(FAULT_KINDS) - len(hidden)} kinds, {len(LAWS)} laws, {ROBOTS} drawn robots and wearers"
-    yield row("safety.single_fault.count", len(FAULT_KINDS), "1", f"{len(hidden)} of them no sensor of the robot can show")
+    note = f"{len(shown)} runs, {len(FAULT_KINDS) - len(hidden)} kinds, {len(LAWS)} laws, {ROBOTS} drawn robots"
+    yield row(
+        "safety.single_fault.count", len(FAULT_KINDS), "1", f"{len(hidden)} of them no sensor of the robot can show"
+    )
     loose = [t for t in shown if np.isnan(t.found) and t.excess > HARMLESS]
-    yield row("safety.single_fault.undetected_unbounded", len(loose), "1", f"{note}; bounded: up to {HARMLESS} J in 10 s")
+    yield row(
+        "safety.single_fault.undetected_unbounded", len(loose), "1", f"{note}; bounded: up to {HARMLESS} J in 10 s"
+    )
     worst = max(shown, key=lambda t: t.excess)
     yield row(
         "safety.single_fault.worst_excess_energy", worst.excess, "J",
@@ -77,19 +80,40 @@ def fault_rows(table: FaultTable) -> Iterator[ResultRow]:
     )  # fmt: skip
     robots = [t for t in shown if group_of(t.kind) != "wearer"]
     worst = max(robots, key=lambda t: t.peak)
-    yield row("safety.single_fault.peak", worst.peak, "N*m", f"in the strap until safe; {worst.kind}, {worst.law}; limit {LIMIT:g}")
+    yield row(
+        "safety.single_fault.peak",
+        worst.peak,
+        "N*m",
+        f"in the strap until safe; {worst.kind}, {worst.law}; limit {LIMIT:g}",
+    )
     for kind in FAULT_KINDS:
         if kind.hidden:
             trials = table.of(kind.name)
             yield row(f"safety.hidden.{kind.name}.energy", max(t.excess for t in trials), "J",
-                      f"{kind.hidden}; found in {sum(t.found == t.found for t in trials)} of {len(trials)}")  # fmt: skip
+                      f"{kind.hidden}; found in {sum(t.found == t.found for t in trials)} of {len(trials)}"
+            )  # fmt: skip
             yield row(f"safety.hidden.{kind.name}.peak", max(t.peak for t in trials), "N*m", "in the strap, over 10 s")
     frozen = [t for t in table.of("encoder_frozen") if t.onset_speed >= MOVING]
     late = max((1e3 * t.found if t.found == t.found else np.inf for t in frozen), default=np.nan)
-    yield row("safety.freeze.detected_after", late, "ms", f"{len(frozen)} runs in which the motor moved at {MOVING} rad/s or more")
+    yield row(
+        "safety.freeze.detected_after",
+        late,
+        "ms",
+        f"{len(frozen)} runs in which the motor moved at {MOVING} rad/s or more",
+    )
     starts = [t for t in table.trials if t.kind.endswith("_at_start")]
-    yield row("safety.start_up.impulse", max(t.impulse for t in starts), "N*m*s", f"of the drive until safe, {len(starts)} runs")
-    yield row("safety.start_up.missed", sum(t.fault not in ("polarity", "gain") for t in starts), "1", "wrong polarity or gain")
+    yield row(
+        "safety.start_up.impulse",
+        max(t.impulse for t in starts),
+        "N*m*s",
+        f"of the drive until safe, {len(starts)} runs",
+    )
+    yield row(
+        "safety.start_up.missed",
+        sum(t.fault not in ("polarity", "gain") for t in starts),
+        "1",
+        "wrong polarity or gain",
+    )
     alarms = sum(life.alarm != "none" for life in table.healthy) + sum(t.early for t in table.trials)
     hours = sum(life.hours for life in table.healthy)
     yield row("safety.false_alarms", alarms, "1", "wearers with tremor and sudden stops; starts of all runs included")
@@ -142,8 +166,12 @@ def fuzz_rows(worn: WornRobot) -> Iterator[ResultRow]:
     moving = sum(t[3] if i % 2 == 0 else t[2] for i, t in enumerate(told))
     faults = sum(t[1] for t in told)
     note = f"{faults} faults, {sum(t[3] for t in told[1::2])} resets, {moving} cycles with an effort"
-    yield row("safety.unsafe", sum(t[0] for t in told), "1", f"beyond limits, not finite, or power while latched; {note}")
-    yield row("safety.fuzzed_cycles", each * len(told), "1", "each law alone and under its supervisor, double and float")
+    yield row(
+        "safety.unsafe", sum(t[0] for t in told), "1", f"beyond limits, not finite, or power while latched; {note}"
+    )
+    yield row(
+        "safety.fuzzed_cycles", each * len(told), "1", "each law alone and under its supervisor, double and float"
+    )
 
 
 def heap_rows() -> Iterator[ResultRow]:
@@ -157,12 +185,15 @@ def heap_rows() -> Iterator[ResultRow]:
         wrapped = [f"-Wl,--wrap={name}" for name in ("malloc", "calloc", "realloc")]
         source = ROOT / "tests" / "core" / "heap_test.cpp"
         subprocess.run(
-            [compiler, "-std=c++17", "-O1", "-ffp-contract=off", "-fno-exceptions", "-fno-rtti", f"-I{ROOT / 'include'}",
+            [compiler, "-std=c++17", "-O1", "-ffp-contract=off", "-fno-exceptions", "-fno-rtti",
+             f"-I{ROOT / 'include'}",
              str(source), *wrapped, "-o", str(program)], check=True,
         )  # fmt: skip
         said = subprocess.run([str(program)], capture_output=True, text=True, check=True).stdout
     counted = int(said.split("cycles: ")[1].split()[0])
-    yield row("safety.heap_operations", counted, "1", "every law and its supervisor, 100,000 steps each, malloc counted")
+    yield row(
+        "safety.heap_operations", counted, "1", "every law and its supervisor, 100,000 steps each, malloc counted"
+    )
 
 
 def cost_rows(worn: WornRobot) -> Iterator[ResultRow]:
@@ -170,7 +201,12 @@ def cost_rows(worn: WornRobot) -> Iterator[ResultRow]:
     law = worn.law("force_sensor", start_up=False, wearer_torque=np.inf, wearer_push=np.inf, force_tolerance=np.inf,
                    force_burst=np.inf, force_excess=np.inf, budget_store=np.inf, power_limit=np.inf)  # fmt: skip
     added = _core.time_supervisor(law.kind, law.parameters, law.supervisor, 20_000, 60)
-    yield row("supervisor.step", added, "ns", "double, this machine; mean over 20,000 steps, least of 60 turns; every check at work")
+    yield row(
+        "supervisor.step",
+        added,
+        "ns",
+        "double, this machine; mean over 20,000 steps, least of 60 turns; every check at work",
+    )
     absent = missing_tools()
     if absent:
         yield row("supervisor.m4.instructions", None, "1", f"not installed: {', '.join(absent)}")
@@ -181,8 +217,13 @@ def cost_rows(worn: WornRobot) -> Iterator[ResultRow]:
         watched = measure(whole)
         bare = measure(without_supervisor(whole))
     yield row("supervisor.m4.instructions", watched.instructions - bare.instructions, "1",
-              f"Cortex-M4F in QEMU, mean of a step; {watched.instructions:.0f} with, {bare.instructions:.0f} without")  # fmt: skip
-    yield row("supervisor.m4.wrong", watched.wrong, "1", f"of {watched.steps} steps with every fault, bits that differ from here")
+              f"Cortex-M4F, QEMU; {watched.instructions:.0f} with, {bare.instructions:.0f} without")  # fmt: skip
+    yield row(
+        "supervisor.m4.wrong",
+        watched.wrong,
+        "1",
+        f"of {watched.steps} steps with every fault, bits that differ from here",
+    )
     yield row("supervisor.m4.bytes", watched.bytes - bare.bytes, "B", "code and configuration")
 
 
@@ -196,12 +237,11 @@ def without_supervisor(folder: Path) -> Path:
         raise AssertionError(f"{source}: found no call of the supervisor")
     alone = (
         "(void)back; const float effort = p::step(c.controller, samples_of(read), read.now_us); "
-        "const p::SupervisorOutput<float> out{effort, c.controller.steps, 0, c.controller.fault, p::Mode::running, true};"
+        "const p::SupervisorOutput<float> out{effort, c.controller.steps, 0, c.controller.fault, p::Mode::running, "
+        "true};"
     )
     source.write_text(text.replace(called, alone), encoding="utf-8")
     return copy
-
-
 
 
 if __name__ == "__main__":

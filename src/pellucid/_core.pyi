@@ -669,6 +669,150 @@ def time_law(law: str, parameters: ArrayLike, cycles: int, single: bool = False)
         [ns], the clock's own cost taken off.
     """
 
+FAULTS: tuple = ...
+
+MODES: tuple = ...
+
+class Supervised:
+    """
+    A control law under its supervisor, as on a robot. Made by `supervised`.
+    """
+
+    def step(
+        self,
+        time: float,
+        *samples: float | None,
+        drive: float | None = None,
+        joint: float | None = None,
+        token: int = 0,
+    ) -> float:
+        """
+        One control period: the effort for the drive [N m].
+
+        Parameters
+        ----------
+        time : float
+            When everything was measured [s].
+        *samples : float or None
+            In the order of the law's sensors, SI; None, NaN or left out: the sensor says nothing.
+        drive, joint : float or None
+            The effort that the drive measures [N m], and a second encoder [rad].
+        token : int
+            The challenge, sent back by an operator who asks for a reset; 0: nobody asks.
+        """
+
+    def step_samples(self, now: int, samples: Sequence[tuple[float, int, int, bool]], token: int = 0) -> float:
+        """
+        One control period as on a robot, where each sample has its own age.
+
+        Parameters
+        ----------
+        now : int
+            The time of this step [us].
+        samples : sequence of (float, int, int, bool)
+            Value, sequence number, time [us] and whether its sensor vouches for it; in the order of the law's sensors,
+            then of the drive's measurement and of a second encoder.
+        token : int
+            As `step` takes it.
+
+        Returns
+        -------
+        float
+            [N m].
+        """
+
+    def configure(self, parameters: ArrayLike, supervisor: ArrayLike) -> bool:
+        """Starts again with other numbers; a fault that is latched stays so."""
+
+    def adjust(self, parameters: ArrayLike) -> None:
+        """
+        Other numbers of the law, from the next period on; what it remembers stays.
+        """
+
+    def stop(self) -> None:
+        """From the next step on it stops, and stays stopped until reset."""
+
+    @property
+    def effort(self) -> float:
+        """The last [N m]."""
+
+    @property
+    def fault(self) -> str:
+        """The first, latched; 'none'."""
+
+    @property
+    def mode(self) -> str:
+        """
+        What it does: start_up, running, degraded, damped_stop, zero or latched.
+        """
+
+    @property
+    def enable(self) -> bool:
+        """False: the drive must take its power off."""
+
+    @property
+    def challenge(self) -> int:
+        """What a reset needs as its token; 0 while all is well."""
+
+    @property
+    def beat(self) -> int:
+        """Counts periods, for the drive's watchdog."""
+
+    @property
+    def log(self, /) -> list[tuple[int, str, str]]:
+        """
+        The last faults, the latest first: period, fault, and what was then done.
+        """
+
+def supervised(name: str, parameters: ArrayLike, supervisor: ArrayLike, single: bool = False) -> Supervised:
+    """
+    A law of the list under its supervisor.
+
+    Parameters
+    ----------
+    name : str
+        Of `laws`.
+    parameters : (k,)
+        The law's numbers, SI.
+    supervisor : (m,)
+        In the order of model_fields()["supervisor"].
+    single : bool
+        In float32, as on a microcontroller.
+
+    Returns
+    -------
+    Supervised
+    """
+
+def supervised_storage(name: str) -> int:
+    """Bytes of a supervised law in float."""
+
+def fuzz_supervised(
+    name: str, parameters: ArrayLike, supervisor: ArrayLike, cycles: int, seed: int, single: bool = False
+) -> tuple[int, int, int, int]:
+    """
+    A supervised law among nonsense: numbers, clocks, drives, tokens and memory that go wrong.
+
+    Parameters
+    ----------
+    name : str
+    parameters : (k,)
+    supervisor : (m,)
+    cycles, seed : int
+    single : bool
+
+    Returns
+    -------
+    tuple
+        Efforts beyond the limits or that are no number, or power while latched (unsafe); faults; cycles with an effort;
+        resets that were granted.
+    """
+
+def time_supervisor(name: str, parameters: ArrayLike, supervisor: ArrayLike, cycles: int, turns: int) -> float:
+    """
+    Nanoseconds that a supervisor adds to a step of a law on a smooth motion, mean over `cycles`, least of `turns`.
+    """
+
 COUPLED_PARAMETER_NAMES: tuple[str, ...]
 
 class CoupledPlant:
@@ -764,6 +908,8 @@ class WornElbow:
         Of integration, per period.
     sensor_delay : int
         Periods by which the force sensor is late, 0 to 63.
+    supervisor : (m,), optional
+        In the order of SUPERVISOR_FIELDS, SI; left out: a supervisor that holds nothing against anybody.
     """
 
     def __init__(
@@ -780,6 +926,7 @@ class WornElbow:
         emg_gains: ArrayLike,
         substeps: int,
         sensor_delay: int = 0,
+        supervisor: ArrayLike | None = None,
     ) -> None: ...
     def move(
         self,
@@ -825,9 +972,68 @@ class WornElbow:
             [rad/s]; k <= longest.
         """
 
+    def live(
+        self,
+        *,
+        tasks: ArrayLike,
+        noise: ArrayLike,
+        sensor_error: ArrayLike | None,
+        emg: bool,
+        tremor: ArrayLike,
+        stops: ArrayLike,
+        fault: str,
+        onset: float,
+        seconds: float,
+        longest: int,
+        seed: int,
+    ) -> dict:
+        """
+        Minutes or hours of reaching, healthy or with one single fault.
+
+        Parameters
+        ----------
+        tasks : (k, 5)
+            Target [rad], amplitude [rad], duration [s], reaction [s] and the whole time [s] of each movement; after the
+            last the first comes again.
+        noise : (n, 5)
+            As `move` takes it.
+        sensor_error : (n,) or None
+            As `move` takes it.
+        emg : bool
+            Whether the law gets EMG.
+        tremor : (2,)
+            Amplitude [N m] and angular frequency [rad/s] of the wearer's tremor.
+        stops : (m,)
+            When the wearer stops the arm suddenly [s], in order.
+        fault : str
+            "none", or a name of `single_faults`.
+        onset, seconds : float
+            When it begins, and how long it is watched if nothing finds it [s].
+        longest : int
+            The most periods.
+        seed : int
+            Of what the fault draws.
+
+        Returns
+        -------
+        dict
+            found, safe: periods after the onset until the supervisor acted, and until the output was safe, -1
+            for never; fault, mode: what it found and did; early: periods with a fault before the onset; energy:
+            positive work on the limb since the onset, every 5 periods [J]; peak: largest strap torque from
+            onset to safe [N m]; impulse: of the drive from the onset to safe [N m s]; speed: largest of the
+            limb from onset to safe [rad/s]; onset_speed: least of the motor in the 5 periods before the onset
+            [rad/s]; periods; how near it came to a fault before there was one: lasting, push, contradiction,
+            burst, excess [N m], spent [J], and the work of the test [J].
+        """
+
     @property
     def fault(self) -> str:
-        """Of the law's gate, as of SafetyGate: 'none' while it is open."""
+        """Why its supervisor has stopped; 'none' while all is well."""
+
+def single_faults() -> list[dict]:
+    """
+    Faults of `WornElbow.live`: name, group, sentence, needs (a sensor), at_start, joint_encoder, hidden (why).
+    """
 
 MUSCLE_PARAMETER_NAMES: tuple[str, ...]
 

@@ -34,6 +34,7 @@ NAMES = [
     "report",
     "reproduce",
     "simulate",
+    "supervised",
 ]
 COMMANDS = [
     "init",

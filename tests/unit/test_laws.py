@@ -68,7 +68,10 @@ def test_python_answers_bit_by_bit_as_c(name, tmp_path):
             continue
         first = row.read[0]
         drive = float(np.float32(running.effort) + np.float32(row.drive))
-        back = [(drive, first.sequence, first.time, bool(first.valid)), (0.0, first.sequence, first.time, bool(first.valid))]
+        back = [
+            (drive, first.sequence, first.time, bool(first.valid)),
+            (0.0, first.sequence, first.time, bool(first.valid)),
+        ]
         read = [(float(s.value), s.sequence & 0xFFFFFFFF, s.time, bool(s.valid)) for s in row.read]
         effort = np.float32(running.step_samples(row.now, read + back, running.challenge if row.token else 0))
         assert f"{effort.view(np.uint32):08x}" == bits

@@ -36,8 +36,8 @@ WEARER_TORQUE, WEARER_PUSH = 0.15, 0.8
 """The most that a wearer gives a robot that is carried, lastingly and at once, of the law's limit of effort [1]."""
 
 FORCE_TOLERANCE, FORCE_BURST, FORCE_EXCESS, LEFT_SHARE = 0.05, 0.5, 0.02, 0.15
-"""By which a force sensor may differ from model and motion, beyond friction, lastingly, at once, and by its gain: of the
-law's limit of effort, and of the weight that the wearer carries [1]."""
+"""By which a force sensor may differ from model and motion: lastingly, at once, by its gain, of the
+law's limit of effort; and of the weight that the wearer carries [1]."""
 
 DRIVE_TOLERANCE = 0.05
 """Of what a drive gives, of the law's limit of effort [1]."""
@@ -52,8 +52,8 @@ ANSWERS = (0.2, 1.8)
 """Of the work that the wave did when the robot was commissioned, on whomever wears it [1]."""
 
 STORE_SPEED, STORE_LIFT = 0.5, 0.5
-"""Of the velocity limit, whose kinetic energy in robot and limb is what a command may give beyond its due [1]; and by how
-far it may lift what the wearer carries [rad or m]."""
+"""Of the velocity limit, whose kinetic energy in robot and limb is what a command may give beyond its due [1]; and by
+how far it may lift what the wearer carries [rad or m]."""
 
 BUDGET_POWER = 0.01
 """That a command may give beyond its due all the time, of effort times velocity at their limits [1]."""
@@ -364,7 +364,9 @@ def supervision_of(
             "wearer_torque": WEARER_TORQUE * effort + left,
             "wearer_push": WEARER_PUSH * effort + left,
             "force_tolerance": FORCE_TOLERANCE * effort + LEFT_SHARE * left,
-            "budget_store": inertia * (STORE_SPEED * speed) ** 2 + STORE_LIFT * left if math.isfinite(speed) else math.inf,
+            "budget_store": inertia * (STORE_SPEED * speed) ** 2 + STORE_LIFT * left
+            if math.isfinite(speed)
+            else math.inf,
             "force_burst": FORCE_BURST * effort + LEFT_SHARE * left,
             "force_excess": FORCE_EXCESS * effort,
             "hold_damping": HOLD * inertia / period,

@@ -23,7 +23,8 @@ _ANY = float("inf")
 
 _LAW: Mapping[str, float] = {
     "test_effort": 0.0, "raw_speed_limit": _ANY, "raw_acceleration_limit": _ANY, "range_min": -_ANY, "range_max": _ANY,
-    "freeze_speed": _ANY, "body_inertia": 0.0, "wearer_torque": _ANY, "wearer_push": _ANY, "force_tolerance": _ANY, "force_burst": _ANY, "force_excess": _ANY,
+    "freeze_speed": _ANY, "body_inertia": 0.0, "wearer_torque": _ANY, "wearer_push": _ANY, "force_tolerance": _ANY,
+    "force_burst": _ANY, "force_excess": _ANY,
     "force_expected": 0.0, "muscle_expected": 0.0, "drive_expected": 0.0, "joint_expected": 0.0, "budget_store": _ANY,
     "power_limit": _ANY, "reset_delay": 0.02, "healthy_samples": 10.0, "rest_speed": _ANY,
     "hold_damping": 0.0,
@@ -45,11 +46,11 @@ VARIANTS: Mapping[str, Mapping[str, float]] = {
     "lost": {**_LAW, "force_expected": 1.0, "force_range": _ANY, "force_quiet_samples": 3.0, "degrades": 1.0},
     "muscle": {**_LAW, "muscle_expected": 1.0, "muscle_range": 1e-3},
     "test": {**_LAW, "test_effort": 0.5, "test_samples": 8.0, "test_rest": 4.0, "test_least": 1e-9, "test_most": 1e-6},
-    # Every check of a robot with one encoder, a force sensor and a current sensor, and none that trips: what a step costs.
+    # Every check of a robot with encoder, force and current sensor, and none that trips: what a step costs.
     "counted": {**_LAW, **_BODY, "force_expected": 1.0, "force_range": _ANY, "force_quiet_samples": 1e6,
                 "drive_expected": 1.0, "drive_tolerance": _ANY},
 }  # fmt: skip
-"""By name: numbers of the supervisor that are others than the configuration's while that part of the vector is played."""
+# Every check of a robot with one encoder, force and current sensor, and none that trips: what a step costs.
 
 
 @dataclass
@@ -197,7 +198,12 @@ def _blocks(sensors: tuple[LawSensor, ...], values: ControllerValues, period: in
     yield placed("raw", lambda i: 12.0)
     yield placed("raw", lambda i: 2.0 * h * min(i, 6), 24)
     yield placed("joint", lambda i: 2.0 * h * i, 24)
-    yield from (driven(lambda i: 15.0), driven(lambda i: 15.0 + i), driven(lambda i: -15.0 - i), driven(lambda i: np.nan))
+    yield from (
+        driven(lambda i: 15.0),
+        driven(lambda i: 15.0 + i),
+        driven(lambda i: -15.0 - i),
+        driven(lambda i: np.nan),
+    )
     yield _Block("unexplained", length=60)
     yield _Block("force", length=60)
     yield _Block("energy", length=60)

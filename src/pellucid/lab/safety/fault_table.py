@@ -1,4 +1,4 @@
-"""Every single fault on every law, on drawn robots and wearers: found or bounded, how soon, and what it did till then."""
+"""Every single fault on every law, on drawn robots and wearers: found or bounded, how soon, what it did till then."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from ..pointing.people import draw_people
 from ..pointing.rig import elbow_participants
 from .worn_robot import LAWS, WornRobot, sudden_stops, worn_robot
 
-JUDGED_SEED = 20270301
+JUDGED_SEED = 20281107
 """Of the robots that are judged. Thresholds were chosen on `law_comparison.tuning_robots`, which are others."""
 
 WATCHED = 10.0

@@ -1,4 +1,4 @@
-"""A drawn robot, a drawn wearer and a supervised law: minutes or hours of reaching, healthy or with one single fault."""
+"""A drawn robot, a drawn wearer and a supervised law: minutes or hours of reaching, healthy or with one fault."""
 
 from __future__ import annotations
 

@@ -1,0 +1,64 @@
+"""docs/safety.md: the table of single faults as the proof measured it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from pellucid._atomic import write_text_atomically
+from pellucid.lab.safety.fault_table import FAULT_KINDS, FaultKind, FaultTable, FaultTrial
+from pellucid.recordings.results import ResultRow
+
+PAGE = Path(__file__).parents[1] / "docs" / "safety.md"
+
+HEAD = ("fault", "what happens", "found", "median", "latest", "safe by", "excess", "peak")
+
+BEGIN, END = "<!-- measured -->", "<!-- end of measured -->"
+
+
+def line(kind: FaultKind, trials: Sequence[FaultTrial]) -> tuple[str, ...]:
+    """A fault's row: shares, times [ms], energy [J], torque [N m]."""
+    found = [1e3 * t.found for t in trials if t.found == t.found]
+    safe = [1e3 * t.safe for t in trials if t.safe == t.safe]
+
+    def ms(x: float) -> str:
+        return f"{x:.0f} ms"
+
+    return (
+        f"`{kind.name}`{' *' if kind.hidden else ''}",
+        kind.sentence,
+        f"{len(found)} of {len(trials)}",
+        ms(float(np.median(found))) if found else "",
+        ms(max(found)) if found else "",
+        ms(max(safe)) if safe else "",
+        f"{max(t.excess for t in trials):.2f} J",
+        f"{max(t.peak for t in trials):.1f} N m",
+    )
+
+
+def table(measured: FaultTable) -> str:
+    """The table of all faults, in Markdown."""
+    text = []
+    for group in dict.fromkeys(kind.group for kind in FAULT_KINDS):
+        text.append(f"### {group.capitalize()}\n")
+        text.append(f"| {' | '.join(HEAD)} |\n|{'---|' * 2}{'--:|' * 6}")
+        for kind in FAULT_KINDS:
+            trials = measured.of(kind.name)
+            if kind.group == group and trials:
+                text.append(f"| {' | '.join(line(kind, trials))} |")
+        text.append("")
+    return "\n".join(text)
+
+
+def write_page(measured: FaultTable, rows: Sequence[ResultRow]) -> None:
+    """Put what was measured between the page's two marks."""
+    said = "\n".join(
+        f"| `{r.id}` | {'none' if r.value is None else f'{r.value:.4g}'} {r.unit.removeprefix('1')} | {r.note} |"
+        for r in rows
+    )
+    text = PAGE.read_text(encoding="utf-8")
+    before, after = text.split(BEGIN)[0], text.split(END)[1]
+    figures = f"### Figures\n\n| figure | value | |\n|---|--:|---|\n{said}\n"
+    write_text_atomically(PAGE, f"{before}{BEGIN}\n\n{table(measured)}\n{figures}\n{END}{after}")

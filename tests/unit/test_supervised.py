@@ -1,0 +1,105 @@
+"""A law under its supervisor: thresholds by rule, healthy runs to the bit, faults, resets, and the list of faults."""
+
+import numpy as np
+import pytest
+
+import pellucid as pl
+from pellucid import _core
+from pellucid._errors import PellucidError
+from pellucid.control.control_law import LAWS, ControlLaw
+from pellucid.control.supervised import Instruments, supervised
+from pellucid.lab.safety.fault_table import FAULT_KINDS
+from pellucid.models.fields import model_fields
+
+NUMBERS = {
+    "inertia": 0.05, "gravity_sine": 1.5, "velocity_width": 0.1, "coulomb_positive": 0.3, "coulomb_negative": 0.3,
+    "effort_limit": 5.0, "rate_limit": 500.0, "velocity_limit": 10.0, "position_min": -2.0, "position_max": 2.0,
+    "stop_margin": 0.1, "max_age": 0.005, "max_repeats": 2.0, "period": 0.001,
+}  # fmt: skip
+
+
+def joint():
+    return ControlLaw("joint", LAWS["joint"].defaults | NUMBERS)
+
+
+def held(safe, steps, start=0, **given):
+    """A joint that is held still, whose drive does as it is told."""
+    for i in range(start, start + steps):
+        drive = {"drive": safe._running.effort} if safe.supervision["drive_expected"] else {}
+        safe.step(1e-3 * i, 0.5, **{**drive, **given})
+    return safe
+
+
+def test_thresholds_follow_from_the_law():
+    s = pl.supervised(joint(), instruments=Instruments(drive=True)).supervision
+    assert set(s) == {field.name for field in model_fields("supervisor")}
+    assert (s["raw_speed_limit"], s["range_max"]) == (10.0, pytest.approx(2.1))
+    assert s["raw_acceleration_limit"] == pytest.approx(5.0 / (0.1 * 0.05))
+    assert s["test_effort"] == pytest.approx(0.3 + 30.0 * 0.05)
+    assert 2.0 * s["test_effort"] * s["test_samples"] * 2e-3 / np.pi < 0.2  # N m s, of the whole wave
+    bare = pl.supervised(joint(), body=dict.fromkeys(("inertia", "gravity_sine", "gravity_cosine", "offset", "coulomb",
+                                                      "load", "viscous"), 0.0)).supervision  # fmt: skip
+    assert np.isinf(bare["wearer_torque"])
+    assert bare["test_effort"] == 0.0
+    with pytest.raises(PellucidError, match="found no number, or one too many, for guess"):
+        pl.supervised(joint(), guess=1.0)
+
+
+def test_a_healthy_run_is_the_laws_own_to_the_bit():
+    law, safe = joint(), supervised(joint(), start_up=False)
+    t = 1e-3 * np.arange(3000)
+    q = 0.5 + 0.4 * np.sin(1.5 * t)
+    assert [safe.step(*now) for now in zip(t, q, strict=True)] == list(law.run(t, q))
+    assert (safe.mode, safe.fault, safe.challenge, safe.log) == ("running", "none", 0, [])
+
+
+def test_a_fault_takes_the_power_and_only_an_operator_gives_it_back():
+    safe = held(supervised(joint(), instruments=Instruments(drive=True), start_up=False, reset_delay=0.05,
+                           healthy_samples=20.0), 100)  # fmt: skip
+    assert safe.enable
+    held(safe, 5, 100, drive=4.0)
+    assert (safe.fault, safe.enable) == ("drive_stuck", False)
+    held(safe, 200, 105)
+    assert safe.mode == "latched"
+    challenge = safe.challenge
+    held(safe, 200, 305, token=challenge ^ 2)
+    assert safe.fault == "drive_stuck"
+    held(safe, 2, 505, token=challenge)
+    assert (safe.fault, safe.enable) == ("none", True)
+    assert [fault for _, fault, _ in safe.log] == ["drive_stuck"]
+
+
+def test_a_joint_that_does_not_answer_has_no_polarity():
+    safe = held(supervised(joint()), 99)
+    assert safe.mode == "start_up"
+    held(safe, 200, 99)
+    assert (safe.fault, safe.mode) == ("polarity", "latched")
+
+
+def test_a_stop_holds_what_carries_weight():
+    safe = held(supervised(joint(), start_up=False), 100)
+    safe.stop()
+    place, efforts = 0.5, []
+    for i in range(100, 400):
+        place -= 3e-4
+        efforts.append(safe.step(1e-3 * i, place))
+    assert (safe.mode, safe.fault, safe.enable) == ("damped_stop", "stopped", True)
+    assert efforts[-1] == pytest.approx(0.3 * safe.supervision["hold_damping"], rel=0.05)
+
+
+@pytest.mark.parametrize("law", ["joint", "transparent"])
+def test_nonsense_and_broken_memory_give_nothing_unsafe(law):
+    values = LAWS[law].defaults | {name: x for name, x in NUMBERS.items() if name in LAWS[law].defaults}
+    safe = supervised(ControlLaw(law, values), instruments=Instruments(drive=True), start_up=False,
+                      reset_delay=0.02, healthy_samples=20.0)  # fmt: skip
+    unsafe, faults, moving, _ = _core.fuzz_supervised(safe.kind, safe.parameters, safe.supervisor, 200_000, 3)
+    assert unsafe == 0
+    assert faults > 10
+    assert moving > 1000
+
+
+def test_faults_are_listed_once_and_said_in_words():
+    names = [kind.name for kind in FAULT_KINDS]
+    assert len(names) == len(set(names)) >= 20
+    assert {kind.group for kind in FAULT_KINDS} == {"sensor", "drive", "wearer", "clock", "software"}
+    assert all(kind.sentence for kind in FAULT_KINDS)
