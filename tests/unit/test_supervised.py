@@ -1,5 +1,7 @@
 """A law under its supervisor: thresholds by rule, healthy runs to the bit, faults, resets, and the list of faults."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -103,3 +105,16 @@ def test_faults_are_listed_once_and_said_in_words():
     assert len(names) == len(set(names)) >= 20
     assert {kind.group for kind in FAULT_KINDS} == {"sensor", "drive", "wearer", "clock", "software"}
     assert all(kind.sentence for kind in FAULT_KINDS)
+
+
+def test_the_page_has_every_fault_once_with_what_was_measured():
+    page = (Path(__file__).parents[2] / "docs" / "safety.md").read_text(encoding="utf-8")
+    measured = page.split("<!-- measured -->")[1].split("<!-- end of measured -->")[0]
+    rows = [[cell.strip() for cell in line.strip("|").split("|")] for line in measured.splitlines() if "| `" in line]
+    faults = {row[0].split("`")[1]: row for row in rows if not row[0].startswith("`safety") and len(row) == 8}
+    assert list(faults) == [kind.name for kind in FAULT_KINDS]
+    for kind in FAULT_KINDS:
+        assert faults[kind.name][0].endswith("*") == bool(kind.hidden)
+        found, of = map(int, faults[kind.name][2].split(" of "))
+        assert 0 <= found <= of >= 20
+    assert "This is no certification" in page
