@@ -249,7 +249,9 @@ void enter(const SupervisorCoefficients<S>& c, SupervisorState<S>& s, SafetyFaul
   s.stopped = 0;
   s.healthy = 0;
   s.hold = {};
+  const S asked = s.drive.asked;
   s.drive = {};
+  s.drive.asked = s.drive.asked_before = asked;
   (void)c;
 }
 
@@ -333,6 +335,12 @@ template <class L> void start_again(Supervised<L>& s) noexcept {
   seal(s);
 }
 
+/// The last effort [N m]. It is kept twice: where a memory lost a bit of one, the smaller counts, and 0 for no number.
+template <class S> S least_of(const SupervisorState<S>& s) noexcept {
+  const S least = abs(s.drive.asked) < abs(s.output) ? s.drive.asked : s.output;
+  return is_finite(least) ? least : S(0);
+}
+
 /// The effort while stopped [N m], and whether an operator's token may end it.
 template <class L> void stay_stopped(Supervised<L>& s, SafetyFault found, bool heard, std::uint32_t token) noexcept {
   using S = scalar_of<L>;
@@ -342,7 +350,8 @@ template <class L> void stay_stopped(Supervised<L>& s, SafetyFault found, bool h
   S wanted = S(0);
   if (mode_of(state) == Mode::damped_stop) wanted = step(c.params.hold, state.hold, c.period, velocity);
   const S limit = c.effort_limit;
-  state.output = clamp(clamp(wanted, state.output - c.max_change, state.output + c.max_change), -limit, limit);
+  const S last = least_of(state);
+  state.output = clamp(clamp(wanted, last - c.max_change, last + c.max_change), -limit, limit);
   if (!is_finite(state.output) || mode_of(state) == Mode::latched) state.output = S(0);
   if (mode_of(state) == Mode::zero && state.output == S(0)) go(state, Mode::latched, fault_of(state));
 
@@ -407,7 +416,8 @@ template <class L, class S> SupervisorOutput<S> step(Supervised<L>& s, const Sam
     bool done = false;
     const S wave = step(c.test, state.test, c.period, state.encoder.velocity, c.params.rest_speed, done);
     const S wanted = clamp(wave, -c.effort_limit, c.effort_limit);
-    state.output = clamp(wanted, state.output - c.max_change, state.output + c.max_change);
+    const S last = least_of(state);
+    state.output = clamp(wanted, last - c.max_change, last + c.max_change);
     if (done) {
       const SafetyFault said = shown(c.params.test, state.test);
       s.controller.state.gate.output = state.output;
