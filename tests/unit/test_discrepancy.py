@@ -82,3 +82,25 @@ def test_a_covariance_is_one_and_the_same_whatever_the_units():
     plain, scaled = estimated(states, w, effort)[2], estimated(states, w / unit, effort)[2]
     assert scaled.covariance == pytest.approx(plain.covariance * np.outer(unit, unit), rel=1e-4, abs=1e-12)
     assert np.linalg.eigvalsh(plain.covariance).min() > -1e-12
+
+
+def test_what_only_scales_inertia_and_gravity_is_told_by_the_load_friction_not_by_the_residual():
+    rng = np.random.default_rng(6)
+    states, w = motion(rng)
+    w = np.column_stack([w, states.direction * np.abs(states.load)])
+    names, truth, lost = (*NAMES, "load_friction"), np.append(TRUTH, 0.06), 0.03
+    effort = w @ truth + lost * states.load + 1e-3 * rng.standard_normal(len(w))
+    values = np.linalg.lstsq(w, effort, rcond=None)[0]
+    residual = effort - w @ values
+    statistical = sandwich(w, residual, [len(w)])
+
+    def half(names):
+        added = discrepancy_of(names, values, w, residual, states, statistical).covariance
+        return 1.96 * np.sqrt(np.diag(statistical + added))
+
+    error = np.abs(values - truth)
+    assert np.all(error[:2] > 0.9 * lost * truth[:2])
+    assert np.all(error <= half(names))
+    assert half(names)[:2] == pytest.approx(0.81 * 0.06 * truth[:2], rel=0.05)
+    # where motoring and generating are told apart by a known load, nothing hides
+    assert np.all(half((*NAMES, "load_motoring"))[:2] < 0.1 * lost * truth[:2])

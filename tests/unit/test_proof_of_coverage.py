@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from evidence.coverage import Elbow, elbow_rows, identified
+from evidence.coverage import Elbow, bench_identified, bench_rows, drawn_benches, elbow_rows, identified
 
 from pellucid.fit.parameter import Parameter
 from pellucid.lab.elbow.rig import able_elbow
@@ -43,3 +43,14 @@ def test_one_elbow_is_identified_against_its_own_targets():
         p = made.parameters[name]
         assert p.statistical_error < p.standard_error
         assert abs(p.value - made.targets[name]) <= 1.96 * p.standard_error
+
+
+def test_one_bench_is_identified_against_its_own_targets():
+    rig = drawn_benches(1, seed=7)[0].changed({"sampling.duration": 10.0})
+    found = bench_identified(rig, 1)
+    assert found["inertia"][1] == rig["joint"]["inertia"]
+    for p, target in found.values():
+        assert abs(p.value - target) <= 1.96 * p.standard_error
+    seen = {row.id: row.value for row in bench_rows([found])}
+    assert seen["coverage.bench.lowest"] == 100.0
+    assert seen["coverage.bench.refused.highest"] == 0.0

@@ -14,5 +14,5 @@ def find(case: JointCase) -> Iterator[Verdict]:
         yield Verdict(
             "note",
             "Without a known load, motoring and generating load friction cannot be told apart from the load itself: "
-            "one coefficient stands for both, and inertia and gravity are scaled accordingly.",
+            "one coefficient stands for both, and the intervals of inertia and gravity leave room for either.",
         )
