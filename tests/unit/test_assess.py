@@ -133,7 +133,7 @@ def test_the_command_prints_saves_and_leads_to_the_report(whole):
     assert "Nemenyi" in result.output
     assert f"pellucid report {whole.study.folder}" in result.output
     assert tuple(read_rows(whole.study.results_path)) == whole.found.rows
-    told = json.loads(CliRunner().invoke(cli.app, ["assess", str(whole.study.folder), "--json"]).output)
+    told = json.loads(CliRunner().invoke(cli.app, ["assess", str(whole.study.folder), "--json"]).stdout)
     assert {row["id"] for row in told["figures"]} == {row.id for row in whole.found.rows}
 
 

@@ -123,4 +123,4 @@ def test_units_that_contradict_the_file_are_refused(lab, tmp_path):
     ):
         (tmp_path / "study.toml").write_text(wrong, encoding="utf-8")
         with pytest.raises(RecordingError, match=said):
-            open_study(tmp_path).recordings()
+            open_study(tmp_path, allow_outside=True).recordings()

@@ -250,7 +250,7 @@ def test_simulate_refuses_what_it_cannot_understand(tmp_path):
     for wrong, said in (
         ("x = ", "not valid TOML"),
         ('kind = "leg"', "found kind = 'leg'"),
-        (text.replace("torque_constant", "constant"), r"\[drive\] lacks torque_constant"),
+        (text.replace("torque_constant", "constant"), r"drive: found constant, expected some of torque_constant"),
     ):
         rig.write_text(wrong, encoding="utf-8")
         with pytest.raises(StudyError, match=said):

@@ -26,9 +26,9 @@ JUMPING_TERMS = tuple(_NAMES.index(name) for name in ("coulomb_positive", "coulo
 """Those that multiply nothing but the sign of velocity: with the smooth ones, all that are linear."""
 
 CURVED_TERMS = tuple(
-    _NAMES.index(name) for name in ("stribeck", "stribeck_velocity", "load_motoring", "load_generating")
+    i for i, name in enumerate(_NAMES) if i not in SMOOTH_TERMS + JUMPING_TERMS and name != "velocity_width"
 )
-"""Those whose effort depends on others too."""
+"""All others: Stribeck's, the load's, and what a new header adds."""
 
 BODY_TERMS = SMOOTH_TERMS[:3]
 """Those of them that no direction of motion changes."""
