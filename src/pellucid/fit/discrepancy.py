@@ -184,14 +184,17 @@ def discrepancy_of(
     covariance = np.zeros((p, p))
     values = np.asarray(values, float)
     friction = _Friction.of(names, values, states)
-    certain = drawn_normal(values, statistical)[:, friction.at] @ friction.terms.T
-    nothing = Discrepancy(tuple(names), covariance, ("",) * p, friction.carried(certain))
+
+    def nothing() -> Discrepancy:
+        certain = drawn_normal(values, statistical)[:, friction.at] @ friction.terms.T
+        return Discrepancy(tuple(names), np.zeros((p, p)), ("",) * p, friction.carried(certain))
+
     size = float(np.sqrt(np.mean(residual**2)))
     kept = states.standstill < SLOW_SHARE
     if kept.mean() < 0.5:
         kept = states.standstill <= np.median(states.standstill)
     if not size > 0.0 or kept.sum() < 4 * (count + len(NEGLECTED)):
-        return nothing
+        return nothing()
     rows = np.flatnonzero(kept)[:: max(1, int(kept.sum()) // MOST_ROWS)]
     columns, words, sizes = _columns(states, rows, w[rows], size, "" if "load_motoring" in names else UNSEEN)
     x, y = np.hstack([w[rows], columns]), residual[rows]
@@ -210,7 +213,7 @@ def discrepancy_of(
     try:
         posterior = np.linalg.inv(gram + np.diag(prior))
     except np.linalg.LinAlgError:
-        return nothing
+        return nothing()
     found = posterior @ moment
     plain = np.linalg.lstsq(w, residual, rcond=None)[0]  # not 0 where a bound holds a parameter
     shift = plain - found[:count]

@@ -52,7 +52,7 @@ STUDENT = (
     ({3: 1.0, 1: 1.0}, 4.0),
 )  # Fisher's expansion, the last term first: powers of the normal quantile with their coefficients, and a divisor
 WINDOW = 5.0  # correlation times over which correlations are summed [3]
-MOST_BLOCKS = 2000  # that a bootstrap draws from rows without number: longer ones tell as much
+MOST_BLOCKS = 500  # that a bootstrap draws from rows without number: longer ones tell as much
 PHASES = 16  # overlapping blocks begin so often within one block's length
 
 
@@ -85,11 +85,13 @@ def block_length(time: float, rows: int) -> int:
     return int(np.clip(round(CORRELATION_TIMES * time), 1, max(1, rows // FEWEST_BLOCKS)))
 
 
-def long_run_covariance(scores: np.ndarray, residual: np.ndarray, lengths: Sequence[int]) -> np.ndarray:
+def long_run_covariance(
+    scores: np.ndarray, residual: np.ndarray, lengths: Sequence[int], memory: float | None = None
+) -> np.ndarray:
     """Sum of all autocovariances of `scores`, (m, p), times their number, by blocks as long as the `residual`'s memory,
-    (m,), asks; gives (p, p)."""
+    (m,), asks, a correlation time in samples if it is known; gives (p, p)."""
     m, p = scores.shape
-    block = block_length(correlation_time(residual, lengths), m)
+    block = block_length(correlation_time(residual, lengths) if memory is None else memory, m)
     # Where a bound holds a parameter its scores have a mean, which is no noise.
     centred = scores - scores.mean(axis=0)
     parts = [centred[rows] for rows in _stretches(lengths) if rows.stop - rows.start > 1]
@@ -128,16 +130,17 @@ def sandwich(
     lengths: Sequence[int],
     instruments: np.ndarray | None = None,
     free: np.ndarray | None = None,
+    memory: float | None = None,
 ) -> np.ndarray:
-    """Covariance of an estimate that solves Z^T rho = 0. `jacobian` (m, p); `residual` (m,); `instruments` (m, p);
-    `free` (p,); gives (p, p)."""
+    """Covariance of an estimate that solves Z^T rho = 0. `jacobian` (m, p); `residual` (m,) and its `memory` in
+    samples, if known; `instruments` (m, p); `free` (p,); gives (p, p)."""
     p = jacobian.shape[1]
     free = np.ones(p, bool) if free is None else free
     w = jacobian[:, free]
     z = w if instruments is None else instruments[:, free]
     scale = np.linalg.norm(w, axis=0)
     bread = np.linalg.inv((z / scale).T @ (w / scale))
-    meat = long_run_covariance((z / scale) * residual[:, None], residual, lengths)
+    meat = long_run_covariance((z / scale) * residual[:, None], residual, lengths, memory)
     correction = len(residual) / max(len(residual) - int(free.sum()), 1)
     covariance = np.zeros((p, p))
     covariance[np.ix_(free, free)] = correction * (bread @ meat @ bread.T) / np.outer(scale, scale)
@@ -153,16 +156,19 @@ def block_bootstrap(
     rng: np.random.Generator,
     repetitions: int = 2000,
     level: float = 0.95,
+    memory: float | None = None,
 ) -> np.ndarray:
     """Percentile intervals at `level` by blocks of scores drawn again, on the model linearised at the solution, the
-    motions as they were. `jacobian` (m, p); `residual` (m,); `values` (p,); gives (p, 2)."""
+    motions as they were. `jacobian` (m, p); `residual` (m,) and its `memory` in samples, if known; `values` (p,);
+    gives (p, 2)."""
     scale = np.linalg.norm(jacobian, axis=0)
     w = jacobian / scale
     scores = w * residual[:, None]
     scores -= scores.mean(axis=0)
     rows = len(residual)
     # Longer blocks than are needed do no harm, and more of them than this no good.
-    block = max(block_length(correlation_time(residual, lengths), rows), rows // MOST_BLOCKS)
+    memory = correlation_time(residual, lengths) if memory is None else memory
+    block = max(block_length(memory, rows), rows // MOST_BLOCKS)
     # Round about within each stretch, so that its ends are drawn as often as its middle.
     sums = []
     for stretch in _stretches(lengths):
@@ -175,7 +181,7 @@ def block_bootstrap(
             sums.append((ends[length:] - ends[:-length])[:: max(1, block // PHASES)] * np.sqrt(block / length))
     pool = np.concatenate(sums)
     count = max(1, round(rows / block))
-    totals = np.array([pool[rng.integers(0, len(pool), count)].sum(axis=0) for _ in range(repetitions)])
+    totals = np.array([pool.take(rng.integers(0, len(pool), count), axis=0).sum(axis=0) for _ in range(repetitions)])
     steps = np.linalg.solve(w.T @ w, totals.T).T
     tail = 50.0 * (1.0 - level)
     return values[:, None] + (np.percentile(steps, [tail, 100.0 - tail], axis=0) / scale).T

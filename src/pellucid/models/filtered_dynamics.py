@@ -104,16 +104,15 @@ def filtered_rows(vector: np.ndarray, selection: np.ndarray, motion: FilteredMot
     active = np.array([i for i in body + curved if selection[i].any()], int)
     states = motion.position, motion.velocity, motion.acceleration
     whole, jacobian = _core.inverse_dynamics_jacobian(bent, *states, active)
-    plain = regressor(*states, BODY_TERMS)
-    whole -= plain @ bent[body]
-    for j, i in enumerate(active):
-        if i in body:
-            jacobian[:, j] -= plain[:, body.index(i)]
     chosen = np.flatnonzero(selection[active].any(axis=0))
     # Filters take four signals, or eight, as soon as three, or seven.
-    jumps = np.zeros((len(whole), -4 * (-(1 + len(chosen)) // 4)))
-    jumps[:, 0] = whole
-    jumps[:, 1 : 1 + len(chosen)] = jacobian @ selection[np.ix_(active, chosen)]
+    signals = -4 * (-(1 + len(chosen)) // 4)
+    made, less = np.zeros((len(active), signals)), np.zeros((len(body), signals))
+    made[:, 1 : 1 + len(chosen)] = selection[np.ix_(active, chosen)]
+    less[:, 0], less[:, 1 : 1 + len(chosen)] = bent[body], selection[np.ix_(body, chosen)]
+    jumps = jacobian @ made
+    jumps -= regressor(*states, BODY_TERMS) @ less
+    jumps[:, 0] += whole
     added = motion.rows(motion.smooth(jumps))
     rows[:, chosen] += added[:, 1 : 1 + len(chosen)]
     return effort + added[:, 0], rows

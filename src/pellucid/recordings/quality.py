@@ -170,6 +170,17 @@ def _check_missing(looked: Watched, add: Add) -> None:
 
 def _check_time(recording: Recording, study: Study, add: Add) -> bool:
     """Whether time advances, so that the other checks mean something."""
+    even = recording.advances and recording.steps_within(recording.longest_step)
+    if not even and not _check_steps(recording, study, add):
+        return False
+    jitter = jitter_fault(recording, study)
+    if jitter is not None:
+        add(jitter.severity, jitter.kind, jitter.channel, jitter.found, jitter.expected)
+    return True
+
+
+def _check_steps(recording: Recording, study: Study, add: Add) -> bool:
+    """Whether every step of time leads on; gaps that are bridged are told."""
     known = np.flatnonzero(np.isfinite(recording.time))
     time = recording.time[known]
     if len(time) < 2:
@@ -189,9 +200,6 @@ def _check_time(recording: Recording, study: Study, add: Add) -> bool:
     if long.size and study.processing_of(recording).resample is not None:
         many = "a gap" if long.size == 1 else f"{long.size} gaps"
         add("note", "gap", "time", f"{many} of up to {long.max():.4g} s", "a sample at every step; interpolated over")
-    jitter = jitter_fault(recording, study)
-    if jitter is not None:
-        add(jitter.severity, jitter.kind, jitter.channel, jitter.found, jitter.expected)
     return True
 
 

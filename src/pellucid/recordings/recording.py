@@ -241,6 +241,11 @@ class Recording:
         time = self.time[np.isfinite(self.time)]
         return len(time) > 1 and bool(np.all(np.diff(time) > 0.0))
 
+    def steps_within(self, most: float) -> bool:
+        """Whether time is known throughout and every step of it is above 0 and at most so long [s]."""
+        shortest, longest = self._step_range
+        return shortest > 0.0 and longest <= most
+
     @cached_property
     def longest_step(self) -> float:
         """Time step beyond which samples are missing: half as long again as usual, more where the clock jitters [s]."""

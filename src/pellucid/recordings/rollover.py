@@ -29,6 +29,8 @@ AT_AN_END = 8
 TURNS = (360.0, 180.0, 90.0, 720.0)
 """Periods that encoders of angles have [deg]."""
 
+PIECE = 1 << 16  # samples
+
 ROUND = 0.02
 """Share by which a period may be off one that encoders have."""
 
@@ -43,6 +45,13 @@ class Rollover:
 
 def rollover(samples: np.ndarray) -> Rollover | None:
     """How `samples`, (n,), roll over, if they do."""
+    low, high = float(np.min(samples, initial=np.inf)), float(np.max(samples, initial=-np.inf))
+    # Of hours, most often nothing leaps: seen piece by piece, without an array as long as they are.
+    if np.isfinite(high - low) and not any(
+        np.any(np.abs(np.diff(samples[i : i + PIECE + 1])) > FROM_END_TO_END * (high - low))
+        for i in range(0, len(samples), PIECE)
+    ):
+        return None
     known = np.flatnonzero(np.isfinite(samples))
     x = samples[known]
     if len(x) < 20:

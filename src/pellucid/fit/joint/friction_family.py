@@ -15,7 +15,7 @@ from ..parameter import Parameter
 from ..regression import Solution, Stack, stack
 from .closed_loop import solve_didim, solve_instrumental, solve_output_error
 from .consistency import enforce_pseudo_inertia
-from .determinacy import marked, undetermined
+from .determinacy import SEEDS, marked, undetermined
 from .estimator_choice import EstimatorChoice, estimator_choice
 from .evaluation import Prediction, pooled, predict
 from .friction_solver import solve_family, solve_from_part, with_known_stribeck_velocity
@@ -109,7 +109,8 @@ def fit_family(
     loose = frozenset()
     if thorough:
         widths = [0.5 * np.ptp(p.interval(level)) for p in estimate.parameters]
-        loose = undetermined(model, part, free, widths)
+        # What is then solved on hours of data, from there, is changed once.
+        loose = undetermined(model, part, free, widths, SEEDS[:1] if said else SEEDS)
         estimate = replace(estimate, parameters=marked(estimate.parameters, loose))
     half_width = float(np.quantile(np.abs(first.residual), level))
     known = {}

@@ -60,8 +60,8 @@ def _gauss_newton_steps(model: JointModel, data: Stack, values: np.ndarray, clos
         # A Stribeck velocity without a Stribeck level has no effect at all.
         norms = np.linalg.norm(jacobian, axis=0)
         free = norms > 1e-12 * norms.max()
-        require_full_rank([n for n, f in zip(model.names, free, strict=True) if f], jacobian[:, free], model.label)
         triangle = np.linalg.qr(np.column_stack([jacobian[:, free], residual]), mode="r")
+        require_full_rank([n for n, f in zip(model.names, free, strict=True) if f], triangle[:, :-1], model.label)
         low, high = lower.copy(), upper.copy()
         if "stribeck_velocity" in model.names:
             # Where it hardly shows, a step could carry it anywhere: at most to half of it or twice.

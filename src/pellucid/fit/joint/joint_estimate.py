@@ -16,7 +16,7 @@ from ..discrepancy import Discrepancy, discrepancy_of, states_of
 from ..estimates import Estimates
 from ..parameter import Whiteness
 from ..regression import Solution, Stack, parameters_of, predicted
-from ..uncertainty import block_bootstrap, sandwich, whiteness
+from ..uncertainty import block_bootstrap, correlation_time, sandwich, whiteness
 
 SEED = 20261121  # of the bootstrap
 
@@ -165,7 +165,8 @@ def estimated(
     idle = norms <= 1e-12 * norms.max()
     free = ~idle
     # Values on a bound stay in: the others' intervals must not take them for known.
-    statistical = sandwich(w, rho, lengths, instruments, free)
+    memory = correlation_time(rho, lengths)
+    statistical = sandwich(w, rho, lengths, instruments, free, memory)
     if discrepancy is None:
         bare = model.vector(found.values)
         states = states_of(
@@ -182,7 +183,7 @@ def estimated(
     if method == "ls":
         boot = np.full((len(free), 2), np.nan)
         boot[free] = block_bootstrap(
-            w[:, free], rho, found.values[free], lengths, rng=np.random.default_rng(SEED), level=level
+            w[:, free], rho, found.values[free], lengths, rng=np.random.default_rng(SEED), level=level, memory=memory
         )
     names = model.names
     notes = notes + tuple(
@@ -203,7 +204,7 @@ def estimated(
         )
         for i, p in enumerate(plain)
     )
-    shown = found.jacobian[:, ~idle]
+    shown = np.linalg.qr(found.jacobian[:, ~idle], mode="r")
     return JointEstimate(
         title=f"Joint with {model.family} friction",
         confidence=level,
