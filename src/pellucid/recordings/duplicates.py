@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterable
 from hashlib import blake2b
 
@@ -17,10 +18,11 @@ FEWEST = 50
 def duplicates(recordings: Iterable[Recording]) -> list[Fault]:
     """Each recording whose samples, but for their clock, another has too; time and channels of one file in common."""
     faults, seen = [], {}
+    recordings = [recording for recording in recordings if len(recording) >= FEWEST]
+    lengths = Counter(map(len, recordings))
     for recording in recordings:
-        if len(recording) < FEWEST:
-            continue
-        key = _samples(recording)
+        # Hours are read for their digest only where another recording is as long.
+        key = _samples(recording) if lengths[len(recording)] > 1 else len(recording)
         if key in seen:
             faults.append(_fault(recording, seen[key]))
             continue

@@ -20,7 +20,6 @@ def simplest_first(fits: Mapping[str, FamilyFit], found: Contest) -> Sequence[st
     return sorted(fits, key=lambda n: (len(fits[n].model.symbols), found.errors[n]))
 
 
-def best_family(fits: Mapping[str, FamilyFit]) -> str:
+def best_family(fits: Mapping[str, FamilyFit], found: Contest) -> str:
     """The simplest family that is not significantly worse than the one with the smallest error."""
-    found = family_contest(fits)
     return found.first(simplest_first(fits, found))

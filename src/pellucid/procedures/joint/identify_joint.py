@@ -9,7 +9,7 @@ import numpy as np
 
 from ..._errors import IdentificationError
 from ...fit.joint.drive_constant import drive_constant
-from ...fit.joint.family_choice import best_family
+from ...fit.joint.family_choice import best_family, family_contest
 from ...fit.joint.friction_family import FamilyFit, fit_family
 from ...fit.joint.replay import Machine
 from ...fit.parameter import Parameter
@@ -100,8 +100,11 @@ def identify_joint(
                 raise
             failures[name] = str(error)
     tell("verdicts", 0.9)
-    best = best_family(fits)
-    case = JointCase(study, everything, data, part.motions, fits, best, machine, failures, constant, no_constant)
+    contest = family_contest(fits)
+    best = best_family(fits, contest)
+    case = JointCase(
+        study, everything, data, part.motions, fits, best, contest, machine, failures, constant, no_constant
+    )
     found = JointResult(
         study=study.name,
         headline="",

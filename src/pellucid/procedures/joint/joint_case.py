@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
+from ...fit.block_test import Contest
 from ...fit.joint.friction_family import FamilyFit
 from ...fit.joint.replay import Machine
 from ...fit.parameter import Parameter
@@ -23,6 +24,7 @@ class JointCase:
     excerpt: tuple[Motion, ...]  # All of them, or parts of each where there are hours: for what searches
     fits: Mapping[str, FamilyFit]
     best: str
+    contest: Contest | None = None  # Of the families; None where there was none
     machine: Machine = field(default_factory=Machine)
     failures: Mapping[str, str] = field(default_factory=dict)  # Families that could not be fitted, and why
     constant: Parameter | None = None  # Of the drive, from known payloads

@@ -7,16 +7,15 @@ from collections.abc import Iterator
 import numpy as np
 
 from ....fit.block_test import LEVEL
-from ....fit.joint.family_choice import family_contest
 from ....fit.parameter import Verdict
 from ..joint_case import JointCase
 
 
 def find(case: JointCase) -> Iterator[Verdict]:
     """The families that do significantly worse, and those that do no better."""
-    if len(case.fits) == 1:
+    if len(case.fits) == 1 or case.contest is None:
         return
-    found, best = family_contest(case.fits), case.best
+    found, best = case.contest, case.best
     where = (
         "on held-out effort" if np.isfinite(case.fit.heldout_effort_error) else "on blocks predicted from the others"
     )
