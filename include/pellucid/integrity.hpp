@@ -49,8 +49,9 @@ template <class T> std::uint32_t checksum(const T& block) noexcept {
 template <class T> bool step(ChecksumState& s, const T& block) noexcept {
   constexpr std::uint32_t words = sizeof(T) / 4;
   std::uint32_t at = s.next < words ? s.next : 0;
+  const std::uint32_t end = words - at < words_a_step ? words : at + words_a_step;
   std::uint32_t sum = s.sum;
-  for (std::uint32_t i = 0; i < words_a_step && at < words; ++i) sum = checksum_of(sum, word_at(block, at++));
+  for (; at < end; ++at) sum = checksum_of(sum, word_at(block, at));
   const bool whole = at < words || sum == s.sealed;
   s.next = at < words ? at : 0;
   s.sum = at < words ? sum : checksum_start;

@@ -15,8 +15,8 @@ from ..pointing.people import draw_people
 from ..pointing.rig import elbow_participants
 from .worn_robot import LAWS, WornRobot, sudden_stops, worn_robot
 
-JUDGED_SEED = 20281107
-"""Of the robots that are judged. Thresholds were chosen on `law_comparison.tuning_robots`, which are others."""
+JUDGED_SEED = 20281220
+"""Of the robots that are judged. Thresholds were chosen on `law_comparison.tuning_robots` and more of their seed."""
 
 WATCHED = 10.0
 """How long a fault is watched that nothing finds [s]."""
