@@ -125,14 +125,6 @@ class Law {
   virtual nb::dict estimates() const = 0;
 };
 
-struct Nobody {
-  template <class T> void operator()(const T&, const p::Field&) const {}
-};
-template <class L, class = void> struct HasEstimates : std::false_type {};
-template <class L>
-struct HasEstimates<L, std::void_t<decltype(L::estimates(std::declval<const typename L::State&>(), Nobody()))>>
-    : std::true_type {};
-
 template <class L, class S> class LawIn : public Law {
  public:
   explicit LawIn(nb::handle parameters) {
@@ -160,11 +152,7 @@ template <class L, class S> class LawIn : public Law {
   void stop() override { p::stop(controller_); }
   p::SafetyFault fault() const override { return controller_.fault; }
   nb::dict estimates() const override {
-    nb::dict found;
-    if constexpr (HasEstimates<L>::value)
-      L::estimates(controller_.state,
-                   [&found](const S& x, const p::Field& f) { found[f.name] = static_cast<double>(x); });
-    return found;
+    return estimates_of<L>(controller_.state);
   }
 
  private:

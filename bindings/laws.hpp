@@ -68,4 +68,20 @@ inline const char* fault_name(pellucid::SafetyFault fault) {
 /// Law, law, laws, fuzz_law and time_law into the module.
 void add_laws(nb::module_& m);
 
+struct Nobody {
+  template <class T> void operator()(const T&, const pellucid::Field&) const {}
+};
+template <class L, class = void> struct HasEstimates : std::false_type {};
+template <class L>
+struct HasEstimates<L, std::void_t<decltype(L::estimates(std::declval<const typename L::State&>(), Nobody()))>>
+    : std::true_type {};
+
+/// What a law estimates beside its effort, by name; nothing of one that estimates nothing.
+template <class L, class State> nanobind::dict estimates_of(const State& state) {
+  nanobind::dict found;
+  if constexpr (HasEstimates<L>::value)
+    L::estimates(state, [&found](const auto& x, const pellucid::Field& f) { found[f.name] = static_cast<double>(x); });
+  return found;
+}
+
 }  // namespace bindings

@@ -91,6 +91,7 @@ class Supervised {
   virtual void adjust(nb::handle parameters) = 0;
   virtual void stop() = 0;
   virtual nb::list log() const = 0;
+  virtual nb::dict estimates() const = 0;
   p::SupervisorOutput<double> out{};
 };
 
@@ -132,6 +133,7 @@ template <class L, class S> class SupervisedIn : public Supervised {
     return take(p::step(law_, samples, p::Feedback<S>{sample(n), sample(n + 1), token}, now));
   }
   void stop() override { p::stop(law_); }
+  nb::dict estimates() const override { return estimates_of<L>(law_.controller.state); }
   nb::list log() const override {
     nb::list list;
     for (std::uint32_t i = 0; i < p::log_length && i < law_.state.faults; ++i) {
@@ -380,6 +382,8 @@ void add_supervision(nb::module_& m) {
       .def_prop_ro("enable", [](const Supervised& s) { return s.out.enable; }, "False: the drive must take its power off.")
       .def_prop_ro("challenge", [](const Supervised& s) { return s.out.challenge; },
                    "What a reset needs as its token; 0 while all is well.")
+      .def_prop_ro("estimates", &Supervised::estimates, nb::sig("def estimates(self, /) -> dict[str, float]"),
+                   "What the law estimates beside its effort, by name.")
       .def_prop_ro("beat", [](const Supervised& s) { return s.out.beat; }, "Counts periods, for the drive's watchdog.")
       .def_prop_ro("log", &Supervised::log, nb::sig("def log(self, /) -> list[tuple[int, str, str]]"),
                    "The last faults, the latest first: period, fault, and what was then done.");

@@ -75,10 +75,10 @@ constexpr bool is_stopped(Mode mode) noexcept { return mode >= Mode::damped_stop
 
 /// What follows from SupervisorParams and the law's gate once.
 template <class S> struct SupervisorCoefficients {
-  SupervisorParams<S> params{};
-  EncoderWatchCoefficients<S> encoder{};
-  BodyResidualCoefficients<S> body{};
-  StartUpTestCoefficients<S> test{};
+  SupervisorParams<S> params{};           ///< as they are
+  EncoderWatchCoefficients<S> encoder{};  ///< of each watch
+  BodyResidualCoefficients<S> body{};     ///< the momentum observer's
+  StartUpTestCoefficients<S> test{};      ///< of polarity and gain
   S period{};                       ///< [s]
   S effort_limit{};                 ///< the gate's [N m]
   S max_change{};                   ///< of the effort in a period [N m]
@@ -135,25 +135,25 @@ template <class S> struct SupervisorState {
   TwinWord doing{};          ///< mode, and the fault above it
   TwinWord challenge{};      ///< of the last fault
   S output{};                ///< the last effort [N m]
-  EncoderWatchState<S> encoder{};
-  BodyResidualState<S> body{};
-  SensorWatchState<S> force{}, muscle{};
-  DriveWatchState<S> drive{};
-  EnergyBudgetState<S> budget{};
-  DampedStopState<S> hold{};
-  StartUpTestState<S> test{};
+  EncoderWatchState<S> encoder{};         ///< of the raw angle
+  BodyResidualState<S> body{};            ///< of the momentum observer
+  SensorWatchState<S> force{}, muscle{};  ///< of the sensors that the law hears
+  DriveWatchState<S> drive{};             ///< of command beside measurement
+  EnergyBudgetState<S> budget{};          ///< of the whole command
+  DampedStopState<S> hold{};              ///< of the viscous hold
+  StartUpTestState<S> test{};             ///< of the wave of effort
   std::uint32_t drive_seen = ~std::uint32_t(0), joint_seen = ~std::uint32_t(0);  ///< sequence numbers
   SafetyFault residual = SafetyFault::none;  ///< what model and motion show, now
   S other_velocity{};           ///< of the period before [rad/s]
   S joint_offset{};             ///< of the second encoder [rad]
   bool joint_started = false;   ///< false until it was read
-  std::uint32_t joint_silent = 0;
-  ChecksumState law_sum{}, own_sum{};
+  std::uint32_t joint_silent = 0;         ///< periods without it
+  ChecksumState law_sum{}, own_sum{};     ///< of the law's numbers, of the supervisor's
   std::uint32_t steps = 0;      ///< since it was configured
   std::uint32_t stopped = 0;    ///< periods since the last fault
   std::uint32_t healthy = 0;    ///< periods in a row since
   std::uint32_t faults = 0;     ///< in the log, ever
-  LoggedFault log[log_length]{};
+  LoggedFault log[log_length]{};  ///< the latest ones
 };
 
 template <class L> using scalar_of = decltype(L::Params::gate.period);

@@ -93,9 +93,11 @@ ELBOW_CONTROLLERS["gravity_share"] = ElbowController("a share of gravity carried
 MODULE = """
 #include "elbow.hpp"
 #include "laws.hpp"
+#include "supervision.hpp"
 NB_MODULE(new_laws, m) {
   bindings::add_laws(m);
   bindings::add_elbow(m);
+  bindings::add_supervision(m);
 }
 """
 USED = """
@@ -106,7 +108,7 @@ from pellucid import _core
 spec = importlib.util.spec_from_file_location("new_laws", sys.argv[1])
 made = importlib.util.module_from_spec(spec)
 spec.loader.exec_module(made)
-for name in ("Law", "law", "laws", "fuzz_law", "time_law", "WornElbow"):
+for name in [name for name in vars(made) if not name.startswith("_")]:
     setattr(_core, name, getattr(made, name))
 sys.path.insert(0, sys.argv[2])
 import test_laws
@@ -184,7 +186,8 @@ def test_a_law_is_a_header_a_line_and_a_builder(tmp_path):
         f"-I{tmp_path / 'include'}", f"-I{tmp_path / 'bindings'}", f"-I{folder / 'include'}",
         f"-I{folder / 'ext' / 'robin_map' / 'include'}", f"-I{sysconfig.get_paths()['include']}",
     ]  # fmt: skip
-    sources = ["module.cpp", "bindings/laws.cpp", "bindings/elbow.cpp", str(folder / "src" / "nb_combined.cpp")]
+    own = [f"bindings/{name}.cpp" for name in ("laws", "elbow", "supervision")]
+    sources = ["module.cpp", *own, str(folder / "src" / "nb_combined.cpp")]
     module = tmp_path / f"new_laws{sysconfig.get_config_var('EXT_SUFFIX')}"
     subprocess.run(["c++", *options, *where, *sources, "-o", str(module)], cwd=tmp_path, check=True)
     shutil.copy(_core.__file__, tmp_path / "src" / "pellucid")

@@ -306,7 +306,7 @@ def body_of(law: ControlLaw) -> dict[str, float]:
 
     gravity = "orthosis_gravity" if "orthosis_gravity" in v else None
     # A loop's stiffness is inertia times bandwidth squared where there is nothing else that tells of the inertia.
-    inertia = mean("inertia") or v.get("stiffness", 0.0) / LOOP_BANDWIDTH**2
+    inertia = max(mean("inertia"), 0.0) or v.get("stiffness", 0.0) / LOOP_BANDWIDTH**2
     return {
         "inertia": inertia + v.get("actuator_inertia", 0.0),
         "gravity_sine": v[gravity] if gravity else mean("gravity_sine"),

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from .. import _core
 from ..control.control_law import LAWS, LawSensor
 from .controller_values import ControllerValues
 
@@ -218,7 +219,9 @@ def _blocks(sensors: tuple[LawSensor, ...], values: ControllerValues, period: in
     yield _Block("muscle", length=24)
     yield placed("test", lambda i: 0.5, 32)
     yield placed("test", lambda i: 0.5 + 0.2 * h * max(i - 6, 0), 32)
-    yield _Block("law", lambda i, row: replace(row, before=MEMORY) if i == 4 else row, 80)
+    # Eight words every fourth period: long enough for the law's numbers to be gone through twice.
+    through = 4 * -(-_core.supervised_storage(values.law) // (4 * 8))
+    yield _Block("law", lambda i, row: replace(row, before=MEMORY) if i == 4 else row, 4 + through)
     # Stopped; started again, which does not help; then a token that does.
     late = max(30, round(0.02 / h) + 14)
 
