@@ -1,5 +1,6 @@
 // Every control law of the core's list for Python: stepped in double or float, fuzzed, timed, described.
 #include "laws.hpp"
+#include "random_bits.hpp"
 
 #include <nanobind/stl/string.h>
 #include <nanobind/stl/unique_ptr.h>
@@ -240,29 +241,6 @@ nb::list laws() {
   });
   return list;
 }
-
-/// Numbers that look random and are the same everywhere (SplitMix64).
-class Bits {
- public:
-  explicit Bits(std::uint64_t seed) : state_(seed) {}
-  std::uint64_t next() {
-    std::uint64_t z = (state_ += 0x9e3779b97f4a7c15u);
-    z = (z ^ (z >> 30)) * 0xbf58476d1ce4e5b9u;
-    z = (z ^ (z >> 27)) * 0x94d049bb133111ebu;
-    return z ^ (z >> 31);
-  }
-  double uniform() { return static_cast<double>(next() >> 11) * 0x1p-53; }
-  /// Any bit pattern at all.
-  template <class S> S anything() {
-    const std::uint64_t pattern = next();
-    S x;
-    std::memcpy(&x, &pattern, sizeof x);
-    return x;
-  }
-
- private:
-  std::uint64_t state_;
-};
 
 struct Fuzzed {
   long long unsafe = 0, faults = 0, slowest = 0, moving = 0;

@@ -2,6 +2,7 @@
 #include "supervision.hpp"
 
 #include "laws.hpp"
+#include "random_bits.hpp"
 
 #include <nanobind/stl/string.h>
 #include <nanobind/stl/unique_ptr.h>
@@ -189,28 +190,6 @@ double step_samples(Supervised& law, std::int64_t now, const nb::sequence& sampl
   }
   return law.step_samples(now, read, i, token);
 }
-
-/// Numbers that look random and are the same everywhere (SplitMix64).
-class Bits {
- public:
-  explicit Bits(std::uint64_t seed) : state_(seed) {}
-  std::uint64_t next() {
-    std::uint64_t z = (state_ += 0x9e3779b97f4a7c15u);
-    z = (z ^ (z >> 30)) * 0xbf58476d1ce4e5b9u;
-    z = (z ^ (z >> 27)) * 0x94d049bb133111ebu;
-    return z ^ (z >> 31);
-  }
-  double uniform() { return static_cast<double>(next() >> 11) * 0x1p-53; }
-  template <class S> S anything() {
-    const std::uint64_t pattern = next();
-    S x;
-    std::memcpy(&x, &pattern, sizeof x);
-    return x;
-  }
-
- private:
-  std::uint64_t state_;
-};
 
 struct Fuzzed {
   long long unsafe = 0, faults = 0, moving = 0, resets = 0;

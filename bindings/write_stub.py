@@ -1,6 +1,8 @@
-"""Write src/pellucid/_core.pyi from the signatures and docstrings of the module that is installed (needs nanobind)."""
+"""Write src/pellucid/_core.pyi from the signatures and docstrings of the installed module (needs nanobind and ruff)."""
 
 import re
+import subprocess
+import sys
 import textwrap
 from pathlib import Path
 
@@ -30,7 +32,10 @@ def main() -> None:
     stub = re.sub(r"^instructions: str = .*$", "instructions: str", stub, flags=re.M)
     functions = re.sub(r"^def ", "@staticmethod\ndef ", text(_core.math), flags=re.M)
     stub += "\n\nclass math:\n" + textwrap.indent(functions.strip(), "    ") + "\n"
-    Path(__file__).parents[1].joinpath("src", "pellucid", "_core.pyi").write_text(stub, encoding="utf-8")
+    path = Path(__file__).parents[1].joinpath("src", "pellucid", "_core.pyi")
+    path.write_text(stub, encoding="utf-8")
+    for command in (("format",), ("check", "--fix")):
+        subprocess.run((sys.executable, "-m", "ruff", *command, "--quiet", path), check=True)
 
 
 if __name__ == "__main__":

@@ -9,6 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from pellucid.lab.bench.rig import bench_joint
+from pellucid.lab.study import write_study
 from pellucid.procedures.registry import open_study
 from pellucid.recordings import Study
 
@@ -154,3 +156,12 @@ def emps_data(emps_study):
 
     model = joint_model("symmetric", motion="prismatic", effort_unit="N", gravity="none")
     return model, stack(motions(emps_study, "fit"))
+
+
+@pytest.fixture(scope="session")
+def bench_samples(tmp_path_factory):
+    """Time, position and current of one recording of a virtual joint."""
+    rig = bench_joint()
+    study = write_study(tmp_path_factory.mktemp("bench") / "b", rig, name="b", seed=2, trials=rig.trials(2)[:1])
+    (recording,) = study.recordings()
+    return {"time": recording.time, "q": recording["position"], "i": recording["current"]}

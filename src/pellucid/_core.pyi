@@ -2,13 +2,10 @@
 The core: every physical model once, in C++ (include/pellucid). SI units throughout.
 """
 
-
 from collections.abc import Sequence
 
 from numpy import float32, float64
 from numpy.typing import ArrayLike, NDArray
-
-
 
 PARAMETER_NAMES: tuple[str, ...]
 
@@ -21,7 +18,9 @@ def model_fields() -> dict[str, list[dict]]:
 
 instructions: str
 
-def inverse_dynamics(parameters: ArrayLike, position: ArrayLike, velocity: ArrayLike, acceleration: ArrayLike) -> NDArray[float64]:
+def inverse_dynamics(
+    parameters: ArrayLike, position: ArrayLike, velocity: ArrayLike, acceleration: ArrayLike
+) -> NDArray[float64]:
     """
     Effort that moves a joint so: y + friction(v, y) + offset, y = J a + g_s sin q + g_c cos q.
 
@@ -38,7 +37,9 @@ def inverse_dynamics(parameters: ArrayLike, position: ArrayLike, velocity: Array
         Effort [N m]; N on a prismatic joint.
     """
 
-def inverse_dynamics_jacobian(parameters: ArrayLike, position: ArrayLike, velocity: ArrayLike, acceleration: ArrayLike, active: ArrayLike) -> tuple[NDArray[float64], NDArray[float64]]:
+def inverse_dynamics_jacobian(
+    parameters: ArrayLike, position: ArrayLike, velocity: ArrayLike, acceleration: ArrayLike, active: ArrayLike
+) -> tuple[NDArray[float64], NDArray[float64]]:
     """
     inverse_dynamics and its exact derivatives by some parameters.
 
@@ -59,7 +60,9 @@ def inverse_dynamics_jacobian(parameters: ArrayLike, position: ArrayLike, veloci
         d effort / d parameters[active].
     """
 
-def forward_dynamics(parameters: ArrayLike, position: ArrayLike, velocity: ArrayLike, effort: ArrayLike) -> NDArray[float64]:
+def forward_dynamics(
+    parameters: ArrayLike, position: ArrayLike, velocity: ArrayLike, effort: ArrayLike
+) -> NDArray[float64]:
     """
     Acceleration that an effort gives; the inverse of inverse_dynamics, in closed form.
 
@@ -105,7 +108,33 @@ def load(parameters: ArrayLike, position: ArrayLike, acceleration: ArrayLike) ->
         q [rad], a [rad/s^2].
     """
 
-def simulate(parameters: ArrayLike, *, reference: ArrayLike, period: float, substeps: int = 4, loop: str = "none", kp: float = 0, ki: float = 0, kd: float = 0, kv: float = 0, limit: float = 0, velocity_span: int = 0, gain: float = 1, back_emf: float = 0, injected: ArrayLike | None = None, disturbance: ArrayLike | None = None, encoder_quantum: float = 0, encoder_noise: ArrayLike | None = None, ripple_amplitude: float = 0, ripple_wave_number: float = 0, ripple_phase: float = 0, position0: float = 0, velocity0: float = 0, integral0: float = 0, stiction: bool = False) -> tuple[NDArray[float64], ...]:
+def simulate(
+    parameters: ArrayLike,
+    *,
+    reference: ArrayLike,
+    period: float,
+    substeps: int = 4,
+    loop: str = "none",
+    kp: float = 0,
+    ki: float = 0,
+    kd: float = 0,
+    kv: float = 0,
+    limit: float = 0,
+    velocity_span: int = 0,
+    gain: float = 1,
+    back_emf: float = 0,
+    injected: ArrayLike | None = None,
+    disturbance: ArrayLike | None = None,
+    encoder_quantum: float = 0,
+    encoder_noise: ArrayLike | None = None,
+    ripple_amplitude: float = 0,
+    ripple_wave_number: float = 0,
+    ripple_phase: float = 0,
+    position0: float = 0,
+    velocity0: float = 0,
+    integral0: float = 0,
+    stiction: bool = False,
+) -> tuple[NDArray[float64], ...]:
     """
     A joint under its own controller, sample by sample.
 
@@ -156,7 +185,34 @@ def simulate(parameters: ArrayLike, *, reference: ArrayLike, period: float, subs
         acceleration are those at the start of that period.
     """
 
-def simulate_batch(parameters: ArrayLike, *, reference: ArrayLike, period: float, substeps: int = 4, loop: str = "none", kp: ArrayLike = 0, ki: ArrayLike = 0, kd: ArrayLike = 0, kv: ArrayLike = 0, limit: ArrayLike = 0, velocity_span: int = 0, gain: ArrayLike = 1, back_emf: ArrayLike = 0, injected: ArrayLike | None = None, disturbance: ArrayLike | None = None, encoder_quantum: ArrayLike = 0, encoder_noise: ArrayLike | None = None, ripple_amplitude: ArrayLike = 0, ripple_wave_number: ArrayLike = 0, ripple_phase: ArrayLike = 0, position0: ArrayLike = 0, velocity0: ArrayLike = 0, integral0: ArrayLike = 0, stiction: bool = False, threads: int = 1) -> tuple[NDArray[float64], ...]:
+def simulate_batch(
+    parameters: ArrayLike,
+    *,
+    reference: ArrayLike,
+    period: float,
+    substeps: int = 4,
+    loop: str = "none",
+    kp: ArrayLike = 0,
+    ki: ArrayLike = 0,
+    kd: ArrayLike = 0,
+    kv: ArrayLike = 0,
+    limit: ArrayLike = 0,
+    velocity_span: int = 0,
+    gain: ArrayLike = 1,
+    back_emf: ArrayLike = 0,
+    injected: ArrayLike | None = None,
+    disturbance: ArrayLike | None = None,
+    encoder_quantum: ArrayLike = 0,
+    encoder_noise: ArrayLike | None = None,
+    ripple_amplitude: ArrayLike = 0,
+    ripple_wave_number: ArrayLike = 0,
+    ripple_phase: ArrayLike = 0,
+    position0: ArrayLike = 0,
+    velocity0: ArrayLike = 0,
+    integral0: ArrayLike = 0,
+    stiction: bool = False,
+    threads: int = 1,
+) -> tuple[NDArray[float64], ...]:
     """
     Many joints at once, in the lanes of the processor; the same bits as `simulate` gives one by one.
 
@@ -177,7 +233,33 @@ def simulate_batch(parameters: ArrayLike, *, reference: ArrayLike, period: float
         As `simulate` returns them.
     """
 
-def simulate_geared(parameters: ArrayLike, *, reference: ArrayLike, period: float, substeps: int = 4, loop: str = "none", kp: ArrayLike = 0, ki: ArrayLike = 0, kd: ArrayLike = 0, kv: ArrayLike = 0, limit: ArrayLike = 0, velocity_span: int = 0, gain: ArrayLike = 1, back_emf: ArrayLike = 0, injected: ArrayLike | None = None, disturbance: ArrayLike | None = None, encoder_quantum: ArrayLike = 0, encoder_noise: ArrayLike | None = None, ripple_amplitude: ArrayLike = 0, ripple_wave_number: ArrayLike = 0, ripple_phase: ArrayLike = 0, position0: ArrayLike = 0, velocity0: ArrayLike = 0, integral0: ArrayLike = 0, threads: int = 1) -> tuple[NDArray[float64], ...]:
+def simulate_geared(
+    parameters: ArrayLike,
+    *,
+    reference: ArrayLike,
+    period: float,
+    substeps: int = 4,
+    loop: str = "none",
+    kp: ArrayLike = 0,
+    ki: ArrayLike = 0,
+    kd: ArrayLike = 0,
+    kv: ArrayLike = 0,
+    limit: ArrayLike = 0,
+    velocity_span: int = 0,
+    gain: ArrayLike = 1,
+    back_emf: ArrayLike = 0,
+    injected: ArrayLike | None = None,
+    disturbance: ArrayLike | None = None,
+    encoder_quantum: ArrayLike = 0,
+    encoder_noise: ArrayLike | None = None,
+    ripple_amplitude: ArrayLike = 0,
+    ripple_wave_number: ArrayLike = 0,
+    ripple_phase: ArrayLike = 0,
+    position0: ArrayLike = 0,
+    velocity0: ArrayLike = 0,
+    integral0: ArrayLike = 0,
+    threads: int = 1,
+) -> tuple[NDArray[float64], ...]:
     """
     Many motors, each with a link behind a compliant transmission with backlash, in the lanes of the processor.
 
@@ -218,7 +300,34 @@ def simulate_geared(parameters: ArrayLike, *, reference: ArrayLike, period: floa
         At the sample instants k period, before the k-th period; the command is limited, with what was injected.
     """
 
-def simulate_jacobian(parameters: ArrayLike, *, active: ArrayLike, reference: ArrayLike, period: float, substeps: int = 4, loop: str = "none", kp: float = 0, ki: float = 0, kd: float = 0, kv: float = 0, limit: float = 0, velocity_span: int = 0, gain: float = 1, back_emf: float = 0, injected: ArrayLike | None = None, disturbance: ArrayLike | None = None, encoder_quantum: float = 0, encoder_noise: ArrayLike | None = None, ripple_amplitude: float = 0, ripple_wave_number: float = 0, ripple_phase: float = 0, position0: float = 0, velocity0: float = 0, integral0: float = 0, stiction: bool = False) -> tuple[NDArray[float64], ...]:
+def simulate_jacobian(
+    parameters: ArrayLike,
+    *,
+    active: ArrayLike,
+    reference: ArrayLike,
+    period: float,
+    substeps: int = 4,
+    loop: str = "none",
+    kp: float = 0,
+    ki: float = 0,
+    kd: float = 0,
+    kv: float = 0,
+    limit: float = 0,
+    velocity_span: int = 0,
+    gain: float = 1,
+    back_emf: float = 0,
+    injected: ArrayLike | None = None,
+    disturbance: ArrayLike | None = None,
+    encoder_quantum: float = 0,
+    encoder_noise: ArrayLike | None = None,
+    ripple_amplitude: float = 0,
+    ripple_wave_number: float = 0,
+    ripple_phase: float = 0,
+    position0: float = 0,
+    velocity0: float = 0,
+    integral0: float = 0,
+    stiction: bool = False,
+) -> tuple[NDArray[float64], ...]:
     """
     simulate, and the exact derivatives of its trajectory by some parameters of the joint.
 
@@ -252,7 +361,6 @@ class Biquads:
     """
 
     def __init__(self, sos: ArrayLike) -> None: ...
-
     def step(self, x: float) -> float:
         """One sample."""
 
@@ -266,7 +374,6 @@ class BiquadsFloat:
     """Biquads in float32, as on a microcontroller."""
 
     def __init__(self, sos: ArrayLike) -> None: ...
-
     def step(self, x: float) -> float:
         """One sample."""
 
@@ -299,8 +406,19 @@ class SafetyGate:
         Between two steps [s], > 0.
     """
 
-    def __init__(self, *, effort_limit: float, rate_limit: float, velocity_limit: float, position_min: float, position_max: float, stop_margin: float, max_age: float, max_repeats: int, period: float) -> None: ...
-
+    def __init__(
+        self,
+        *,
+        effort_limit: float,
+        rate_limit: float,
+        velocity_limit: float,
+        position_min: float,
+        position_max: float,
+        stop_margin: float,
+        max_age: float,
+        max_repeats: int,
+        period: float,
+    ) -> None: ...
     def step(self, command: float, position: float, velocity: float, time: float, sequence: int) -> float:
         """
         One control period: the effort that may go to the motor [N m].
@@ -337,8 +455,9 @@ class StrapEstimator:
     """
 
     def __init__(self, parameters: ArrayLike) -> None: ...
-
-    def step(self, position: float, torque: float, emg_torque: float, emg_valid: bool = True) -> tuple[float, float, bool]:
+    def step(
+        self, position: float, torque: float, emg_torque: float, emg_valid: bool = True
+    ) -> tuple[float, float, bool]:
         """
         One control period: stiffness [N m/rad], damping [N m s/rad], and whether it taught anything.
         """
@@ -361,8 +480,17 @@ class EmgTorque:
         Of |torque| [N m], > 0.
     """
 
-    def __init__(self, *, band: ArrayLike, envelope: ArrayLike, weights: ArrayLike, floor: ArrayLike, ceiling: ArrayLike, patience: int, torque_limit: float) -> None: ...
-
+    def __init__(
+        self,
+        *,
+        band: ArrayLike,
+        envelope: ArrayLike,
+        weights: ArrayLike,
+        floor: ArrayLike,
+        ceiling: ArrayLike,
+        patience: int,
+        torque_limit: float,
+    ) -> None: ...
     def listen(self, samples: ArrayLike) -> None:
         """
         Raw samples of every muscle.
@@ -504,7 +632,9 @@ def laws() -> list[dict]:
         outside), infinite (infinity is allowed), count, sentence of each; storage [bytes] of it in float.
     """
 
-def fuzz_law(law: str, parameters: ArrayLike, cycles: int, seed: int, single: bool = False) -> tuple[int, int, int, int]:
+def fuzz_law(
+    law: str, parameters: ArrayLike, cycles: int, seed: int, single: bool = False
+) -> tuple[int, int, int, int]:
     """
     A law among nonsense: NaN, infinities, jumps, frozen and repeated samples, clock jumps.
 
@@ -548,7 +678,14 @@ class Supervised:
     A control law under its supervisor, as on a robot. Made by `supervised`.
     """
 
-    def step(self, time: float, *samples: float | None, drive: float | None = None, joint: float | None = None, token: int = 0) -> float:
+    def step(
+        self,
+        time: float,
+        *samples: float | None,
+        drive: float | None = None,
+        joint: float | None = None,
+        token: int = 0,
+    ) -> float:
         """
         One control period: the effort for the drive [N m].
 
@@ -654,7 +791,9 @@ def supervised(name: str, parameters: ArrayLike, supervisor: ArrayLike, single: 
 def supervised_storage(name: str) -> int:
     """Bytes of a supervised law in float."""
 
-def fuzz_supervised(name: str, parameters: ArrayLike, supervisor: ArrayLike, cycles: int, seed: int, single: bool = False) -> tuple[int, int, int, int]:
+def fuzz_supervised(
+    name: str, parameters: ArrayLike, supervisor: ArrayLike, cycles: int, seed: int, single: bool = False
+) -> tuple[int, int, int, int]:
     """
     A supervised law among nonsense: numbers, clocks, drives, tokens and memory that go wrong.
 
@@ -701,8 +840,17 @@ class CoupledPlant:
         carries what is left of the orthosis's weight.
     """
 
-    def __init__(self, parameters: ArrayLike, *, period: float, substeps: int = 10, delay: int = 0, torque_span: int = 1, position0: float = 0.0, torque0: float = 0.0) -> None: ...
-
+    def __init__(
+        self,
+        parameters: ArrayLike,
+        *,
+        period: float,
+        substeps: int = 10,
+        delay: int = 0,
+        torque_span: int = 1,
+        position0: float = 0.0,
+        torque0: float = 0.0,
+    ) -> None: ...
     def step(self, desired_torque: float, muscle_torque: float, slip_jump: float = 0.0) -> tuple[float, ...]:
         """
         One control period.
@@ -768,9 +916,37 @@ class WornElbow:
         In the order of SUPERVISOR_FIELDS, SI; left out: a supervisor that holds nothing against anybody.
     """
 
-    def __init__(self, person: ArrayLike, load: ArrayLike, *, position0: float, robot: ArrayLike | None = None, strap: ArrayLike, drive: ArrayLike, law: str = 'none', law_parameters: ArrayLike | None = None, emg_gains: ArrayLike, substeps: int, sensor_delay: int = 0, supervisor: ArrayLike | None = None) -> None: ...
-
-    def move(self, *, target: float, amplitude: float, duration: float, reaction: float, load: ArrayLike, tolerance: float, hold: float, noise: ArrayLike, longest: int, sensor_error: ArrayLike | None = None, emg: bool = False) -> tuple[NDArray[float64], ...]:
+    def __init__(
+        self,
+        person: ArrayLike,
+        load: ArrayLike,
+        *,
+        position0: float,
+        robot: ArrayLike | None = None,
+        strap: ArrayLike,
+        drive: ArrayLike,
+        law: str = "none",
+        law_parameters: ArrayLike | None = None,
+        emg_gains: ArrayLike,
+        substeps: int,
+        sensor_delay: int = 0,
+        supervisor: ArrayLike | None = None,
+    ) -> None: ...
+    def move(
+        self,
+        *,
+        target: float,
+        amplitude: float,
+        duration: float,
+        reaction: float,
+        load: ArrayLike,
+        tolerance: float,
+        hold: float,
+        noise: ArrayLike,
+        longest: int,
+        sensor_error: ArrayLike | None = None,
+        emg: bool = False,
+    ) -> tuple[NDArray[float64], ...]:
         """
         One movement to a target, and holding it.
 
@@ -800,7 +976,21 @@ class WornElbow:
             [rad/s]; k <= longest.
         """
 
-    def live(self, *, tasks: ArrayLike, noise: ArrayLike, sensor_error: ArrayLike | None, emg: bool, tremor: ArrayLike, stops: ArrayLike, fault: str, onset: float, seconds: float, longest: int, seed: int) -> dict:
+    def live(
+        self,
+        *,
+        tasks: ArrayLike,
+        noise: ArrayLike,
+        sensor_error: ArrayLike | None,
+        emg: bool,
+        tremor: ArrayLike,
+        stops: ArrayLike,
+        fault: str,
+        onset: float,
+        seconds: float,
+        longest: int,
+        seed: int,
+    ) -> dict:
         """
         Minutes or hours of reaching, healthy or with one single fault.
 
@@ -851,7 +1041,16 @@ def single_faults() -> list[dict]:
 
 MUSCLE_PARAMETER_NAMES: tuple[str, ...]
 
-def hill_torque(parameters: ArrayLike, excitation: ArrayLike, length: ArrayLike, velocity: ArrayLike, moment_arm: ArrayLike, *, period: float, starts: ArrayLike | None = None) -> NDArray[float64]:
+def hill_torque(
+    parameters: ArrayLike,
+    excitation: ArrayLike,
+    length: ArrayLike,
+    velocity: ArrayLike,
+    moment_arm: ArrayLike,
+    *,
+    period: float,
+    starts: ArrayLike | None = None,
+) -> NDArray[float64]:
     """
     Torque of several muscles from their EMG envelopes.
 
@@ -873,7 +1072,18 @@ def hill_torque(parameters: ArrayLike, excitation: ArrayLike, length: ArrayLike,
         [N m].
     """
 
-def hill_jacobian(parameters: ArrayLike, excitation: ArrayLike, length: ArrayLike, velocity: ArrayLike, moment_arm: ArrayLike, column: ArrayLike, gain: ArrayLike, *, period: float, starts: ArrayLike | None = None) -> tuple[NDArray[float64], NDArray[float64]]:
+def hill_jacobian(
+    parameters: ArrayLike,
+    excitation: ArrayLike,
+    length: ArrayLike,
+    velocity: ArrayLike,
+    moment_arm: ArrayLike,
+    column: ArrayLike,
+    gain: ArrayLike,
+    *,
+    period: float,
+    starts: ArrayLike | None = None,
+) -> tuple[NDArray[float64], NDArray[float64]]:
     """
     hill_torque and its exact derivatives by k free parameters.
 
@@ -898,7 +1108,20 @@ def hill_jacobian(parameters: ArrayLike, excitation: ArrayLike, length: ArrayLik
         A row per free parameter.
     """
 
-def hill_normal(parameters: ArrayLike, excitation: ArrayLike, length: ArrayLike, velocity: ArrayLike, moment_arm: ArrayLike, column: ArrayLike, gain: ArrayLike, measured: ArrayLike, *, period: float, starts: ArrayLike | None = None, weight: ArrayLike | None = None) -> tuple[float, NDArray[float64], NDArray[float64]]:
+def hill_normal(
+    parameters: ArrayLike,
+    excitation: ArrayLike,
+    length: ArrayLike,
+    velocity: ArrayLike,
+    moment_arm: ArrayLike,
+    column: ArrayLike,
+    gain: ArrayLike,
+    measured: ArrayLike,
+    *,
+    period: float,
+    starts: ArrayLike | None = None,
+    weight: ArrayLike | None = None,
+) -> tuple[float, NDArray[float64], NDArray[float64]]:
     """
     What a least-squares step needs, in one pass and without storing a Jacobian.
 
@@ -927,7 +1150,15 @@ def hill_normal(parameters: ArrayLike, excitation: ArrayLike, length: ArrayLike,
         J' J.
     """
 
-def hill_states(parameters: ArrayLike, excitation: ArrayLike, length: ArrayLike, velocity: ArrayLike, *, period: float, starts: ArrayLike | None = None) -> tuple[NDArray[float64], NDArray[float64], NDArray[float64], NDArray[float64]]:
+def hill_states(
+    parameters: ArrayLike,
+    excitation: ArrayLike,
+    length: ArrayLike,
+    velocity: ArrayLike,
+    *,
+    period: float,
+    starts: ArrayLike | None = None,
+) -> tuple[NDArray[float64], NDArray[float64], NDArray[float64], NDArray[float64]]:
     """
     What each muscle does.
 
@@ -951,7 +1182,14 @@ def hill_states(parameters: ArrayLike, excitation: ArrayLike, length: ArrayLike,
         In v_max l_o, lengthening positive [1].
     """
 
-def activation_dynamics(excitation: ArrayLike, *, period: float, activation_time: float = 0.01, deactivation_time: float = 0.04, start: float = 0.0) -> NDArray[float64]:
+def activation_dynamics(
+    excitation: ArrayLike,
+    *,
+    period: float,
+    activation_time: float = 0.01,
+    deactivation_time: float = 0.04,
+    start: float = 0.0,
+) -> NDArray[float64]:
     """
     Activation from excitation by a first-order lag, quicker while activation rises.
 
@@ -985,7 +1223,6 @@ class HillTorque:
     """
 
     def __init__(self, parameters: ArrayLike, *, period: float) -> None: ...
-
     def step(self, excitation: ArrayLike, length: ArrayLike, velocity: ArrayLike, moment_arm: ArrayLike) -> float:
         """
         Torque at one sample more [N m].
@@ -996,7 +1233,9 @@ class HillTorque:
             As of hill_torque. A sample that is not finite makes the torque so, and does not stay.
         """
 
-    def run(self, excitation: ArrayLike, length: ArrayLike, velocity: ArrayLike, moment_arm: ArrayLike) -> NDArray[float64]:
+    def run(
+        self, excitation: ArrayLike, length: ArrayLike, velocity: ArrayLike, moment_arm: ArrayLike
+    ) -> NDArray[float64]:
         """
         Samples one after another, each argument (m, n), going on from the state: torque, (n,) [N m].
         """
@@ -1029,7 +1268,6 @@ class ElasticMuscle:
     """
 
     def __init__(self, parameters: ArrayLike, *, tendon_strain: float, period: float) -> None: ...
-
     def rest(self, activation: float, length: float) -> float:
         """
         Fibre and tendon at rest at an activation [1] and a musculotendon length [m]: force [N].
@@ -1072,23 +1310,16 @@ def zero_phase(sos: ArrayLike, settled: ArrayLike, samples: ArrayLike, padding: 
         In the signals' units.
     """
 
-
 class math:
     """The core's elementary functions, on float64 or float32 arrays."""
 
-
-
     @staticmethod
     def exp(x: ArrayLike) -> NDArray: ...
-
     @staticmethod
     def log(x: ArrayLike) -> NDArray: ...
-
     @staticmethod
     def sin(x: ArrayLike) -> NDArray: ...
-
     @staticmethod
     def cos(x: ArrayLike) -> NDArray: ...
-
     @staticmethod
     def tanh(x: ArrayLike) -> NDArray: ...

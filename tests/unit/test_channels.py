@@ -4,8 +4,6 @@ import numpy as np
 import pytest
 
 from pellucid._errors import RecordingError, StudyError
-from pellucid.lab.bench.rig import bench_joint
-from pellucid.lab.study import write_study
 from pellucid.procedures.joint.aligned_motions import motions
 from pellucid.procedures.registry import open_study
 from pellucid.procedures.run import check, identify
@@ -42,19 +40,10 @@ PLAIN = {
 }
 
 
-@pytest.fixture(scope="module")
-def bench(tmp_path_factory):
-    """Time, position and current of one recording of a virtual joint."""
-    rig = bench_joint()
-    study = write_study(tmp_path_factory.mktemp("bench") / "b", rig, name="b", seed=2, trials=rig.trials(2)[:1])
-    (recording,) = study.recordings()
-    return {"time": recording.time, "q": recording["position"], "i": recording["current"]}
-
-
 @pytest.fixture
-def study(bench, tmp_path):
+def study(bench_samples, tmp_path):
     def made(columns=None, **said):
-        table = bench | (columns or {})
+        table = bench_samples | (columns or {})
         np.savetxt(
             tmp_path / "a.csv", np.column_stack([*table.values()]), "%.9f", ",", header=",".join(table), comments=""
         )
@@ -68,15 +57,15 @@ def inertia(study) -> float:
     return identify(study, families=["symmetric"], thorough=False)["inertia"].value
 
 
-def test_an_effort_may_be_a_difference_of_columns(study, bench):
+def test_an_effort_may_be_a_difference_of_columns(study, bench_samples):
     """Two cables, each under tension, of which one's sensor counts twice as much."""
-    tension = 3.0 + np.sin(bench["time"])
-    both = {"one": tension + bench["i"], "two": 2.0 * tension}
+    tension = 3.0 + np.sin(bench_samples["time"])
+    both = {"one": tension + bench_samples["i"], "two": 2.0 * tension}
     made = study(both, current='column = "one", minus = { column = "two", scale = 0.5 }, unit = "A"')
-    assert made.recordings()[0]["current"] == pytest.approx(bench["i"], abs=1e-8)
-    equal = {"one": tension + bench["i"], "two": tension}
+    assert made.recordings()[0]["current"] == pytest.approx(bench_samples["i"], abs=1e-8)
+    equal = {"one": tension + bench_samples["i"], "two": tension}
     turned = study(equal, current='column = "one", minus = "two", unit = "A", sign = -1, offset = 0.5')
-    assert turned.recordings()[0]["current"] == pytest.approx(0.5 - bench["i"], abs=1e-8)
+    assert turned.recordings()[0]["current"] == pytest.approx(0.5 - bench_samples["i"], abs=1e-8)
 
 
 def test_what_is_taken_off_must_be_there(study):
@@ -87,10 +76,10 @@ def test_what_is_taken_off_must_be_there(study):
 
 
 @pytest.mark.parametrize("period", [30.0, 360.0])
-def test_a_value_may_roll_over_at_any_period(study, bench, period):
-    turns = np.degrees(bench["q"]) % period
+def test_a_value_may_roll_over_at_any_period(study, bench_samples, period):
+    turns = np.degrees(bench_samples["q"]) % period
     made = study({"q": turns}, position=f'column = "q", unit = "deg", wrap = "{period} deg"')
-    assert np.ptp(made.recordings()[0]["position"] - bench["q"]) < 1e-8
+    assert np.ptp(made.recordings()[0]["position"] - bench_samples["q"]) < 1e-8
 
 
 @pytest.mark.parametrize(
@@ -105,24 +94,24 @@ def test_a_value_may_roll_over_at_any_period(study, bench, period):
         ),
     ],
 )
-def test_a_value_that_rolls_over_is_refused_with_its_period(study, bench, stored, said, write):
-    made = study({"q": stored(bench["q"])}, position=f'column = "q", {said}')
+def test_a_value_that_rolls_over_is_refused_with_its_period(study, bench_samples, stored, said, write):
+    made = study({"q": stored(bench_samples["q"])}, position=f'column = "q", {said}')
     (fault,) = (f for f in check(made) if f.kind == "wrap")
     assert fault.severity == "refuse"
     assert write in fault.message
-    healed = study({"q": stored(bench["q"])}, position=f'column = "q", {said}, {write}')
+    healed = study({"q": stored(bench_samples["q"])}, position=f'column = "q", {said}, {write}')
     assert not [f for f in check(healed) if f.kind == "wrap"]
 
 
-def test_what_only_jumps_does_not_roll_over(study, bench):
+def test_what_only_jumps_does_not_roll_over(study, bench_samples):
     n = np.arange(3000)
     spike = np.sin(n / 200.0) + np.where(n == 700, 40.0, 0.0)
     assert rollover(spike) is None
-    assert rollover(bench["q"]) is None
+    assert rollover(bench_samples["q"]) is None
     assert rollover(np.sin(n / 200.0)) is None
     assert rollover(n % 7.0) is None
     assert rollover(np.cumsum(np.sin(n / 500.0)) % 90.0).period == pytest.approx(90.0, abs=0.02)
-    step = bench["q"] + np.where(bench["time"] < 9.0, 0.0, 9.0)
+    step = bench_samples["q"] + np.where(bench_samples["time"] < 9.0, 0.0, 9.0)
     (fault,) = (f for f in check(study({"q": step})) if f.kind == "wrap")
     assert "from -0.3582 to 8.64" in fault.message
 
@@ -137,12 +126,12 @@ def test_a_period_has_the_channel_s_dimension(study):
 VELOCITY = {"channels": 'velocity = { column = "v", unit = "rad/s" }', "processing": 'velocity = "recorded"'}
 
 
-def velocity(bench) -> np.ndarray:
-    return np.gradient(bench["q"], bench["time"])
+def velocity(bench_samples) -> np.ndarray:
+    return np.gradient(bench_samples["q"], bench_samples["time"])
 
 
-def test_a_recorded_velocity_takes_the_position_s_place(study, bench):
-    plain, v = inertia(study()), 1.02 * velocity(bench)
+def test_a_recorded_velocity_takes_the_position_s_place(study, bench_samples):
+    plain, v = inertia(study()), 1.02 * velocity(bench_samples)
     assert inertia(study({"v": v}, channels=VELOCITY["channels"])) == pytest.approx(plain, rel=1e-6)
     assert inertia(study({"v": v}, **VELOCITY)) == pytest.approx(plain / 1.02, rel=3e-3)
     assert not [fault for fault in check(study({"v": v}, **VELOCITY)) if fault.severity == "refuse"]
@@ -152,8 +141,8 @@ def test_a_recorded_velocity_takes_the_position_s_place(study, bench):
     ("factor", "kind", "said"),
     [(-1.0, "velocity_sign", "sign = -1"), (57.29578, "velocity_scale", "looks like deg/s given as rad/s")],
 )
-def test_a_velocity_that_contradicts_the_position_is_refused_where_it_is_used(study, bench, factor, kind, said):
-    v = factor * velocity(bench)
+def test_a_velocity_that_contradicts_the_position_is_refused_where_it_is_used(study, bench_samples, factor, kind, said):
+    v = factor * velocity(bench_samples)
     fault = next(f for f in check(study({"v": v}, **VELOCITY)) if f.kind == kind)
     assert fault.severity == "refuse"
     assert said in fault.message
@@ -163,8 +152,8 @@ def test_a_velocity_that_contradicts_the_position_is_refused_where_it_is_used(st
     assert [f.severity for f in check(unused) if f.kind == kind] == ["note"]
 
 
-def test_a_late_velocity_is_told_with_what_to_write(study, bench):
-    v = np.interp(bench["time"] - 0.012, bench["time"], velocity(bench))
+def test_a_late_velocity_is_told_with_what_to_write(study, bench_samples):
+    v = np.interp(bench_samples["time"] - 0.012, bench_samples["time"], velocity(bench_samples))
     (fault,) = (f for f in check(study({"v": v}, **VELOCITY)) if f.kind.startswith("velocity"))
     assert fault.kind == "velocity_delay"
     assert 'velocity = { delay = "12' in fault.message

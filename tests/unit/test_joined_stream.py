@@ -4,8 +4,6 @@ import numpy as np
 import pytest
 
 from pellucid._errors import RecordingError, StudyError
-from pellucid.lab.bench.rig import bench_joint
-from pellucid.lab.study import write_study
 from pellucid.procedures.joint.aligned_motions import aligned, motions
 from pellucid.procedures.joint.joined_clocks import clocks
 from pellucid.procedures.registry import open_study
@@ -40,24 +38,15 @@ streams = {{ beside = "b.csv" }}
 POSITION, CURRENT = 'position = { column = "q", unit = "rad" }', 'current = { column = "i", unit = "A" }'
 
 
-@pytest.fixture(scope="module")
-def bench(tmp_path_factory):
-    """Time, position and current of one recording of a virtual joint."""
-    rig = bench_joint()
-    study = write_study(tmp_path_factory.mktemp("bench") / "b", rig, name="b", seed=2, trials=rig.trials(2)[:1])
-    (recording,) = study.recordings()
-    return {"time": recording.time, "q": recording["position"], "i": recording["current"]}
-
-
 @pytest.fixture
-def study(bench, tmp_path):
+def study(bench_samples, tmp_path):
     """The recording in two files: `b.csv` at half the rate, its clock `offset` [s] later and faster by `drift`."""
 
     def made(own="q", offset=0.0, drift=0.0, gap=(), clock="", entry=""):
         other = {"q": "i", "i": "q"}[own]
-        time = bench["time"]
-        here = np.column_stack([time, bench[own]])
-        there = np.column_stack([time * (1.0 + drift) + offset, bench[other]])[::2]
+        time = bench_samples["time"]
+        here = np.column_stack([time, bench_samples[own]])
+        there = np.column_stack([time * (1.0 + drift) + offset, bench_samples[other]])[::2]
         if gap:
             there = there[(time[::2] < gap[0]) | (time[::2] > gap[1])]
         for name, table, column in (("a.csv", here, own), ("b.csv", there, other)):
@@ -116,12 +105,12 @@ def test_it_is_told_and_the_parameters_are_those_of_one_file(study):
     assert 'offsets = { beside = "0.23' in fault.message
 
 
-def test_an_offset_by_hand_is_taken(study, bench):
+def test_an_offset_by_hand_is_taken(study, bench_samples):
     given = study(offset=0.4, clock="drift = 0", entry='offsets = { beside = "0.4 s" }')
     assert clocks(given) == ()
     (recording,) = given.recordings()
-    same = np.isin(bench["time"].round(6), recording.time.round(6))
-    assert recording["current"][::2] == pytest.approx(bench["i"][same][::2], abs=1e-6)
+    same = np.isin(bench_samples["time"].round(6), recording.time.round(6))
+    assert recording["current"][::2] == pytest.approx(bench_samples["i"][same][::2], abs=1e-6)
 
 
 def test_no_sample_is_taken_from_a_gap(study):
@@ -133,10 +122,12 @@ def test_no_sample_is_taken_from_a_gap(study):
     assert len(motions(study(clock='offset = "0 s"\ndrift = 0', gap=(3.0, 3.5)))) == 2
 
 
-def test_files_of_two_trials_are_refused(study, bench, tmp_path):
+def test_files_of_two_trials_are_refused(study, bench_samples, tmp_path):
     made = study()
-    noise = np.random.default_rng(4).standard_normal(len(bench["time"]))
-    np.savetxt(tmp_path / "b.csv", np.column_stack([bench["time"], noise]), "%.9f", ",", header="time,i", comments="")
+    noise = np.random.default_rng(4).standard_normal(len(bench_samples["time"]))
+    np.savetxt(
+        tmp_path / "b.csv", np.column_stack([bench_samples["time"], noise]), "%.9f", ",", header="time,i", comments=""
+    )
     made = open_study(tmp_path)
     (fault,) = (f for f in check(made) if f.kind == "clock")
     assert fault.severity == "refuse"

@@ -7,8 +7,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from .cut import Cut
-from .recording import Channel, Recording
+from .cut import cut_of
+from .defects.watched import runs
+from .recording import Channel, Recording, channels_within
 
 MOVED = "moved"
 """Kind of the cuts in which a moved channel has no sample; the delay itself is told, they are not."""
@@ -65,34 +66,25 @@ def with_channels(
     channels = {**recording.channels, **channels}
     kept = np.flatnonzero(~lost)
     if not kept.size:
-        return replace(
-            recording, channels=channels, cuts=(*recording.cuts, _cut(recording, kind, found, 0, len(lost) - 1))
-        )
+        everything = cut_of(recording, kind, "time", 0, len(lost) - 1, found)
+        return replace(recording, channels=channels, cuts=(*recording.cuts, everything))
     whole = slice(int(kept[0]), int(kept[-1]) + 1)
-    edges = np.flatnonzero(np.diff(np.concatenate(([0], (lost & inside)[whole].view(np.int8), [0]))))
-    cuts = [*recording.cuts]
-    cuts += [
-        _cut(recording, kind, found, whole.start + a, whole.start + b - 1) for a, b in edges.reshape(-1, 2).tolist()
+    firsts, lengths = runs((lost & inside)[whole])
+    cuts = [
+        cut_of(recording, kind, "time", first, first + length - 1, found)
+        for first, length in zip(whole.start + firsts, lengths, strict=True)
     ]
-    return part_of(replace(recording, channels=channels, cuts=tuple(cuts)), whole.start, whole.stop)
-
-
-def _cut(recording: Recording, kind: str, found: str, first: int, last: int) -> Cut:
-    time = recording.time
-    return Cut(kind, "time", float(time[first]), float(time[min(last + 1, len(time) - 1)]), first, last, found)
+    return part_of(replace(recording, channels=channels, cuts=(*recording.cuts, *cuts)), whole.start, whole.stop)
 
 
 def part_of(recording: Recording, first: int, stop: int) -> Recording:
     """A recording's samples from `first` to before `stop`, with the cuts among them."""
     cuts = (cut for cut in recording.cuts if cut.last >= first and cut.first < stop)
-    return replace(
-        recording,
-        channels={name: replace(c, samples=c.samples[first:stop]) for name, c in recording.channels.items()},
-        cuts=tuple(
-            replace(cut, first=max(cut.first, first) - first, last=min(cut.last, stop - 1) - first)
-            for cut in sorted(cuts, key=lambda cut: cut.first)
-        ),
+    within = (
+        replace(cut, first=max(cut.first, first) - first, last=min(cut.last, stop - 1) - first)
+        for cut in sorted(cuts, key=lambda cut: cut.first)
     )
+    return replace(recording, channels=channels_within(recording, slice(first, stop)), cuts=tuple(within))
 
 
 def at_times(time: np.ndarray, samples: np.ndarray, wanted: np.ndarray, *, hold: bool = False) -> np.ndarray:

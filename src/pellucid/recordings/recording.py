@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from types import MappingProxyType
@@ -301,3 +301,8 @@ class Recording:
     def spans(self) -> tuple[slice, ...]:
         """Runs of sound samples, in order: no filter may cross their borders. A gap in time ends one too."""
         return spans_between(len(self), self.cuts)
+
+
+def channels_within(recording: Recording, span: slice) -> dict[str, Channel]:
+    """All channels of a recording, only those of its samples that are in a `span`."""
+    return {name: replace(channel, samples=channel.samples[span]) for name, channel in recording.channels.items()}

@@ -209,6 +209,8 @@ class Study:
         # Whoever may not read outside may not look there either.
         if ".." in pattern.parts or pattern.is_absolute():
             self.inside(entry.files, self._named_by(entry))
+        if any("**" in part and part != "**" for part in pattern.parts):  # another meaning from Python 3.13 on
+            raise RecordingError(f'{self._named_by(entry)}: found files = "{entry.files}", expected ** to stand alone')
         try:
             paths = sorted(path for path in self.folder.glob(entry.files) if path.is_file())
         except (ValueError, NotImplementedError) as error:

@@ -18,7 +18,7 @@ from ...signals.effort import drive_model
 from ...signals.motion import Motion
 from .first_look import MOST, simple_model, some_of
 from .joined_clocks import clocks_to_find, rejoined
-from .recorded_motions import Excerpt, excerpt_of, motions_of
+from .recorded_motions import motions_of
 
 CONTRADICTS = 0.25
 """Share of a delay by which another recording's must certainly differ before they are not one: what friction models
@@ -83,11 +83,6 @@ def motions(study: Study, use: str | None = None) -> tuple[Motion, ...]:
 def aligned(study: Study, use: str | None = None) -> list[Recording]:
     """A study's recordings with their streams joined by the clocks found, and the drive where it belongs."""
     return [_aligned(rejoined(r, study), study) for r in study.recordings(use)]
-
-
-def excerpt(study: Study, everything: tuple[Motion, ...]) -> Excerpt:
-    """Everything that was recorded where it is little, and parts of each recording otherwise, aligned as it was."""
-    return excerpt_of(aligned(study), study, everything)
 
 
 def alignments(study: Study) -> tuple[Alignment, ...]:

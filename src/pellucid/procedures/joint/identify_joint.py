@@ -24,12 +24,12 @@ from ...signals.effort import drive_model
 from ..findings import findings_of
 from ..procedure import Progress, quiet
 from . import findings
-from .aligned_motions import excerpt, motions
+from .aligned_motions import aligned
 from .drive_sign import sign_error
 from .joined_clocks import require_clocks
 from .joint_case import JointCase
 from .joint_result import JointResult, completed, traces_of
-from .recorded_motions import filtering_of
+from .recorded_motions import excerpt_of, filtering_of, motions_of
 from .velocity_faults import require_velocity
 
 
@@ -49,8 +49,9 @@ def identify_joint(
     require_velocity(study)
     require_clocks(study)
     tell("filtering", 0.1)
-    everything = motions(study)
-    part = excerpt(study, everything)
+    aligned_ones = aligned(study)
+    everything = motions_of(aligned_ones, study)
+    part = excerpt_of(aligned_ones, study, everything)
     data = stack([m for m in everything if m.split == "fitted"])
     drive = drive_model(study.rig)
 

@@ -11,7 +11,7 @@ from ..._errors import RecordingError
 from ...recordings.cut import JITTER_SHARE
 from ...recordings.delay import at_times
 from ...recordings.fault import Fault
-from ...recordings.recording import Recording
+from ...recordings.recording import Recording, channels_within
 from ...recordings.study import Study
 from ...recordings.study_file import Processing
 from ...signals.effort import DriveModel, command_of, drive_model
@@ -165,9 +165,8 @@ class Stretch:
 
     def part(self, samples: slice) -> Stretch:
         """Some of its samples."""
-        channels = {n: replace(c, samples=c.samples[samples]) for n, c in self.recording.channels.items()}
         start = "measured" if samples.start else self.start
-        return Stretch(replace(self.recording, channels=channels), self.fs, start)
+        return Stretch(replace(self.recording, channels=channels_within(self.recording, samples)), self.fs, start)
 
 
 def stretches_of(recording: Recording, processing: Processing) -> Iterator[Stretch]:

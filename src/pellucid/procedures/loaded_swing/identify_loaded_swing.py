@@ -20,7 +20,7 @@ from ...models.anthropometry import WINTER_MASS, shank_length, winter
 from ...models.joint import GRAVITY
 from ...models.parameter_card import ParameterCard
 from ...recordings.fault import Fault
-from ...recordings.recording import Recording
+from ...recordings.recording import Recording, channels_within
 from ...recordings.results import ResultRow, checksum_of_all
 from ...recordings.study import Study
 from ...recordings.study_file import Participant, StudyFile
@@ -110,7 +110,7 @@ def swings_of(recording: Recording, lowpass: float) -> list[Swing]:
         return [prepared(recording, lowpass)]
     found, short = [], None
     for span in recording.spans:
-        channels = {name: replace(c, samples=c.samples[span]) for name, c in recording.channels.items()}
+        channels = channels_within(recording, span)
         name = f"{recording.name} ({len(found) + 1})" if found else recording.name
         try:
             found.append(prepared(replace(recording, name=name, channels=channels, cuts=()), lowpass))

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from ..cut import Cut
+from ..cut import Cut, cut_of
 from .scale import Scale
 from .watched import Watched, runs
 
@@ -38,7 +38,7 @@ def find(watched: Watched) -> Iterator[Cut]:
                 continue
             for first, length in zip(firsts.tolist(), lengths.tolist(), strict=True):
                 found = f"{length} samples clipped at {x[first]:.6g} {watched.recording.channels[name].unit}"
-                yield watched.cut(KIND, name, first, first + length - 1, found)
+                yield cut_of(watched.recording, KIND, name, first, first + length - 1, found)
 
 
 def at_limit(watched: Watched, name: str, value: float) -> bool:

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from ..cut import Cut
+from ..cut import Cut, cut_of
 from .clipped import at_limit
 from .watched import MOTION, Watched, runs
 
@@ -64,7 +64,7 @@ def find(watched: Watched) -> Iterator[Cut]:
                 lost = held or (moved is not None and _moves(moved, a, b))
             if lost:
                 many = f"the one value {x[a]:.6g} {watched.recording.channels[name].unit} in {length[i]} samples"
-                yield watched.cut(KIND, name, a, b, f"a dropout, {many}")
+                yield cut_of(watched.recording, KIND, name, a, b, f"a dropout, {many}")
 
 
 def _is_motion(name: str) -> bool:

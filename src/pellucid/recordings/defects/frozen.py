@@ -7,7 +7,7 @@ from functools import cached_property
 
 import numpy as np
 
-from ..cut import Cut
+from ..cut import Cut, cut_of
 from .scale import Scale
 from .watched import Watched, runs
 
@@ -35,7 +35,7 @@ def find(watched: Watched) -> Iterator[Cut]:
         moves = [s for s in (effort, reference) if s is not None and np.nanmax(s, initial=-np.inf) > np.nanmin(s)]
         if moves:
             found = f"a frozen encoder, the one value {known[0]:.6g} in every sample"
-            yield watched.cut(KIND, "position", 0, len(q) - 1, found)
+            yield cut_of(watched.recording, KIND, "position", 0, len(q) - 1, found)
         return
     first, length = runs(np.diff(q) == 0.0)
     length = length + 1
@@ -48,7 +48,7 @@ def find(watched: Watched) -> Iterator[Cut]:
         why = machine.why_frozen(a, b)
         if why:
             found = f"a frozen encoder, the one value {q[a]:.6g} for {length[i]} samples while {why}"
-            yield watched.cut(KIND, "position", a, b, found)
+            yield cut_of(watched.recording, KIND, "position", a, b, found)
 
 
 def _reference(watched: Watched) -> np.ndarray | None:

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from ..cut import Cut
+from ..cut import Cut, cut_of
 from .watched import Watched
 
 KIND = "gap"
@@ -24,4 +24,4 @@ def find(watched: Watched) -> Iterator[Cut]:
     for before in np.flatnonzero(steps > most):
         if watched.usable[before] and watched.usable[before + 1]:
             found = f"a gap of {steps[before]:.4g} s instead of {step:.4g} s"
-            yield watched.cut(KIND, "time", before + 1, before, found)
+            yield cut_of(watched.recording, KIND, "time", before + 1, before, found)

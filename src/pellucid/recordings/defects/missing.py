@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from ..cut import Cut
+from ..cut import Cut, cut_of
 from .watched import Watched, runs
 
 KIND = "missing_samples"
@@ -17,4 +17,4 @@ def find(watched: Watched) -> Iterator[Cut]:
     for name in ("time", *watched.channels):
         for first, length in zip(*runs(~np.isfinite(watched.recording[name]) & watched.usable), strict=True):
             many = "1 missing sample" if length == 1 else f"{length} missing samples"
-            yield watched.cut(KIND, name, first, first + length - 1, f"{many} (NaN)")
+            yield cut_of(watched.recording, KIND, name, first, first + length - 1, f"{many} (NaN)")

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from ..cut import Cut
+from ..cut import Cut, cut_of
 from .watched import MOTION, Watched
 
 KIND = "spike"
@@ -63,7 +63,7 @@ def find(watched: Watched) -> Iterator[Cut]:
             ends = [each for each in found if each[0] == 0 or each[1] == len(x) - 1]
             found = [e for e in found if e[2] > wide * max(beyond, STEPS if e in ends and not inert else 0.0)]
         for first, last, height in found:
-            yield watched.cut(KIND, name, first, last, f"a spike of {height:.3g} {unit}")
+            yield cut_of(watched.recording, KIND, name, first, last, f"a spike of {height:.3g} {unit}")
 
 
 def _every(x: np.ndarray, widest: int) -> list[tuple[int, int, float]]:

@@ -37,13 +37,6 @@ class Watched:
         values = self.recording[name]
         return values if self.usable.all() else np.where(self.usable, values, np.nan)
 
-    def cut(self, kind: str, channel: str, first: int, last: int, found: str) -> Cut:
-        """Samples `first` to `last`, both included; none where `last` is before `first`."""
-        time, n = self.recording.time, len(self.recording)
-        stop = float(time[last + 1] if last + 1 < n else time[-1] + 1.0 / self.recording.fs)
-        start = float(time[first] if first <= last else time[last])
-        return Cut(kind, channel, start, stop, int(first), int(last), found)
-
     def without(self, cuts: Iterable[Cut]) -> Watched:
         """The same with these cut out too."""
         return replace(self, cuts=(*self.cuts, *cuts))
