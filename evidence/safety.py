@@ -20,7 +20,7 @@ from pellucid.control.supervised import SupervisedLaw
 from pellucid.deployment.c_folder import write_c_folder
 from pellucid.deployment.controller_values import ControllerValues
 from pellucid.deployment.microcontroller import measure, missing_tools
-from pellucid.lab.safety.fault_table import FAULT_KINDS, FaultTable, fault_table, judged_robot
+from pellucid.lab.safety.fault_table import FAULT_KINDS, FaultTable, drawn_robot, fault_table
 from pellucid.lab.safety.worn_robot import LAWS, WornRobot
 from pellucid.recordings.results import ResultRow
 
@@ -54,7 +54,7 @@ def measured() -> FaultTable:
 def rows() -> Iterator[ResultRow]:
     """Every figure."""
     yield from fault_rows(measured())
-    robot = judged_robot(0)
+    robot = drawn_robot(0)
     yield from overspeed_rows(robot)
     yield from fuzz_rows(robot)
     yield from heap_rows()

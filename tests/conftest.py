@@ -50,6 +50,12 @@ def pytest_terminal_summary(terminalreporter):
         terminalreporter.write_line(line)
 
 
+@pytest.fixture(scope="session", autouse=True)
+def own_settings(tmp_path_factory) -> None:
+    """The settings of the tests, and of every command that they start; nobody's own."""
+    os.environ["PELLUCID_SETTINGS"] = str(tmp_path_factory.mktemp("settings"))
+
+
 @pytest.fixture
 def rng() -> np.random.Generator:
     return np.random.default_rng(20260115)

@@ -20,16 +20,16 @@ def write_text_atomically(path: str | os.PathLike, text: str) -> Path:
     return write_bytes_atomically(path, text.encode("utf-8"))
 
 
-def write_bytes_atomically(path: str | os.PathLike, content: bytes | memoryview) -> Path:
-    """`write_text_atomically` of bytes."""
-    with atomically(path) as file:
+def write_bytes_atomically(path: str | os.PathLike, content: bytes | memoryview, *, private: bool = False) -> Path:
+    """`write_text_atomically` of bytes; `private` ones nobody else may read."""
+    with atomically(path, private=private) as file:
         file.write(content)
     return Path(path)
 
 
 @contextmanager
-def atomically(path: str | os.PathLike) -> Iterator[BinaryIO]:
-    """A file to be written in parts, renamed into place when all are there."""
+def atomically(path: str | os.PathLike, *, private: bool = False) -> Iterator[BinaryIO]:
+    """A file to be written in parts, renamed into place when all are there; nobody else may read a `private` one."""
     path = Path(path)
     path.parent.mkdir(parents=True, exist_ok=True)
     handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.{os.getpid()}-", suffix=".tmp")
@@ -39,7 +39,7 @@ def atomically(path: str | os.PathLike) -> Iterator[BinaryIO]:
             file.flush()
             os.fsync(file.fileno())
         # mkstemp makes private files; a result is meant to be read by the whole lab.
-        os.chmod(temporary, 0o666 & ~_umask())
+        os.chmod(temporary, (0o600 if private else 0o666) & ~_umask())
         os.replace(temporary, path)
     except BaseException:
         Path(temporary).unlink(missing_ok=True)

@@ -9,6 +9,8 @@ import pytest
 from pellucid.fit.parameter import Parameter, Verdict
 from pellucid.procedures.registry import open_study
 from pellucid.procedures.result import FigureTable, ParameterTable, Result
+from pellucid.recordings import keepers_mark
+from pellucid.recordings.keepers_mark import mark
 from pellucid.recordings.kept import TREE, keep, read_kept
 from pellucid.recordings.results import ResultRow
 
@@ -33,6 +35,42 @@ def test_a_result_comes_back_as_it_was(tmp_path):
     path = keep(tmp_path / "kept" / "joint.npz", "fresh", result())
     assert read_kept(path, "fresh") == result()
     assert read_kept(path, "stale") is None
+
+
+def test_what_somebody_else_kept_is_not_believed(tmp_path, monkeypatch):
+    path = keep(tmp_path / "a.npz", "fresh", result())
+    own = read_kept(path, "fresh")
+    monkeypatch.setenv(keepers_mark.ENVIRONMENT, str(tmp_path / "theirs"))
+    assert read_kept(path, "fresh") is None
+    theirs = keep(tmp_path / "b.npz", "fresh", result())
+    assert read_kept(theirs, "fresh") == own
+    monkeypatch.undo()
+    assert read_kept(theirs, "fresh") is None
+    np.savez(path, **dict(np.load(path)))  # the same numbers, without the mark
+    assert read_kept(path, "fresh") is None
+
+
+def test_a_key_is_drawn_once_and_nobody_else_may_read_it(tmp_path, monkeypatch):
+    monkeypatch.setenv(keepers_mark.ENVIRONMENT, str(tmp_path / "mine"))
+    first = mark(b"x")
+    (key,) = (tmp_path / "mine").iterdir()
+    assert len(key.read_bytes()) == 32
+    assert key.stat().st_mode & 0o077 == 0
+    keepers_mark._key.cache_clear()
+    assert mark(b"x") == first
+    key.write_bytes(b"short")  # as a full disk may leave it
+    keepers_mark._key.cache_clear()
+    assert mark(b"x") != first
+    assert len(key.read_bytes()) == 32
+
+
+def test_where_settings_cannot_be_written_a_key_lasts_as_long_as_the_process(tmp_path, monkeypatch):
+    (tmp_path / "file").write_text("")
+    monkeypatch.setenv(keepers_mark.ENVIRONMENT, str(tmp_path / "file" / "below"))
+    path = keep(tmp_path / "a.npz", "fresh", result())
+    assert read_kept(path, "fresh") == result()
+    keepers_mark._key.cache_clear()
+    assert read_kept(path, "fresh") is None
 
 
 @dataclass(frozen=True)
@@ -69,21 +107,28 @@ def test_arrays_keep_bits_and_are_stored_once(tmp_path):
     assert path.stat().st_size < 1.5 * x.nbytes
 
 
+def packed(path, tree):
+    """A file with a tree of somebody's own, under this user's mark."""
+    np.savez(path, **{TREE: np.frombuffer(tree.encode(), np.uint8)})
+    path.write_bytes(path.read_bytes() + mark(path.read_bytes()))
+    return path
+
+
 @pytest.mark.parametrize(
     "kind",
     ["os:system", "builtins:eval", "pellucid.cli:main", "pellucid.fit.parameter:nothing", "subprocess:Popen", ""],
 )
 def test_only_the_packages_own_dataclasses_are_made(tmp_path, kind):
     tree = json.dumps({"made_from": "fresh", TREE: {"d": kind, "v": {"args": "echo"}}})
-    path = tmp_path / "a.npz"
-    np.savez(path, **{TREE: np.frombuffer(tree.encode(), np.uint8)})
-    assert read_kept(path, "fresh") is None
+    assert read_kept(packed(tmp_path / "a.npz", tree), "fresh") is None
 
 
 def test_a_dataclass_whose_fields_are_others_is_none(tmp_path):
     tree = json.dumps({"made_from": "fresh", TREE: {"d": "pellucid.fit.parameter:Verdict", "v": {"kind": "good"}}})
-    np.savez(tmp_path / "a.npz", **{TREE: np.frombuffer(tree.encode(), np.uint8)})
-    assert read_kept(tmp_path / "a.npz", "fresh") is None
+    assert read_kept(packed(tmp_path / "a.npz", tree), "fresh") is None
+    whole = {"d": "pellucid.fit.parameter:Verdict", "v": vars(Verdict("a", "b"))}
+    tree = json.dumps({"made_from": "fresh", TREE: whole})
+    assert read_kept(packed(tmp_path / "a.npz", tree), "fresh") == Verdict("a", "b")
 
 
 def test_a_damaged_file_is_none(tmp_path):

@@ -116,6 +116,22 @@ def test_what_is_damaged_is_read_again_from_its_file(tmp_path, long_file):
     )
 
 
+def test_what_somebody_else_kept_is_read_from_the_file_itself(tmp_path, long_file, monkeypatch):
+    theirs = long_file.with_name("theirs.csv")
+    theirs.write_text(long_file.read_text().replace("0.003,-", "0.003,-1"))
+    monkeypatch.setenv("PELLUCID_SETTINGS", str(tmp_path / "theirs"))
+    keeping.kept_columns(tmp_path / "kept", theirs, "0" * 64)
+    keeping.kept_columns(tmp_path / "kept", theirs, "1" * 64)
+    monkeypatch.setenv("PELLUCID_SETTINGS", str(tmp_path / "mine"))
+    found = keeping.kept_columns(tmp_path / "kept", long_file, "0" * 64)
+    np.testing.assert_array_equal(found["q"], read_columns(long_file)["q"])
+    # Nor is what this user kept of one file believed of another.
+    one, other = (next((tmp_path / "kept").glob(f"{digest * 32}*")) for digest in "01")
+    other.write_bytes(one.read_bytes())
+    found = keeping.kept_columns(tmp_path / "kept", theirs, "1" * 64)
+    np.testing.assert_array_equal(found["q"], read_columns(theirs)["q"])
+
+
 def test_a_folder_that_cannot_be_written_keeps_nothing(tmp_path, long_file, monkeypatch):
     def refuse(*_):
         raise PermissionError

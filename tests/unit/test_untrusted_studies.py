@@ -137,28 +137,28 @@ def test_nothing_is_written_where_a_link_leads(tmp_path, make_study, folder):
     assert not list((tmp_path / "outside").iterdir())
 
 
-def test_what_was_kept_by_somebody_else_does_no_harm(make_study):
-    """With the right fingerprint: of no type that is expected, and one that unpacks to far more than it is."""
-    import zipfile
+def test_what_was_kept_by_somebody_else_is_found_again(make_study, monkeypatch, tmp_path):
+    """With the right fingerprint, but other numbers."""
+    from dataclasses import replace
 
     from pellucid.procedures.registry import asked
-    from pellucid.procedures.result import fingerprint
-    from pellucid.recordings.kept import keep, read_kept
+    from pellucid.procedures.result import Result, fingerprint
+    from pellucid.recordings.kept import keep
 
     study = make_study()
     result = pl.identify(study, families=["symmetric"], thorough=False)
     result.save(study)
     (procedure,), path = asked(study), study.kept_path("joint")
-    made_from = fingerprint(study, procedure)
-    assert read_kept(path, made_from) is not None
-    from dataclasses import replace
-
-    keep(path, made_from, replace(result, families="none", rows=3))
-    assert pl.report(study).is_file()
-    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as packed:
-        packed.writestr("tree.npy", bytes(50_000_000))
-    assert path.stat().st_size < 100_000
-    assert read_kept(path, made_from) is None
+    assert Result.kept(study, procedure) is not None
+    monkeypatch.setenv("PELLUCID_SETTINGS", str(tmp_path / "theirs"))
+    keep(path, fingerprint(study, procedure), replace(result.for_page(), headline="nothing is wrong"))
+    monkeypatch.undo()
+    assert Result.kept(study, procedure) is None
+    # What cannot be drawn is found again too.
+    keep(path, fingerprint(study, procedure), replace(result, families="none", rows=3))
+    said = []
+    assert pl.report(study, on_progress=lambda text, share: said.append(text)).is_file()
+    assert "identify again: nothing that you kept is fresh" in said
 
 
 def test_a_study_file_as_long_as_a_book_is_refused_at_once(make_study):

@@ -225,10 +225,10 @@ def report(
                 pages.append(procedure.page(study, found))
                 continue
             except (TypeError, ValueError, LookupError, AttributeError, ArithmeticError):
-                # What was kept may be somebody else's: what cannot be drawn is found again.
+                # What cannot be drawn is found again.
                 if given:
                     raise
-        tell(f"{procedure.command} again: nothing that was kept is fresh", i / len(procedures))
+        tell(f"{procedure.command} again: nothing that you kept is fresh", i / len(procedures))
         found = _run(procedure, study, lambda text, share, i=i: tell(text, (i + 0.8 * share) / len(procedures)))
         tell("drawing", (i + 0.8) / len(procedures))
         pages.append(procedure.page(study, found))

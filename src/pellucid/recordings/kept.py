@@ -1,7 +1,8 @@
-"""Results kept beside a study: one file of numbers, which no reader has to trust, since nothing in it can run.
+"""Results kept beside a study: one file of numbers, which bears its keeper's mark and is believed by nobody else.
 
 A result is a tree of the package's own frozen dataclasses, mappings, tuples and arrays. Arrays are stored once each,
-the tree as JSON; what is read back may only be such dataclasses, whatever the file says.
+the tree as JSON; what is read back may only be such dataclasses, whatever the file says. The mark follows the archive,
+which NumPy reads all the same.
 """
 
 from __future__ import annotations
@@ -21,6 +22,7 @@ from typing import Any
 import numpy as np
 
 from .._atomic import write_bytes_atomically
+from .keepers_mark import LENGTH, bears, mark
 
 PACKAGE = __name__.partition(".")[0]
 TREE, FRESH = "tree", "made_from"
@@ -42,19 +44,19 @@ def keep(path: Path, made_from: str, result: Any) -> Path | None:
     stored[TREE] = np.frombuffer(tree.encode(), np.uint8)
     content = BytesIO()
     np.savez(content, **stored)
+    content.write(mark(content.getbuffer()))
     return write_bytes_atomically(path, content.getbuffer())
 
 
 def read_kept(path: Path, made_from: str) -> Any:
-    """A result, if it was kept and made from just this; None otherwise, also where the file is damaged."""
+    """A result, if this user kept it and it was made from just this; None otherwise, also where the file is damaged."""
     if not path.is_file():
         return None
     try:
-        with zipfile.ZipFile(path) as packed:
-            # `keep` packs nothing: what would swell is somebody else's.
-            if sum(part.file_size for part in packed.infolist()) > 2 * path.stat().st_size:
-                return None
-        with path.open("rb") as file, np.load(file, allow_pickle=False) as stored:
+        content = memoryview(path.read_bytes())
+        if not bears(content[:-LENGTH], content[-LENGTH:]):
+            return None
+        with np.load(BytesIO(content[:-LENGTH]), allow_pickle=False) as stored:
             tree = json.loads(stored[TREE].tobytes().decode())
             if tree[FRESH] != made_from:
                 return None

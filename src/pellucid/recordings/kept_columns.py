@@ -1,8 +1,9 @@
 """Columns of long files, kept beside a study as numbers: text is parsed once.
 
-A kept file is named after the checksum of the file it came from and of the readers; it is a line of JSON (names, what
-the file says of units, lengths, checksums) and the columns after each other, little-endian float64. Only columns that
-are asked for are read. Nothing is kept where the folder cannot be written, and no more than `MOST` of all.
+A kept file is named after the checksum of the file it came from and of the readers; it is its keeper's mark, a line of
+JSON (names, what the file says of units, lengths, checksums) and the columns after each other, little-endian float64.
+Only columns that are asked for are read. One without this user's mark is somebody else's, and written anew. Nothing is
+kept where the folder cannot be written, and no more than `MOST` of all.
 """
 
 from __future__ import annotations
@@ -12,13 +13,13 @@ import os
 from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from functools import cache
-from hashlib import sha256
+from hashlib import blake2b, sha256
 from pathlib import Path
-from zlib import crc32
 
 import numpy as np
 
 from .._atomic import atomically
+from .keepers_mark import LENGTH, bears, mark
 from .readers import Columns, read_columns
 
 FROM = 4_000_000  # bytes of a file that is worth keeping
@@ -41,7 +42,7 @@ class KeptColumns(Mapping):
         at, n, checksum = entry
         try:
             column = np.memmap(self._path, STORED, "r", self._start + at, (n,)) if n else np.empty(0, STORED)
-            if crc32(column) == checksum:
+            if _checksum(column) == checksum:
                 return np.asarray(column).astype(float, copy=False)
         except (OSError, ValueError):
             pass  # it is gone, or shorter than it was
@@ -66,15 +67,15 @@ def kept_columns(folder: Path, source: Path, digest: str) -> Columns:
 def _kept(path: Path, source: Path) -> Columns | None:
     try:
         with path.open("rb") as file:
-            line = file.readline()
-        head = json.loads(line)
+            marked, line = file.read(LENGTH), file.readline()
+        if not bears(_marked(path, line), marked):
+            return None
+        head, start = json.loads(line), LENGTH + len(line)
         for entry in head["columns"].values():
-            # Where and how long a column is; of a file that was tampered with, more than there is.
-            if not isinstance(entry, str):
-                at, n, checksum = map(int, entry)
-                if min(at, n, checksum) < 0 or len(line) + at + n * STORED.itemsize > path.stat().st_size:
-                    return None
-        found = KeptColumns(path, len(line), dict(head["columns"]), source), head["angle_unit"], head["units"]
+            # Of a file that was cut, less than there was.
+            if not isinstance(entry, str) and start + entry[0] + entry[1] * STORED.itemsize > path.stat().st_size:
+                return None
+        found = KeptColumns(path, start, dict(head["columns"]), source), head["angle_unit"], head["units"]
     except (OSError, ValueError, LookupError, TypeError, AttributeError, ArithmeticError, RecursionError):
         return None
     with suppress(OSError):
@@ -88,7 +89,7 @@ def _keep(path: Path, columns: Columns) -> Columns:
         return columns
     entries, at = {}, 0
     for name, x in columns.values.items():
-        entries[name] = x if isinstance(x, str) else (at, len(x), crc32(np.ascontiguousarray(x, STORED)))
+        entries[name] = x if isinstance(x, str) else (at, len(x), _checksum(np.ascontiguousarray(x, STORED)))
         at += 0 if isinstance(x, str) else x.nbytes
     if at > MOST or any(isinstance(name, int) for name in columns.units):
         return columns
@@ -97,14 +98,24 @@ def _keep(path: Path, columns: Columns) -> Columns:
     line = text + b" " * (-(len(text) + 1) % STORED.itemsize) + b"\n"  # numbers lie where a processor wants them
     try:
         with atomically(path) as file:
-            file.write(line)
+            file.write(mark(_marked(path, line)) + line)
             for x in columns.values.values():
                 if not isinstance(x, str):
                     file.write(np.ascontiguousarray(x, STORED))
         _forget(path)
     except OSError:
         return columns  # the folder cannot be written, or is full
-    return Columns(columns.path, KeptColumns(path, len(line), entries, columns.path), columns.angle_unit, columns.units)
+    kept = KeptColumns(path, LENGTH + len(line), entries, columns.path)
+    return Columns(columns.path, kept, columns.angle_unit, columns.units)
+
+
+def _checksum(column: np.ndarray) -> str:
+    return blake2b(column, digest_size=16).hexdigest()
+
+
+def _marked(path: Path, line: bytes) -> bytes:
+    """What the mark is of: the columns by their checksums, and whose they are."""
+    return path.name.encode() + line
 
 
 def _forget(but: Path) -> None:

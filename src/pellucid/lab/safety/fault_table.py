@@ -86,12 +86,12 @@ class FaultTable:
         return tuple(trial for trial in self.trials if trial.kind == kind)
 
 
-def judged_robot(index: int) -> WornRobot:
-    """A robot and a wearer that no threshold was chosen on."""
-    robot = drawn_rigs(able_elbow(), index + 1, seed=JUDGED_SEED)[index]
+def drawn_robot(index: int, seed: int = JUDGED_SEED) -> WornRobot:
+    """A robot and a wearer; with the seed that is meant one that no threshold was chosen on."""
+    robot = drawn_rigs(able_elbow(), index + 1, seed=seed)[index]
     rig = elbow_participants(robot)
-    wearer, other = draw_people(rig, np.random.default_rng([JUDGED_SEED, index]), count=6)[:2]
-    worn = worn_robot(rig, wearer, identified_cards(robot), JUDGED_SEED + index)
+    wearer, other = draw_people(rig, np.random.default_rng([seed, index]), count=6)[:2]
+    worn = worn_robot(rig, wearer, identified_cards(robot), seed + index)
     return worn.commissioned(other)
 
 
@@ -144,13 +144,15 @@ def _try_law(worn: WornRobot, index: int, name: str) -> Iterator[FaultTrial]:
         )
 
 
-def _one(index: int, hours: float) -> FaultTable:
-    return try_robot(judged_robot(index), index, hours)
+def _one(index: int, hours: float, seed: int) -> FaultTable:
+    return try_robot(drawn_robot(index, seed), index, hours)
 
 
-def fault_table(robots: int = 20, hours: float = 10.0, workers: int | None = None) -> FaultTable:
-    """The whole table on so many `robots`, and so many `hours` of healthy use of all laws together."""
-    made = in_order([(_one, index, hours / robots) for index in range(robots)], workers)
+def fault_table(
+    robots: int = 20, hours: float = 10.0, workers: int | None = None, seed: int = JUDGED_SEED
+) -> FaultTable:
+    """The whole table on so many `robots` of a `seed`, and so many `hours` of healthy use of all laws together."""
+    made = in_order([(_one, index, hours / robots, seed) for index in range(robots)], workers)
     return FaultTable(
         tuple(trial for one in made for trial in one.trials), tuple(life for one in made for life in one.healthy)
     )
