@@ -7,6 +7,7 @@
 #include "hill.hpp"
 #include "kernels.hpp"
 #include "laws.hpp"
+#include "strap.hpp"
 #include "supervision.hpp"
 #include "zero_phase.hpp"
 
@@ -468,6 +469,7 @@ NB_MODULE(_core, m) {
   b::add_coupled_plant(m);
   b::add_elbow(m);
   b::add_hill(m);
+  b::add_strap(m);
   b::add_zero_phase(m);
 
   nb::module_ math = m.def_submodule("math", "The core's elementary functions, on float64 or float32 arrays.");

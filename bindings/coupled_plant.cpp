@@ -17,7 +17,7 @@ constexpr const char* plant_doc =
 
 Parameters
 ----------
-parameters : (40,)
+parameters : (46,)
     In the order of COUPLED_PARAMETER_NAMES, SI.
 period : float
     Of control [s], > 0.
@@ -46,8 +46,9 @@ Returns
 -------
 tuple of float
     At the period's end: position, motor_position [rad] and torque [N m] as the encoders say; orthosis_position
-    [rad], orthosis_velocity [rad/s], limb_position [rad], limb_velocity [rad/s], strap_torque and spring_torque
-    [N m] as they are; and the motor_torque of the period [N m].)";
+    [rad], orthosis_velocity [rad/s], limb_position [rad], limb_velocity [rad/s], strap_torque on the orthosis
+    and spring_torque [N m] as they are; the motor_torque of the period; and limb_torque, of the strap against
+    the limb, the same but where it sits askew [N m].)";
 
 constexpr const char* step_sig =
     "def step(self, desired_torque: float, muscle_torque: float, slip_jump: float = 0.0) -> tuple[float, ...]";
@@ -73,7 +74,7 @@ class CoupledPlant {
     return tuple(p::step(coefficients_, state_, {desired_torque, muscle_torque, slip_jump}));
   }
   nb::object read() const { return tuple(p::read(coefficients_, state_)); }
-  double slip() const { return state_.slip; }
+  double slip() const { return state_.strap.slip; }
 
  private:
   nb::object tuple(const p::CoupledPlantOutput<double>& out) const {
@@ -86,7 +87,8 @@ class CoupledPlant {
                              state_.limb_velocity,
                              out.strap_torque,
                              out.spring_torque,
-                             out.motor_torque};
+                             out.motor_torque,
+                             out.limb_torque};
     constexpr std::size_t n = sizeof values / sizeof values[0];
     nb::object result = nb::steal(PyTuple_New(n));
     for (std::size_t i = 0; i < n; ++i)

@@ -20,8 +20,8 @@ position0 : float
     Where the forearm is held at first [rad].
 robot : (21,), optional
     In the order of GEARED_PARAMETER_NAMES, SI; left out: the forearm alone.
-strap : (2,)
-    Stiffness [N m/rad] and damping [N m s/rad].
+strap : (11,)
+    In the order of STRAP_PARAMETER_NAMES, SI.
 drive : (5,)
     Torque per ampere [N m/A], current limit [A], ripple amplitude [N m], its wave number [1/rad], and the encoder's
     quantum [rad].
@@ -96,7 +96,7 @@ Returns
 dict
     found, safe: periods after the onset until the supervisor acted, and until the output was safe, -1
     for never; fault, mode: what it found and did; early: periods with a fault before the onset; energy:
-    positive work on the limb since the onset, every 5 periods [J]; peak: largest strap torque from
+    positive work on the limb since the onset, every 5 periods [J]; peak: largest torque of the strap on the limb from
     onset to safe [N m]; impulse: of the drive from the onset to safe [N m s]; speed: largest of the
     limb from onset to safe [rad/s]; onset_speed: least of the motor in the 5 periods before the onset
     [rad/s]; periods; how near it came to a fault before there was one: lasting, push, contradiction,
@@ -125,14 +125,13 @@ class WornElbow {
     plant.robot.joint.motor_inertia = 1;
     plant.robot.joint.link.inertia = 1;
     plant.robot.joint.transmission.stiffness = 1;
-    const Array d = read_array("drive", drive), s = read_array("strap", strap), g = read_array("emg_gains", emg_gains);
+    const Array d = read_array("drive", drive), g = read_array("emg_gains", emg_gains);
     d.expect("(5,)", {5});
-    s.expect("(2,)", {2});
     g.expect("(2,)", {2});
     if (plant.worn) {
       plant.robot.joint = read_params<p::GearedJointParams<double>, double>("robot", robot);
     }
-    plant.strap = {s.data[0], s.data[1], 0, 0, 0};
+    plant.strap = read_params<p::StrapParams<double>, double>("strap", strap);
     plant.robot.drive = {d.data[0], 0, d.data[2], d.data[3], 0};
     plant.robot.encoder = {d.data[4]};
     plant.robot.loop.period = params.period;

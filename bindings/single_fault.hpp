@@ -338,7 +338,7 @@ inline Lived live_with(WornArm& arm, const Life& life, SingleFault& fault) {
       }
       if (time < life.onset) continue;
     }
-    const double torque = -row[4];
+    const double torque = arm.limb_torque;
     work += period * std::max(torque * row[1], 0.0);
     const auto after = static_cast<std::size_t>(std::llround((time - life.onset) / period));
     if (after % energy_every == 0) lived.energy.push_back(work);

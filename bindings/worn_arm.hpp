@@ -34,7 +34,7 @@ struct WornArm {
   AnySupervised<double> law;
   pellucid::SupervisorOutput<double> out{};
   pellucid::Watchdog watchdog{};
-  double drive_torque = 0, drive_measured = 0, gain = 1, limit = 0, smoothing = 0, emg_gain[2] = {1, 1}, level[2] = {0, 0},
+  double limb_torque = 0, drive_torque = 0, drive_measured = 0, gain = 1, limit = 0, smoothing = 0, emg_gain[2] = {1, 1}, level[2] = {0, 0},
          sensor[64] = {};
   std::uint64_t ticks = 0;
   std::uint32_t sensor_delay = 0, off = 0;
@@ -44,7 +44,9 @@ struct WornArm {
   template <class Fault> [[gnu::flatten]] void period(const double* noise, const double* sensor_error, bool emg, double* row,
                                                       Fault& fault) {
     namespace p = pellucid;
-    const double torque_now = p::interaction(plant, state);
+    const p::StrapPull<double> strap = p::interaction(plant, state);
+    const double torque_now = strap.robot;
+    limb_torque = -strap.limb;
     sensor[ticks % 64] = torque_now;
     const double late = sensor[(ticks - std::min<std::uint64_t>(sensor_delay, ticks)) % 64];
     const double encoder = p::step(plant.robot.encoder, state.motor_position, noise[2]);

@@ -94,7 +94,7 @@ template <class S> struct CoupledPlantState {
   S orthosis_velocity{};      ///< v_e [rad/s]
   S limb_position{};          ///< q_k [rad]
   S limb_velocity{};          ///< v_k [rad/s]
-  S slip{};                   ///< of the strap [rad]
+  StrapState<S> strap{};      ///< what the strap remembers
   TorqueLoopState<S> loop{};  ///< what the actuator remembers
 };
 
@@ -111,8 +111,9 @@ template <class S> struct CoupledPlantOutput {
   S motor_position{};  ///< what the motor's encoder says [rad]
   S torque{};          ///< what their difference says of the spring's torque [N m]
   S spring_torque{};   ///< tau_s [N m]
-  S strap_torque{};    ///< tau_c [N m]
+  S strap_torque{};    ///< tau_c, on the orthosis [N m]
   S motor_torque{};    ///< u [N m]
+  S limb_torque{};     ///< tau_c, against the limb: the same but where the strap sits askew [N m]
 };
 
 /// Torque of the spring [N m].
@@ -121,10 +122,11 @@ template <class S> S spring_torque(const CoupledPlantCoefficients<S>& c, const C
          c.spring_damping * (state.motor_velocity - state.orthosis_velocity);
 }
 
-/// Torque of the strap on the orthosis, and against the limb [N m].
-template <class S> S strap_torque(const CoupledPlantCoefficients<S>& c, const CoupledPlantState<S>& state) noexcept {
-  return torque(c.strap, state.limb_position - state.orthosis_position - state.slip,
-                state.limb_velocity - state.orthosis_velocity);
+/// What the strap does to orthosis and limb.
+template <class S>
+StrapPull<S> strap_pull(const CoupledPlantCoefficients<S>& c, const CoupledPlantState<S>& state) noexcept {
+  return pull(c.strap, state.strap, state.orthosis_position, state.orthosis_velocity, state.limb_position,
+              state.limb_velocity);
 }
 
 /// What encoders say now, and the torques that they cannot tell apart. Reading changes nothing.
@@ -135,21 +137,25 @@ CoupledPlantOutput<S> read(const CoupledPlantCoefficients<S>& c, const CoupledPl
   out.motor_position = step(c.motor_encoder, state.motor_position, S(0));
   out.torque = measured_torque(c.loop, out.motor_position, out.position);
   out.spring_torque = spring_torque(c, state);
-  out.strap_torque = strap_torque(c, state);
+  const StrapPull<S> strap = strap_pull(c, state);
+  out.strap_torque = strap.robot;
+  out.limb_torque = strap.limb;
   return out;
 }
 
 /// A state at rest in which the spring gives a torque, the orthosis is where one says, and the limb where the strap,
-/// without slip, carries what is left of the orthosis's weight.
+/// relaxed and without slip, carries what is left of the orthosis's weight.
 template <class S>
 CoupledPlantState<S> balanced(const CoupledPlantCoefficients<S>& c, const S& position, const S& torque) noexcept {
   CoupledPlantState<S> state;
-  const S load = gravity(c.orthosis, position) - torque;
-  const mask_t<S> strapped = c.strap.stiffness > S(0);
-  const S stretch = load / select(strapped, c.strap.stiffness, S(1)) + sign(load) * c.strap.half_slack;
+  const StrapAlignment<S> at = alignment(c.strap, position);
+  const S load = (gravity(c.orthosis, position) - torque) / at.lever;
+  const S stretch = stretch_under(c.strap, load);
+  const S gap = select(c.strap.stiffness > S(0), sign(load) * c.strap.half_slack, S(0));
   state.motor_position = position + torque / c.spring_stiffness;
   state.orthosis_position = position;
-  state.limb_position = position + select(strapped, stretch, S(0));
+  state.limb_position = at.limb + (stretch + gap);
+  state.strap = settled(c.strap, stretch);
   state.loop = settled(measured_torque(c.loop, state.motor_position, state.orthosis_position));
   return state;
 }
@@ -171,22 +177,22 @@ template <class S> CoupledPlantOutput<S> step(const CoupledPlantCoefficients<S>&
   static_assert(ScalarTraits<S>::is_real, "stiction resets the velocity, which would drop its derivative");
   const CoupledPlantOutput<S> before = read(c, state);
   const S motor_torque = step(c.loop, state.loop, input.desired_torque, before.torque);
-  state.slip = state.slip + input.slip_jump;
+  state.strap.slip = state.strap.slip + input.slip_jump;
   for (std::uint32_t i = 0; i < c.substeps; ++i) {
     const S spring = spring_torque(c, state);
-    const S strap = strap_torque(c, state);
+    const StrapPull<S> strap = strap_pull(c, state);
     mask_t<S> rests{};
-    const S effort = spring + strap;
+    const S effort = spring + strap.robot;
     const S v_e = state.orthosis_velocity;
     const S a_e = acceleration(c.orthosis, gravity(c.orthosis, state.orthosis_position), v_e, effort, effort, rests);
-    const S a_k = acceleration(c.limb, state.limb_position, state.limb_velocity, input.muscle_torque - strap);
+    const S a_k = acceleration(c.limb, state.limb_position, state.limb_velocity, input.muscle_torque - strap.limb);
     state.motor_velocity = next_motor_velocity(c, state.motor_position, state.motor_velocity, motor_torque, spring);
     state.orthosis_velocity = stick(rests, v_e, v_e + c.substep * a_e);
     state.limb_velocity = state.limb_velocity + c.substep * a_k;
     state.motor_position = state.motor_position + c.substep * state.motor_velocity;
     state.orthosis_position = state.orthosis_position + c.substep * state.orthosis_velocity;
     state.limb_position = state.limb_position + c.substep * state.limb_velocity;
-    state.slip = state.slip + c.substep * slip_rate(c.strap, strap);
+    advance(c.strap, state.strap, strap, c.substep);
   }
   CoupledPlantOutput<S> out = read(c, state);
   out.motor_torque = motor_torque;

@@ -40,20 +40,23 @@ template <class S> struct WornGearedPlantState {
   S limb_position{};      ///< [rad]
   S limb_velocity{};      ///< [rad/s]
   S limb_acceleration{};  ///< of the last substep [rad/s^2]
+  StrapState<S> strap{};  ///< what the strap remembers
 };
 
-/// Everything at rest at one angle, the cable carrying the robot.
+/// Everything at rest where the limb goes through the cuff, the cable carrying the robot.
 template <class S>
 WornGearedPlantState<S> balanced(const WornGearedPlantCoefficients<S>& c, const S& position) noexcept {
-  const GearedPlantState<S> robot = balanced(c.robot, position, S(0));
-  return {robot.motor_position, S(0), position, S(0), position, S(0), S(0)};
+  const S link = robot_at(c.strap, position);
+  const GearedPlantState<S> robot = balanced(c.robot, link, S(0));
+  return {robot.motor_position, S(0), link, S(0), position, S(0), S(0), {}};
 }
 
-/// Torque of the wearer on the robot [N m].
+/// What the strap does to wearer and robot.
 template <class S>
-S interaction(const WornGearedPlantCoefficients<S>& c, const WornGearedPlantState<S>& state) noexcept {
-  if (!c.worn) return S(0);
-  return torque(c.strap, state.limb_position - state.link_position, state.limb_velocity - state.link_velocity);
+StrapPull<S> interaction(const WornGearedPlantCoefficients<S>& c, const WornGearedPlantState<S>& state) noexcept {
+  if (!c.worn) return {};
+  return pull(c.strap, state.strap, state.link_position, state.link_velocity, state.limb_position,
+              state.limb_velocity);
 }
 
 /// One control period under a command of the drive and a torque of the muscles [N m].
@@ -61,16 +64,17 @@ template <class S> void step(const WornGearedPlantCoefficients<S>& c, WornGeared
                              const S& muscle) noexcept {
   const S h = c.robot.substep;
   for (std::uint32_t i = 0; i < c.robot.substeps; ++i) {
-    const S strap = interaction(c, state);
-    state.limb_acceleration = acceleration(c.limb, state.limb_position, state.limb_velocity, muscle - strap);
+    const StrapPull<S> strap = interaction(c, state);
+    state.limb_acceleration = acceleration(c.limb, state.limb_position, state.limb_velocity, muscle - strap.limb);
     if (c.worn) {
       const S cable = torque(c.robot.transmission, state.motor_position - state.link_position,
                              state.motor_velocity - state.link_velocity);
       state.motor_velocity =
           next_motor_velocity(c.robot, state.motor_position, state.motor_velocity, command, cable);
-      state.link_velocity = next_link_velocity(c.robot, state.link_position, state.link_velocity, cable + strap);
+      state.link_velocity = next_link_velocity(c.robot, state.link_position, state.link_velocity, cable + strap.robot);
       state.motor_position = state.motor_position + h * state.motor_velocity;
       state.link_position = state.link_position + h * state.link_velocity;
+      advance(c.strap, state.strap, strap, h);
     }
     state.limb_velocity = state.limb_velocity + h * state.limb_acceleration;
     state.limb_position = state.limb_position + h * state.limb_velocity;

@@ -825,7 +825,7 @@ class CoupledPlant:
 
     Parameters
     ----------
-    parameters : (40,)
+    parameters : (46,)
         In the order of COUPLED_PARAMETER_NAMES, SI.
     period : float
         Of control [s], > 0.
@@ -868,8 +868,9 @@ class CoupledPlant:
         -------
         tuple of float
             At the period's end: position, motor_position [rad] and torque [N m] as the encoders say; orthosis_position
-            [rad], orthosis_velocity [rad/s], limb_position [rad], limb_velocity [rad/s], strap_torque and spring_torque
-            [N m] as they are; and the motor_torque of the period [N m].
+            [rad], orthosis_velocity [rad/s], limb_position [rad], limb_velocity [rad/s], strap_torque on the orthosis
+            and spring_torque [N m] as they are; the motor_torque of the period; and limb_torque, of the strap against
+            the limb, the same but where it sits askew [N m].
         """
 
     def read(self) -> tuple[float, ...]:
@@ -897,8 +898,8 @@ class WornElbow:
         Where the forearm is held at first [rad].
     robot : (21,), optional
         In the order of GEARED_PARAMETER_NAMES, SI; left out: the forearm alone.
-    strap : (2,)
-        Stiffness [N m/rad] and damping [N m s/rad].
+    strap : (11,)
+        In the order of STRAP_PARAMETER_NAMES, SI.
     drive : (5,)
         Torque per ampere [N m/A], current limit [A], ripple amplitude [N m], its wave number [1/rad], and the encoder's
         quantum [rad].
@@ -1023,7 +1024,7 @@ class WornElbow:
         dict
             found, safe: periods after the onset until the supervisor acted, and until the output was safe, -1
             for never; fault, mode: what it found and did; early: periods with a fault before the onset; energy:
-            positive work on the limb since the onset, every 5 periods [J]; peak: largest strap torque from
+            positive work on the limb since the onset, every 5 periods [J]; peak: largest torque of the strap on the limb from
             onset to safe [N m]; impulse: of the drive from the onset to safe [N m s]; speed: largest of the
             limb from onset to safe [rad/s]; onset_speed: least of the motor in the 5 periods before the onset
             [rad/s]; periods; how near it came to a fault before there was one: lasting, push, contradiction,
@@ -1286,6 +1287,61 @@ class ElasticMuscle:
     @property
     def fibre_length(self) -> float:
         """At the last sample [m]."""
+
+STRAP_PARAMETER_NAMES: tuple[str, ...]
+
+def strap_torque(
+    parameters: ArrayLike,
+    robot_position: ArrayLike,
+    robot_velocity: ArrayLike,
+    limb_position: ArrayLike,
+    limb_velocity: ArrayLike,
+    *,
+    period: float,
+) -> tuple[NDArray[float64], ...]:
+    """
+    What a strap does along a motion that is known; at first it has settled.
+
+    Parameters
+    ----------
+    parameters : (11,)
+        In the order of STRAP_PARAMETER_NAMES, SI.
+    robot_position, robot_velocity, limb_position, limb_velocity : (n,)
+        Angles [rad] and their rates [rad/s].
+    period : float
+        Between two samples [s], > 0.
+
+    Returns
+    -------
+    tuple of (n,)
+        Torque against the limb and on the robot [N m], and by how much it has slipped [rad].
+    """
+
+def strap_torque_jacobian(
+    parameters: ArrayLike,
+    robot_position: ArrayLike,
+    robot_velocity: ArrayLike,
+    limb_position: ArrayLike,
+    limb_velocity: ArrayLike,
+    *,
+    period: float,
+    active: ArrayLike,
+) -> tuple[NDArray[float64], NDArray[float64]]:
+    """
+    `strap_torque` against the limb, and its derivatives.
+
+    Parameters
+    ----------
+    parameters, robot_position, robot_velocity, limb_position, limb_velocity, period
+        As of `strap_torque`.
+    active : (k,) of int
+        Which parameters, as indices into STRAP_PARAMETER_NAMES.
+
+    Returns
+    -------
+    tuple
+        Torque against the limb (n,) [N m], and its derivatives (n, k).
+    """
 
 def zero_phase(sos: ArrayLike, settled: ArrayLike, samples: ArrayLike, padding: int) -> NDArray[float64]:
     """

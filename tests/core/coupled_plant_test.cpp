@@ -33,6 +33,23 @@ void strap_pulls() {
   check(std::isnan(p::torque(tight, std::nan(""), 0.0)) && std::isnan(p::torque(slack, 0.2, std::nan(""))), "NaN");
 }
 
+void strap_is_not_a_spring() {
+  p::StrapParams<double> params{20, 0, 0.1, 6, 0.1, 0.2, 10, 0.5, 0.1, -0.05, 0.3};
+  const auto c = p::coefficients(params);
+  check_close(p::lasting_torque(c, 0.2), 20 * 0.2 * 4 / 3, 1e-12, "hardens");
+  check_close(p::lasting_torque(c, p::stretch_under(c, 7.0)), 7.0, 1e-12, "stretched by what it carries");
+  check_close(p::lasting_torque(c, p::stretch_under(c, -7e6)), -7e6, 1e-4, "however much that is");
+  check_close(p::torque(c, 0.25, 0.0, 0.05), p::lasting_torque(c, 0.2) + 1.5, 1e-12, "what relaxes is beside it");
+  check(p::torque(c, 0.06, 0.0, 0.05) == 0 && p::torque(c, 0.0, 0.0, 0.05) == 0, "and does not push");
+  check(p::alignment(c, 0.3).limb == 0.3, "straight where it was put on");
+  const double slope = (p::alignment(c, 0.9 + 1e-6).limb - p::alignment(c, 0.9 - 1e-6).limb) / 2e-6;
+  check_close(p::alignment(c, 0.9).lever, slope, 1e-9, "the lever is the slope");
+  check_close(p::alignment(c, p::robot_at(c, 0.9)).limb, 0.9, 1e-12, "where the robot is");
+  p::StrapState<double> state;
+  for (int i = 0; i < 3; ++i) p::advance(c, state, {0, 0, 0.25}, 1e9);
+  check_close(state.flow, 0.2, 1e-8, "relaxed, and stable");
+}
+
 void limb_ends() {
   const auto c = p::coefficients(example_coupled<double>().limb);
   check_close(p::passive_torque(c, -0.09), 1.0, 1e-12, "at the stop");
@@ -136,11 +153,16 @@ template <class S> void runs(const char* name) {
 void lanes_have_the_bits_of_one() {
   using L = p::Lanes<double, 4>;
   auto many = example_coupled<L>();
-  const double slack[4] = {0, 0.02, 0.1, 0}, hold[4] = {0.1, 100, 0, 0.5}, mobility[4] = {0.1, 0.1, 0, 0.05};
+  const double slack[4] = {0, 0.02, 0.1, 0}, hold[4] = {0.1, 100, 0, 0.5}, mobility[4] = {0.1, 0.1, 0, 0.05},
+               hardening[4] = {0, 0.1, -1, 0.3}, relaxing[4] = {0, 0, 15, 8}, along[4] = {0, 0.1, 0, -0.05};
   for (std::size_t l = 0; l < 4; ++l) {
     many.strap.slack.set(l, slack[l]);
     many.strap.hold.set(l, hold[l]);
     many.strap.slip_mobility.set(l, mobility[l]);
+    many.strap.hardening.set(l, hardening[l]);
+    many.strap.relaxing_stiffness.set(l, relaxing[l]);
+    many.strap.relaxation_time.set(l, 0.5);
+    many.strap.along.set(l, along[l]);
   }
   const auto c = p::coefficients(many);
   for (std::size_t l = 0; l < 4; ++l) {
@@ -148,6 +170,10 @@ void lanes_have_the_bits_of_one() {
     one.strap.slack = slack[l];
     one.strap.hold = hold[l];
     one.strap.slip_mobility = mobility[l];
+    one.strap.hardening = hardening[l];
+    one.strap.relaxing_stiffness = relaxing[l];
+    one.strap.relaxation_time = 0.5;
+    one.strap.along = along[l];
     const auto c1 = p::coefficients(one);
     auto states = p::balanced(c, L(0.3), L(0));
     auto state = p::balanced(c1, 0.3, 0.0);
@@ -155,7 +181,7 @@ void lanes_have_the_bits_of_one() {
       const double tau = 5 * reference_at(k);
       const auto a = p::step(c, states, p::CoupledPlantInput<L>{L(tau), L(3), L(0)});
       const auto b = p::step(c1, state, p::CoupledPlantInput<double>{tau, 3, 0});
-      check(a.position[l] == b.position && states.slip[l] == state.slip, "a lane is as one");
+      check(a.position[l] == b.position && states.strap.slip[l] == state.strap.slip, "a lane is as one");
     }
   }
 }
@@ -179,6 +205,7 @@ template <class T> void total() {
 
 int main() {
   strap_pulls();
+  strap_is_not_a_spring();
   limb_ends();
   torque_loop_is_late_and_limited();
   does_not_creep();

@@ -6,13 +6,15 @@ import math
 
 import geared_reference
 import numpy as np
+import scipy.optimize
 
 NAMES = (
     "motor_inertia", "coulomb_positive", "coulomb_negative", "viscous_positive", "viscous_negative", "stribeck",
     "stribeck_velocity", "load_motoring", "load_generating", "load_rise", "friction_swing", "friction_wave_number",
     "viscous_decline", "spring_stiffness", "spring_damping", "orthosis_inertia", "gravity_sine", "gravity_cosine",
     "bearing_coulomb", "bearing_viscous", "strap_stiffness", "strap_damping", "strap_slack", "strap_hold",
-    "strap_mobility", "limb_inertia", "limb_gravity", "limb_centre", "limb_viscous", "passive_torque", "passive_angle",
+    "strap_mobility", "strap_hardening", "strap_relaxing_stiffness", "strap_relaxation_time", "strap_across",
+    "strap_along", "strap_fitted", "limb_inertia", "limb_gravity", "limb_centre", "limb_viscous", "passive_torque", "passive_angle",
     "passive_scale", "torque_kp", "torque_ki", "torque_kd", "torque_limit", "motor_limit", "calibrated_stiffness",
     "motor_quantum", "output_quantum",
 )  # fmt: skip
@@ -22,7 +24,8 @@ EXAMPLE = dict(
     stribeck=0.3, stribeck_velocity=0.1, load_motoring=0.08, load_generating=0.15, load_rise=0.5, friction_swing=0.2,
     friction_wave_number=9.0, viscous_decline=2.0, spring_stiffness=170.0, spring_damping=0.1, orthosis_inertia=0.05,
     gravity_sine=1.5, gravity_cosine=0.05, bearing_coulomb=0.02, bearing_viscous=0.01, strap_stiffness=20.0,
-    strap_damping=0.5, strap_slack=0.0, strap_hold=2.0, strap_mobility=0.1, limb_inertia=0.3, limb_gravity=8.0,
+    strap_damping=0.5, strap_slack=0.0, strap_hold=2.0, strap_mobility=0.1, strap_hardening=0.0,
+    strap_relaxing_stiffness=0.0, strap_relaxation_time=0.0, strap_across=0.0, strap_along=0.0, strap_fitted=0.0, limb_inertia=0.3, limb_gravity=8.0,
     limb_centre=0.05, limb_viscous=0.15, passive_torque=1.0, passive_angle=-0.09, passive_scale=0.03, torque_kp=1.0,
     torque_ki=3.0, torque_kd=0.01, torque_limit=25.0, motor_limit=30.0, calibrated_stiffness=171.0,
     motor_quantum=2e-5, output_quantum=1e-4,
@@ -30,7 +33,7 @@ EXAMPLE = dict(
 
 OUTPUTS = (
     "position", "motor_position", "torque", "orthosis_position", "orthosis_velocity", "limb_position", "limb_velocity",
-    "strap_torque", "spring_torque", "motor_torque",
+    "strap_torque", "spring_torque", "motor_torque", "limb_torque",
 )  # fmt: skip
 
 
@@ -51,7 +54,15 @@ def random_parameters(rng: np.random.Generator, **fixed: float) -> np.ndarray:
         strap_mobility=(0, 0.2), limb_inertia=(0.2, 0.7), limb_gravity=(5, 15), passive_torque=(0, 2),
         torque_kp=(0, 1.5), torque_ki=(0, 5), torque_kd=(0, 0.02), motor_limit=(3, 30), torque_limit=(5, 30),
     )  # fmt: skip
-    return parameters(**{name: rng.uniform(*range_) for name, range_ in ranges.items()} | fixed)
+    of_strap = dict(
+        strap_hardening=(-0.2, 0.4), strap_relaxing_stiffness=(-20, 30), strap_relaxation_time=(0.1, 2),
+        strap_across=(-0.2, 0.2), strap_along=(-0.2, 0.2), strap_fitted=(-1, 1),
+    )  # fmt: skip
+    drawn = {name: rng.uniform(*range_) for name, range_ in ranges.items()}
+    apart = rng.spawn(1)[0]
+    drawn |= {name: apart.uniform(*range_) for name, range_ in of_strap.items()}
+    drawn["strap_relaxing_stiffness"] = max(drawn["strap_relaxing_stiffness"], 0.0)
+    return parameters(**drawn | fixed)
 
 
 class Plant:
@@ -60,12 +71,18 @@ class Plant:
     def __init__(self, parameters, *, period, substeps=10, delay=0, torque_span=1, position0=0.0, torque0=0.0):
         self.p = p = dict(zip(NAMES, parameters, strict=True))
         self.period, self.substeps, self.delay, self.span = period, substeps, delay, torque_span
-        load = self.weight(position0) - torque0
+        through, lever = self.alignment(position0)
+        load = (self.weight(position0) - torque0) / lever
         self.q_e = position0
         self.q_m = position0 + torque0 / p["spring_stiffness"]
-        self.q_k = position0
+        self.q_k, self.flow = through, 0.0
         if p["strap_stiffness"] > 0 and load != 0:
-            self.q_k += load / p["strap_stiffness"] + math.copysign(0.5 * max(p["strap_slack"], 0.0), load)
+            size = self.cubic() * p["strap_stiffness"]
+            stretch = scipy.optimize.brentq(
+                lambda e: p["strap_stiffness"] * e + size * e**3 - load, -10.0, 10.0, xtol=1e-14, rtol=1e-14
+            )
+            self.q_k += stretch + math.copysign(0.5 * max(p["strap_slack"], 0.0), load)
+            self.flow = stretch
         self.v_m = self.v_e = self.v_k = self.slip = self.integral = 0.0
         settled = p["calibrated_stiffness"] * (self.q_m - self.q_e)
         self.torques, self.commands = [settled] * 8, [settled] * 8
@@ -77,25 +94,40 @@ class Plant:
         p = self.p
         return p["spring_stiffness"] * (self.q_m - self.q_e) + p["spring_damping"] * (self.v_m - self.v_e)
 
-    def strap(self) -> float:
+    def cubic(self) -> float:
+        doubled = self.p["strap_hardening"]
+        return 1.0 / (3.0 * doubled**2) if doubled > 0 else 0.0
+
+    def alignment(self, q: float) -> tuple[float, float]:
+        """Where the limb goes through the cuff, and its slope."""
         p = self.p
-        mismatch, rate = self.q_k - self.q_e - self.slip, self.v_k - self.v_e
-        gap = 0.5 * p["strap_slack"]
-        if gap <= 0:
-            return p["strap_stiffness"] * mismatch + p["strap_damping"] * rate
-        if abs(mismatch) <= gap:
-            return 0.0
-        pull = p["strap_stiffness"] * (abs(mismatch) - gap) + p["strap_damping"] * math.copysign(1.0, mismatch) * rate
-        return math.copysign(max(pull, 0.0), mismatch)
+
+        def off(q: float) -> float:
+            return p["strap_along"] * math.sin(q) - p["strap_across"] * math.cos(q)
+
+        return q + off(q) - off(p["strap_fitted"]), 1 + p["strap_along"] * math.cos(q) + p["strap_across"] * math.sin(q)
+
+    def stretch(self) -> float:
+        mismatch = self.q_k - self.alignment(self.q_e)[0] - self.slip
+        return math.copysign(max(abs(mismatch) - 0.5 * max(self.p["strap_slack"], 0.0), 0.0), mismatch)
+
+    def strap(self) -> tuple[float, float]:
+        """On the orthosis, and against the limb."""
+        p, lever, e = self.p, self.alignment(self.q_e)[1], self.stretch()
+        pull = p["strap_stiffness"] * (e + self.cubic() * e**3) + p["strap_relaxing_stiffness"] * (e - self.flow)
+        pull += p["strap_damping"] * (self.v_k - lever * self.v_e)
+        if p["strap_slack"] > 0 and (e == 0 or (pull > 0) != (e > 0)):
+            pull = 0.0
+        return lever * pull, pull
 
     def read(self) -> tuple[float, ...]:
         p = self.p
         position = round(self.q_e / p["output_quantum"]) * p["output_quantum"]
         motor = round(self.q_m / p["motor_quantum"]) * p["motor_quantum"]
         torque = p["calibrated_stiffness"] * (motor - position)
-        strap = self.strap()
+        strap, against = self.strap()
         return (
-            position, motor, torque, self.q_e, self.v_e, self.q_k, self.v_k, strap + 0.0, self.spring(), 0.0,
+            position, motor, torque, self.q_e, self.v_e, self.q_k, self.v_k, strap, self.spring(), 0.0, against,
         )  # fmt: skip
 
     def command(self, desired: float, measured: float) -> float:
@@ -118,7 +150,7 @@ class Plant:
         u = self.command(desired, self.read()[2])
         self.slip += slip_jump
         for _ in range(self.substeps):
-            spring, strap = self.spring(), self.strap()
+            spring, (strap, against), stretch = self.spring(), self.strap(), self.stretch()
             net = u - spring
             up = self.v_m > 0 if self.v_m != 0 else net > 0
             viscous = (p["viscous_positive"] if up else p["viscous_negative"]) * self.v_m
@@ -133,11 +165,14 @@ class Plant:
             depth = min((p["passive_angle"] - self.q_k) / p["passive_scale"], 5.0)
             tissue = p["passive_torque"] * math.exp(depth) - p["limb_viscous"] * self.v_k
             weight = p["limb_gravity"] * math.sin(self.q_k - p["limb_centre"])
-            self.v_k += h * (muscle - strap - weight + tissue) / p["limb_inertia"]
+            self.v_k += h * (muscle - against - weight + tissue) / p["limb_inertia"]
             self.v_m, self.v_e = v_m, v_e
             self.q_m += h * v_m
             self.q_e += h * v_e
             self.q_k += h * self.v_k
-            beyond = abs(strap) - p["strap_hold"]
-            self.slip += h * p["strap_mobility"] * math.copysign(max(beyond, 0.0), strap)
-        return (*self.read()[:-1], u)
+            beyond = abs(against) - p["strap_hold"]
+            self.slip += h * p["strap_mobility"] * math.copysign(max(beyond, 0.0), against)
+            if p["strap_relaxing_stiffness"] > 0:
+                self.flow = (self.flow + h / p["strap_relaxation_time"] * stretch) / (1 + h / p["strap_relaxation_time"])
+        out = self.read()
+        return (*out[:-2], u, out[-1])

@@ -206,7 +206,7 @@ def test_a_file_that_lacks_something_is_told():
 def test_the_core_refuses_what_makes_no_sense(change, told):
     person = draw_people(RIG, np.random.default_rng(8))[0]
     arm = _core.WornElbow(
-        person.vector(RIG), np.zeros(5), position0=1.0, strap=[100, 1], drive=[1, 1, 0, 0, 0], emg_gains=[1, 1],
+        person.vector(RIG), np.zeros(5), position0=1.0, strap=RIG.strap, drive=[1, 1, 0, 0, 0], emg_gains=[1, 1],
         substeps=4,
     )  # fmt: skip
     arguments = dict(target=1.2, amplitude=0.2, duration=0.6, reaction=0.2, load=np.zeros(5), tolerance=0.1, hold=0.1,

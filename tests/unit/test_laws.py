@@ -92,7 +92,7 @@ def test_it_is_worn_in_the_lab(name):
     person, robot = draw_people(rig, np.random.default_rng(1), count=1)[0], rig.robot
     here = rig["pointing"]["reference"]
     arm = _core.WornElbow(
-        person.vector(rig), np.zeros(5), position0=here, robot=robot.plant(person.slider(rig)), strap=[120.0, 1.2],
+        person.vector(rig), np.zeros(5), position0=here, robot=robot.plant(person.slider(rig)), strap=rig.strap,
         drive=[robot.gain, robot["motor"]["current_limit"], 0.0, 0.0, robot.quantum], law=name,
         law_parameters=law.parameters, emg_gains=[1.0, 1.0], substeps=substeps_for(rig.period),
     )  # fmt: skip

@@ -132,7 +132,7 @@ def run_trial(
         else:
             desired = reference[k]
         if acting is not None:
-            muscle = acting.step(k, reading[5], reading[6], reading[7])
+            muscle = acting.step(k, reading[5], reading[6], reading[10])
         commands.append(desired)
         slips.append(plant.slip)
         velocity = reading[6]

@@ -8,6 +8,7 @@ from typing import Any, Self
 
 import numpy as np
 
+from ... import _core
 from ..._errors import StudyError
 from ..elbow.rig import ElbowRig
 from ..known_rigs import shipped_rig
@@ -81,6 +82,11 @@ class PointingRig(Rig):
     def period(self) -> float:
         """Of control [s]."""
         return 1.0 / self.robot["sampling"]["rate"]
+
+    @property
+    def strap(self) -> np.ndarray:
+        """The core's parameters of the strap, shape (11,), SI; what the file does not say of it is not there."""
+        return np.array([self["robot"].get(name, 0.0) for name in _core.STRAP_PARAMETER_NAMES], float)
 
     def under(self, conditions: Conditions) -> Self:
         """The same people under these conditions."""

@@ -186,7 +186,7 @@ def _strapped(
         np.zeros(5),
         position0=position,
         robot=None if law is None else robot.plant(person.slider(rig)),
-        strap=[rig["robot"]["strap_stiffness"], rig["robot"]["strap_damping"]],
+        strap=rig.strap,
         drive=drive,
         law="none" if law is None else law.kind,
         law_parameters=None if law is None else law.parameters,

@@ -105,7 +105,7 @@ class WornRobot:
             np.zeros(5),
             position0=float(rig["pointing"]["reference"]),
             robot=robot.plant(self.person.slider(rig)),
-            strap=[rig["robot"]["strap_stiffness"], rig["robot"]["strap_damping"]],
+            strap=rig.strap,
             drive=[robot.gain, motor["current_limit"], motor["ripple_amplitude"], motor["ripple_wave_number"],
                    robot.quantum],
             law=law.kind,
