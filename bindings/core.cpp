@@ -42,7 +42,8 @@ constexpr const char* setting_names[setting_count] = {"kp",
                                                       "ripple_phase",
                                                       "position0",
                                                       "velocity0",
-                                                      "integral0"};
+                                                      "integral0",
+                                                      "presliding_travel"};
 
 /// What a simulation of a kind of plant takes and gives.
 struct Model {
@@ -133,6 +134,17 @@ nb::object load(nb::handle parameters, nb::handle position, nb::handle accelerat
   return effort.array();
 }
 
+nb::object presliding(nb::handle travel, nb::handle position) {
+  const Array way = read_array("position", position);
+  if (way.shape.size() != 1) way.fail("(n,)");
+  const auto c = p::coefficients(p::PreslidingParams<double>{read_number("travel", travel)});
+  Result result({way.shape[0]});
+  p::PreslidingState<double> state;
+  for (std::size_t i = 0; i < way.shape[0]; ++i)
+    result.data[i] = p::step(c, state, way.data[i] - way.data[i > 0 ? i - 1 : 0]);
+  return result.array();
+}
+
 // ---- the plant ----
 
 /// The keywords of a call, each taken once.
@@ -206,7 +218,8 @@ struct SimulationArguments {
     simulation.velocity_span = keywords.count("velocity_span", 0, 0, p::max_velocity_span);
     simulation.loop = loop(keywords.take("loop"));
     if (model.has_modes) simulation.stiction = truth(keywords.take("stiction"));
-    for (std::size_t i = 0; i < setting_count; ++i)
+    const std::size_t settings = model.has_modes ? setting_count : presliding_travel;
+    for (std::size_t i = 0; i < settings; ++i)
       simulation.settings[i] = setting(i, keywords.take(setting_names[i]), batch);
 
     for (std::size_t i = 0; i < model.outputs; ++i) {
@@ -373,6 +386,7 @@ class SafetyGate {
 nb::dict model_fields() {
   nb::dict models;
   models["joint"] = fields_of<p::JointParams<double>>();
+  models["presliding"] = fields_of<p::PreslidingParams<double>>();
   models["geared_joint"] = fields_of<p::GearedJointParams<double>>();
   models["coupled_plant"] = fields_of<p::CoupledPlantParams<double>>();
   models["reaching"] = fields_of<p::ReachingParams<double>>();
@@ -428,6 +442,8 @@ NB_MODULE(_core, m) {
         nb::sig(b::docs::friction_sig), b::docs::friction);
   m.def("load", b::load, nb::arg("parameters").none(), nb::arg("position").none(), nb::arg("acceleration").none(),
         nb::sig(b::docs::load_sig), b::docs::load);
+  m.def("presliding", b::presliding, nb::arg("travel"), nb::arg("position"), nb::sig(b::docs::presliding_sig),
+        b::docs::presliding);
   m.def("simulate", b::simulate, nb::arg("parameters").none(), nb::arg("kwargs"), nb::sig(b::docs::simulate_sig),
         b::docs::simulate);
   m.def("simulate_batch", b::simulate_batch, nb::arg("parameters").none(), nb::arg("kwargs"),

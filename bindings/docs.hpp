@@ -89,6 +89,23 @@ parameters : (k,)
 position, acceleration : (n,)
     q [rad], a [rad/s^2].)";
 
+constexpr const char* presliding_sig = "def presliding(travel: float, position: ArrayLike) -> NDArray[float64]";
+constexpr const char* presliding = R"(What takes the place of the sign of velocity while friction gives before it slips.
+
+Depends on the way alone, not on time; starts without strain.
+
+Parameters
+----------
+travel : float
+    Way from rest over which friction builds up to its level [rad].
+position : (n,)
+    The way gone [rad]. A step from or to NaN is none.
+
+Returns
+-------
+direction : (n,)
+    s, -1 to 1; 0 throughout where the travel is 0.)";
+
 constexpr const char* simulate_sig =
     "def simulate(parameters: ArrayLike, *, reference: ArrayLike, period: float, substeps: int = 4, loop: str = "
     "\"none\", "
@@ -98,7 +115,8 @@ constexpr const char* simulate_sig =
     "float = 0, "
     "encoder_noise: ArrayLike | None = None, ripple_amplitude: float = 0, ripple_wave_number: float = 0, ripple_phase: "
     "float = 0, "
-    "position0: float = 0, velocity0: float = 0, integral0: float = 0, stiction: bool = False) -> "
+    "position0: float = 0, velocity0: float = 0, integral0: float = 0, presliding_travel: float = 0, stiction: bool = "
+    "False) -> "
     "tuple[NDArray[float64], ...]";
 constexpr const char* simulate = R"(A joint under its own controller, sample by sample.
 
@@ -137,6 +155,9 @@ position0, velocity0 : float
     Where the joint starts [rad, rad/s]. Default 0.
 integral0 : float
     What the loop's integral of e starts from. Default 0.
+presliding_travel : float
+    Way over which friction builds up to its level before the joint slips [rad]; then neither velocity_width nor
+    stiction counts. Default 0: it slips at once.
 stiction : bool
     True stiction: the true sign whatever velocity_width is, and a joint at rest under less than the breakaway
     effort stays there to the bit. Default: smooth friction.
@@ -157,7 +178,7 @@ constexpr const char* simulate_batch_sig =
     "None, "
     "encoder_quantum: ArrayLike = 0, encoder_noise: ArrayLike | None = None, ripple_amplitude: ArrayLike = 0, "
     "ripple_wave_number: ArrayLike = 0, ripple_phase: ArrayLike = 0, position0: ArrayLike = 0, velocity0: ArrayLike = "
-    "0, integral0: ArrayLike = 0, "
+    "0, integral0: ArrayLike = 0, presliding_travel: ArrayLike = 0, "
     "stiction: bool = False, threads: int = 1) -> tuple[NDArray[float64], ...]";
 constexpr const char* simulate_batch =
     R"(Many joints at once, in the lanes of the processor; the same bits as `simulate` gives one by one.
@@ -168,7 +189,7 @@ parameters : (m, k)
     A joint a row.
 reference, injected, disturbance, encoder_noise : (n,) or (m, n)
     Shared, or one a row.
-kp, ..., integral0 : float or (m,)
+kp, ..., presliding_travel : float or (m,)
     Shared, or one a row. period, substeps, loop, velocity_span and stiction are shared.
 threads : int
     How many threads share the rows. Default 1.
@@ -233,8 +254,8 @@ constexpr const char* simulate_jacobian_sig =
     "gain: float = 1, back_emf: float = 0, injected: ArrayLike | None = None, disturbance: ArrayLike | None = None, "
     "encoder_quantum: float = 0, encoder_noise: ArrayLike | None = None, ripple_amplitude: float = 0, "
     "ripple_wave_number: float = 0, "
-    "ripple_phase: float = 0, position0: float = 0, velocity0: float = 0, integral0: float = 0, stiction: bool = "
-    "False) -> tuple[NDArray[float64], ...]";
+    "ripple_phase: float = 0, position0: float = 0, velocity0: float = 0, integral0: float = 0, "
+    "presliding_travel: float = 0, stiction: bool = False) -> tuple[NDArray[float64], ...]";
 constexpr const char* simulate_jacobian =
     R"(simulate, and the exact derivatives of its trajectory by some parameters of the joint.
 

@@ -123,6 +123,7 @@ template <std::size_t width> struct Row<p::Lanes<double, width>> {
 template <p::Friction mode> struct Rigid {
   static constexpr std::size_t parameter_count = p::parameter_count;
   static constexpr std::size_t output_count = bindings::output_count;
+  static constexpr bool gives = true;  // before it slips
   template <class S> using Params = p::PlantParams<S>;
 
   template <class S> static p::JointParams<S> joint(const S (&parameters)[parameter_count]) {
@@ -161,6 +162,7 @@ template <p::Friction mode> struct Rigid {
 struct Geared {
   static constexpr std::size_t parameter_count = p::geared_parameter_count;
   static constexpr std::size_t output_count = geared_output_count;
+  static constexpr bool gives = false;
   template <class S> using Params = p::GearedPlantParams<S>;
 
   template <class S> static p::GearedJointParams<S> joint(const S (&parameters)[parameter_count]) {
@@ -212,6 +214,7 @@ void run(const Simulation& s, const Row<S>& row, const S (&parameters)[Model::pa
                  S(s.period)};
   params.encoder = {setting(encoder_quantum)};
   params.substeps = s.substeps;
+  if constexpr (Model::gives) params.presliding = {setting(presliding_travel)};
   const auto c = p::coefficients(params);
   auto state = Model::start(c, setting(position0), setting(velocity0));
   state.loop.integral = setting(integral0);

@@ -30,6 +30,7 @@ enum Setting : std::size_t {
   position0,
   velocity0,
   integral0,
+  presliding_travel,
   setting_count
 };
 

@@ -8,6 +8,7 @@ from pellucid.models.fields import Field, model_fields
 
 MODELS = {
     "joint": "A joint, as identification finds it",
+    "presliding": "Friction below slip",
     "geared_joint": "A motor and a link behind a compliant transmission",
     "coupled_plant": "A series-elastic orthosis, its strap and the limb in it",
     "reaching": "A person who reaches",

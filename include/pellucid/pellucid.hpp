@@ -35,6 +35,7 @@
 #include "muscle_slopes.hpp"
 #include "plant.hpp"
 #include "position_prediction.hpp"
+#include "presliding.hpp"
 #include "reaching.hpp"
 #include "residual_compensator.hpp"
 #include "safety.hpp"

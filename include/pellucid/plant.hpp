@@ -3,12 +3,14 @@
 // The loop reads the encoder once a period and holds its command; the joint moves in substeps of semi-implicit Euler,
 //   v <- v + h a(q, v),   q <- q + h v.
 // Friction is smooth (tanh; differentiable, so that it can be identified through) or true stiction, which holds a
-// joint still, to the bit, under less than its breakaway effort.
+// joint still, to the bit, under less than its breakaway effort. With a presliding travel it gives before it slips,
+// whichever of the two it is otherwise: nothing is reset and nothing jumps, so that dual numbers may pass.
 #pragma once
 
 #include "drive.hpp"
 #include "joint.hpp"
 #include "loops.hpp"
+#include "presliding.hpp"
 #include "sensor.hpp"
 
 namespace pellucid {
@@ -20,21 +22,23 @@ enum class Friction : std::uint8_t {
 };
 
 template <class S> struct PlantParams {
-  JointParams<S> joint{};      ///< the mechanism
-  DriveParams<S> drive{};      ///< from command to effort
-  LoopParams<S> loop{};        ///< the controller, and the control period
-  EncoderParams<S> encoder{};  ///< what the controller sees
-  std::uint32_t substeps = 4;  ///< integration steps per control period, >= 1
+  JointParams<S> joint{};            ///< the mechanism
+  DriveParams<S> drive{};            ///< from command to effort
+  LoopParams<S> loop{};              ///< the controller, and the control period
+  EncoderParams<S> encoder{};        ///< what the controller sees
+  std::uint32_t substeps = 4;        ///< integration steps per control period, >= 1
+  PreslidingParams<S> presliding{};  ///< of the joint's friction; a travel of 0: it slips at once
 };
 
 /// What follows from PlantParams once.
 template <class S> struct PlantCoefficients {
-  JointCoefficients<S> joint{};      ///< the mechanism
-  DriveCoefficients<S> drive{};      ///< from command to effort
-  LoopCoefficients<S> loop{};        ///< the controller
-  EncoderCoefficients<S> encoder{};  ///< what the controller sees
-  S substep{};                       ///< h [s]
-  std::uint32_t substeps = 4;        ///< per control period
+  JointCoefficients<S> joint{};            ///< the mechanism
+  DriveCoefficients<S> drive{};            ///< from command to effort
+  LoopCoefficients<S> loop{};              ///< the controller
+  EncoderCoefficients<S> encoder{};        ///< what the controller sees
+  S substep{};                             ///< h [s]
+  std::uint32_t substeps = 4;              ///< per control period
+  PreslidingCoefficients<S> presliding{};  ///< of the joint's friction
 };
 
 template <class S> PlantCoefficients<S> coefficients(const PlantParams<S>& params) noexcept {
@@ -43,15 +47,17 @@ template <class S> PlantCoefficients<S> coefficients(const PlantParams<S>& param
   c.drive = coefficients(params.drive);
   c.loop = coefficients(params.loop);
   c.encoder = coefficients(params.encoder);
+  c.presliding = coefficients(params.presliding);
   c.substeps = params.substeps > 0 ? params.substeps : 1;
   c.substep = params.loop.period / S(static_cast<value_t<S>>(c.substeps));
   return c;
 }
 
 template <class S> struct PlantState {
-  S position{};         ///< q [rad]
-  S velocity{};         ///< v [rad/s]
-  LoopState<S> loop{};  ///< what the controller remembers
+  S position{};                     ///< q [rad]
+  S velocity{};                     ///< v [rad/s]
+  LoopState<S> loop{};              ///< what the controller remembers
+  PreslidingState<S> presliding{};  ///< what the contacts remember
 };
 
 /// What a plant is given each period.
@@ -73,16 +79,22 @@ template <class S> struct PlantOutput {
 };
 
 /// Acceleration at (q, v) [rad/s^2]; `rests` becomes true where stiction holds the joint, at v = 0, under this effort.
-template <Friction mode, class S> S acceleration(const PlantCoefficients<S>& c, const S& position, const S& velocity,
-                                                 const S& command, const S& disturbance, mask_t<S>& rests) noexcept {
+template <Friction mode, class S>
+S acceleration(const PlantCoefficients<S>& c, const S& position, const S& velocity, const PreslidingState<S>& contacts,
+               const S& command, const S& disturbance, mask_t<S>& rests) noexcept {
   const S gravity_effort = gravity(c.joint, position);
   const S outside = ripple(c.drive, position) + disturbance;
   const S effort = drive_effort(c.drive, command, velocity) + outside;
+  S at_once{};
   if constexpr (mode == Friction::smooth) {
-    return acceleration(c.joint, gravity_effort, resistance(c.joint.friction, velocity), effort);
+    at_once = acceleration(c.joint, gravity_effort, resistance(c.joint.friction, velocity), effort);
   } else {
-    return acceleration(c.joint, gravity_effort, velocity, effort, c.drive.params.gain * command + outside, rests);
+    at_once = acceleration(c.joint, gravity_effort, velocity, effort, c.drive.params.gain * command + outside, rests);
   }
+  if (!c.presliding.any_gives) return at_once;
+  rests = both(rests, !c.presliding.gives);
+  const Resistance<S> bent = bent_resistance(c.joint.friction, velocity, direction(contacts));
+  return select(c.presliding.gives, acceleration(c.joint, gravity_effort, bent, effort), at_once);
 }
 
 /// One control period.
@@ -102,12 +114,13 @@ PlantOutput<S> step(const PlantCoefficients<S>& c, PlantState<S>& state, const P
   S v = state.velocity;
   for (std::uint32_t i = 0; i < c.substeps; ++i) {
     mask_t<S> rests{};
-    const S a = acceleration<mode>(c, q, v, out.command, input.disturbance, rests);
+    const S a = acceleration<mode>(c, q, v, state.presliding, out.command, input.disturbance, rests);
     if (i == 0) out.acceleration = a;
     S next = v + c.substep * a;
     if constexpr (mode == Friction::stiction) next = stick(rests, v, next);
     v = next;
     q = q + c.substep * v;
+    if (c.presliding.any_gives) step(c.presliding, state.presliding, c.substep * v);
   }
   state.position = q;
   state.velocity = v;

@@ -108,6 +108,25 @@ def load(parameters: ArrayLike, position: ArrayLike, acceleration: ArrayLike) ->
         q [rad], a [rad/s^2].
     """
 
+def presliding(travel: float, position: ArrayLike) -> NDArray[float64]:
+    """
+    What takes the place of the sign of velocity while friction gives before it slips.
+
+    Depends on the way alone, not on time; starts without strain.
+
+    Parameters
+    ----------
+    travel : float
+        Way from rest over which friction builds up to its level [rad].
+    position : (n,)
+        The way gone [rad]. A step from or to NaN is none.
+
+    Returns
+    -------
+    direction : (n,)
+        s, -1 to 1; 0 throughout where the travel is 0.
+    """
+
 def simulate(
     parameters: ArrayLike,
     *,
@@ -133,6 +152,7 @@ def simulate(
     position0: float = 0,
     velocity0: float = 0,
     integral0: float = 0,
+    presliding_travel: float = 0,
     stiction: bool = False,
 ) -> tuple[NDArray[float64], ...]:
     """
@@ -173,6 +193,9 @@ def simulate(
         Where the joint starts [rad, rad/s]. Default 0.
     integral0 : float
         What the loop's integral of e starts from. Default 0.
+    presliding_travel : float
+        Way over which friction builds up to its level before the joint slips [rad]; then neither velocity_width nor
+        stiction counts. Default 0: it slips at once.
     stiction : bool
         True stiction: the true sign whatever velocity_width is, and a joint at rest under less than the breakaway
         effort stays there to the bit. Default: smooth friction.
@@ -210,6 +233,7 @@ def simulate_batch(
     position0: ArrayLike = 0,
     velocity0: ArrayLike = 0,
     integral0: ArrayLike = 0,
+    presliding_travel: ArrayLike = 0,
     stiction: bool = False,
     threads: int = 1,
 ) -> tuple[NDArray[float64], ...]:
@@ -222,7 +246,7 @@ def simulate_batch(
         A joint a row.
     reference, injected, disturbance, encoder_noise : (n,) or (m, n)
         Shared, or one a row.
-    kp, ..., integral0 : float or (m,)
+    kp, ..., presliding_travel : float or (m,)
         Shared, or one a row. period, substeps, loop, velocity_span and stiction are shared.
     threads : int
         How many threads share the rows. Default 1.
@@ -326,6 +350,7 @@ def simulate_jacobian(
     position0: float = 0,
     velocity0: float = 0,
     integral0: float = 0,
+    presliding_travel: float = 0,
     stiction: bool = False,
 ) -> tuple[NDArray[float64], ...]:
     """

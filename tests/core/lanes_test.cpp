@@ -80,6 +80,8 @@ template <class T, std::size_t W, p::Friction mode> void plants() {
       one[i].joint.friction.stribeck = one[i].joint.friction.load_motoring = one[i].joint.friction.load_generating = 0;
     if (i == 2) one[i].joint.friction.velocity_width = one[i].joint.gravity_sine = one[i].joint.gravity_cosine = 0;
     if (i == 3) one[i].drive.ripple_amplitude = one[i].encoder.quantum = one[i].loop.limit = 0;
+    if (i % 2) one[i].presliding.travel = static_cast<T>(random.uniform(1e-3, 3e-2));
+    put(all.presliding.travel, i, one[i].presliding.travel);
     put(all.joint.inertia, i, one[i].joint.inertia);
     put(all.joint.gravity_sine, i, one[i].joint.gravity_sine);
     put(all.joint.gravity_cosine, i, one[i].joint.gravity_cosine);

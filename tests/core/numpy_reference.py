@@ -79,6 +79,31 @@ def forward_dynamics(parameters, position, velocity, effort) -> np.ndarray:
     return np.array(result)
 
 
+class Presliding:
+    """Springs with sliders side by side, each in its own unit of way; s of their parabola at its chords."""
+
+    COUNT = 8
+
+    def __init__(self, travel: float):
+        self.ends = travel * np.arange(1, self.COUNT + 1) / self.COUNT
+        slopes = 2 - (2 * np.arange(1, self.COUNT + 1) - 1) / self.COUNT  # of the chords, per travel
+        self.stiffness = -np.diff(slopes, append=0.0) / travel
+        self.bent = np.zeros(self.COUNT)
+
+    def step(self, way: float) -> float:
+        self.bent = np.clip(self.bent + way, -self.ends, self.ends)
+        return float(self.stiffness @ self.bent)
+
+
+def lugre(position: np.ndarray, length: float) -> np.ndarray:
+    """The other usual model's bristle, per level, along a way: s' = v / length - |v| s / length, length F_c / sigma_0."""
+    s, result = 0.0, [0.0]
+    for way in np.diff(position):  # exact along a way without a turn
+        s = np.sign(way) + (s - np.sign(way)) * math.exp(-abs(way) / length)
+        result.append(s)
+    return np.array(result)
+
+
 class Loop:
     def __init__(self, kind, period, kp=0.0, ki=0.0, kd=0.0, kv=0.0, limit=0.0, velocity_span=0):
         self.kind, self.period, self.span = kind, period, velocity_span
@@ -122,6 +147,7 @@ def simulate(
     parameters, *, reference, period, substeps=4, loop="none", kp=0.0, ki=0.0, kd=0.0, kv=0.0, limit=0.0,
     velocity_span=0, gain=1.0, back_emf=0.0, injected=None, disturbance=None, encoder_quantum=0.0, encoder_noise=None,
     ripple_amplitude=0.0, ripple_wave_number=0.0, ripple_phase=0.0, position0=0.0, velocity0=0.0, stiction=False,
+    presliding_travel=0.0,
 ):  # fmt: skip
     """The plant, sample by sample."""
     p = dict(zip(NAMES, parameters, strict=True))
@@ -132,6 +158,7 @@ def simulate(
     controller = Loop(loop, period, kp, ki, kd, kv, limit, velocity_span)
     q, v = position0, velocity0
     rows = []
+    contact, bent = Presliding(presliding_travel) if presliding_travel > 0 else None, 0.0
     for k in range(n):
         measured = round(q / encoder_quantum) * encoder_quantum if encoder_quantum > 0 else q
         measured += encoder_noise[k]
@@ -142,14 +169,16 @@ def simulate(
             gravity = p["gravity_sine"] * math.sin(q) + p["gravity_cosine"] * math.cos(q)
             effort = gain * u - back_emf * v + outside
             net = gain * u + outside - p["offset"] - gravity
-            if stiction:
+            if contact:
+                s, held = bent, False
+            elif stiction:
                 s = float(np.sign(v if v != 0 else net))
                 along = net * gravity > 0
                 alpha = p["load_motoring"] if along else p["load_generating"]
                 held = abs(net) <= level(p, 0.0, net >= 0) + alpha * abs(gravity)
             else:
                 s, held = direction_of(p, v), False
-            viscous = p["viscous_negative"] if s < 0 else p["viscous_positive"]
+            viscous = p["viscous_negative"] if (v if contact else s) < 0 else p["viscous_positive"]
             left = effort - p["offset"] - level(p, v, s >= 0) * s - viscous * v
             share = 1 + p["load_motoring"] * abs(s) if left * s > 0 else 1 - p["load_generating"] * abs(s)
             a = (left / share - gravity) / p["inertia"]
@@ -160,5 +189,6 @@ def simulate(
             after = v + period / substeps * a
             v = 0.0 if held and not v * after > 0 else after
             q += period / substeps * v
+            bent = contact.step(period / substeps * v) if contact else 0.0
         rows.append(row)
     return tuple(np.array(rows).T)
