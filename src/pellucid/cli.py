@@ -323,6 +323,46 @@ def export(
 
 
 @app.command()
+def protocol(
+    name: Annotated[str, typer.Argument(metavar="NAME", help="Of the motion: random_phase_multisine.")],
+    folder: Annotated[Path, typer.Argument(metavar="DIR", help="Folder for its files, one a realisation.")],
+    rate: Annotated[float, typer.Option(metavar="HZ", help="At which the controller takes references.")],
+    low: Annotated[float, typer.Option(metavar="HZ", help="Where its band begins.")],
+    high: Annotated[float, typer.Option(metavar="HZ", help="Where its band ends.")],
+    resolution: Annotated[float, typer.Option(metavar="HZ", help="One over its period.")],
+    rms: Annotated[float, typer.Option(metavar="SIZE", help="RMS excursion, in --unit.")],
+    peak: Annotated[float | None, typer.Option(metavar="SIZE", help="Largest excursion; lowers the RMS.")] = None,
+    centre: Annotated[float, typer.Option(metavar="PLACE", help="About which it moves.")] = 0.0,
+    lines: Annotated[str, typer.Option(metavar="KIND", help="odd_random, odd or full.")] = "odd_random",
+    realisations: Annotated[int, typer.Option(metavar="N", help="Files, with phases of their own.")] = 7,
+    periods: Annotated[int, typer.Option(metavar="N", help="Periods to be measured in each.")] = 4,
+    settle: Annotated[int, typer.Option(metavar="N", help="Periods before, to ease in.")] = 1,
+    fall: Annotated[float, typer.Option(metavar="POWER", help="Of frequency, by which amplitudes fall.")] = 0.0,
+    unit: Annotated[str, typer.Option(metavar="UNIT", help="Of the reference.")] = "rad",
+    seed: Annotated[int, typer.Option(metavar="N", min=0, help="Of lines left out and phases.")] = 1,
+) -> None:
+    """Write a motion that shows what a linear model cannot explain."""
+    from .protocols.protocol import protocol as run
+
+    motion, files = run(
+        name, folder, rate=rate, low=low, high=high, resolution=resolution, rms=rms, peak=peak, centre=centre,
+        lines=lines, realisations=realisations, periods=periods, settle=settle, fall=fall, unit=unit, seed=seed,
+    )  # fmt: skip
+    out = _console()
+    _say(
+        out,
+        f"{folder}: {_count(len(files), 'file')} of {settle + periods} periods of {motion.period:g} s; "
+        f"{len(motion.lines)} lines from {motion.frequency[0]:g} to {motion.frequency[-1]:g} Hz, "
+        f"{len(motion.left_out)} left out; peak {motion.peak:.3g} {unit}.",
+    )
+    _say(
+        out,
+        f'In study.toml: protocol = "{name}" on each recording, and period = "{motion.period:g} s" in '
+        "[transfer_function].",
+    )
+
+
+@app.command()
 def version() -> None:
     """Print the version."""
     from . import __version__

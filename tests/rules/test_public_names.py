@@ -39,6 +39,7 @@ NAMES = [
 COMMANDS = [
     "init",
     "simulate",
+    "protocol",
     "check",
     "identify",
     "calibrate",

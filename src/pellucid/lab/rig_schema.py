@@ -15,7 +15,7 @@ LIKE = 1000.0
 LONGER = 10.0
 """How many times a rate, a duration or a count may be that, since the work grows with it."""
 
-WORK = ("rate", "duration", "substeps", "repetitions")
+WORK = ("rate", "duration", "substeps", "repetitions", "realisations", "periods", "resolution")
 """Keys of numbers that the work grows with."""
 
 POSITIVE = re.compile(

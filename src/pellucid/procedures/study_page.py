@@ -30,9 +30,10 @@ def study_page(
     )
 
 
-def figure_tables(found: Result) -> tuple[Table, ...]:
-    """Every table of figures that was found; columns without words are set as numbers."""
-    return tuple(_figures(table) for table in found.tables if isinstance(table, FigureTable))
+def figure_tables(found: Result, part: str = "") -> tuple[Table, ...]:
+    """Every table of figures that was found, or those whose title has `part` in it; columns without words are set as
+    numbers."""
+    return tuple(_figures(table) for table in found.tables if isinstance(table, FigureTable) and part in table.title)
 
 
 def parameter_tables(found: Result, part: str = "") -> tuple[Table, ...]:

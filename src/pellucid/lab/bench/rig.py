@@ -13,7 +13,9 @@ from ..._errors import StudyError
 from ...models.joint import INDEX, NAMES
 from ...models.simulate import substeps_for
 from ...protocols.excitation import multisine, point_to_point
+from ...protocols.random_phase_multisine import NAME
 from ..known_rigs import shipped_rig
+from ..multisine import multisine_references, multisine_study
 from ..noise import noise
 from ..recorded_table import MAIN, Column, Stored
 from ..rig import BENCH, Rig, Taken, Trial
@@ -88,7 +90,10 @@ class BenchRig(Rig):
         return {MAIN: COLUMNS}
 
     def trials(self, seed: int = 1) -> tuple[Trial, ...]:
-        """The motions a lab would ask for: two to fit and two to hold out; drawn from `seed`."""
+        """The motions a lab would ask for, drawn from `seed`: two to fit and two to hold out, or a first look."""
+        looks = multisine_references(self, self.rate, seed)
+        if looks:
+            return tuple(Trial(name, NAME, use, reference=reference) for name, use, reference in looks)
         return self._trials(np.random.default_rng(seed))
 
     def _trials(self, rng: np.random.Generator) -> tuple[Trial, ...]:
@@ -153,6 +158,10 @@ class BenchRig(Rig):
 
     def study(self, made: Sequence[Taken]) -> dict[str, Any]:
         """The study.toml of what was `made`."""
+        look = multisine_study(self, made, ("current", "position"))
+        if look:
+            rig = {"joint": "elbow", "motion": self["motion"], "lifts": self["lifts"]}
+            return {**super().study(made), "rig": rig, **look}
         drive, loop = self["drive"], self["loop"]
         limit = f"{drive['current_limit']} A"
         rig = {

@@ -10,7 +10,9 @@ import numpy as np
 
 from ... import _core
 from ...models.joint import GRAVITY
+from ...protocols.random_phase_multisine import NAME
 from ..known_rigs import shipped_rig
+from ..multisine import multisine_references, multisine_study
 from ..recorded_table import MAIN, Column, Stored, emg_columns, emg_stored
 from ..rig import Rig, Taken
 from .instruments import Mounting, draw_mounting
@@ -155,8 +157,9 @@ class KneeRig(Rig):
         return {MAIN: own, "emg": emg_columns(self["emg"]), "imu": (clock, *sensed)}
 
     def trials(self, seed: int = 1) -> tuple[KneeTrial, ...]:
-        """The full protocol: the orthosis alone, then every subject; no `seed` draws it."""
-        return knee_trials(self)
+        """The full protocol: the orthosis alone, then every subject; or a first look, drawn from `seed`."""
+        looks = multisine_references(self, 1.0 / self.period, seed)
+        return tuple(KneeTrial(name, NAME, use, reference=r) for name, use, r in looks) or knee_trials(self)
 
     def mountings(self, seed: int) -> dict[str, Mounting]:
         """How the instruments sit on each subject, by name, as drawn with a `seed`."""
@@ -182,7 +185,11 @@ class KneeRig(Rig):
         values = (read.time, read.position, read.motor_position, read.torque, read.command)
         scales = (1e-3, *(column.scale for column in columns[MAIN][1:]))
         counts = [np.round(value / scale) for value, scale in zip(values, scales, strict=True)]
-        streams = {MAIN: Stored.of(columns[MAIN], *counts)}
+        own = columns[MAIN]
+        if trial.protocol == NAME:
+            own = (*own, Column("reference", "reference", "rad", text="%.9g"))
+            counts.append(trial.reference)
+        streams = {MAIN: Stored.of(own, *counts)}
         if read.emg is not None:
             streams["emg"] = emg_stored(read.emg_time, read.emg, self["emg"])
         if read.imu is not None:
@@ -194,14 +201,16 @@ class KneeRig(Rig):
 
     def study(self, made: Sequence[Taken]) -> dict[str, Any]:
         """The study.toml of what was `made`."""
+        drive = {"kind": "torque", "limit": f"{self['actuator']['torque_limit']} N*m"}
+        common = super().study(made) | {
+            "rig": {"joint": "knee", "motion": "rotary", "lifts": self["lifts"], "drive": drive}
+        }
+        look = multisine_study(self, made, ("torque", "position"))
+        if look:
+            del common["streams"]
+            return common | look
         return {
-            **super().study(made),
-            "rig": {
-                "joint": "knee",
-                "motion": "rotary",
-                "lifts": self["lifts"],
-                "drive": {"kind": "torque", "limit": f"{self['actuator']['torque_limit']} N*m"},
-            },
+            **common,
             "participants": {
                 s.name: {
                     "sex": s.sex,

@@ -18,14 +18,13 @@ from ...recordings.results import ResultRow
 from ...recordings.study import Study
 from ...signals.input_output import InputOutput, input_output
 from ..result import FigureTable, ParameterTable, Result
+from . import first_look
+from .first_look import POOR, FirstLook, first_looks
 
 Progress = Callable[[str, float], None]
 
 HELD_BACK = 1.0 / 3.0
 """Last share of a recording on which coefficients found from the rest are judged, where no recording is held out."""
-
-POOR = 80.0
-"""Below this fit [%] a transfer function leaves out much of what a recording shows."""
 
 APART = 10.0
 """Points by which a fit may fall from the fitted part to the held-out one before it is told."""
@@ -45,6 +44,12 @@ class TransferResult(Result):
     refused: Mapping[str, str]  # Recordings that could not be fitted, and why
     units: tuple[str, str]  # Of the input and of the output
     channels: tuple[str, str]  # Of the input and of the output
+    looks: Mapping[str, FirstLook]  # What was seen before any was fitted
+
+    def seen_with(self, look: FirstLook) -> TransferFit | None:
+        """The transfer function fitted to what a `look` saw, or to the first of it."""
+        names = ("+".join(look.recordings), *look.recordings)
+        return next((self.fits[name] for name in names if name in self.fits), None)
 
 
 def identify_transfer(study: Study, on_progress: Progress | None = None) -> TransferResult:
@@ -67,6 +72,8 @@ def identify_transfer(study: Study, on_progress: Progress | None = None) -> Tran
     heldout: dict[str, Response] = {}
     refused: dict[str, str] = {}
     unevaluated: dict[str, str] = {}
+    tell("looking before any model", 0.1)
+    looks, unseen = first_looks(recordings, asked)
 
     def fit(*records: InputOutput) -> TransferFit:
         return fit_records(records, asked.poles, asked.zeros, hold=asked.hold, units=units)
@@ -106,8 +113,11 @@ def identify_transfer(study: Study, on_progress: Progress | None = None) -> Tran
     made = TransferResult(
         study=study.name,
         headline=_headline(recordings, fits, heldout),
-        tables=_tables(recordings, fits, heldout, refused),
-        verdicts=tuple(_verdicts(fits, heldout, refused, unevaluated, notes)),
+        tables=(*first_look.tables(looks), *_tables(recordings, fits, heldout, refused)),
+        verdicts=(
+            *first_look.verdicts(looks, unseen, channels),
+            *_verdicts(fits, heldout, refused, unevaluated, notes),
+        ),
         rows=(),
         cards={},
         checksums={r.name: r.checksum for r in recordings},
@@ -117,6 +127,7 @@ def identify_transfer(study: Study, on_progress: Progress | None = None) -> Tran
         refused=refused,
         units=units,
         channels=channels,
+        looks=looks,
     )
     rows = tuple(_rows(made, recordings, notes, unevaluated))
     return replace(made, rows=rows, cards=_cards(made))
@@ -265,6 +276,7 @@ def _rows(
     unevaluated: Mapping[str, str],
 ) -> Iterator[ResultRow]:
     head = f"{made.study}.transfer_function"
+    yield from first_look.rows(head, made.looks, made.checksums)
     for r in recordings:
         left = "; ".join(notes.get(r.name, ()))
         split = "fitted" if r.use == "fit" else "heldout"
@@ -290,7 +302,7 @@ def _rows(
         gain = found.transfer_function.static_gain
         unit = found.physical[-1].unit if found.physical else None
         note = "stiffness is one over it" if unit else ""
-        yield replace(own, id=f"{head}.static_gain.{r.name}", value=gain, unit=_ratio(made.units), note=note)
+        yield replace(own, id=f"{head}.static_gain.{r.name}", value=gain, unit=ratio(made.units), note=note)
         for p in (*found.parameters, *found.physical):
             low, high = p.interval(made.confidence)
             note = f"{100.0 * made.confidence:.4g} % interval {low:.6g} to {high:.6g}"
@@ -299,7 +311,8 @@ def _rows(
             yield replace(own, id=f"{head}.{p.name}.{r.name}", value=p.value, unit=p.unit, note=note)
 
 
-def _ratio(units: tuple[str, str]) -> str:
+def ratio(units: tuple[str, str]) -> str:
+    """Of the output over the input, `units` of input and output."""
     given, made = units
     return f"{made}/({given})" if "*" in given or "/" in given else f"{made}/{given}"
 

@@ -6,7 +6,7 @@ from typing import ClassVar, Literal
 
 from pydantic import Field, model_validator
 
-from ...recordings.study_fields import ProcedureTable, Word
+from ...recordings.study_fields import ProcedureTable, Word, quantity
 from ..procedure import Procedure, late
 
 
@@ -21,6 +21,10 @@ class TransferFunctionTable(ProcedureTable):
         Orders of denominator and numerator.
     hold : str
         What the input did between its samples: ``"first"`` (straight lines) or ``"zero"`` (steps).
+    reference : str, optional
+        Channel that no noise reaches and that drives both: what a controller follows.
+    period : float, optional
+        Of the recordings of protocol ``random_phase_multisine`` [s].
     confidence : float
         Of the intervals, in (0, 1).
     """
@@ -32,11 +36,13 @@ class TransferFunctionTable(ProcedureTable):
     poles: int = Field(ge=1, le=8)
     zeros: int = Field(0, ge=0)
     hold: Literal["first", "zero"] = "first"
+    reference: Word | None = None
+    period: quantity("s", gt=0) | None = None
     confidence: float = Field(0.95, gt=0, lt=1)
 
     def reads(self, channel: str, stream: str) -> bool:
-        """Input and output."""
-        return not stream and channel in (self.input, self.output)
+        """Input, output and reference."""
+        return not stream and channel in (self.input, self.output, self.reference)
 
     @model_validator(mode="after")
     def _proper(self) -> TransferFunctionTable:

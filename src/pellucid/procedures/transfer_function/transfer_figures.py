@@ -5,7 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.ticker import LogLocator, NullLocator
 
 from ...pages.drawing import Drawing, key, line, one_panel, origin, tidy
 from ...pages.quantities import number
@@ -54,6 +56,87 @@ def response(
     top.margins(y=0.12)
     key(top, [("measured", colour("measured")), ("simulated", tone)])
     bottom.set_xlabel("Time (s)")
+    return Drawing(name, figure, caption)
+
+
+def frequency_response(
+    frequency: np.ndarray,
+    measured: np.ndarray,
+    radius: np.ndarray,
+    levels: Sequence[tuple[str, str, np.ndarray]],
+    fitted: tuple[np.ndarray, np.ndarray] | None,
+    unit: str,
+    name: str,
+    *,
+    caption: str,
+) -> Drawing:
+    """Magnitude and phase of a response as measured and as fitted, and what limits it. `frequency` (k,) [Hz];
+    `measured` (k,) complex in a `unit`; `radius` (k,) of disks; `levels`: words, a colour's role, (k,); `fitted`:
+    frequencies [Hz] and response, (j,)."""
+    figure = Figure(figsize=(FIGURE_WIDTH, 5.2), layout="constrained")
+    top, bottom = figure.subplots(2, 1, sharex=True, height_ratios=(2.0, 1.0))
+    size, tone = np.abs(measured), colour("measured")
+    top.vlines(frequency, np.maximum(size - radius, 1e-2 * size), size + radius, color=tone, linewidth=1.0, alpha=0.5)
+    top.plot(frequency, size, color=tone, marker="o", markersize=3.5, linestyle="none", zorder=3)
+    entries = [("measured", tone)]
+    if fitted is not None:
+        top.plot(fitted[0], np.abs(fitted[1]), color=colour("fitted"), zorder=4)
+        entries.append(("transfer function", colour("fitted")))
+    for words, role, level in levels:
+        known = np.isfinite(level) & (level > 0.0)
+        top.plot(frequency[known], level[known], color=colour(role), marker=".", markersize=4, linewidth=0.9, zorder=2)
+        entries.append((words, colour(role)))
+    _logarithmic(top, f"Gain ({unit})")
+    key(top, entries)
+    # Where the gain is lost in its disk the phase is anything.
+    sure = radius < size
+    angle = np.degrees(np.unwrap(np.angle(measured[sure])))
+    bottom.plot(frequency[sure], angle, color=tone, marker="o", markersize=3.5, linestyle="none", zorder=3)
+    if fitted is not None:
+        phase = np.degrees(np.unwrap(np.angle(fitted[1])))
+        near = np.median(np.interp(frequency[sure], fitted[0], phase) - angle) if sure.any() else 0.0
+        bottom.plot(fitted[0], phase - 360.0 * np.round(near / 360.0), color=colour("fitted"), zorder=4)
+    tidy(bottom, first=True, text="Phase (deg)", ticks=4)
+    bottom.set_xlabel("Frequency (Hz)")
+    return Drawing(name, figure, caption)
+
+
+def _logarithmic(axis: Axes, text: str) -> None:
+    """Both scales, with numbers as they are said, and room for a key."""
+    axis.set_xscale("log")
+    axis.set_yscale("log")
+    axis.set_ylabel(text)
+    axis.tick_params(which="both", length=3, width=0.7, pad=3)
+    axis.margins(x=0.02)
+    low, high = axis.get_ylim()
+    axis.set_ylim(low, high * (high / low) ** 0.12)
+    axis.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0), numticks=20))
+    axis.yaxis.set_major_locator(LogLocator(subs=(1.0, 3.0) if high < 30.0 * low else (1.0,), numticks=8))
+    for each in (axis.xaxis, axis.yaxis):
+        each.set_minor_locator(NullLocator())
+        each.set_major_formatter(lambda x, _: f"{x:g}")
+
+
+def output_lines(
+    groups: Sequence[tuple[str, str, np.ndarray, np.ndarray]],
+    noise: tuple[np.ndarray, np.ndarray],
+    label: tuple[str, float],
+    name: str,
+    *,
+    caption: str,
+) -> Drawing:
+    """Amplitudes of the output line by line: `groups` in words, a colour's role, frequencies [Hz] and amplitudes; and
+    the `noise`, frequencies and amplitudes; `label` of the axis and its scale."""
+    text, scale = label
+    figure, axis = one_panel(3.4)
+    axis.plot(noise[0], scale * noise[1], color=colour("faint"), linewidth=1.6, zorder=1)
+    for _, role, frequency, amplitude in groups:
+        axis.plot(
+            frequency, scale * amplitude, color=colour(role), marker="o", markersize=3.5, linestyle="none", zorder=3
+        )
+    _logarithmic(axis, text)
+    key(axis, [*((words, colour(role)) for words, role, *_ in groups), ("noise", colour("faint"))])
+    axis.set_xlabel("Frequency (Hz)")
     return Drawing(name, figure, caption)
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 
 from ...fit.transfer.transfer_function_fit import Response, TransferFit
@@ -10,12 +12,19 @@ from ...pages.page import Page, Section, Tile
 from ...pages.quantities import number, parameter_interval, prose, relative_sd, unit_text
 from ...pages.tables import Row, Table
 from ...recordings.study import Study
-from ..study_page import provenance, study_page
+from ..study_page import figure_tables, provenance, study_page
 from . import transfer_figures as figures
-from .identify_transfer import TransferResult
+from .first_look import FirstLook
+from .identify_transfer import TransferResult, ratio
 
 DRAWN = 6
 """Recordings whose responses are drawn: the best, the worst and those between, evenly by their fit."""
+
+LOOKED = 3
+"""Recordings without periods whose frequency responses are drawn."""
+
+FINELY = 400
+"""Points of a transfer function's response."""
 
 WORDS = {"inertia": "Inertia, 1/b0", "damping": "Damping, a1/b0", "stiffness": "Stiffness, a0/b0"}
 
@@ -32,7 +41,14 @@ def page(study: Study, found: TransferResult) -> Page:
         headline=found.headline,
         verdicts=found.verdicts,
         tiles=_tiles(found),
-        sections=(_found(found), _responses(found), _poles(found), _coefficients(found), _provenance(study, found)),
+        sections=(
+            *_looks(found),
+            _found(found),
+            _responses(found),
+            _poles(found),
+            _coefficients(found),
+            _provenance(study, found),
+        ),
     )
 
 
@@ -85,6 +101,71 @@ def _found(found: TransferResult) -> Section:
 
 def _percent(value: float) -> str:
     return number(float(value), digits=3) if np.isfinite(value) else "–"
+
+
+def _looks(found: TransferResult) -> Iterator[Section]:
+    if not found.looks:
+        return
+    periodic = [look for look in found.looks.values() if look.periodic]
+    others = [look for look in found.looks.values() if not look.periodic]
+    # Evenly among those that no period tells apart.
+    chosen = np.unique(np.round(np.linspace(0, len(others) - 1, min(LOOKED, len(others)))).astype(int))
+    drawings = []
+    for look in (*periodic, *(others[k] for k in chosen)):
+        drawings.append(_response_seen(found, look))
+        if look.periodic:
+            drawings.append(_lines_seen(found, look))
+    text = (
+        "A frequency response without a model, and how much of the output no linear model explains. Over periods only "
+        "noise changes; over realisations of random phases what is not linear changes too, and lines that were left "
+        "out show it directly."
+        if periodic
+        else "A frequency response without a model, smooth over a few neighbouring frequencies. What it leaves is "
+        "noise and distortion together: without periods nothing tells them apart."
+    )
+    tables = tuple(figure_tables(found, "Before any model"))
+    yield Section("before", "Before any model", (text,), tables, tuple(drawings))
+
+
+def _response_seen(found: TransferResult, look: FirstLook) -> Drawing:
+    seen, fit = look.found, found.seen_with(look)
+    finely = np.geomspace(seen.frequency[0], seen.frequency[-1], FINELY)
+    fitted = None if fit is None else (finely, fit.transfer_function.frequency_response(finely))
+    if look.periodic:
+        levels = [
+            ("noise", "faint", np.sqrt(seen.at_response(seen.noise_variance))),
+            ("distortion", "heldout", np.sqrt(np.maximum(seen.at_response(seen.nonlinear_variance), 0.0))),
+        ]
+        words = "noise (pale) and distortion (orange) in one period of one realisation"
+    else:
+        levels = [("noise and distortion", "faint", np.sqrt(seen.missed_power / seen.input_power))]
+        words = "noise and distortion together (pale)"
+    level = f"{100.0 * found.confidence:.4g} %"
+    over = ", and the transfer function fitted to it (blue)" if fit is not None else ""
+    return draw(
+        figures.frequency_response, seen.frequency, seen.response, seen.radius(found.confidence), levels, fitted,
+        unit_text(ratio(found.units)), f"before-{look.name}".replace(".", "-"),
+        caption=f"{look.name.replace('_', ' ')}: response as measured, with its {level} interval{over}; {words}, as "
+        "errors of the response.",
+    )  # fmt: skip
+
+
+def _lines_seen(found: TransferResult, look: FirstLook) -> Drawing:
+    seen, left = look.found, look.found.left_out
+    groups = [("excited", "measured", seen.frequency, 2.0 * np.abs(seen.response) * np.sqrt(seen.input_power))]
+    for words, role, side in (("odd left out", "heldout", ~seen.even), ("even left out", "load", seen.even)):
+        above = side & (left.power > 0.0)
+        groups.append((words, role, left.frequency[above], 2.0 * np.sqrt(left.power[above])))
+    frequency = np.concatenate([seen.frequency, left.frequency])
+    order = np.argsort(frequency)
+    noise = 2.0 * np.sqrt(np.concatenate([seen.noise_variance, left.noise]))[order]
+    return draw(
+        figures.output_lines, groups, (frequency[order], noise), figures.shown(found.units[1], found.channels[1]),
+        f"lines-{look.name}".replace(".", "-"),
+        caption=f"{look.name.replace('_', ' ')}: the output's sines. Where nothing is excited only noise and "
+        "distortion are left: at even lines that of even powers, such as friction that differs by direction, at odd "
+        "ones that of odd powers, such as Coulomb friction or sin q. What noise makes there is taken off.",
+    )  # fmt: skip
 
 
 def _responses(found: TransferResult) -> Section:

@@ -1,0 +1,145 @@
+r"""Sums of sines with random phases: what a linear model can explain, what noise does, and what is not linear [1]_.
+
+.. math::  r_m(t) = c + \sum_{k \in L} A_k \cos(2\pi k t / T + \phi_{mk}), \qquad \phi_{mk} \sim U[0, 2\pi)
+
+Every realisation m has the same lines L and amplitudes, and phases of its own. Over periods only noise changes; over
+realisations what is not linear changes too. Lines that are left out show what a non-linearity puts there: at even ones
+what even powers make, at odd ones what odd powers make.
+
+.. [1] R. Pintelon, J. Schoukens, "System Identification: A Frequency Domain Approach", 2nd ed., Wiley, 2012, ch. 4.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from .._errors import PellucidError
+
+NAME = "random_phase_multisine"
+"""What study.toml calls it, as the `protocol` of a recording."""
+
+LINES = ("full", "odd", "odd_random")
+"""All harmonics in the band; the odd ones; the odd ones, of which one in each group is left out by chance."""
+
+GROUP = 4
+"""Odd lines of which one is left out."""
+
+FINER = 4
+"""Points between samples at which peaks are sought."""
+
+
+@dataclass(frozen=True, eq=False)
+class RandomPhaseMultisine:
+    """Periodic references that differ in their phases alone."""
+
+    rate: float  # [Hz]
+    samples: int  # N, of one period
+    lines: np.ndarray  # (k,) Excited harmonics of the period
+    amplitude: np.ndarray  # (k,) Of the sines, in the reference's unit
+    phases: np.ndarray  # (m, k) [rad]
+    periods: int  # That are measured
+    settle: int  # Periods before those, in which motion is eased in and transients die away
+
+    @property
+    def period(self) -> float:
+        """[s]."""
+        return self.samples / self.rate
+
+    @property
+    def realisations(self) -> int:
+        """How many there are."""
+        return len(self.phases)
+
+    @property
+    def frequency(self) -> np.ndarray:
+        """Of the excited lines, (k,) [Hz]."""
+        return self.lines / self.period
+
+    @property
+    def left_out(self) -> np.ndarray:
+        """Harmonics within the band that are not excited, shape (d,)."""
+        return np.setdiff1d(np.arange(self.lines[0], self.lines[-1] + 1), self.lines)
+
+    def one_period(self, realisation: int) -> np.ndarray:
+        """Shape (N,), about 0."""
+        return self._waves(realisation, self.samples)
+
+    def reference(self, realisation: int, centre: float = 0.0) -> np.ndarray:
+        """What is to be followed: from rest at `centre` into `settle` periods, then `periods` of them, shape (n,)."""
+        wave = np.tile(self.one_period(realisation), self.settle + self.periods)
+        if self.settle:
+            u = np.minimum(np.arange(len(wave)) / self.samples, 1.0)
+            wave = wave * u**3 * (10.0 - 15.0 * u + 6.0 * u**2)
+        return centre + wave
+
+    def _waves(self, realisation: int, points: int) -> np.ndarray:
+        spectrum = np.zeros(points // 2 + 1, complex)
+        spectrum[self.lines] = 0.5 * points * self.amplitude * np.exp(1j * self.phases[realisation])
+        return np.fft.irfft(spectrum, points)
+
+    @property
+    def peak(self) -> float:
+        """Largest excursion of all realisations, between samples too."""
+        return max(float(np.abs(self._waves(m, FINER * self.samples)).max()) for m in range(self.realisations))
+
+
+def random_phase_multisine(
+    rate: float,
+    *,
+    low: float,
+    high: float,
+    resolution: float,
+    rms: float,
+    seed: int,
+    peak: float | None = None,
+    lines: str = "odd_random",
+    realisations: int = 7,
+    periods: int = 4,
+    settle: int = 1,
+    fall: float = 0.0,
+) -> RandomPhaseMultisine:
+    """Draw references from a band, an RMS and a seed.
+
+    `rate` of whoever plays them, `low` to `high` the band, `resolution` one over the period [Hz]; `rms` of the
+    excursion and `peak`, which no realisation exceeds: then the RMS of all is lowered; amplitudes fall with frequency
+    to the power `fall`.
+    """
+    for name, value in {"rate": rate, "resolution": resolution, "rms": rms}.items():
+        if not (np.isfinite(value) and value > 0.0):
+            raise PellucidError(f"multisine: found {name} {value}, expected a finite number > 0")
+    if not 0.0 < low < high < 0.5 * rate:
+        raise PellucidError(f"multisine: found a band of {low:g} to {high:g} Hz at {rate:g} Hz, expected it below half")
+    if peak is not None and not peak > 0.0:
+        raise PellucidError(f"multisine: found peak {peak}, expected a number > 0")
+    if lines not in LINES:
+        raise PellucidError(f"multisine: found lines {lines!r}, expected one of {', '.join(LINES)}")
+    if realisations < 1 or periods < 2 or settle < 0:
+        raise PellucidError(
+            f"multisine: found {realisations} realisations, {periods} periods, {settle} to settle; expected at least "
+            "1, 2 and 0: noise shows from period to period"
+        )
+    samples = round(rate / resolution)
+    # Rounded outwards by less than a line: 0.1 Hz at a resolution of 0.1 Hz is line 1.
+    every = np.arange(np.ceil(low * samples / rate - 1e-6), np.floor(high * samples / rate + 1e-6) + 1).astype(int)
+    every = every[every >= 1]
+    rng = np.random.default_rng(seed)
+    chosen = every if lines == "full" else every[every % 2 == 1]
+    if lines == "odd_random":
+        groups = [chosen[i : i + GROUP] for i in range(0, len(chosen), GROUP)]
+        out = [group[rng.integers(GROUP)] for group in groups if len(group) == GROUP]
+        chosen = np.setdiff1d(chosen, out)
+    if len(chosen) < 2:
+        raise PellucidError(
+            f"multisine: found {len(chosen)} lines within {low:g} to {high:g} Hz, expected two at least: a finer "
+            "resolution or a wider band"
+        )
+    shape = (chosen / chosen[0]) ** -fall
+    shape *= rms / np.sqrt(0.5 * np.sum(shape**2))
+    phases = rng.uniform(0.0, 2.0 * np.pi, (realisations, len(chosen)))
+    made = RandomPhaseMultisine(rate, samples, chosen, shape, phases, periods, settle)
+    if peak is not None and made.peak > peak:
+        shape = shape * (peak / made.peak)
+        made = RandomPhaseMultisine(rate, samples, chosen, shape, phases, periods, settle)
+    return made
