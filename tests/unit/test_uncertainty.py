@@ -5,12 +5,12 @@ import pytest
 from scipy.signal import lfilter
 
 from pellucid.fit.uncertainty import (
-    _student_over_normal,
     block_bootstrap,
     block_length,
     correlation_time,
     long_run_covariance,
     sandwich,
+    student_over_normal,
     whiteness,
 )
 
@@ -125,4 +125,4 @@ def test_a_parameter_on_its_bound_lends_its_bias_to_no_interval():
 def test_student_s_quantile_is_scipy_s(freedom):
     from scipy.special import ndtri, stdtrit
 
-    assert _student_over_normal(freedom) == pytest.approx(stdtrit(freedom, 0.975) / ndtri(0.975), rel=2e-6)
+    assert student_over_normal(freedom) == pytest.approx(stdtrit(freedom, 0.975) / ndtri(0.975), rel=2e-6)

@@ -164,6 +164,65 @@ def states_of(
     return States(position, velocity, acceleration, np.concatenate(loads), cosine, snap, standstill)
 
 
+@dataclass(frozen=True)
+class Neglected:
+    """What a model may lack, beside what it has: columns of `rows` of a regression, scaled to norm 1 of its own and to
+    what least squares leaves over of the others."""
+
+    rows: np.ndarray  # (k,) Those of the regression that are used
+    free: np.ndarray  # (p,) Parameters that have an effect
+    scale: np.ndarray  # (q,) Norms of their columns, over all rows
+    own: np.ndarray  # (k, q) Their columns
+    columns: np.ndarray  # (k, c) Of neglected physics
+    words: tuple[str, ...]  # What each is
+    sizes: np.ndarray  # (c,) Of one unit of each
+    target: np.ndarray  # (k,) What least squares leaves over
+    noise: float  # Variance of a row beside all columns, as large as its colour makes it count
+    tied: np.ndarray  # (c,) Variance of a column's coefficient beyond what the residual tells of it
+
+    @property
+    def both(self) -> np.ndarray:
+        """All columns, (k, q + c), the model's own first."""
+        return np.hstack([self.own, self.columns])
+
+
+def neglected(
+    names: Sequence[str],
+    values: np.ndarray,
+    jacobian: np.ndarray,
+    residual: np.ndarray,
+    states: States,
+    statistical: np.ndarray,
+) -> Neglected | None:
+    """Columns of what a model may lack, arguments as of `discrepancy_of`; None where too few rows move, or nothing is
+    left over."""
+    norms = np.linalg.norm(jacobian, axis=0)
+    free = (norms > 1e-12 * norms.max()) & (np.diag(statistical) > 0.0)
+    scale = norms[free]
+    w = jacobian[:, free] / scale
+    error = np.sqrt(np.diag(statistical)[free]) * scale  # of the scaled parameters
+    size = float(np.sqrt(np.mean(residual**2)))
+    kept = states.standstill < SLOW_SHARE
+    if kept.mean() < 0.5:
+        kept = states.standstill <= np.median(states.standstill)
+    if not size > 0.0 or kept.sum() < 4 * (int(free.sum()) + len(NEGLECTED)):
+        return None
+    rows = np.flatnonzero(kept)[:: max(1, int(kept.sum()) // MOST_ROWS)]
+    columns, words, sizes = _columns(states, rows, w[rows], size, "" if "load_motoring" in names else UNSEEN)
+    x, y = np.hstack([w[rows], columns]), residual[rows]
+    # As much noise as makes the textbook's errors the statistical ones, in the rows that are used.
+    coloured = float(np.median(error**2 / np.diag(np.linalg.inv(w.T @ w)))) * len(rows) / len(residual)
+    step = np.linalg.lstsq(x, y, rcond=None)[0]
+    white = float(np.mean((y - x @ step) ** 2)) / size**2
+    noise = max(coloured * min(1.0, white), np.finfo(float).tiny * size**2)
+    tied = np.zeros(len(words))
+    if UNSEEN in words and TIED in names:
+        at = words.index(UNSEEN)
+        # Fitted, load friction is not in the residual: of its two shares it tells more than that does.
+        tied[at] = (SPLIT * values[list(names).index(TIED)] / sizes[at]) ** 2
+    return Neglected(rows, free, scale, w[rows], columns, words, sizes, y, noise, tied)
+
+
 def discrepancy_of(
     names: Sequence[str],
     values: np.ndarray,
@@ -175,12 +234,6 @@ def discrepancy_of(
     """How far what a model leaves out may have moved its p parameters `names` from their `values`, (p,), beyond their
     `statistical` covariance, (p, p). `jacobian` (m, p) and `residual` (m,) at the least-squares solution."""
     p = jacobian.shape[1]
-    norms = np.linalg.norm(jacobian, axis=0)
-    free = (norms > 1e-12 * norms.max()) & (np.diag(statistical) > 0.0)
-    scale = norms[free]
-    w = jacobian[:, free] / scale
-    error = np.sqrt(np.diag(statistical)[free]) * scale  # of the scaled parameters
-    count = int(free.sum())
     covariance = np.zeros((p, p))
     values = np.asarray(values, float)
     friction = _Friction.of(names, values, states)
@@ -189,26 +242,14 @@ def discrepancy_of(
         certain = drawn_normal(values, statistical)[:, friction.at] @ friction.terms.T
         return Discrepancy(tuple(names), np.zeros((p, p)), ("",) * p, friction.carried(certain))
 
-    size = float(np.sqrt(np.mean(residual**2)))
-    kept = states.standstill < SLOW_SHARE
-    if kept.mean() < 0.5:
-        kept = states.standstill <= np.median(states.standstill)
-    if not size > 0.0 or kept.sum() < 4 * (count + len(NEGLECTED)):
+    lacks = neglected(names, values, jacobian, residual, states, statistical)
+    if lacks is None:
         return nothing()
-    rows = np.flatnonzero(kept)[:: max(1, int(kept.sum()) // MOST_ROWS)]
-    columns, words, sizes = _columns(states, rows, w[rows], size, "" if "load_motoring" in names else UNSEEN)
-    x, y = np.hstack([w[rows], columns]), residual[rows]
-    # As much noise as makes the textbook's errors the statistical ones, in the rows that are used.
-    coloured = float(np.median(error**2 / np.diag(np.linalg.inv(w.T @ w)))) * len(rows) / len(residual)
-    step = np.linalg.lstsq(x, y, rcond=None)[0]
-    white = float(np.mean((y - x @ step) ** 2)) / size**2
-    noise = max(coloured * min(1.0, white), np.finfo(float).tiny * size**2)
-    gram, moment = x.T @ x / noise, x.T @ y / noise
-    spread = np.full(len(words), _share(gram, moment, count) ** 2)
-    if UNSEEN in words and TIED in names:
-        at = words.index(UNSEEN)
-        # Fitted, load friction is not in the residual: of its two shares it tells more than that does.
-        spread[at] += (SPLIT * values[list(names).index(TIED)] / sizes[at]) ** 2
+    free, scale, rows, words, sizes = lacks.free, lacks.scale, lacks.rows, lacks.words, lacks.sizes
+    count, size, x = len(scale), float(np.sqrt(np.mean(residual**2))), lacks.both
+    w = jacobian[:, free] / scale
+    gram, moment = x.T @ x / lacks.noise, x.T @ lacks.target / lacks.noise
+    spread = _share(gram, moment, count) ** 2 + lacks.tied
     prior = np.concatenate([np.zeros(count), 1.0 / spread])
     try:
         posterior = np.linalg.inv(gram + np.diag(prior))

@@ -111,11 +111,16 @@ def long_run_covariance(
         blocks = summed[block::stride] - summed[: n + block : stride]
         total += blocks.T @ blocks * (stride / block)
         rows += n
-    few = _student_over_normal(1.5 * m / block)
+    few = student_over_normal(freedom_of(block, m))
     return total * (m / rows) * few**2 / ((1.0 - r) ** 2 * (1.0 - block / m))
 
 
-def _student_over_normal(freedom: float) -> float:
+def freedom_of(block: int, rows: int) -> float:
+    """Degrees of freedom of a variance by overlapping blocks, each of `block` of so many `rows` [1]."""
+    return 1.5 * rows / block
+
+
+def student_over_normal(freedom: float) -> float:
     """Ratio of the 97.5 % quantiles, to 2e-6 from 12 degrees of freedom on [5]_: SciPy's takes a third of a second to
     load."""
     x, terms = NORMAL, 0.0

@@ -627,6 +627,8 @@ class Model(StudyTable):
         What the headline's values are for: ``"torque"`` or ``"simulation"``.
     confidence : float
         Of the intervals, in (0, 1).
+    posterior : bool
+        Whether a posterior is drawn beside the intervals.
     """
 
     families: tuple[Literal[tuple(FAMILIES)], ...] = tuple(FAMILIES)
@@ -634,6 +636,7 @@ class Model(StudyTable):
     known: dict[str, float] = Field({})
     purpose: Literal["torque", "simulation"] = "torque"
     confidence: float = Field(0.95, gt=0, lt=1)
+    posterior: bool = False
 
     @model_validator(mode="before")
     @classmethod

@@ -12,7 +12,7 @@ from ...models.card import ModelCard
 from ...models.joint import UNITS, JointModel
 from ...signals.motion import Filtering, motion_of
 from ...signals.sampled import sampled
-from ..discrepancy import Discrepancy, discrepancy_of, states_of
+from ..discrepancy import Discrepancy, States, discrepancy_of, states_of
 from ..estimates import Estimates
 from ..parameter import Whiteness
 from ..regression import Solution, Stack, parameters_of, predicted
@@ -143,6 +143,17 @@ class JointEstimate(Estimates):
         )
 
 
+def joint_states(model: JointModel, data: Stack, values: np.ndarray) -> States:
+    """Where a joint is in the rows of a stack, its load that of a `model` with `values`, (p,)."""
+    bare = model.vector(values)
+    return states_of(
+        data,
+        model.motion == "rotary",
+        lambda m, q, a: _core.load(model.loaded(bare, *m.payload), q.copy(), a.copy()),
+        data.motions[0].filtering.dead_band,
+    )
+
+
 def estimated(
     model: JointModel,
     data: Stack,
@@ -168,13 +179,7 @@ def estimated(
     memory = correlation_time(rho, lengths)
     statistical = sandwich(w, rho, lengths, instruments, free, memory)
     if discrepancy is None:
-        bare = model.vector(found.values)
-        states = states_of(
-            data,
-            model.motion == "rotary",
-            lambda m, q, a: _core.load(model.loaded(bare, *m.payload), q.copy(), a.copy()),
-            data.motions[0].filtering.dead_band,
-        )
+        states = joint_states(model, data, found.values)
         discrepancy = discrepancy_of(model.names, found.values, found.jacobian, found.residual, states, statistical)
     beside, causes = discrepancy.of(model.names)
     covariance = statistical + beside

@@ -23,6 +23,8 @@ class CouplingTable(ProcedureTable):
         Whether it is used.
     confidence : float
         Of the intervals, in (0, 1).
+    posterior : bool
+        Whether a posterior of each strap is drawn beside its intervals.
     """
 
     alone: ClassVar[bool] = True
@@ -32,6 +34,7 @@ class CouplingTable(ProcedureTable):
     orientation: Literal["vqf", "madgwick"] = "vqf"
     magnetometer: bool = True
     confidence: float = Field(0.95, gt=0, lt=1)
+    posterior: bool = False
 
     def reads(self, channel: str, stream: str) -> bool:
         """Torque and angle of the orthosis, and the limb's IMU."""

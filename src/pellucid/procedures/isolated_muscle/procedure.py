@@ -35,6 +35,10 @@ class IsolatedMuscleTable(ProcedureTable):
         Of the tendon under F_0 [1].
     score_from : float
         From when on the force is fitted and judged [s].
+    confidence : float
+        Of the intervals, in (0, 1).
+    posterior : bool
+        Whether a posterior is drawn beside the interval.
     """
 
     force: Word = "force"
@@ -49,6 +53,8 @@ class IsolatedMuscleTable(ProcedureTable):
     damping: float = Field(0.1, ge=0)
     tendon_strain: float = Field(0.049, gt=0)
     score_from: quantity("s", ge=0) = 0.0
+    confidence: float = Field(0.95, gt=0, lt=1)
+    posterior: bool = False
 
     bridges: ClassVar[bool] = False
 

@@ -13,6 +13,8 @@ from ...fit.joint.family_choice import best_family, family_contest
 from ...fit.joint.friction_family import FamilyFit, fit_family
 from ...fit.joint.replay import Machine
 from ...fit.parameter import Parameter
+from ...fit.posterior.ensemble import require_sampler
+from ...fit.posterior.joint_posterior import joint_posterior
 from ...fit.regression import stack
 from ...models.joint import FAMILIES, JointModel, joint_model
 from ...models.simulate import LoopSetting
@@ -41,6 +43,8 @@ def identify_joint(
     for name in names:
         if name not in FAMILIES:
             raise IdentificationError(f"unknown friction family '{name}'; known: {', '.join(FAMILIES)}")
+    if study.model.posterior:
+        require_sampler()
     tell("reading recordings", 0.0)
     recordings = study.recordings()
     tell("looking at recordings", 0.05)
@@ -100,12 +104,20 @@ def identify_joint(
             if name in ("symmetric", names[0]):
                 raise
             failures[name] = str(error)
-    tell("verdicts", 0.9)
     contest = family_contest(fits)
     best = best_family(fits, contest)
+    posterior, no_posterior = None, ""
+    if study.model.posterior:
+        tell("drawing a posterior", 0.85)
+        try:
+            posterior = joint_posterior(fits[best].estimate, data)
+        except IdentificationError as error:
+            no_posterior = str(error)
+    tell("verdicts", 0.9)
     case = JointCase(
-        study, everything, data, part.motions, fits, best, contest, machine, failures, constant, no_constant
-    )
+        study, everything, data, part.motions, fits, best, contest, machine, failures, constant, no_constant,
+        posterior, no_posterior,
+    )  # fmt: skip
     found = JointResult(
         study=study.name,
         headline="",
@@ -122,6 +134,7 @@ def identify_joint(
         best=best,
         filter_note=filter_note(study),
         drive_constant=constant,
+        posterior=posterior,
         traces=traces_of(everything),
     )
     return completed(study, found)

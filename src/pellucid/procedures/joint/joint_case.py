@@ -9,6 +9,7 @@ from ...fit.block_test import Contest
 from ...fit.joint.friction_family import FamilyFit
 from ...fit.joint.replay import Machine
 from ...fit.parameter import Parameter
+from ...fit.posterior.posterior import Posterior
 from ...fit.regression import Stack
 from ...recordings.study import Study
 from ...signals.motion import Motion
@@ -29,6 +30,8 @@ class JointCase:
     failures: Mapping[str, str] = field(default_factory=dict)  # Families that could not be fitted, and why
     constant: Parameter | None = None  # Of the drive, from known payloads
     no_constant: str = ""  # Why the payloads give none
+    posterior: Posterior | None = None  # Of the best family, if it was asked for
+    no_posterior: str = ""  # Why there is none although it was asked for
 
     @property
     def fit(self) -> FamilyFit:

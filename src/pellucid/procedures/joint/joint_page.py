@@ -30,7 +30,9 @@ from ...pages.quantities import (
 from ...pages.series import whole_recordings
 from ...pages.tables import Row, Table
 from ...recordings.study import Study
-from ..study_page import provenance, study_page
+from ..posterior_beside import beside
+from ..posterior_figures import posterior_figure
+from ..study_page import figure_tables, provenance, study_page
 from . import joint_figures as figures
 from .joint_result import JointResult, Trace
 
@@ -69,6 +71,7 @@ def page(study: Study, result: JointResult) -> Page:
                 if f.family != result.best
             ),
         ),
+        *_posterior(result),
         Section(
             "friction",
             "Friction",
@@ -112,6 +115,18 @@ def page(study: Study, result: JointResult) -> Page:
         sections=(*sections, _provenance(study, result)),
         verdicts=result.verdicts,
     )
+
+
+def _posterior(fit: JointResult) -> tuple[Section, ...]:
+    if fit.posterior is None:
+        return ()
+    compared = beside(fit.families[fit.best].estimate.parameters, fit.posterior)
+    said = (
+        f"The same rows by a posterior: bounds hold, and what a {fit.best} model lacks is as large as the draws say. "
+        f"{fit.posterior.settled}."
+    )
+    drawing = draw(posterior_figure, compared, fit.confidence)
+    return (Section("posterior", "Posterior", (said,), figure_tables(fit, "Posterior"), (drawing,)),)
 
 
 # --- figures --------------------------------------------------------------------------------------------------------

@@ -12,12 +12,14 @@ from ...fit.joint.friction_family import FamilyFit
 from ...fit.joint.joint_estimate import JointEstimate
 from ...fit.joint.replay import Simulation, relative_error
 from ...fit.parameter import Parameter, Verdict
+from ...fit.posterior.posterior import Posterior
 from ...models.card import ModelCard
 from ...pages.quantities import METHODS
 from ...recordings.results import ResultRow, checksum_of_all
 from ...recordings.study import Study
 from ...signals.effort import drive_model
 from ...signals.motion import Motion
+from ..posterior_beside import beside, posterior_rows, posterior_table
 from ..result import FigureTable, ParameterTable, Result
 
 COMMAND = "identify"
@@ -49,6 +51,7 @@ class JointResult(Result):
     best: str
     filter_note: str  # The processing, as one line: it stands beside every figure
     drive_constant: Parameter | None = None  # From recordings with a known payload
+    posterior: Posterior | None = None  # Of the best family, if [model] posterior asks for it
     traces: tuple[Trace, ...] = field(default=(), repr=False)  # Every recording, fitted ones first
 
     @property
@@ -82,7 +85,7 @@ def completed(study: Study, found: JointResult) -> JointResult:
     return replace(
         found,
         headline=_headline(found.families, found.best) + _unless(found.verdicts),
-        tables=_tables(found.families, found.best, found.drive_constant),
+        tables=(*_tables(found.families, found.best, found.drive_constant), *_posterior_table(found)),
         rows=tuple(rows_of(found)),
         cards={**cards, "joint": card_of(study, found, found.headlined)},
     )
@@ -124,6 +127,13 @@ def _tables(
         for f in families.values()
     )
     return parameters, FigureTable("Friction families, by their errors of the effort", heads, rows)
+
+
+def _posterior_table(found: JointResult) -> tuple[FigureTable, ...]:
+    if found.posterior is None:
+        return ()
+    compared = beside(found.families[found.best].estimate.parameters, found.posterior)
+    return (posterior_table(f"Posterior beside least squares with {found.best} friction", compared, found.confidence),)
 
 
 def _finite(x: float) -> float | None:
@@ -184,6 +194,10 @@ def rows_of(fit: JointResult) -> Iterator[ResultRow]:
         p = fit.drive_constant
         yield ResultRow(f"{fit.study}.drive.constant", p.value, p.unit, COMMAND, "fitted", together, p.sentence())
     yield from _headline_rows(fit, together)
+    if fit.posterior is not None:
+        plain = ResultRow("", None, "1", COMMAND, "fitted", together, fit.posterior.settled)
+        compared = beside(fit.families[fit.best].estimate.parameters, fit.posterior)
+        yield from posterior_rows(f"{fit.study}.{fit.best}", compared, fit.confidence, plain)
     for name, family in fit.families.items():
         head = f"{fit.study}.{name}"
         plain = ResultRow("", None, "1", COMMAND, "fitted", together, fit.filter_note)

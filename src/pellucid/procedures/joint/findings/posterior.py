@@ -1,0 +1,18 @@
+"""Whether a posterior says the same as the intervals, and what it says where one is refused."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from ....fit.parameter import Verdict
+from ...posterior_beside import beside, posterior_verdicts
+from ..joint_case import JointCase
+
+
+def find(case: JointCase) -> Iterator[Verdict]:
+    """Of the best family by least squares, where a posterior was asked for."""
+    if case.no_posterior:
+        yield Verdict("warning", f"No posterior could be drawn: {case.no_posterior}.")
+    if case.posterior is not None:
+        compared = beside(case.fit.estimate.parameters, case.posterior)
+        yield from posterior_verdicts(compared, case.posterior, case.level)

@@ -1,0 +1,138 @@
+"""A posterior beside the intervals of a fit: where the two agree, and what it says where an interval is refused."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ..fit.parameter import Parameter, Verdict
+from ..fit.posterior.posterior import DrawnParameter, Posterior
+from ..pages.quantities import number, unit_text
+from ..recordings.results import ResultRow
+from .result import FigureTable
+
+FACTOR = 2.0
+"""Between the widths of an interval and of a posterior, from where they disagree."""
+
+
+@dataclass(frozen=True)
+class Beside:
+    """One parameter, by a fit and by a posterior."""
+
+    fitted: Parameter
+    drawn: DrawnParameter
+
+    def widths(self, level: float) -> float:
+        """The posterior's width over the interval's; NaN where there is none to compare with."""
+        p = self.fitted
+        if p.refused or p.at_bound or not p.standard_error > 0.0:
+            return float("nan")
+        return float(np.ptp(self.drawn.interval(level)) / np.ptp(p.interval(level)))
+
+    def told(self, level: float) -> str:
+        """What the two together say, in a few words; empty where they agree."""
+        ratio = self.widths(level)
+        if self.drawn.refused:
+            return "not settled"
+        if self.drawn.told_by_prior:
+            return "told by the prior"
+        if self.fitted.refused:
+            return "interval refused, posterior told by the data"
+        if ratio > FACTOR:
+            return "interval too narrow, by the posterior"
+        if ratio < 1.0 / FACTOR:
+            return "interval too wide, by the posterior"
+        return ""
+
+
+def beside(parameters: Sequence[Parameter], posterior: Posterior) -> tuple[Beside, ...]:
+    """Parameters that a posterior has too, each beside it."""
+    return tuple(Beside(p, posterior[p.name]) for p in parameters if p.name in posterior)
+
+
+def posterior_table(title: str, compared: Sequence[Beside], level: float) -> FigureTable:
+    """Interval and posterior in columns side by side."""
+    share = f"{100.0 * level:g} %"
+    heads = ("Parameter", "unit", f"{share} interval", "median", f"{share} posterior", "ratio of widths", "remark")
+    rows = []
+    for one in compared:
+        p, drawn, ratio = one.fitted, one.drawn, one.widths(level)
+        rows.append(
+            (
+                p.name,
+                unit_text(p.unit) or "1",
+                "refused" if p.refused else "at its bound" if p.at_bound else _range(p, level),
+                number(drawn.value, drawn.standard_error),
+                "not settled" if drawn.refused else _range(drawn, level),
+                ratio if np.isfinite(ratio) else None,
+                one.told(level),
+            )
+        )
+    some = len(heads) if any(row[-1] for row in rows) else len(heads) - 1
+    return FigureTable(title, heads[:some], tuple(row[:some] for row in rows))
+
+
+def posterior_rows(head: str, compared: Sequence[Beside], level: float, plain: ResultRow) -> Iterator[ResultRow]:
+    """`<head>.posterior.<name>`, the median with its interval, and `.width`, over that of the fit; what else to
+    say, `plain` does."""
+    for one in compared:
+        drawn, ratio = one.drawn, one.widths(level)
+        note = "; ".join(filter(None, (drawn.sentence(level), one.told(level), plain.note)))
+        value = None if drawn.refused else drawn.value
+        own = f"{head}.posterior.{drawn.name}"
+        yield replace(plain, id=own, value=value, unit=drawn.unit, note=note)
+        if np.isfinite(ratio) and not drawn.refused:
+            yield replace(plain, id=f"{own}.width", value=ratio, note="width of the posterior over the interval's")
+
+
+def posterior_verdicts(
+    compared: Sequence[Beside], posterior: Posterior, level: float, who: str = ""
+) -> Iterator[Verdict]:
+    """Whether a posterior can be read, where it and an interval disagree, and what it says of those refused."""
+    head = f"{who}: " if who else ""
+    if posterior.unsettled:
+        yield Verdict(
+            "warning", f"{head}The posterior has not settled: {posterior.unsettled}; nothing is read from it."
+        )
+        return
+    told = [one for one in compared if not one.drawn.told_by_prior]
+    apart = [one for one in told if not 1.0 / FACTOR <= one.widths(level) <= FACTOR and np.isfinite(one.widths(level))]
+    if apart:
+        said = "; ".join(
+            f"{_named(one)} {_range(one.fitted, level)} by the fit, {_range(one.drawn, level)} by the posterior"
+            for one in apart
+        )
+        yield Verdict(
+            "warning",
+            f"{head}Intervals and posterior differ in width by more than a factor of {FACTOR:g}: {said}.",
+            "Take the wider of the two.",
+        )
+    for one in (one for one in told if one.fitted.refused):
+        found = f"{_range(one.drawn, level)} {unit_text(one.drawn.unit)}".rstrip()
+        yield Verdict(
+            "note",
+            f"{head}The interval of {_named(one)} is refused; the posterior, told by the data, is {found}.",
+        )
+    prior = [_named(one) for one in compared if one.drawn.told_by_prior]
+    if prior:
+        verb = "is" if len(prior) == 1 else "are"
+        yield Verdict("note", f"{head}In the posterior {', '.join(prior)} {verb} told by the prior, not by the data.")
+    if posterior.pairs:
+        said = ", ".join(f"{a} and {b} ({r:+.2f})".replace("_", " ") for a, b, r in posterior.pairs)
+        yield Verdict("note", f"{head}In the posterior these trade off: {said}.")
+    if any(np.isfinite(one.widths(level)) for one in told) and not apart:
+        yield Verdict(
+            "good",
+            f"{head}Where an interval and the posterior can both be read, they agree within a factor of {FACTOR:g}.",
+        )
+
+
+def _named(one: Beside) -> str:
+    return one.fitted.name.replace("_", " ")
+
+
+def _range(p: Parameter, level: float) -> str:
+    low, high = p.interval(level)
+    return f"{number(low, p.standard_error)} to {number(high, p.standard_error)}"

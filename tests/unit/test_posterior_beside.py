@@ -1,0 +1,98 @@
+"""A posterior beside intervals: asked for in study.toml, told in words, drawn, kept; refused without its package."""
+
+import sys
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import pellucid as pl
+from pellucid._errors import PellucidError
+from pellucid.fit.parameter import Parameter
+from pellucid.fit.posterior.posterior import DrawnParameter, Posterior
+from pellucid.lab.bench.rig import bench_joint
+from pellucid.lab.study import write_study
+from pellucid.procedures.posterior_beside import Beside, beside, posterior_table, posterior_verdicts
+from pellucid.procedures.result import FigureTable
+
+
+def drawn(name, centre, spread, **more):
+    draws = centre + spread * np.random.default_rng(1).standard_normal(4000)
+    return DrawnParameter(name, "N*m", centre, spread, draws=draws, **more)
+
+
+def posterior(*parameters, **more):
+    return Posterior(parameters=parameters, covariance=np.eye(len(parameters)), **more)
+
+
+def said(compared, found):
+    return [(v.kind, v.said) for v in posterior_verdicts(compared, found, 0.95)]
+
+
+def test_widths_within_a_factor_of_two_agree():
+    found = posterior(drawn("gravity", 1.0, 0.15))
+    assert said(beside([Parameter("gravity", "N*m", 1.0, 0.1)], found), found) == [
+        ("good", "Where an interval and the posterior can both be read, they agree within a factor of 2.")
+    ]
+
+
+@pytest.mark.parametrize(("spread", "word"), [(0.3, "too narrow"), (0.03, "too wide")])
+def test_widths_further_apart_are_told_with_both_intervals(spread, word):
+    found = posterior(drawn("gravity", 1.0, spread))
+    [one] = beside([Parameter("gravity", "N*m", 1.0, 0.1)], found)
+    assert word in one.told(0.95)
+    [(kind, text)] = said([one], found)
+    assert kind == "warning"
+    assert "0.80 to 1.20 by the fit" in text
+
+
+def test_of_a_refused_interval_it_is_said_whether_the_data_or_the_prior_tell():
+    refused = Parameter("gravity", "N*m", 1.0, 0.1, refused="what the model leaves out may be all of it")
+    told = drawn("gravity", 1.0, 0.1)
+    [(kind, text)] = said([Beside(refused, told)], posterior(told))
+    assert kind == "note"
+    assert "refused; the posterior, told by the data, is 0.81 to 1.20 N·m" in text
+    guessed = replace(told, prior_share=0.9)
+    [(_, text)] = said([Beside(refused, guessed)], posterior(guessed))
+    assert "gravity is told by the prior, not by the data" in text
+    assert Beside(refused, guessed).told(0.95) == "told by the prior"
+
+
+def test_of_draws_that_have_not_settled_nothing_is_read():
+    one = drawn("gravity", 1.0, 0.1, refused="the posterior has not settled: R-hat 1.2")
+    compared = [Beside(Parameter("gravity", "N*m", 1.0, 0.1), one)]
+    [(kind, text)] = said(compared, posterior(one, unsettled="R-hat 1.2"))
+    assert kind == "warning"
+    assert "nothing is read" in text
+    assert posterior_table("", compared, 0.95).rows[0][4] == "not settled"
+
+
+@pytest.fixture(scope="module")
+def study(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("few") / "study"
+    write_study(folder, bench_joint().changed({"sampling.duration": 3.0}), name="few", seed=5, threads=1)
+    text = (folder / "study.toml").read_text()
+    (folder / "study.toml").write_text(text.replace("[model]", '[model]\nfamilies = ["symmetric"]\nposterior = true'))
+    return pl.open(folder)
+
+
+def test_a_joint_has_it_in_tables_rows_verdicts_and_on_the_page(study):
+    result = pl.identify(study, thorough=False)
+    [table] = [t for t in result.tables if isinstance(t, FigureTable) and "Posterior" in t.title]
+    assert [row[0] for row in table.rows] == [p.name for p in result.families["symmetric"].estimate.parameters]
+    assert any(v.finding == "posterior" for v in result.verdicts)
+    rows = {row.id: row for row in result.rows}
+    low, high = result.posterior["inertia"].interval()
+    assert low < rows["few.symmetric.posterior.inertia"].value < high
+    assert "R-hat" in rows["few.symmetric.posterior.inertia"].note
+    assert low < bench_joint()["joint"]["inertia"] < high
+    result.save(study)
+    page = pl.report(study)
+    assert "posterior-" in page.read_text(encoding="utf-8")
+    assert (page.parent / "posterior.svg").is_file()
+
+
+def test_without_its_package_it_is_refused_before_anything_is_read(study, monkeypatch):
+    monkeypatch.setitem(sys.modules, "emcee", None)
+    with pytest.raises(PellucidError, match=r"pellucid\[posterior\]"):
+        pl.identify(study, thorough=False)
