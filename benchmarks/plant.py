@@ -40,6 +40,7 @@ GEARED = {
     "friction_swing": 0.15,
     "friction_wave_number": 6.0,
     "viscous_decline": 3.0,
+    "presliding_travel": 0.0,
     "bearing_coulomb": 0.05,
     "bearing_viscous": 0.02,
 }
@@ -157,7 +158,7 @@ def geared_in_numba() -> Callable:
                     viscous = (p[9] if up else p[10]) * v_m / (1 + abs(v_m) / p[18])
                     turned = moved(v_m, net, hold, slip, viscous, p[3], h)
                     net = torque - p[1] * math.sin(q) - p[2] * math.cos(q)
-                    v = moved(v, net, p[19], p[19], p[20] * v, p[0], h)
+                    v = moved(v, net, p[20], p[20], p[21] * v, p[0], h)
                     v_m = turned
                     q_m += h * v_m
                     q += h * v

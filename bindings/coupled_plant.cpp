@@ -17,7 +17,7 @@ constexpr const char* plant_doc =
 
 Parameters
 ----------
-parameters : (46,)
+parameters : (47,)
     In the order of COUPLED_PARAMETER_NAMES, SI.
 period : float
     Of control [s], > 0.

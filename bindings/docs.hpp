@@ -225,7 +225,7 @@ not finite, and NaN neither hangs nor raises.
 
 Parameters
 ----------
-parameters : (m, 21)
+parameters : (m, 22)
     A row a plant, in the order of GEARED_PARAMETER_NAMES.
 reference, injected, disturbance, encoder_noise : (n,) or (m, n)
     Shared, or one a row. The disturbance acts on the link; the loop and the encoder are the motor's.

@@ -18,7 +18,7 @@ load : (5,)
     What the person expects of the robot at first: inertia, viscous, coulomb, gravity_sine, gravity_cosine, SI.
 position0 : float
     Where the forearm is held at first [rad].
-robot : (21,), optional
+robot : (22,), optional
     In the order of GEARED_PARAMETER_NAMES, SI; left out: the forearm alone.
 strap : (11,)
     In the order of STRAP_PARAMETER_NAMES, SI.
@@ -96,11 +96,11 @@ Returns
 dict
     found, safe: periods after the onset until the supervisor acted, and until the output was safe, -1
     for never; fault, mode: what it found and did; early: periods with a fault before the onset; energy:
-    positive work on the limb since the onset, every 5 periods [J]; peak: largest torque of the strap on the limb from
-    onset to safe [N m]; impulse: of the drive from the onset to safe [N m s]; speed: largest of the
-    limb from onset to safe [rad/s]; onset_speed: least of the motor in the 5 periods before the onset
-    [rad/s]; periods; how near it came to a fault before there was one: lasting, push, contradiction,
-    burst, excess [N m], spent [J], and the work of the test [J].)";
+    positive work on the limb since the onset, every 5 periods [J]; peak: largest torque of the strap on
+    the limb from onset to safe [N m]; impulse: of the drive from the onset to safe [N m s]; speed:
+    largest of the limb from onset to safe [rad/s]; onset_speed: least of the motor in the 5 periods
+    before the onset [rad/s]; periods; how near it came to a fault before there was one: lasting, push,
+    contradiction, burst, excess [N m], spent [J], and the work of the test [J].)";
 
 template <class S> p::ExpectedLoad<S> read_load(nb::handle load) {
   const Array v = read_array("load", load);

@@ -6,7 +6,8 @@
 //
 // tau_c is the strap's torque, tau_k the muscles'. Everything is on the joint's side of the gear. The loop reads both
 // encoders once a period and holds its command; all bodies move in substeps of semi-implicit Euler, and motor and
-// bearing can stick, to the bit. The substep must resolve the stiffest pair: h sqrt(K / J) below about 1.
+// bearing can stick, to the bit; a motor whose contacts give does not. The substep must resolve the stiffest pair:
+// h sqrt(K / J) below about 1.
 #pragma once
 
 #include "gear_friction.hpp"
@@ -95,6 +96,7 @@ template <class S> struct CoupledPlantState {
   S limb_position{};          ///< q_k [rad]
   S limb_velocity{};          ///< v_k [rad/s]
   StrapState<S> strap{};      ///< what the strap remembers
+  PreslidingState<S> contacts{};  ///< of the motor's friction
   TorqueLoopState<S> loop{};  ///< what the actuator remembers
 };
 
@@ -161,14 +163,12 @@ CoupledPlantState<S> balanced(const CoupledPlantCoefficients<S>& c, const S& pos
 }
 
 /// Velocity of the motor one substep on, under its own torque and the spring's [rad/s].
-template <class S> S next_motor_velocity(const CoupledPlantCoefficients<S>& c, const S& position, const S& velocity,
-                                         const S& motor_torque, const S& load) noexcept {
+template <class S>
+S next_motor_velocity(const CoupledPlantCoefficients<S>& c, const PreslidingState<S>& contacts, const S& position,
+                      const S& velocity, const S& motor_torque, const S& load) noexcept {
   const S net = motor_torque - load;
-  const S share = coulomb_share(c.motor_friction, position);
-  const mask_t<S> rests = abs(net) <= breakaway(c.motor_friction, share, load, net);
-  const S direction = sign(select(velocity == S(0), net, velocity));
-  const S slipping = (net - friction(c.motor_friction, share, load, velocity, direction)) * c.inverse_motor_inertia;
-  return stick(rests, velocity, velocity + c.substep * slipping);
+  return next_velocity(c.motor_friction, contacts, position, velocity, net, net, load, c.inverse_motor_inertia,
+                       c.substep);
 }
 
 /// One control period. Total, as every step: whatever comes in, NaN included, it ends after as many operations.
@@ -186,10 +186,13 @@ template <class S> CoupledPlantOutput<S> step(const CoupledPlantCoefficients<S>&
     const S v_e = state.orthosis_velocity;
     const S a_e = acceleration(c.orthosis, gravity(c.orthosis, state.orthosis_position), v_e, effort, effort, rests);
     const S a_k = acceleration(c.limb, state.limb_position, state.limb_velocity, input.muscle_torque - strap.limb);
-    state.motor_velocity = next_motor_velocity(c, state.motor_position, state.motor_velocity, motor_torque, spring);
+    state.motor_velocity =
+        next_motor_velocity(c, state.contacts, state.motor_position, state.motor_velocity, motor_torque, spring);
     state.orthosis_velocity = stick(rests, v_e, v_e + c.substep * a_e);
     state.limb_velocity = state.limb_velocity + c.substep * a_k;
-    state.motor_position = state.motor_position + c.substep * state.motor_velocity;
+    const S way = c.substep * state.motor_velocity;
+    if (c.motor_friction.presliding.any_gives) step(c.motor_friction.presliding, state.contacts, way);
+    state.motor_position = state.motor_position + way;
     state.orthosis_position = state.orthosis_position + c.substep * state.orthosis_velocity;
     state.limb_position = state.limb_position + c.substep * state.limb_velocity;
     advance(c.strap, state.strap, strap, c.substep);

@@ -1,11 +1,12 @@
-// Friction of a motor and its gear, richer than what is identified: three more terms, each measured on real drives.
+// Friction of a motor and its gear, richer than what is identified: four more terms, each measured on real drives.
 //
 // The friction of friction.hpp, and: the share of the load that is lost rises towards rest; the Coulomb level swings
-// along the travel, as a cable's tension does; the viscous slope declines with speed, as grease shears thin. The load
-// is the torque in a compliant transmission, which is a function of the state, so nothing has to be solved.
+// along the travel, as a cable's tension does; the viscous slope declines with speed, as grease shears thin; and below
+// slip contacts give, as presliding.hpp says, so that nothing sticks. The load is the torque in a compliant
+// transmission, which is a function of the state, so nothing has to be solved.
 #pragma once
 
-#include "friction.hpp"
+#include "presliding.hpp"
 
 namespace pellucid {
 inline namespace PELLUCID_ABI {
@@ -13,6 +14,7 @@ inline namespace PELLUCID_ABI {
 template <class S> struct GearFrictionParams {
   FrictionParams<S> friction{};  ///< the terms that an identified model knows; velocity_width counts for nothing
   S load_rise{}, swing{}, wave_number{}, viscous_decline{};
+  PreslidingParams<S> presliding{};  ///< below slip
 
   template <class P, class V> static constexpr void walk(P& p, V& visit) noexcept {
     FrictionParams<S>::resisting(p.friction, visit);
@@ -24,6 +26,7 @@ template <class S> struct GearFrictionParams {
                           "n, swings of the Coulomb level per angle times 2 pi"});
     visit(p.viscous_decline, {"viscous_decline", unit::velocity, at_least(0),
                               "v_d, where the viscous slope has fallen to a half; below 1e-9: none"});
+    pellucid::walk(p.presliding, visit);
   }
 };
 
@@ -35,6 +38,7 @@ template <class S> struct GearFrictionCoefficients {
   S wave_number{};                     ///< n [1/rad]
   S inverse_decline{};                 ///< 1 / v_d [s/rad], 0 where the slope does not decline
   mask_t<S> swings{};                  ///< whether the Coulomb level swings
+  PreslidingCoefficients<S> presliding{};  ///< below slip
   bool any_rise = false;               ///< whether anything depends on exp(-(v / v_s)^2), in some lane
   bool any_swing = false;              ///< in some lane
   bool any_decline = false;            ///< in some lane
@@ -51,6 +55,7 @@ template <class S> GearFrictionCoefficients<S> coefficients(const GearFrictionPa
   c.wave_number = params.wave_number;
   c.inverse_decline = select(has_decline, S(1) / select(has_decline, params.viscous_decline, S(1)), S(0));
   c.swings = params.swing != S(0);
+  c.presliding = coefficients(params.presliding);
   c.any_rise = !(is_identically_zero(c.friction.stribeck) && is_identically_zero(c.load_rise));
   c.any_swing = any(c.swings);
   c.any_decline = any(has_decline);
@@ -87,12 +92,30 @@ S breakaway(const GearFrictionCoefficients<S>& c, const S& share, const S& load,
   return level(c, share, S(1), load, net_torque);
 }
 
-/// Friction at velocity v while it slips, or is about to slip, in the direction s: level s + F_v v / (1 + |v| / v_d).
+/// Friction at velocity v in the direction s, which is -1 or 1 while it slips or is about to, and less where contacts
+/// are bent: level s + F_v v / (1 + |v| / v_d), F_v that of the sign of v.
 template <class S> S friction(const GearFrictionCoefficients<S>& c, const S& share, const S& load, const S& velocity,
                               const S& direction) noexcept {
-  S slope_effort = viscous(c.friction, direction) * velocity;
+  S slope_effort = viscous(c.friction, velocity) * velocity;
   if (c.any_decline) slope_effort = slope_effort / (S(1) + abs(velocity) * c.inverse_decline);
   return level(c, share, rise(c, velocity), load, direction) * direction + slope_effort;
+}
+
+/// Velocity of a motor one substep h on [rad/s]: under the torque `net` while it rests and `effort` at its velocity,
+/// both without friction, with contacts bent as they are. After q <- q + dq they have to be told: step(presliding).
+template <class S>
+S next_velocity(const GearFrictionCoefficients<S>& c, const PreslidingState<S>& contacts, const S& position,
+                const S& velocity, const S& net, const S& effort, const S& load, const S& inverse_inertia,
+                const S& substep) noexcept {
+  const S share = coulomb_share(c, position);
+  mask_t<S> rests = abs(net) <= breakaway(c, share, load, net);
+  S s = sign(select(velocity == S(0), net, velocity));
+  if (c.presliding.any_gives) {
+    rests = both(rests, !c.presliding.gives);
+    s = select(c.presliding.gives, direction(contacts), s);
+  }
+  const S slipping = (effort - friction(c, share, load, velocity, s)) * inverse_inertia;
+  return stick(rests, velocity, velocity + substep * slipping);
 }
 
 }  // namespace PELLUCID_ABI

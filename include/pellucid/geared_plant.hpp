@@ -6,7 +6,8 @@
 //
 // tau is the transmission's torque. Everything is on the joint's side of the gear. The loop reads the motor's encoder
 // once a period and holds its command; both bodies move in substeps of semi-implicit Euler, and either can stick, to
-// the bit. The substep must resolve the transmission: h sqrt(K / J) below about 1 for the smaller inertia.
+// the bit; a motor whose contacts give does not. The substep must resolve the transmission: h sqrt(K / J) below about 1
+// for the smaller inertia.
 #pragma once
 
 #include "gear_friction.hpp"
@@ -76,6 +77,7 @@ template <class S> struct GearedPlantState {
   S link_position{};    ///< q [rad]
   S link_velocity{};    ///< v [rad/s]
   LoopState<S> loop{};  ///< what the controller remembers
+  PreslidingState<S> contacts{};  ///< of the motor's friction
 };
 
 /// A state in which the link is at q, both bodies move at v, and the transmission's spring carries gravity.
@@ -101,15 +103,20 @@ template <class S> struct GearedPlantOutput {
 };
 
 /// Velocity of the motor one substep on, under a command and the transmission's torque [rad/s].
-template <class S> S next_motor_velocity(const GearedPlantCoefficients<S>& c, const S& position, const S& velocity,
-                                         const S& command, const S& load) noexcept {
+template <class S>
+S next_motor_velocity(const GearedPlantCoefficients<S>& c, const PreslidingState<S>& contacts, const S& position,
+                      const S& velocity, const S& command, const S& load) noexcept {
   const S net = c.drive.params.gain * command + (ripple(c.drive, position) - load);
-  const S share = coulomb_share(c.motor_friction, position);
-  const mask_t<S> rests = abs(net) <= breakaway(c.motor_friction, share, load, net);
-  const S direction = sign(select(velocity == S(0), net, velocity));
-  const S effort = net - c.drive.params.back_emf * velocity;
-  const S slipping = (effort - friction(c.motor_friction, share, load, velocity, direction)) * c.inverse_motor_inertia;
-  return stick(rests, velocity, velocity + c.substep * slipping);
+  return next_velocity(c.motor_friction, contacts, position, velocity, net, net - c.drive.params.back_emf * velocity,
+                       load, c.inverse_motor_inertia, c.substep);
+}
+
+/// Where the motor is one substep on at a velocity [rad]; its contacts go along.
+template <class S> S next_motor_position(const GearedPlantCoefficients<S>& c, PreslidingState<S>& contacts,
+                                         const S& position, const S& velocity) noexcept {
+  const S way = c.substep * velocity;
+  if (c.motor_friction.presliding.any_gives) step(c.motor_friction.presliding, contacts, way);
+  return position + way;
 }
 
 /// Velocity of the link one substep on, under an effort [rad/s].
@@ -139,9 +146,9 @@ template <class S> GearedPlantOutput<S> step(const GearedPlantCoefficients<S>& c
   for (std::uint32_t i = 0; i < c.substeps; ++i) {
     const S load = torque(c.transmission, q_m - q, v_m - v);
     if (i == 0) out.transmission_torque = load;
-    v_m = next_motor_velocity(c, q_m, v_m, out.command, load);
+    v_m = next_motor_velocity(c, state.contacts, q_m, v_m, out.command, load);
     v = next_link_velocity(c, q, v, load + input.disturbance);
-    q_m = q_m + c.substep * v_m;
+    q_m = next_motor_position(c, state.contacts, q_m, v_m);
     q = q + c.substep * v;
   }
   state.motor_position = q_m;

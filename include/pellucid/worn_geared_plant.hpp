@@ -41,6 +41,7 @@ template <class S> struct WornGearedPlantState {
   S limb_velocity{};      ///< [rad/s]
   S limb_acceleration{};  ///< of the last substep [rad/s^2]
   StrapState<S> strap{};  ///< what the strap remembers
+  PreslidingState<S> contacts{};  ///< of the motor's friction
 };
 
 /// Everything at rest where the limb goes through the cuff, the cable carrying the robot.
@@ -48,7 +49,7 @@ template <class S>
 WornGearedPlantState<S> balanced(const WornGearedPlantCoefficients<S>& c, const S& position) noexcept {
   const S link = robot_at(c.strap, position);
   const GearedPlantState<S> robot = balanced(c.robot, link, S(0));
-  return {robot.motor_position, S(0), link, S(0), position, S(0), S(0), {}};
+  return {robot.motor_position, S(0), link, S(0), position, S(0), S(0), {}, {}};
 }
 
 /// What the strap does to wearer and robot.
@@ -70,9 +71,9 @@ template <class S> void step(const WornGearedPlantCoefficients<S>& c, WornGeared
       const S cable = torque(c.robot.transmission, state.motor_position - state.link_position,
                              state.motor_velocity - state.link_velocity);
       state.motor_velocity =
-          next_motor_velocity(c.robot, state.motor_position, state.motor_velocity, command, cable);
+          next_motor_velocity(c.robot, state.contacts, state.motor_position, state.motor_velocity, command, cable);
       state.link_velocity = next_link_velocity(c.robot, state.link_position, state.link_velocity, cable + strap.robot);
-      state.motor_position = state.motor_position + h * state.motor_velocity;
+      state.motor_position = next_motor_position(c.robot, state.contacts, state.motor_position, state.motor_velocity);
       state.link_position = state.link_position + h * state.link_velocity;
       advance(c.strap, state.strap, strap, h);
     }

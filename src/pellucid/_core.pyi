@@ -302,7 +302,7 @@ def simulate_geared(
 
     Parameters
     ----------
-    parameters : (m, 21)
+    parameters : (m, 22)
         A row a plant, in the order of GEARED_PARAMETER_NAMES.
     reference, injected, disturbance, encoder_noise : (n,) or (m, n)
         Shared, or one a row. The disturbance acts on the link; the loop and the encoder are the motor's.
@@ -850,7 +850,7 @@ class CoupledPlant:
 
     Parameters
     ----------
-    parameters : (46,)
+    parameters : (47,)
         In the order of COUPLED_PARAMETER_NAMES, SI.
     period : float
         Of control [s], > 0.
@@ -921,7 +921,7 @@ class WornElbow:
         What the person expects of the robot at first: inertia, viscous, coulomb, gravity_sine, gravity_cosine, SI.
     position0 : float
         Where the forearm is held at first [rad].
-    robot : (21,), optional
+    robot : (22,), optional
         In the order of GEARED_PARAMETER_NAMES, SI; left out: the forearm alone.
     strap : (11,)
         In the order of STRAP_PARAMETER_NAMES, SI.
@@ -1049,11 +1049,11 @@ class WornElbow:
         dict
             found, safe: periods after the onset until the supervisor acted, and until the output was safe, -1
             for never; fault, mode: what it found and did; early: periods with a fault before the onset; energy:
-            positive work on the limb since the onset, every 5 periods [J]; peak: largest torque of the strap on the limb from
-            onset to safe [N m]; impulse: of the drive from the onset to safe [N m s]; speed: largest of the
-            limb from onset to safe [rad/s]; onset_speed: least of the motor in the 5 periods before the onset
-            [rad/s]; periods; how near it came to a fault before there was one: lasting, push, contradiction,
-            burst, excess [N m], spent [J], and the work of the test [J].
+            positive work on the limb since the onset, every 5 periods [J]; peak: largest torque of the strap on
+            the limb from onset to safe [N m]; impulse: of the drive from the onset to safe [N m s]; speed:
+            largest of the limb from onset to safe [rad/s]; onset_speed: least of the motor in the 5 periods
+            before the onset [rad/s]; periods; how near it came to a fault before there was one: lasting, push,
+            contradiction, burst, excess [N m], spent [J], and the work of the test [J].
         """
 
     @property

@@ -154,8 +154,10 @@ void lanes_have_the_bits_of_one() {
   using L = p::Lanes<double, 4>;
   auto many = example_coupled<L>();
   const double slack[4] = {0, 0.02, 0.1, 0}, hold[4] = {0.1, 100, 0, 0.5}, mobility[4] = {0.1, 0.1, 0, 0.05},
-               hardening[4] = {0, 0.1, -1, 0.3}, relaxing[4] = {0, 0, 15, 8}, along[4] = {0, 0.1, 0, -0.05};
+               hardening[4] = {0, 0.1, -1, 0.3}, relaxing[4] = {0, 0, 15, 8}, along[4] = {0, 0.1, 0, -0.05},
+               travel[4] = {1e-3, 0, 0, 3e-3};
   for (std::size_t l = 0; l < 4; ++l) {
+    many.motor_friction.presliding.travel.set(l, travel[l]);
     many.strap.slack.set(l, slack[l]);
     many.strap.hold.set(l, hold[l]);
     many.strap.slip_mobility.set(l, mobility[l]);
@@ -167,6 +169,7 @@ void lanes_have_the_bits_of_one() {
   const auto c = p::coefficients(many);
   for (std::size_t l = 0; l < 4; ++l) {
     auto one = example_coupled<double>();
+    one.motor_friction.presliding.travel = travel[l];
     one.strap.slack = slack[l];
     one.strap.hold = hold[l];
     one.strap.slip_mobility = mobility[l];

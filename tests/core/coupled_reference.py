@@ -11,10 +11,12 @@ import scipy.optimize
 NAMES = (
     "motor_inertia", "coulomb_positive", "coulomb_negative", "viscous_positive", "viscous_negative", "stribeck",
     "stribeck_velocity", "load_motoring", "load_generating", "load_rise", "friction_swing", "friction_wave_number",
-    "viscous_decline", "spring_stiffness", "spring_damping", "orthosis_inertia", "gravity_sine", "gravity_cosine",
+    "viscous_decline", "presliding_travel", "spring_stiffness", "spring_damping", "orthosis_inertia", "gravity_sine",
+    "gravity_cosine",
     "bearing_coulomb", "bearing_viscous", "strap_stiffness", "strap_damping", "strap_slack", "strap_hold",
     "strap_mobility", "strap_hardening", "strap_relaxing_stiffness", "strap_relaxation_time", "strap_across",
-    "strap_along", "strap_fitted", "limb_inertia", "limb_gravity", "limb_centre", "limb_viscous", "passive_torque", "passive_angle",
+    "strap_along", "strap_fitted", "limb_inertia", "limb_gravity", "limb_centre", "limb_viscous",
+    "passive_torque", "passive_angle",
     "passive_scale", "torque_kp", "torque_ki", "torque_kd", "torque_limit", "motor_limit", "calibrated_stiffness",
     "motor_quantum", "output_quantum",
 )  # fmt: skip
@@ -22,10 +24,12 @@ NAMES = (
 EXAMPLE = dict(
     motor_inertia=0.1, coulomb_positive=0.6, coulomb_negative=0.5, viscous_positive=0.4, viscous_negative=0.5,
     stribeck=0.3, stribeck_velocity=0.1, load_motoring=0.08, load_generating=0.15, load_rise=0.5, friction_swing=0.2,
-    friction_wave_number=9.0, viscous_decline=2.0, spring_stiffness=170.0, spring_damping=0.1, orthosis_inertia=0.05,
+    friction_wave_number=9.0, viscous_decline=2.0, presliding_travel=0.0, spring_stiffness=170.0, spring_damping=0.1,
+    orthosis_inertia=0.05,
     gravity_sine=1.5, gravity_cosine=0.05, bearing_coulomb=0.02, bearing_viscous=0.01, strap_stiffness=20.0,
     strap_damping=0.5, strap_slack=0.0, strap_hold=2.0, strap_mobility=0.1, strap_hardening=0.0,
-    strap_relaxing_stiffness=0.0, strap_relaxation_time=0.0, strap_across=0.0, strap_along=0.0, strap_fitted=0.0, limb_inertia=0.3, limb_gravity=8.0,
+    strap_relaxing_stiffness=0.0, strap_relaxation_time=0.0, strap_across=0.0, strap_along=0.0, strap_fitted=0.0,
+    limb_inertia=0.3, limb_gravity=8.0,
     limb_centre=0.05, limb_viscous=0.15, passive_torque=1.0, passive_angle=-0.09, passive_scale=0.03, torque_kp=1.0,
     torque_ki=3.0, torque_kd=0.01, torque_limit=25.0, motor_limit=30.0, calibrated_stiffness=171.0,
     motor_quantum=2e-5, output_quantum=1e-4,
@@ -84,6 +88,7 @@ class Plant:
             self.q_k += stretch + math.copysign(0.5 * max(p["strap_slack"], 0.0), load)
             self.flow = stretch
         self.v_m = self.v_e = self.v_k = self.slip = self.integral = 0.0
+        self.contacts = geared_reference.Contacts(p["presliding_travel"])
         settled = p["calibrated_stiffness"] * (self.q_m - self.q_e)
         self.torques, self.commands = [settled] * 8, [settled] * 8
 
@@ -152,13 +157,7 @@ class Plant:
         for _ in range(self.substeps):
             spring, (strap, against), stretch = self.spring(), self.strap(), self.stretch()
             net = u - spring
-            up = self.v_m > 0 if self.v_m != 0 else net > 0
-            viscous = (p["viscous_positive"] if up else p["viscous_negative"]) * self.v_m
-            if p["viscous_decline"] > 0:
-                viscous /= 1 + abs(self.v_m) / p["viscous_decline"]
-            hold = geared_reference.dry(p, self.q_m, 0.0, spring, net > 0)
-            dry = geared_reference.dry(p, self.q_m, self.v_m, spring, up)
-            v_m = geared_reference.after(self.v_m, net, hold, dry, viscous, p["motor_inertia"], h)
+            v_m = geared_reference.motor_after(p, self.contacts, self.q_m, self.v_m, net, spring, 0.0, h)
             net, bearing = spring + strap - self.weight(self.q_e), p["bearing_coulomb"]
             slowed = p["bearing_viscous"] * self.v_e
             v_e = geared_reference.after(self.v_e, net, bearing, bearing, slowed, p["orthosis_inertia"], h)
@@ -167,12 +166,15 @@ class Plant:
             weight = p["limb_gravity"] * math.sin(self.q_k - p["limb_centre"])
             self.v_k += h * (muscle - against - weight + tissue) / p["limb_inertia"]
             self.v_m, self.v_e = v_m, v_e
+            self.contacts.move(h * v_m)
             self.q_m += h * v_m
             self.q_e += h * v_e
             self.q_k += h * self.v_k
             beyond = abs(against) - p["strap_hold"]
             self.slip += h * p["strap_mobility"] * math.copysign(max(beyond, 0.0), against)
             if p["strap_relaxing_stiffness"] > 0:
-                self.flow = (self.flow + h / p["strap_relaxation_time"] * stretch) / (1 + h / p["strap_relaxation_time"])
+                self.flow = (self.flow + h / p["strap_relaxation_time"] * stretch) / (
+                    1 + h / p["strap_relaxation_time"]
+                )
         out = self.read()
         return (*out[:-2], u, out[-1])

@@ -88,11 +88,13 @@ template <class S> void runs(const char* name) {
 void lanes_have_the_bits_of_one() {
   using L = p::Lanes<double, 4>;
   auto many = example_geared<L>();
-  const double coulomb[4] = {0, 0.3, 0.6, 2}, swing[4] = {0, 0.1, 0.3, 0}, decline[4] = {2, 0, 1, 0};
+  const double coulomb[4] = {0, 0.3, 0.6, 2}, swing[4] = {0, 0.1, 0.3, 0}, decline[4] = {2, 0, 1, 0},
+               travel[4] = {0, 3e-3, 1e-3, 0};
   for (std::size_t l = 0; l < 4; ++l) {
     many.joint.motor_friction.friction.coulomb_positive.set(l, coulomb[l]);
     many.joint.motor_friction.swing.set(l, swing[l]);
     many.joint.motor_friction.viscous_decline.set(l, decline[l]);
+    many.joint.motor_friction.presliding.travel.set(l, travel[l]);
   }
   const auto c = p::coefficients(many);
   for (std::size_t l = 0; l < 4; ++l) {
@@ -100,6 +102,7 @@ void lanes_have_the_bits_of_one() {
     one.joint.motor_friction.friction.coulomb_positive = coulomb[l];
     one.joint.motor_friction.swing = swing[l];
     one.joint.motor_friction.viscous_decline = decline[l];
+    one.joint.motor_friction.presliding.travel = travel[l];
     const auto c1 = p::coefficients(one);
     auto states = p::balanced(c, L(0.1), L(0));
     auto state = p::balanced(c1, 0.1, 0.0);

@@ -96,7 +96,7 @@ class Presliding:
 
 
 def lugre(position: np.ndarray, length: float) -> np.ndarray:
-    """The other usual model's bristle, per level, along a way: s' = v / length - |v| s / length, length F_c / sigma_0."""
+    """The other usual model's bristle, per level, along a way: s' = (v - |v| s) / length, length F_c / sigma_0."""
     s, result = 0.0, [0.0]
     for way in np.diff(position):  # exact along a way without a turn
         s = np.sign(way) + (s - np.sign(way)) * math.exp(-abs(way) / length)

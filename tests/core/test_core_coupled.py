@@ -62,6 +62,7 @@ def test_plant_is_that_of_python(delay, rng):
 @pytest.mark.parametrize(
     "changes",
     [
+        {"presliding_travel": 2e-3},
         {"strap_stiffness": 0.0, "strap_damping": 0.0},
         {"strap_mobility": 0.0},
         {"passive_scale": 0.0, "passive_torque": 0.0},
@@ -121,8 +122,17 @@ def test_nothing_lost_nothing_gained():
          "load_generating", "spring_damping", "bearing_coulomb", "bearing_viscous", "strap_damping", "limb_viscous"),
         0.0,
     )  # fmt: skip
-    p = reference.parameters(**nothing, **FREE, strap_slack=0.05, strap_hardening=0.1, strap_across=0.1,
-                             strap_along=-0.15, strap_fitted=0.4, motor_quantum=1e-9, output_quantum=1e-9)
+    p = reference.parameters(
+        **nothing,
+        **FREE,
+        strap_slack=0.05,
+        strap_hardening=0.1,
+        strap_across=0.1,
+        strap_along=-0.15,
+        strap_fitted=0.4,
+        motor_quantum=1e-9,
+        output_quantum=1e-9,
+    )
     plant = _core.CoupledPlant(p, period=2e-3, substeps=400, position0=0.8, torque0=1.0)
     out = play(plant, np.zeros(2000), np.zeros(2000))
     e = energy(p, out, out["motor_position"])[2:-2]
@@ -206,7 +216,7 @@ P = reference.parameters()
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        (dict(parameters=P[:21]), "parameters: got shape (21,), expected (46,)"),
+        (dict(parameters=P[:21]), "parameters: got shape (21,), expected (47,)"),
         (dict(period=0.0), "period: expected a number of seconds above 0"),
         (dict(period=np.nan), "period: expected a number of seconds above 0"),
         (dict(substeps=0), "substeps: expected a whole number from 1 to 1000000"),

@@ -70,6 +70,64 @@ def test_plant_is_that_of_python(loop, rng):
     assert stuck > 50
 
 
+def test_contacts_that_give_are_those_of_python(rng):
+    """Random joints whose friction builds up over up to 5 mrad: nothing sticks, and every term is still there."""
+    bent = 0
+    for travel in (3e-4, 1e-3, 5e-3):
+        p = reference.random_parameters(rng, presliding_travel=travel)
+        settings = dict(
+            period=1e-3, substeps=8, loop="cascade", kp=15.0, kv=3.0, ki=10.0, velocity_span=2, limit=8.0,
+            encoder_quantum=2e-4, back_emf=0.05, **signals(800, rng),
+        )  # fmt: skip
+        got = run(p, **settings)
+        for name, wanted in zip(OUTPUTS, reference.simulate(p, **settings), strict=True):
+            scale = max(1.0, np.max(np.abs(wanted)))
+            np.testing.assert_allclose(got[name], wanted, rtol=0, atol=1e-7 * scale, err_msg=name)
+        assert np.all(got["motor_velocity"][1:] != 0)
+        stuck = run(p * (np.array(reference.NAMES) != "presliding_travel"), **settings)
+        bent += np.max(np.abs(stuck["motor_position"] - got["motor_position"])) > 1e-4
+    assert bent == 3
+
+
+def test_a_push_below_slip_bends_contacts_along_their_curve():
+    """A motor in the gap under a slow push: it yields by travel (1 - sqrt(1 - push / level)), and slips from there."""
+    travel, level = 2e-3, 0.4
+    nothing = dict.fromkeys(reference.NAMES, 0.0)
+    p = nothing | dict(
+        link_inertia=1e6, motor_inertia=0.05, stiffness=100.0, backlash=0.2, presliding_travel=travel,
+        coulomb_positive=level, coulomb_negative=level, viscous_positive=5.0, viscous_negative=5.0,
+    )  # fmt: skip
+    share = np.concatenate([np.linspace(0, 0.75, 4000), np.full(1000, 0.75)])
+    moved = run([p[n] for n in reference.NAMES], reference=level * share, period=1e-3, substeps=20)["motor_position"]
+    assert moved[-1] == pytest.approx(0.5 * travel, rel=0.01)
+    np.testing.assert_allclose(moved, travel * (1 - np.sqrt(1 - share)), atol=0.02 * travel)
+    back = np.concatenate([share, 0.75 - share])
+    loop = run([p[n] for n in reference.NAMES], reference=level * back, period=1e-3, substeps=20)["motor_position"]
+    # Turned back it gives half as readily: twice the way for twice the change, Masing's rule.
+    assert loop[-1] == pytest.approx(travel * (0.5 - 2 * (1 - np.sqrt(1 - 0.375))), abs=0.01 * travel)
+
+
+def test_a_travel_too_small_to_be_one_leaves_every_bit(rng):
+    p, small = reference.random_parameters(rng), reference.NAMES.index("presliding_travel")
+    settings = dict(period=1e-3, substeps=4, loop="p", kp=40.0, **signals(500, rng))
+    without = run(p, **settings)
+    p[small] = 9e-10
+    assert all(np.array_equal(without[name], x) for name, x in run(p, **settings).items())
+
+
+def test_contacts_give_no_more_than_they_took(rng):
+    """No drive: what falls may rise again by what contacts store, at most half their level times the travel."""
+    for _ in range(5):
+        p = reference.random_parameters(
+            rng, presliding_travel=3e-3, load_motoring=0.0, load_generating=0.0, stribeck=0.0, friction_swing=0.0
+        )
+        start = dict(position0=rng.uniform(-2, 2), velocity0=rng.uniform(-3, 3))
+        e = energy(p, run(p, reference=np.zeros(2000), period=1e-3, substeps=200, **start))
+        level = max(p[reference.NAMES.index(f"coulomb_{way}")] for way in ("positive", "negative"))
+        assert np.max(e - np.minimum.accumulate(e)) < 0.5 * level * 3e-3 + 2e-5 * np.ptp(e)
+        assert e[-1] < e[0]
+
+
 @pytest.mark.parametrize(
     "changes",
     [
@@ -150,7 +208,7 @@ def settings(rng, m, n):
 
 def some_rows(rng, m):
     """Some rows without some terms: what is skipped for all lanes may not change a bit."""
-    p = np.array([reference.random_parameters(rng) for _ in range(m)]).reshape(m, 21)
+    p = np.array([reference.random_parameters(rng) for _ in range(m)]).reshape(m, 22)
     terms = (
         ("friction_swing",), ("viscous_decline",), ("stribeck", "load_rise"), ("stribeck_velocity",), ("backlash",),
         ("gravity_sine", "gravity_cosine"), ("load_motoring", "load_generating"), ("bearing_coulomb",),
@@ -158,6 +216,7 @@ def some_rows(rng, m):
     for start, names in enumerate(terms):
         for name in names:
             p[start::9, reference.NAMES.index(name)] = 0
+    p[::4, reference.NAMES.index("presliding_travel")] = 2e-3
     return p
 
 
@@ -340,7 +399,7 @@ def test_divergence_is_not_finite_and_ends():
 @pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf])
 def test_bad_numbers_end_and_stay_in_their_row(value):
     good = run(reference.parameters(), reference=np.ones(20), period=1e-3)
-    for i in range(21):
+    for i in range(22):
         p = np.tile(reference.parameters(), (3, 1))
         p[1, i] = value
         rows = _core.simulate_geared(p, reference=np.ones(20), period=1e-3)
@@ -362,8 +421,8 @@ RUN = dict(reference=np.zeros(5), period=1e-3)
 @pytest.mark.parametrize(
     ("error", "changes", "message"),
     [
-        (ValueError, dict(parameters=P[0]), "parameters: got shape (21,), expected (m, 21)"),
-        (ValueError, dict(parameters=P[:, :13]), "parameters: got shape (1, 13), expected (m, 21)"),
+        (ValueError, dict(parameters=P[0]), "parameters: got shape (22,), expected (m, 22)"),
+        (ValueError, dict(parameters=P[:, :13]), "parameters: got shape (1, 13), expected (m, 22)"),
         (ValueError, dict(disturbance=np.zeros((2, 5))), "disturbance: got shape (2, 5), expected (1, 5)"),
         (ValueError, dict(integral0=[1.0, 2.0]), "integral0: got shape (2,), expected a number or (1,)"),
         (TypeError, dict(stiction=True), "simulate_geared() does not know the keyword 'stiction'"),

@@ -100,7 +100,7 @@ class ElbowRig(Rig):
         return self.link_inertia(slider) + self.rotor
 
     def plant(self, slider: float) -> np.ndarray:
-        """The core's parameters of the geared plant, shape (21,), SI, with the carriage's marker at `slider` [m]."""
+        """The core's parameters of the geared plant, shape (22,), SI, with the carriage's marker at `slider` [m]."""
         sine, cosine = self.gravity(slider)
         values = {
             "link_inertia": self.link_inertia(slider),
@@ -109,6 +109,7 @@ class ElbowRig(Rig):
             "motor_inertia": self.rotor,
             "bearing_coulomb": self["bearing"]["coulomb"],
             "bearing_viscous": self["bearing"]["viscous"],
+            "presliding_travel": 0.0,
             **self["transmission"],
         }
         return np.array([values[name] for name in NAMES])

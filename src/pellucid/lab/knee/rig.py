@@ -102,12 +102,13 @@ class KneeRig(Rig):
         return sine * float(np.sin(position)) + cosine * float(np.cos(position))
 
     def plant(self, subject: KneeSubject | None, link: str = "strap", *, locked: bool = False) -> np.ndarray:
-        """The core's parameters of the coupled plant, shape (46,), SI: of a subject, or of nobody, whose limb a link
+        """The core's parameters of the coupled plant, shape (47,), SI: of a subject, or of nobody, whose limb a link
         couples, "strap" or "plate", or who is locked to a frame."""
         sine, cosine = self.orthosis_gravity
         orthosis, actuator, spring, loop = self["orthosis"], self["actuator"], self["spring"], self["torque_loop"]
         values = dict.fromkeys(NAMES, 0.0) | {
             **{name: actuator[name] for name in NEEDED["actuator"] if name in NAMES},
+            "presliding_travel": actuator.get("presliding_travel", 0.0),
             "motor_inertia": actuator["inertia"],
             "spring_stiffness": spring["stiffness"],
             "spring_damping": spring["damping"],
