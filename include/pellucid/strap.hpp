@@ -26,7 +26,7 @@ template <class S> struct StrapParams {
 
   template <class P, class V> static constexpr void walk(P& p, V& visit) noexcept {
     visit(p.stiffness, {"strap_stiffness", unit::stiffness, at_least(0),
-                        "K of the strap, at no stretch and in the end; 0 and no damping: nothing is strapped on"});
+                        "K of the strap, at no stretch and in the end; 0, undamped and nothing relaxing: none is worn"});
     visit(p.damping, {"strap_damping", unit::viscous, at_least(0), "D of the strap"});
     visit(p.slack, {"strap_slack", unit::coordinate, any_number(), "the whole gap; <= 0: none"});
     visit(p.hold, {"strap_hold", unit::effort, any_number(), "torque that it carries without slipping"});

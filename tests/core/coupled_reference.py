@@ -15,10 +15,9 @@ NAMES = (
     "gravity_cosine",
     "bearing_coulomb", "bearing_viscous", "strap_stiffness", "strap_damping", "strap_slack", "strap_hold",
     "strap_mobility", "strap_hardening", "strap_relaxing_stiffness", "strap_relaxation_time", "strap_across",
-    "strap_along", "strap_fitted", "limb_inertia", "limb_gravity", "limb_centre", "limb_viscous",
-    "passive_torque", "passive_angle",
-    "passive_scale", "torque_kp", "torque_ki", "torque_kd", "torque_limit", "motor_limit", "calibrated_stiffness",
-    "motor_quantum", "output_quantum",
+    "strap_along", "strap_fitted", "limb_inertia", "limb_gravity", "limb_centre", "limb_viscous", "passive_torque",
+    "passive_angle", "passive_scale", "torque_kp", "torque_ki", "torque_kd", "torque_limit", "motor_limit",
+    "calibrated_stiffness", "motor_quantum", "output_quantum",
 )  # fmt: skip
 
 EXAMPLE = dict(
@@ -173,8 +172,7 @@ class Plant:
             beyond = abs(against) - p["strap_hold"]
             self.slip += h * p["strap_mobility"] * math.copysign(max(beyond, 0.0), against)
             if p["strap_relaxing_stiffness"] > 0:
-                self.flow = (self.flow + h / p["strap_relaxation_time"] * stretch) / (
-                    1 + h / p["strap_relaxation_time"]
-                )
+                share = h / p["strap_relaxation_time"]
+                self.flow = (self.flow + share * stretch) / (1 + share)
         out = self.read()
         return (*out[:-2], u, out[-1])

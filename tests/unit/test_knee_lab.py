@@ -6,8 +6,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from pellucid import _core
 from pellucid._errors import StudyError
 from pellucid.lab.init import init_rig
+from pellucid.lab.knee.drawn import STRAPS, drawn_rig, drawn_strap
 from pellucid.lab.knee.instruments import draw_mounting, rotation, take_imu
 from pellucid.lab.knee.protocol import (
     Faults,
@@ -24,12 +26,15 @@ from pellucid.lab.knee.rig import KneeRig, knee_orthosis
 from pellucid.lab.knee.trial import run_trial
 from pellucid.lab.known_rigs import rig_text
 from pellucid.lab.simulate import simulate
+from pellucid.lab.strap_options import OPTIONS, without
 from pellucid.lab.study import record_in_memory, write_study
 from pellucid.models.joint import GRAVITY
 
 RIG = knee_orthosis()
 SUBJECTS = RIG.subjects
 S1 = SUBJECTS["S1"]
+PLAIN = RIG.strapped(without())
+"""Whose straps are springs with dampers."""
 
 
 def take(trial, seed=1, rig=RIG, **settings):
@@ -66,10 +71,23 @@ def test_mismatch_in_zero_impedance_mode(name):
 
 def test_the_limb_does_not_follow_from_the_orthosis_alone():
     """The mismatch is what the strap's torque says, slip aside; so it can be found, and it is not noise."""
-    truth = take(swing_trial(RIG, "x", S1, duration=20.0)).truth
+    truth = take(swing_trial(PLAIN, "x", PLAIN.subjects["S1"], duration=20.0), rig=PLAIN).truth
     rate = truth.limb_velocity - truth.orthosis_velocity
     torque = S1.strap["stiffness"] * truth.mismatch + S1.strap["damping"] * rate
     np.testing.assert_allclose(truth.strap_torque, torque, atol=1e-9)
+
+
+def test_a_strap_is_that_of_the_core():
+    truth = take(swing_trial(RIG, "x", S1, duration=20.0)).truth
+    strap = [
+        {**dict.fromkeys(_core.STRAP_PARAMETER_NAMES, 0.0), **{f"strap_{k}": v for k, v in RIG.strap_of(S1).items()}}[n]
+        for n in _core.STRAP_PARAMETER_NAMES
+    ]
+    motion = truth.orthosis_position, truth.orthosis_velocity, truth.limb_position, truth.limb_velocity
+    _, torque, slip = _core.strap_torque(strap, *motion, period=RIG.period)
+    # The plant's substeps are ten times as fine.
+    np.testing.assert_allclose(truth.strap_torque, torque, atol=0.01 * np.ptp(torque))
+    np.testing.assert_allclose(truth.slip, slip, atol=0.05 * np.max(np.abs(slip)))
 
 
 def test_torque_comes_after_emg():
@@ -111,7 +129,8 @@ def test_angles_are_held_against_torques(name, angle):
 
 def test_torque_in_holds_balances_gravity_and_orthosis():
     """Mean over a settled step: the muscles carry the limb, the orthosis's weight and what it pushes."""
-    taken = take(torque_trial(RIG, "x", S1, np.radians(60)))
+    straight = RIG.strapped(without("askew"))
+    taken = take(torque_trial(straight, "x", straight.subjects["S1"], np.radians(60)), rig=straight)
     window = (taken.time > 8.0) & (taken.time < 10.0)
     truth = taken.truth
     q_k, q_e = truth.limb_position[window], truth.orthosis_position[window]
@@ -158,7 +177,7 @@ def test_gravity_is_in_the_holds():
 
 
 def test_a_wearer_without_a_strap_feels_nothing():
-    rig = RIG.changed({"subjects.S1.strap.stiffness": 0.0, "subjects.S1.strap.damping": 0.0})
+    rig = RIG.strapped(dict.fromkeys(("stiffness", "damping", "relaxing_stiffness"), 0.0))
     truth = take(swing_trial(rig, "x", rig.subjects["S1"], duration=5.0), rig=rig).truth
     assert not truth.strap_torque.any()
 
@@ -266,8 +285,9 @@ def test_encoders_have_steps():
 
 def test_faults_are_where_they_should_be():
     def swing(**faults):
-        return take(swing_trial(RIG, "x", S1, duration=10.0, faults=Faults(**faults)))
+        return take(swing_trial(holds, "x", S1, duration=10.0, faults=Faults(**faults)), rig=holds)
 
+    holds = RIG.strapped(without("creeping"))
     usual = swing()
     silent = swing(imu_dropout=(4.0, 2.0)).imu
     assert np.max(np.diff(silent.time)) == pytest.approx(2.0, abs=0.1)
@@ -292,15 +312,46 @@ def test_faults_are_where_they_should_be():
 
 
 def test_a_strap_can_creep_and_be_slack():
-    creeping = RIG.changed({"strap.hold": 1.0, "strap.mobility": 0.02})
-    truth = take(swing_trial(creeping, "x", S1, duration=10.0), rig=creeping).truth
+    creeping = RIG.strapped({"hold": 1.0, "mobility": 0.02})
+    truth = take(swing_trial(creeping, "x", creeping.subjects["S1"], duration=10.0), rig=creeping).truth
     assert np.max(np.abs(truth.slip)) > 0.02
-    slack = RIG.changed({"strap.slack": 0.1})
-    truth = take(swing_trial(slack, "x", S1, duration=10.0), rig=slack).truth
+    slack = RIG.strapped({**without(), "slack": 0.1})
+    truth = take(swing_trial(slack, "x", slack.subjects["S1"], duration=10.0), rig=slack).truth
     inside = np.abs(truth.mismatch) < 0.05
     assert np.count_nonzero(inside) > 50
     assert not truth.strap_torque[inside].any()
     assert truth.strap_torque[np.abs(truth.mismatch) > 0.15].all()
+
+
+def in_swing(*options):
+    """Mismatch, its rate, and torque of a strap without these options, 30 s, which creeps as far as it would in ten
+    minutes."""
+    rig = RIG.strapped({"mobility": 0.003, **without(*options)})
+    truth = take(swing_trial(rig, "x", rig.subjects["S1"], duration=30.0), rig=rig).truth
+    return truth.mismatch, truth.limb_velocity - truth.orthosis_velocity, truth.strap_torque
+
+
+@pytest.mark.parametrize("option", OPTIONS)
+def test_every_option_of_a_strap_shows(option):
+    """In what the best spring and damper leave of the torque."""
+
+    def left(mismatch, rate, torque):
+        basis = np.stack([mismatch, rate, np.ones(len(mismatch))], axis=1)
+        return np.std(torque - basis @ np.linalg.lstsq(basis, torque)[0]) / np.std(torque)
+
+    assert left(*in_swing()) < 1e-9
+    assert left(*in_swing(*(other for other in OPTIONS if other != option))) > 1e-3
+
+
+def test_a_drawn_strap_has_what_the_rig_has_whoever_draws():
+    whole, one = RIG, RIG.strapped(without(*(o for o in OPTIONS if o != "slack")))
+    for seed in range(20):
+        strap = drawn_strap(whole, 20.0, seed)
+        assert all(low <= strap[name] <= high for name, (low, high) in STRAPS.items() if name != "relaxing_stiffness")
+        assert max(abs(strap["across"]), abs(strap["along"])) <= 0.1
+        assert drawn_strap(one, 20.0, seed)["slack"] == strap["slack"]
+        bare = one.strap_of(drawn_rig(one, seed).subjects[f"D{seed}"])
+        assert not any(bare[name] for names in OPTIONS.values() for name in names if name != "slack")
 
 
 # ---- studies ----

@@ -19,7 +19,7 @@ WORK = ("rate", "duration", "substeps", "repetitions", "realisations", "periods"
 """Keys of numbers that the work grows with."""
 
 POSITIVE = re.compile(
-    "frequency|rate$|duration|mass|inertia|velocity$|acceleration$|speed|length|stiffness$|period|counts|ratio|constant|"
+    "frequency|rate$|duration|mass|inertia|velocity$|acceleration$|speed|length|(?<!relaxing_)stiffness$|period|counts|ratio|constant|"
     "limit|longest|span$|substeps"
 )
 """Keys of numbers that are never 0."""

@@ -57,6 +57,28 @@ FACTORS: Mapping[str, tuple[float, float]] = {
 """Ranges of factors on the rig's own constants; drawn evenly in the logarithm."""
 
 
+STRAPS: Mapping[str, tuple[float, float]] = {
+    "hardening": (0.08, 0.25),  # rad: 17 to 52 mm at the cuff
+    "slack": (0.01, 0.05),  # rad: 2 to 10 mm
+    "relaxing_stiffness": (0.15, 0.60),  # of the stiffness
+    "relaxation_time": (0.5, 5.0),  # s
+    "hold": (3.0, 8.0),  # N*m
+    "mobility": (5e-5, 5e-4),  # rad/(N*m*s)
+}
+"""Ranges of what sets straps apart from a spring and a damper; drawn evenly in the logarithm."""
+
+
+def drawn_strap(rig: KneeRig, stiffness: float, seed: int) -> dict[str, float]:
+    """What sets a strap of a `stiffness` [N*m/rad] apart from a spring and a damper, drawn of what `rig` has: without
+    slack, say, if its straps are `strapped` without."""
+    rng, own = np.random.default_rng([seed, 0x5]), rig["strap"]
+    drawn = {name: float(np.exp(rng.uniform(*np.log(ends)))) for name, ends in STRAPS.items()}
+    drawn["relaxing_stiffness"] *= stiffness
+    across, along = own.get("askew_spread", 0.0) * np.clip(rng.standard_normal(2), -2.0, 2.0)
+    has = {name: value for name, value in drawn.items() if own.get(name)}
+    return {**has, "across": float(across), "along": float(along)}
+
+
 def drawn_rig(rig: KneeRig, seed: int) -> KneeRig:
     """The orthosis with another friction, and ``D<seed>`` its single wearer, drawn; the rest as in `rig`."""
     rng = np.random.default_rng([seed, 0xD])
@@ -84,7 +106,11 @@ def drawn_rig(rig: KneeRig, seed: int) -> KneeRig:
             "ahead": body["ahead"],
             "viscous": body["viscous"],
         },
-        "strap": {"stiffness": fitted["stiffness"], "damping": fitted["damping"] * fitted["stiffness"]},
+        "strap": {
+            "stiffness": fitted["stiffness"],
+            "damping": fitted["damping"] * fitted["stiffness"],
+            **drawn_strap(rig, fitted["stiffness"], seed),
+        },
         "strength": {EXTENSOR: fitted["extensor"] * weight, FLEXOR: fitted["flexor"] * weight},
         "emg_gain": dict(zip((EXTENSOR, FLEXOR), gains, strict=True)),
     }

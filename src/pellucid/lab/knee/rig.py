@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -96,6 +96,18 @@ class KneeRig(Rig):
         weight = GRAVITY * self["orthosis"]["mass"]
         return weight * along, weight * across
 
+    def strapped(self, values: Mapping[str, float]) -> KneeRig:
+        """The same rig with some constants of every wearer's strap changed: ``rig.strapped(without("slack"))``."""
+        subjects = {
+            name: {**one, "strap": {key: values.get(key, value) for key, value in one["strap"].items()}}
+            for name, one in self["subjects"].items()
+        }
+        return replace(self, tables={**self.tables, "strap": {**self["strap"], **values}, "subjects": subjects})
+
+    def strap_of(self, subject: KneeSubject) -> dict[str, float]:
+        """Every constant of a subject's strap, SI."""
+        return {**self["strap"], **subject.strap}
+
     def orthosis_load(self, position: float) -> float:
         """Torque that holds the orthosis alone at an angle [rad], without friction [N*m]."""
         sine, cosine = self.orthosis_gravity
@@ -126,7 +138,7 @@ class KneeRig(Rig):
             "limb_inertia": LOCKED,
         }
         if subject is not None:
-            coupling = self["plate"] if link == "plate" else {**self["strap"], **subject.strap}
+            coupling = self["plate"] if link == "plate" else self.strap_of(subject)
             values |= {f"strap_{name}": value for name, value in coupling.items()}
         if subject is not None and not locked:
             values |= {
@@ -258,6 +270,7 @@ class KneeRig(Rig):
                     "damping": s.limb["viscous"],
                     "strap_stiffness": s.strap["stiffness"],
                     "strap_damping": s.strap["damping"],
+                    "strap": self.strap_of(s),
                     "imu_remounting": mountings[s.name].remounting.tolist(),
                     "emg_gain": list(mountings[s.name].emg_gain),
                 }

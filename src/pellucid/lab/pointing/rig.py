@@ -88,6 +88,11 @@ class PointingRig(Rig):
         """The core's parameters of the strap, shape (11,), SI; what the file does not say of it is not there."""
         return np.array([self["robot"].get(name, 0.0) for name in _core.STRAP_PARAMETER_NAMES], float)
 
+    def strapped(self, values: Mapping[str, float]) -> Self:
+        """The same people with some constants of the strap changed: ``rig.strapped(without("slack"))``."""
+        robot = {**self["robot"], **{f"strap_{name}": value for name, value in values.items()}}
+        return replace(self, tables={**self.tables, "robot": robot})
+
     def under(self, conditions: Conditions) -> Self:
         """The same people under these conditions."""
         return replace(self, conditions=conditions)

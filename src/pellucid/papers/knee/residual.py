@@ -143,7 +143,7 @@ def changes(identified: Identified, card: WearerCard, duration: float) -> dict[s
         # A tired muscle sends more EMG for its torque, a drying electrode less.
         made[f"EMG gain drifts to {factor:g}"] = {"card": weakened(card, {0: factor, 1: factor})}
     made["electrodes put on anew"] = {"session": anew}
-    made["slack of 0.05 rad"] = {"rig": rig.changed({"strap.slack": 0.05})}
+    made["slack of 0.05 rad"] = {"rig": rig.strapped({"slack": 0.05})}
     made["slip of 0.1 rad in mid-swing"] = {"faults": Faults(slip=(half, 0.1))}
     made["both electrodes off from mid-swing"] = {"faults": Faults(emg_detached={0: half, 1: half})}
     return made

@@ -108,10 +108,10 @@ def _card(seed: int, settings: EmgSettings) -> WearerCard:
 
 
 @cache
-def _plain(seed: int, slack: float = 0.0) -> float:
-    """Strap torque of zero-impedance mode [N m]."""
+def _plain(seed: int, slack: float | None = None) -> float:
+    """Strap torque of zero-impedance mode [N m]; a slack [rad] other than the strap's own if given."""
     one = _wearer(seed)
-    rig = one.rig.changed({"strap.slack": slack})
+    rig = one.rig if slack is None else one.rig.strapped({"slack": slack})
     return root_mean_square(swing(rig, one.name, SWING, None, duration=DURATION, session=session_of(one)))[1]
 
 
@@ -128,12 +128,12 @@ def left_to_strap(kind: str, constants: Chosen, seed: int) -> float:
     """
     one, card = _wearer(seed), _card(seed, constants.emg)
 
-    def ratio(known: WearerCard, slack: float = 0.0) -> float:
+    def ratio(known: WearerCard, slack: float | None = None) -> float:
         try:
             built = controllers(known, one.rig.period, (0.0, 1.0), constants, (kind,))[kind]
         except PellucidError:
             return float("inf")
-        controller, rig = built.build(), one.rig.changed({"strap.slack": slack})
+        controller, rig = built.build(), one.rig if slack is None else one.rig.strapped({"slack": slack})
         taken = swing(rig, one.name, SWING, controller, duration=DURATION, session=session_of(one))
         if controller.fault != "none":
             return float("inf")
