@@ -50,11 +50,11 @@ degree_Celsius = kelvin; offset: 273.15 = degC = °C = celsius
 percent = 0.01 = %
 """
 
-# The texts SI values are shown in, most specific first; N*m stands before J because torques are what is measured here.
+# The texts SI values are shown in, one of each dimension; N*m and not J because torques are what is measured here.
 _SI_TEXTS = (
     "1", "s", "Hz", "m", "m/s", "m/s^2", "rad", "rad/s", "rad/s^2", "kg", "kg*m^2", "N", "N*m", "W", "A", "V", "ohm",
     "H", "Pa", "T", "K", "count", "N*s/m", "N*m*s/rad", "N*m/rad", "N/m", "N*m/A", "N*m/V", "N/A", "N/V",
-    "V*s/rad", "V*s^2/rad", "V*s/m", "V*s^2/m", "A*s/rad", "A*s^2/rad", "A*s/m", "A*s^2/m", "V/A",
+    "V*s/rad", "V*s^2/rad", "V*s^2/m", "A*s/rad", "A*s^2/rad", "A*s^2/m",
 )  # fmt: skip
 
 # Pint also reads what only a program may hold, comments for one, and raises numbers to powers without end.
@@ -148,6 +148,8 @@ def si_text(unit: str) -> str:
 
 @lru_cache(maxsize=1024)
 def _si_text(unit: str) -> str:
+    if unit in _SI_TEXTS:
+        return unit  # and Pint is not loaded for it
     dimension = _parse(unit, "unit")[2]
     for text in _SI_TEXTS:
         if _parse(text, "unit")[2] == dimension:
@@ -171,8 +173,10 @@ def _example(expected, number="1.0") -> str:
 
 @lru_cache(maxsize=4096)
 def _factor(unit: str, expected: str | tuple[str, ...] | None, where: str) -> tuple[float, float]:
-    factor, offset, dimension = _parse(unit, where)
     wanted = () if expected is None else (expected,) if isinstance(expected, str) else expected
+    if unit in _SI_TEXTS and (not wanted or unit in wanted):
+        return 1.0, 0.0  # and Pint is not loaded for it
+    factor, offset, dimension = _parse(unit, where)
     if wanted and all(_parse(w, where)[2] != dimension for w in wanted):
         hint = ""
         if dict(dimension).get("[count]"):

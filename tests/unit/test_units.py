@@ -6,6 +6,7 @@ import sys
 
 import pytest
 
+from pellucid import units
 from pellucid._errors import StudyError
 from pellucid.units import parse_quantity, si_text, to_si_factor
 
@@ -96,3 +97,16 @@ def test_the_si_text_of_a_unit(unit, text):
 def test_pint_is_loaded_with_the_first_unit_only():
     code = "import sys, pellucid.units; assert 'pint' not in sys.modules"
     subprocess.run([sys.executable, "-c", code], check=True)
+
+
+def test_texts_in_si_are_what_pint_says_of_them_and_need_no_pint():
+    parsed = [units._parse(text, "") for text in units._SI_TEXTS]
+    assert all(factor == 1.0 and zero == 0.0 for factor, zero, _ in parsed)
+    assert len({dimension for *_, dimension in parsed}) == len(parsed)
+    code = (
+        "import sys; from pellucid.units import parse_quantity as p, si_text; p('60 N*m', 'N*m', ''); si_text('rad/s')"
+    )
+    run = subprocess.run(
+        [sys.executable, "-c", f"{code}; print('pint' in sys.modules)"], capture_output=True, text=True
+    )
+    assert run.stdout.strip() == "False", run.stderr

@@ -271,8 +271,10 @@ def _check_wrap(looked: Watched, specs: Mapping[str, ChannelSpec], add: Add) -> 
 
 
 def _check_jump(q: np.ndarray, add: Add) -> None:
-    moved = np.abs(np.diff(q))
-    span = float(np.ptp(q[np.isfinite(q)])) if np.isfinite(q).any() else 0.0
+    moved = np.diff(q)
+    np.abs(moved, out=moved)
+    known = np.isfinite(q)
+    span = float(np.ptp(q if known.all() else q[known])) if known.any() else 0.0
     jumps = np.flatnonzero(moved > 0.5 * span)
     if jumps.size == 0 or jumps.size > len(q) // 20:
         return

@@ -477,12 +477,17 @@ def _require_the_files_units(columns: Columns, specs: dict[str, ChannelSpec]) ->
 def _to_si(stored: np.ndarray, spec: ChannelSpec, less: np.ndarray | None = None) -> np.ndarray:
     """Stored numbers, and those of the column taken off them, to SI, in the order `ChannelSpec` states."""
     values = _counts(stored, spec)
-    values *= spec.sign * spec.scale
+    # Of hours each pass takes long: what changes nothing is left out.
+    if spec.sign * spec.scale != 1.0:
+        values *= spec.sign * spec.scale
     if less is not None:
         values = values - spec.sign * (spec.minus.scale or spec.scale) * _counts(less, spec)
-    values += spec.offset
-    values *= spec.si_factor
-    values += spec.si_offset
+    if spec.offset:
+        values += spec.offset
+    if spec.si_factor != 1.0:
+        values *= spec.si_factor
+    if spec.si_offset:
+        values += spec.si_offset
     if spec.wrap is not None:
         _unwrap(values, spec.wrap)
     return values

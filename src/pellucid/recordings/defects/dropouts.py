@@ -8,7 +8,7 @@ import numpy as np
 
 from ..cut import Cut, cut_of
 from .clipped import at_limit
-from .watched import MOTION, Watched, runs
+from .watched import MOTION, Watched, runs, stays
 
 KIND = "dropout"
 
@@ -49,15 +49,14 @@ def find(watched: Watched) -> Iterator[Cut]:
     moved = watched.samples("position") if "position" in watched.channels else None
     for name in watched.channels:
         x = watched.samples(name)
-        steps = np.diff(x)
-        first, length = runs(steps == 0.0)
+        first, length = runs(stays(x))
         length = length + 1
         far = set(_outstanding(length, len(x), APART).tolist())
         for i in _outstanding(length, len(x), NEAR).tolist():
             a, b = int(first[i]), int(first[i] + length[i] - 1)
             if length[i] > LONGEST * watched.recording.fs or _limited(watched, name, x, a):
                 continue
-            lost = _leaps(x, a, b, LEAP if i in far else SURE, steps)
+            lost = _leaps(x, a, b, LEAP if i in far else SURE)
             if i in far and not lost and not _is_motion(name):
                 # A drive may be switched off for a while; one that is on has noise.
                 held = x[a] != 0.0 and a > 0 and b < len(x) - 1
@@ -89,17 +88,20 @@ def _limited(watched: Watched, name: str, x: np.ndarray, at: int) -> bool:
     return at_limit(watched, name, value) or value >= np.nanmax(x) or value <= np.nanmin(x)
 
 
-def _leaps(x: np.ndarray, a: int, b: int, times: float, steps: np.ndarray) -> bool:
+def _leaps(x: np.ndarray, a: int, b: int, times: float) -> bool:
     """Whether it leaves for one value at once, and comes back from it at once, by so many times the usual step, and
-    by some times its resolution; `steps` (n - 1,) those of `x`, (n,)."""
+    by some times its resolution."""
     if a == 0 or b + 1 >= len(x):
         return False
-    quantum = float(np.min(np.abs(steps), where=np.abs(steps) > 0.0, initial=np.inf))
     there, back = x[a] - x[a - 1], x[b] - x[b + 1]
     around = np.abs(np.concatenate([np.diff(x[max(a - 25, 0) : a]), np.diff(x[b + 1 : b + 26])]))
     around = around[np.isfinite(around)]
     usual = float(np.quantile(around, 0.75)) if around.size else np.inf
-    return there * back > 0.0 and min(abs(there), abs(back)) > max(times * usual, QUANTA * quantum)
+    leap = min(abs(there), abs(back))
+    if there * back <= 0.0 or leap <= times * usual:
+        return False
+    steps = np.abs(np.diff(x))
+    return leap > QUANTA * float(np.min(steps, where=steps > 0.0, initial=np.inf))
 
 
 def _moves(q: np.ndarray, a: int, b: int) -> bool:

@@ -9,7 +9,7 @@ import numpy as np
 
 from ..cut import Cut, cut_of
 from .scale import Scale
-from .watched import Watched, runs
+from .watched import Watched, runs, stays
 
 KIND = "frozen_encoder"
 
@@ -37,7 +37,7 @@ def find(watched: Watched) -> Iterator[Cut]:
             found = f"a frozen encoder, the one value {known[0]:.6g} in every sample"
             yield cut_of(watched.recording, KIND, "position", 0, len(q) - 1, found)
         return
-    first, length = runs(np.diff(q) == 0.0)
+    first, length = runs(stays(q))
     length = length + 1
     long = np.flatnonzero(length >= max(SHORTEST[0], SHORTEST[1] * watched.recording.fs))
     if long.size == 0:

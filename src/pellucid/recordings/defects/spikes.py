@@ -85,7 +85,8 @@ def spikes(x: np.ndarray, widest: int) -> list[tuple[int, int, float]]:
     n = len(x)
     if n < 4 * AROUND:
         return []
-    steps = np.abs(np.diff(x))
+    steps = np.diff(x)
+    np.abs(steps, out=steps)
     steps[~np.isfinite(steps)] = 0.0
     every = max(1, n // 200_000)
     usual, sparse = float(np.quantile(steps[::every], 0.99)), np.abs(x[::every])

@@ -42,6 +42,11 @@ class Watched:
         return replace(self, cuts=(*self.cuts, *cuts))
 
 
+def stays(x: np.ndarray) -> np.ndarray:
+    """Which samples of `x`, (n,), the next one repeats, shape (n - 1,) bool; of hours no array of steps is made."""
+    return (x[1:] == x[:-1]) & np.isfinite(x[1:])
+
+
 def runs(mask: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """First index and length of each run of True."""
     edges = np.flatnonzero(np.diff(mask, prepend=False, append=False))
