@@ -20,6 +20,9 @@ from .procedure import TransferFunctionTable
 POOR = 80.0
 """Below this fit [%] a linear model leaves out much of what a recording shows."""
 
+MUCH = 90.0
+"""Below this limit [%] what is not linear is told as a warning."""
+
 SIGNIFICANT = 0.05
 """Of the test whether there is any distortion."""
 
@@ -165,11 +168,11 @@ def verdicts(looks: Mapping[str, FirstLook], unseen: Mapping[str, str], channels
             share = max(found.even_share, 1.0 - found.even_share)
             by = f", {100.0 * share:.0f} % of it of {side} order"
         yield Verdict(
-            "warning" if found.highest_fit_limit < POOR else "note",
+            "warning" if found.highest_fit_limit < MUCH else "note",
             f"Before any model ({look.name}): no linear model {path} can hold better than {found.highest_fit:.0f} % "
             f"over {_many(look)} (below {found.highest_fit_limit:.0f} % with 95 % confidence); noise alone would leave "
-            f"{found.highest_fit_noise:.0f} %. What is not linear has "
-            f"{found.nonlinear_to_noise:.2g} times the noise's variance{by}.",
+            f"{found.highest_fit_noise:.1f} %. What is not linear has {_times(found.nonlinear_to_noise)} times the "
+            f"noise's variance{by}.",
         )
     fits = [each.found.fit for each in looks.values() if not each.periodic]
     if fits:
@@ -186,6 +189,10 @@ def verdicts(looks: Mapping[str, FirstLook], unseen: Mapping[str, str], channels
     for name, reason in unseen.items():
         if name.startswith(PROTOCOL):
             yield Verdict("warning", f"Before any model ({name}): noise and distortion not told apart. {reason}.")
+
+
+def _times(ratio: float) -> str:
+    return f"{ratio:.2g}" if ratio < 100.0 else f"{ratio:,.0f}"
 
 
 def _many(look: FirstLook) -> str:

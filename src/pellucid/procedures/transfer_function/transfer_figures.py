@@ -76,7 +76,8 @@ def frequency_response(
     figure = Figure(figsize=(FIGURE_WIDTH, 5.2), layout="constrained")
     top, bottom = figure.subplots(2, 1, sharex=True, height_ratios=(2.0, 1.0))
     size, tone = np.abs(measured), colour("measured")
-    top.vlines(frequency, np.maximum(size - radius, 1e-2 * size), size + radius, color=tone, linewidth=1.0, alpha=0.5)
+    # An interval that holds zero has no lower end on a logarithm's scale.
+    top.vlines(frequency, np.maximum(size - radius, 0.1 * size), size + radius, color=tone, linewidth=1.0, alpha=0.5)
     top.plot(frequency, size, color=tone, marker="o", markersize=3.5, linestyle="none", zorder=3)
     entries = [("measured", tone)]
     if fitted is not None:
