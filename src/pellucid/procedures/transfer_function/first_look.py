@@ -17,9 +17,6 @@ from ...recordings.results import ResultRow
 from ..result import FigureTable
 from .procedure import TransferFunctionTable
 
-POOR = 80.0
-"""Below this fit [%] a linear model leaves out much of what a recording shows."""
-
 MUCH = 90.0
 """Below this limit [%] what is not linear is told as a warning."""
 

@@ -19,12 +19,15 @@ from ...recordings.study import Study
 from ...signals.input_output import InputOutput, input_output
 from ..result import FigureTable, ParameterTable, Result
 from . import first_look
-from .first_look import POOR, FirstLook, first_looks
+from .first_look import FirstLook, first_looks
 
 Progress = Callable[[str, float], None]
 
 HELD_BACK = 1.0 / 3.0
 """Last share of a recording on which coefficients found from the rest are judged, where no recording is held out."""
+
+POOR = 80.0
+"""Below this fit [%] a transfer function leaves out much of what a recording shows."""
 
 APART = 10.0
 """Points by which a fit may fall from the fitted part to the held-out one before it is told."""
