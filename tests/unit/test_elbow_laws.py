@@ -39,7 +39,7 @@ LOAD = {"inertia": 0.032, "carriage_moment": -0.004, "carriage_mass": 0.48, "gra
 PLACE = 0.2
 
 
-def card(family, values, known=None):
+def card(family, values, known=None, travel=2e-5):
     parameters = tuple(CardParameter(n, "1", v, 0.05 * abs(v), (0.9 * v, 1.1 * v)) for n, v in values.items())
     k = len(parameters)
     return SliderCard(
@@ -47,6 +47,9 @@ def card(family, values, known=None):
         parameters=parameters, covariance=tuple((0.0,) * k for _ in range(k)), known=known or {}, rail=(0.12, 0.27),
         drive={"gain": 1.68}, heldout_error=None, residual_sd=0.1, processing="", confidence=0.95, notes=(),
         checksums={}, pellucid="",
+        presliding_travel=None if travel is None else CardParameter(
+            "presliding_travel", "rad", travel, 0.1 * travel, (0.8 * travel, 1.2 * travel)
+        ),
     )  # fmt: skip
 
 
@@ -104,6 +107,26 @@ def test_a_tremble_is_as_strong_as_it_takes_to_break_the_robot_away():
     assert not law.sensed
     quick = with_dither(law, share=20.0, frequency=1000.0).values["dither"] * np.sin(np.arange(100.0))
     assert np.abs(np.diff(quick)).max() == pytest.approx(1.0, rel=1e-3)  # all that the gate's 1000 N m/s let through
+
+
+def dithered(travel):
+    names = SliderJointModel("load", KNOWN).names
+    return ELBOW_CONTROLLERS["dithered"].build(card("load", {n: LOAD[n] for n in names}, KNOWN, travel), PLACE)
+
+
+def test_dither_is_offered_where_travel_was_measured_and_is_short():
+    with pytest.raises(PellucidError, match=r'found no presliding_travel.*protocol = "reversals".*transparent'):
+        dithered(None)
+    with pytest.raises(PellucidError, match=r"presliding_travel of 1 mrad.*expected at most 0.5"):
+        dithered(1e-3)
+    with pytest.raises(PellucidError, match=r"0.45 mrad \(0.36 to 0.54\)"):  # its interval reaches beyond
+        dithered(4.5e-4)
+    assert dithered(4e-4).values["dither"] > 0.0
+
+
+def test_dither_is_slower_where_contacts_give_more():
+    speed = [dithered(travel).values["dither_frequency"] for travel in (0.0, 9e-5, 2e-4, 4e-4)]
+    assert speed == [1000.0, 1000.0, 900.0, 800.0]
 
 
 def test_an_observer_hears_the_sensor_as_late_as_it_is():

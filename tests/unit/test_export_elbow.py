@@ -84,6 +84,7 @@ def study(tmp_path):
             study="bench", family=family, method="", motion="rotary", effort_unit="N*m", lifts="flexion",
             parameters=made, covariance=(), known=known, rail=(0.12, 0.27), drive={"gain": 1.0}, heldout_error=None,
             residual_sd=0.0, processing="", confidence=0.95, notes=(), checksums={}, pellucid="0",
+            presliding_travel=CardParameter("presliding_travel", "rad", 3e-4, 2e-5, (2.6e-4, 3.4e-4)),
         )  # fmt: skip
         write_card(tmp_path / "models" / f"slider.{family}.json", card)
     return pellucid.open(tmp_path)

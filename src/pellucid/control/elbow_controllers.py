@@ -15,6 +15,8 @@ from ..models.slider_card import SliderCard
 from .control_law import ControlLaw
 from .elbow_laws import full_compensation, partial_compensation, position_control
 from .transparent_laws import (
+    dither_frequency,
+    known_travel,
     sensitivity_amplification,
     transparent,
     with_disturbance_observer,
@@ -41,12 +43,14 @@ SENSED_BODY: Mapping[str, float] = {
 }
 """What of the body is compensated where a force sensor sees to the rest."""
 
-DITHER = partial(with_dither, share=2.0, frequency=1000.0)
 SENSOR = partial(with_force_sensor, proportional=1.5, lowpass=550.0)
 OBSERVER = partial(with_disturbance_observer, share=0.5, lowpass=60.0)
 
 BEST, BEST_SENSED = "dithered", "force_sensor"
 """The controllers with the smallest interaction torque, with an encoder alone and with a force sensor."""
+
+UNDITHERED = "transparent"
+"""What takes the place of dither where it is refused."""
 
 
 @dataclass(frozen=True)
@@ -92,6 +96,13 @@ def transparent_and(
     return build
 
 
+def dithered(card: SliderCard, slider: float, *, limb: Segment | None = None, **settings) -> ControlLaw:
+    """The transparent law with dither, as fast as the measured travel of the card's friction asks; refused where none
+    was measured, or too long a one. `slider` [m]."""
+    law = transparent_and(**DITHERED_BODY)(card, slider, limb=limb, **settings)
+    return with_dither(law, share=2.0, frequency=dither_frequency(known_travel(card)))
+
+
 ELBOW_CONTROLLERS: Mapping[str, ElbowController] = {
     "clpc": ElbowController("the maker's position control, as published", "pooled", position_control),
     "pcfr": ElbowController(
@@ -114,7 +125,7 @@ ELBOW_CONTROLLERS: Mapping[str, ElbowController] = {
     ),
     "dithered": ElbowController(
         "one coherent body compensated, kept from sticking by dither of its motor", "load",
-        transparent_and(DITHER, **DITHERED_BODY),
+        dithered,
     ),
     "force_sensor": ElbowController(
         "one coherent body compensated, and the measured interaction torque driven to zero", "load",

@@ -134,10 +134,49 @@ def with_disturbance_observer(
     return changed.using("interaction")
 
 
-def with_dither(law: ControlLaw, *, share: float = 2.0, frequency: float = 1000.0) -> ControlLaw:
-    """A transparent law whose motor trembles, so that the robot does not stick and its encoder sees a wearer push.
+UNBENT = 1e-4
+"""Travels below count as none: slow reversals tell no smaller ones apart [rad]."""
 
-    Never stronger than the gate's limit of the torque's rate lets it be at that frequency.
+DITHER_TRAVEL = 5e-4
+"""Largest travel that dither frees a robot from: over 1 mrad the law without it did as well on robots of the choice, or
+the one with it gave energy [rad]."""
+
+QUICKEST, SLOWER = 1000.0, 5e5
+"""Of dither where friction slips at once [rad/s], and how much slower it is per travel [rad/s per rad]: the rotor
+swings further where its contacts give more."""
+
+
+def known_travel(card: SliderCard) -> float:
+    """The way over which the friction of a card builds up [rad]; refused where it was not measured, or where it may be
+    longer than dither frees a robot from."""
+    measured = card.presliding_travel
+    if measured is None:
+        raise PellucidError(
+            f"card {card.family}: found no presliding_travel, expected one for dither: it hangs on the way over which "
+            'friction builds up; record slow motions that turn round (protocol = "reversals") and identify again, or '
+            "take the controller transparent"
+        )
+    if not max(measured.value, measured.interval[1]) <= DITHER_TRAVEL:
+        low, high = (1e3 * x for x in measured.interval)
+        raise PellucidError(
+            f"card {card.family}: found a presliding_travel of {1e3 * measured.value:.2g} mrad ({low:.2g} to "
+            f"{high:.2g}), expected at most {1e3 * DITHER_TRAVEL:g} for dither: over more it does not free the robot; "
+            "take the controller transparent"
+        )
+    return max(measured.value, 0.0)
+
+
+def dither_frequency(travel: float) -> float:
+    """How fast a motor trembles whose friction builds up over a travel [rad], in rad/s."""
+    return QUICKEST - SLOWER * travel if travel > UNBENT else QUICKEST
+
+
+def with_dither(law: ControlLaw, *, share: float = 2.0, frequency: float = QUICKEST) -> ControlLaw:
+    r"""A transparent law whose motor trembles, so that the robot does not stick and its encoder sees a wearer push.
+
+    Never stronger than the gate's limit of the torque's rate lets it be at that frequency. Friction that builds up over
+    a travel :math:`x_s` turns about altogether only while the rotor swings by :math:`\pm x_s`, and in good part from
+    half of that on, so that :math:`A / (J_m \omega^2)` has to grow with it: `dither_frequency`.
 
     `frequency` [rad/s].
     """

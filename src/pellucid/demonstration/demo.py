@@ -114,7 +114,9 @@ def demo(out: Path | str, *, on_progress: Tell | None = None) -> Demonstration:
 
 def elbow_trials(robot: ElbowRig) -> tuple[ElbowTrial, ...]:
     """What the robot is asked to do: constant velocities and sweeps to fit; both and slow movements to judge."""
-    made = [trial for trial in trials(robot) if trial.protocol in ("constant_velocity", "swept_sine", "slow")]
+    made = [
+        trial for trial in trials(robot) if trial.protocol in ("constant_velocity", "swept_sine", "slow", "reversals")
+    ]
     unseen = [t for t in made if t.name.startswith("unseen")]
     places = sorted({t.slider for t in unseen})[:: -(-len({t.slider for t in unseen}) // JUDGED_PLACES)]
     return tuple(t for t in made if t.use == "fit" or (t in unseen and t.slider in places))

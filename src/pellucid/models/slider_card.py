@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from .._errors import PellucidError
-from .card import FORMAT, Card, read_table
+from .card import FORMAT, Card, CardParameter, read_table
 from .directional_slider import DirectionalSliderModel
 from .slider_joint import FRICTIONS, SliderJointModel
 
@@ -31,6 +31,8 @@ class SliderCard(Card):
     checksums: Mapping[str, str]  # SHA-256 of the files it came from, by recording
     pellucid: str  # Version that wrote it
     joint: str = "joint"  # What study.toml calls it
+    # Way from rest over which friction builds up before it slips [rad]; None where no recording showed it
+    presliding_travel: CardParameter | None = None
     kind: str = field(default="slider")
     format: int = field(default=FORMAT)
 
@@ -52,6 +54,9 @@ def read_slider_card(path: Path) -> SliderCard:
         low, high = card.rail
         if not 0.0 <= low < high <= 10.0:
             raise ValueError(f"rail: found {low:g} m to {high:g} m, expected two places on a segment")
+        if card.presliding_travel is not None and not 0.0 <= card.presliding_travel.value <= 0.1:
+            found_travel = card.presliding_travel.value
+            raise ValueError(f"presliding_travel: found {found_travel:g} rad, expected 0 to 0.1")
         # A directional model has a set of parameters for each direction.
         names = card.model().names if card.family in FRICTIONS else None
         if names is None and found not in (SETS, 2 * SETS):

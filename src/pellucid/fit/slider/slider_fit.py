@@ -74,6 +74,7 @@ class SliderFit:
     verdicts: tuple[Verdict, ...]
     filter_note: str
     checksums: Mapping[str, str] = field(repr=False, default_factory=dict)
+    travel: Parameter | None = None  # Over which friction builds up before it slips; None where nothing shows it
 
     def __getitem__(self, method: str) -> SliderEstimate:
         return self.estimates[method]

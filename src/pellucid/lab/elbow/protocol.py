@@ -1,4 +1,4 @@
-r"""What the virtual elbow is asked to do: holds, constant velocities, the swept sine, slow movements.
+r"""What the virtual elbow is asked to do: holds, constant velocities, the swept sine, slow movements, reversals.
 
 The first three are the steps of the identification, the last two and the slow movements its validation [1]_.
 
@@ -32,6 +32,9 @@ SWEEP = {"duration": 25.0, "amplitude": 0.5, "start": 1.0, "growth": 3.0}
 
 SLOW_MOVES, SLOW_TRAVEL = 10, 1.0
 """Slow movements in either direction, and how far each goes [rad]."""
+
+REVERSALS = {"amplitude": 0.15, "frequency": 0.05, "periods": 3.0, "places": (1 / 3, 2 / 3)}
+"""Slow motions that turn round: [rad], [Hz], and where in the range. Friction then takes a second to change over."""
 
 TRAVEL_MARGIN = 0.1  # rad: between the range's ends and where constant velocities turn round
 DWELL = 0.4  # s: rest between two movements
@@ -109,9 +112,17 @@ def sweep(rig: ElbowRig, *, literal: bool) -> tuple[np.ndarray, float]:
     return np.concatenate([rest, velocity, rest]), 0.5 * (span["low"] + span["high"])
 
 
+def reversals(rig: ElbowRig, place: float) -> tuple[np.ndarray, float]:
+    """To and fro about a place of the range, slowly; position reference [rad] and start [rad]."""
+    span, fs, w = rig["range"], rig["sampling"]["rate"], 2.0 * np.pi * REVERSALS["frequency"]
+    time = np.arange(round(REVERSALS["periods"] / REVERSALS["frequency"] * fs)) / fs
+    reference = span["low"] + place * (span["high"] - span["low"]) + REVERSALS["amplitude"] * np.cos(w * time)
+    return reference, float(reference[0])
+
+
 def trials(rig: ElbowRig, fourier: Callable[[ElbowRig], np.ndarray] | None = None) -> tuple[ElbowTrial, ...]:
-    """Three steps and slow movements at six positions of the carriage, and 18 unseen trials; with the position
-    reference [rad] that `fourier` gives for a `rig`, if it is given."""
+    """Three steps and slow movements at six positions of the carriage, 18 unseen trials, and reversals; with the
+    position reference [rad] that `fourier` gives for a `rig`, if it is given."""
     static, cv, slow = holds(rig), constant_velocities(rig), slow_movements(rig)
     printed, integrated = sweep(rig, literal=True), sweep(rig, literal=False)
     made = []
@@ -133,7 +144,16 @@ def trials(rig: ElbowRig, fourier: Callable[[ElbowRig], np.ndarray] | None = Non
     add("constant_velocity", "validate", "velocity", cv, unseen, "unseen_constant")
     add("swept_sine", "validate", "velocity", printed, unseen, "unseen_sweep")
     add("slow", "validate", "velocity", slow, unseen, "unseen_slow")
+    for i, place in enumerate(REVERSALS["places"]):
+        made.append(_reversals(rig, place, f"reversals_{i + 1}"))
     return tuple(made)
+
+
+def _reversals(rig: ElbowRig, place: float, name: str) -> ElbowTrial:
+    """The carriage in the middle of its rail: where it is changes nothing of what is looked for."""
+    reference, start = reversals(rig, place)
+    middle = 0.5 * (rig["slider"]["low"] + rig["slider"]["high"])
+    return ElbowTrial(name, "reversals", "fit", reference=reference, loop="position", start=start, slider=middle)
 
 
 def excitation(rig: ElbowRig) -> np.ndarray:

@@ -11,10 +11,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..._errors import StudyError
+from ..._errors import PellucidError, StudyError
 from ...control.control_law import ControlLaw
-from ...control.elbow_controllers import ELBOW_CONTROLLERS
+from ...control.elbow_controllers import BEST, ELBOW_CONTROLLERS, UNDITHERED
 from ...control.elbow_laws import full_compensation
+from ...control.transparent_laws import known_travel
 from ...models.slider_card import SliderCard
 from ...procedures.slider.identify_slider import fit_slider
 from ...procedures.slider.slider_result import slider_card
@@ -41,7 +42,7 @@ Cards = Mapping[str, SliderCard]
 
 def identified_cards(robot: ElbowRig, *, seed: int = 1) -> Cards:
     """What an identification of a robot finds, as cards by method; `seed` is of its recordings' noise."""
-    protocols = ("constant_velocity", "swept_sine", "slow")
+    protocols = ("constant_velocity", "swept_sine", "slow", "reversals")
     made = tuple(trial for trial in trials(robot) if trial.protocol in protocols)
     config, recordings, _ = record_in_memory(robot, made, seed=seed)
     fit = fit_slider(config, recordings)
@@ -62,6 +63,17 @@ def condition_of(
         return named.build(cards[named.method], place, **limb, **settings)
 
     return build
+
+
+def offered(cards: Cards, controller: str) -> str:
+    """The controller, or what takes its place where its card refuses dither."""
+    if controller != BEST:
+        return controller
+    try:
+        known_travel(cards[ELBOW_CONTROLLERS[controller].method])
+    except PellucidError:
+        return UNDITHERED
+    return controller
 
 
 def published_laws(cards: Cards, exponents: tuple[float, float]) -> Conditions:
@@ -112,6 +124,8 @@ def study_conditions(rig: PointingRig, names: Sequence[str] | None = None, *, se
         found = f'found no controller "{unknown[0]}"' if unknown else "found a controller twice"
         raise StudyError(f"conditions: {found}, expected some of {', '.join(ELBOW_CONTROLLERS)}")
     cards = identified_cards(rig.robot, seed=seed)
+    if BEST in (names or ()):
+        known_travel(cards[ELBOW_CONTROLLERS[BEST].method])  # rather now than after an hour of movements
     by_direction = not names or any(ELBOW_CONTROLLERS[name].exponents for name in names)
     exponents = chosen_exponents(rig, cards, threads=2)[0] if by_direction else None
     if not names:

@@ -8,7 +8,7 @@ by five further people.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
@@ -16,7 +16,14 @@ import numpy as np
 from ..._processes import in_order
 from ...control.elbow_controllers import BEST, BEST_SENSED, ELBOW_CONTROLLERS
 from ...lab.elbow.rig import ElbowRig, able_elbow, drawn_rigs
-from ...lab.pointing.conditions import TUNING_SEED, chosen_exponents, condition_of, identified_cards, interaction_rms
+from ...lab.pointing.conditions import (
+    TUNING_SEED,
+    chosen_exponents,
+    condition_of,
+    identified_cards,
+    interaction_rms,
+    offered,
+)
 from ...lab.pointing.people import Person, draw_people
 from ...lab.pointing.rig import PointingRig, elbow_participants
 from ...lab.pointing.session import RobotLaw, Unpowered, hold_still, point
@@ -63,6 +70,7 @@ class LawOnRobot:
     given: float  # The most energy that the robot gave over a movement there and back, of 99 % of them [J]
     resting: float  # Fastest that the robot still moves two seconds after a movement [rad/s]
     faults: int  # Sessions at whose end the gate was shut
+    refused: bool = False  # Its card refuses dither, and this is the law without it
 
 
 def tuning_robots(count: int = 9) -> tuple[ElbowRig, ...]:
@@ -88,8 +96,10 @@ def try_laws(robot: ElbowRig, seed: int, count: int = 3, repetitions: int = 2) -
                 laws.append(condition_of(cards, "fc", exponents=exponents, inertia=inertia)(person, person.slider(rig)))
                 continue
             controller, settings = CONTROLLERS[name]
+            controller = offered(cards, controller)
             laws.append(condition_of(cards, controller, exponents=exponents, **settings)(person, person.slider(rig)))
-        found[name] = _try_law(rig, people, laws, seed, repetitions)
+        tried = try_law(rig, people, laws, seed, repetitions)
+        found[name] = replace(tried, refused=name == BEST and offered(cards, BEST) != BEST)
     return found
 
 
@@ -99,9 +109,10 @@ def table2_inertia(slider: float) -> tuple[float, float]:
     return float(elbow.inertia("up", slider)), float(elbow.inertia("down", slider))
 
 
-def _try_law(
+def try_law(
     rig: PointingRig, people: Sequence[Person], laws: Sequence[RobotLaw], seed: int, repetitions: int
 ) -> LawOnRobot:
+    """What each of some people's laws does to them, on the robot of a rig."""
     sessions, resting = [], []
     amplitudes = np.repeat(rig["pointing"]["amplitudes"], repetitions)
     for person, law, rng in zip(people, laws, np.random.default_rng(seed).spawn(len(people)), strict=True):
@@ -133,7 +144,7 @@ def ratios(found: Mapping[str, Sequence[LawOnRobot]], law: str) -> np.ndarray:
 BEST_ROWS: Mapping[str, str] = {"": BEST, ".force_sensor": BEST_SENSED}
 """By the end of the id: which law is the best with an encoder alone, and with a force sensor."""
 
-DITHER_NOTE = "; their friction slips at once: one that yields before it slips is freed less by dither"
+DITHER_NOTE = "; their friction slips at once, as reversals measured: over 0.5 mrad of travel dither is refused"
 
 
 def comparison_rows(found: Mapping[str, Sequence[LawOnRobot]]) -> tuple[Reproduced, ...]:
@@ -155,5 +166,7 @@ def comparison_rows(found: Mapping[str, Sequence[LawOnRobot]]) -> tuple[Reproduc
             _row(f"resting.{law}", f"Speed two seconds after a movement, {law}, worst robot", "rad/s", resting, None,
                  note, middle=np.max),
         ]  # fmt: skip
+    refused = sum(one.refused for one in found[BEST])
+    rows.append(_row("dither_refused", "Drawn robots whose measured travel refuses dither", "1", refused, None, note))
     faults = sum(one.faults for tried in found.values() for one in tried)
     return (*rows, _row("faults", "Sessions that ended with a gate shut", "1", faults, None, note))

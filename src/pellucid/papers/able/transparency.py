@@ -17,7 +17,7 @@ from ..._errors import RecordingError
 from ...assessment.indices import affine
 from ...assessment.survival import Survival, survival
 from ...control.elbow_controllers import BEST, BEST_SENSED
-from ...lab.pointing.conditions import Cards, chosen_exponents, condition_of, published_laws
+from ...lab.pointing.conditions import Cards, chosen_exponents, condition_of, offered, published_laws
 from ...lab.pointing.movement_choice import preferred_duration
 from ...lab.pointing.people import Person, draw_people
 from ...lab.pointing.rig import PointingRig, PointingTrial
@@ -294,7 +294,7 @@ def compare_laws(
     tell("five people choose the exponents of equation 8", 0.0)
     exponents, torques = chosen_exponents(rig, cards, threads=threads)
     conditions = published_laws(cards, exponents)
-    own = {CONTROL: None, **{law: condition_of(cards, law) for law in OWN_LAWS}}
+    own = {CONTROL: None, **{law: condition_of(cards, offered(cards, law)) for law in OWN_LAWS}}
     steps = len(seeds) + 2
     tell(f"{len(conditions)} conditions, recorded and assessed", 0.05)
     recorded = record_study(rig, conditions, seed=seeds[0], threads=threads)

@@ -8,8 +8,9 @@ from dataclasses import replace
 import numpy as np
 
 from ..._errors import IdentificationError, RecordingError
-from ...fit.parameter import Verdict
+from ...fit.parameter import Parameter, Verdict
 from ...fit.slider.coherent_body import LOAD_START, fit_coherent
+from ...fit.slider.reversals import FEWEST, REVERSALS, presliding_travel
 from ...fit.slider.slider_fit import METHODS, SliderEstimate, SliderFit, TrialError
 from ...fit.slider.three_steps import STEPS, all_at_once, directional_columns, static_set, three_steps
 from ...models.directional_slider import DirectionalSliderModel
@@ -18,11 +19,11 @@ from ...recordings.quality import require_sound
 from ...recordings.recording import Recording
 from ...recordings.study import Study
 from ...recordings.study_file import StudyFile
-from ...signals.effort import drive_model
+from ...signals.effort import command_of, drive_model
 from ...signals.markers import Geometry, slider_geometry
 from ...signals.slider_motion import SliderMotion, slider_motions
 from ..procedure import Progress, quiet
-from .slider_faults import examine, require_torques
+from .slider_faults import examine, of_body, require_torques
 from .slider_result import SliderResult, slider_result
 
 AT_ONCE = "fourier"
@@ -41,7 +42,10 @@ def identify_slider(study: Study, tell: Progress = quiet) -> SliderResult:
     if refused:
         raise RecordingError("\n".join(refused))
     checksums = {r.name: r.checksum for r in recordings}
-    fit = _fit(study.config, examined.geometry, examined.motions, checksums, lambda t, s: tell(t, 0.7 + 0.3 * s))
+    travel = travel_of(study.config, recordings)
+    fit = _fit(
+        study.config, examined.geometry, examined.motions, travel, checksums, lambda t, s: tell(t, 0.7 + 0.3 * s)
+    )
     return slider_result(study, fit)
 
 
@@ -53,15 +57,34 @@ def fit_slider(config: StudyFile, recordings: Sequence[Recording], *, on_progres
         raise IdentificationError("study.toml: no [rig.slider] found, expected one with the rail's ends")
     require_torques(config)
     tell("finding the carriage", 0.0)
-    geometry = slider_geometry(recordings)
+    body = of_body(recordings)
+    geometry = slider_geometry(body)
     tell("filtering", 0.4)
-    motions = slider_motions(recordings, config, geometry)
+    motions = slider_motions(body, config, geometry)
     checksums = {r.name: r.checksum for r in recordings}
-    return _fit(config, geometry, motions, checksums, lambda text, share: tell(text, 0.5 + 0.5 * share))
+    travel = travel_of(config, recordings)
+    return _fit(config, geometry, motions, travel, checksums, lambda text, share: tell(text, 0.5 + 0.5 * share))
+
+
+def travel_of(config: StudyFile, recordings: Sequence[Recording]) -> Parameter | None:
+    """The way over which friction builds up, of recordings that show it; None without any."""
+    gain = drive_model(config.rig).gain
+    shown = [
+        (recording["position"][span], gain * command_of(recording, config.rig)[span], recording.fs)
+        for recording in recordings
+        if recording.protocol == REVERSALS and recording.use == "fit"
+        for span in recording.spans
+    ]
+    return presliding_travel(shown) if shown else None
 
 
 def _fit(
-    config: StudyFile, geometry: Geometry, motions: tuple[SliderMotion, ...], checksums: dict[str, str], tell: Progress
+    config: StudyFile,
+    geometry: Geometry,
+    motions: tuple[SliderMotion, ...],
+    travel: Parameter | None,
+    checksums: dict[str, str],
+    tell: Progress,
 ) -> SliderFit:
     """Every method on the fitted motions, judged on all that move."""
     rig = config.rig
@@ -102,6 +125,7 @@ def _fit(
         verdicts=(),
         filter_note=filter_note(config),
         checksums=checksums,
+        travel=travel,
     )
     return replace(fit, verdicts=slider_verdicts(fit))
 
@@ -173,6 +197,7 @@ def slider_verdicts(fit: SliderFit) -> tuple[Verdict, ...]:
         )
     notes = [note for name in ("consistent", "load") for note in fit[name].notes]
     said += [Verdict("note", note) for note in notes]
+    said.append(Verdict("note", travel_in_words(fit.travel)))
     if "load_friction" in fit["load"].model.names:
         said.append(
             Verdict(
@@ -182,6 +207,20 @@ def slider_verdicts(fit: SliderFit) -> tuple[Verdict, ...]:
             )
         )
     return tuple(said)
+
+
+def travel_in_words(travel: Parameter | None) -> str:
+    """Over what way friction builds up, or why nobody knows."""
+    if travel is None:
+        return (
+            "Over what way friction builds up before the joint slips is not known, and no controller with dither is "
+            f'offered: record slow motions that turn round, of protocol = "{REVERSALS}" (at least {FEWEST} turns).'
+        )
+    low, high = (1e3 * max(x, 0.0) for x in travel.interval())
+    return (
+        f"Before the joint slips its friction builds up over {1e3 * travel.value:.2g} mrad ({low:.2g} to {high:.2g}) "
+        "from rest."
+    )
 
 
 def directional_friction(model: DirectionalSliderModel, slider: np.ndarray, position: np.ndarray) -> np.ndarray:

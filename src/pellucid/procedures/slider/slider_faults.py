@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from ..._errors import IdentificationError, PellucidError
+from ...fit.slider.reversals import REVERSALS
 from ...fit.slider.three_steps import STEPS, require_both_directions, require_places
 from ...recordings.fault import Fault
 from ...recordings.quality import inspect
@@ -34,8 +35,14 @@ def slider_faults(study: Study) -> list[Fault]:
     return faults + examine(study.config, study.recordings()).faults
 
 
+def of_body(recordings: Sequence[Recording]) -> list[Recording]:
+    """Those that show the body; reversals show how its friction builds up, and nothing else."""
+    return [recording for recording in recordings if recording.protocol != REVERSALS]
+
+
 def examine(config: StudyFile, recordings: Sequence[Recording]) -> Examined:
     """Faults of the carriage's places, of the clocks and of the motion, of recordings that are sound as files."""
+    recordings = of_body(recordings)
     try:
         geometry = slider_geometry(recordings)
     except PellucidError as error:

@@ -71,6 +71,7 @@ def slider_card(study: Study, fit: SliderFit, estimate: SliderEstimate) -> Slide
         checksums=dict(fit.checksums),
         pellucid=version("pellucid"),
         joint=study.rig.joint,
+        presliding_travel=None if fit.travel is None else fit.travel.on_card(level),
     )
 
 
@@ -94,6 +95,9 @@ def slider_rows(fit: SliderFit) -> Iterator[ResultRow]:
         for e in fit.errors[method]:
             one = replace(plain, split=e.split, data_checksum=fit.checksums.get(e.recording))
             yield replace(one, id=f"{head}.error.{e.recording}", value=e.current, unit="A")
+    if fit.travel is not None:
+        said = f"way from rest over which friction builds up before it slips; {fit.travel.sentence()}"
+        yield replace(plain, id=f"{fit.study}.presliding_travel", value=fit.travel.value, unit="rad", note=said)
     split = {m.recording: m.split for m in fit.motions}
     for place in fit.geometry.placements:
         yield ResultRow(

@@ -1,0 +1,90 @@
+"""What laws of a worn elbow make of friction that builds up over a travel before it slips.
+
+Five drawn robots that no constant was chosen on, each at every travel, each identified for itself with its travel
+measured; three people who took no part in choosing, six movements there and back under each law. The simplest rivals
+are no law at all (`unpowered`), the published FC, over which torques are told, and the law without dither. Dither is
+tried twice: `dithered` as it is offered (its speed by the measured travel, the law without it where that is refused),
+and `dithered_anyway` at the speed for friction that slips at once, whatever was measured.
+"""
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+
+from pellucid._processes import in_order
+from pellucid.control.control_law import ControlLaw
+from pellucid.control.elbow_controllers import BEST, DITHERED_BODY, transparent_and
+from pellucid.control.transparent_laws import with_dither
+from pellucid.lab.elbow.rig import ElbowRig, able_elbow, drawn_rigs
+from pellucid.lab.pointing.conditions import TUNING_SEED, chosen_exponents, condition_of, identified_cards, offered
+from pellucid.lab.pointing.people import draw_people
+from pellucid.lab.pointing.rig import elbow_participants
+from pellucid.lab.pointing.session import Unpowered
+from pellucid.papers.able.law_comparison import REFERENCE, TORQUE_SEED, LawOnRobot, try_law
+from pellucid.recordings.results import ResultRow
+
+TRAVELS = {"0mrad": 0.0, "0_3mrad": 0.3e-3, "1mrad": 1e-3, "3mrad": 3e-3}
+"""By the end of the id [rad]."""
+
+LAWS = (
+    "clpc", "pcfr", REFERENCE, "without_friction", "transparent", "emg", "oscillator", BEST, "zero_impedance",
+    "disturbance_observer", "force_sensor", "residual",
+)  # fmt: skip
+
+ANYWAY, UNPOWERED = "dithered_anyway", "unpowered"
+
+ROBOTS, PEOPLE, REPETITIONS = 5, 3, 1
+
+
+def rows(robots: int = ROBOTS) -> Iterator[ResultRow]:
+    """By law and travel: torque over FC's, energy given, speed at rest; and by travel what was measured of it."""
+    drawn = drawn_rigs(able_elbow(), robots)
+    jobs = [(tried, robot, travel) for travel in TRAVELS.values() for robot in drawn]
+    made = in_order(jobs)
+    for i, (name, travel) in enumerate(TRAVELS.items()):
+        of_travel = made[i * robots : (i + 1) * robots]
+        said = f"{robots} drawn robots that slip over {1e3 * travel:g} mrad"
+        for law in of_travel[0][1]:
+            found = [laws[law] for _, laws in of_travel]
+            over = np.array([one.torque for one in found]) / [laws[REFERENCE].torque for _, laws in of_travel]
+            note = f"{over.min():.2f} to {over.max():.2f}, median of {said}; interaction torque over FC's"
+            refused = sum(one.refused for one in found)
+            note += f"; dither refused on {refused}" if refused else ""
+            yield _row(f"laws.{law}.{name}", float(np.median(over)), "1", note)
+            note = f"worst of {said}; most of 99 % of movements there and back, above 0 the robot drives"
+            yield _row(f"given.{law}.{name}", max(one.given for one in found), "J", note)
+            note = f"worst of {said}; two seconds after a movement"
+            yield _row(f"resting.{law}.{name}", max(one.resting for one in found), "rad/s", note)
+        faults = sum(one.faults for _, laws in of_travel for one in laws.values())
+        yield _row(f"laws.faults.{name}", faults, "1", f"sessions that ended with a gate shut; {said}")
+        measured = np.array([value for value, _ in of_travel])
+        note = f"travel as reversals show it, {1e3 * measured.min():.3f} to {1e3 * measured.max():.3f} mrad; {said}"
+        yield _row(f"laws.measured.{name}", float(np.median(measured)), "rad", note)
+
+
+def tried(robot: ElbowRig, travel: float) -> tuple[float, dict[str, LawOnRobot]]:
+    """The travel that is measured of a robot [rad], and every law on it."""
+    robot = robot.changed({"transmission.presliding_travel": travel})
+    cards, rig = identified_cards(robot), elbow_participants(robot)
+    exponents = chosen_exponents(rig, cards)[0]
+    people = draw_people(rig, np.random.default_rng([TORQUE_SEED, TUNING_SEED]), count=PEOPLE)
+    found = {}
+    for name in (*LAWS, ANYWAY, UNPOWERED):
+        laws = [Unpowered()] * PEOPLE
+        if name == ANYWAY:
+            laws = [_anyway(cards["load"], person.slider(rig)) for person in people]
+        elif name != UNPOWERED:
+            build = condition_of(cards, offered(cards, name), exponents=exponents)
+            laws = [build(person, person.slider(rig)) for person in people]
+        one = try_law(rig, people, laws, TORQUE_SEED, REPETITIONS)
+        found[name] = replace(one, refused=offered(cards, name) != name if name in LAWS else False)
+    return cards["load"].presliding_travel.value, found
+
+
+def _anyway(card, place: float) -> ControlLaw:
+    return with_dither(transparent_and(**DITHERED_BODY)(card, place))
+
+
+def _row(name: str, value: float, unit: str, note: str) -> ResultRow:
+    return ResultRow(f"friction.{name}", float(value), unit, "evidence", "simulated", None, note)
