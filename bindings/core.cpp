@@ -9,6 +9,7 @@
 #include "laws.hpp"
 #include "strap.hpp"
 #include "supervision.hpp"
+#include "tree.hpp"
 #include "zero_phase.hpp"
 
 #include <pellucid/pellucid.hpp>
@@ -390,6 +391,7 @@ nb::dict model_fields() {
   models["geared_joint"] = fields_of<p::GearedJointParams<double>>();
   models["coupled_plant"] = fields_of<p::CoupledPlantParams<double>>();
   models["reaching"] = fields_of<p::ReachingParams<double>>();
+  models["link"] = fields_of<p::LinkParams<double>>();
   models["muscle"] = fields_of<p::EmgMuscleParams<double>>();
   models["strap_estimator"] = fields_of<p::StrapEstimatorParams<double>>();
   models["gate"] = fields_of<p::SafetyParams<double>>();
@@ -486,6 +488,7 @@ NB_MODULE(_core, m) {
   b::add_elbow(m);
   b::add_hill(m);
   b::add_strap(m);
+  b::add_tree(m);
   b::add_zero_phase(m);
 
   nb::module_ math = m.def_submodule("math", "The core's elementary functions, on float64 or float32 arrays.");

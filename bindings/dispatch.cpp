@@ -1,6 +1,7 @@
 // The best kernels that this processor runs. PELLUCID_INSTRUCTIONS=baseline|avx2|avx512 in the environment lowers it.
 #include "hill_kernels.hpp"
 #include "kernels.hpp"
+#include "tree_kernels.hpp"
 
 #include <cstdlib>
 #include <cstring>
@@ -9,14 +10,17 @@ namespace bindings {
 namespace baseline {
 extern const Kernels kernels;
 extern const HillKernels hill_kernels;
+extern const TreeKernels tree_kernels;
 }  // namespace baseline
 namespace avx2 {
 extern const Kernels kernels;
 extern const HillKernels hill_kernels;
+extern const TreeKernels tree_kernels;
 }  // namespace avx2
 namespace avx512 {
 extern const Kernels kernels;
 extern const HillKernels hill_kernels;
+extern const TreeKernels tree_kernels;
 }  // namespace avx512
 
 #if defined(__x86_64__)
@@ -37,9 +41,13 @@ const Kernels& best_kernels() { return best(baseline::kernels, avx2::kernels, av
 const HillKernels& best_hill_kernels() {
   return best(baseline::hill_kernels, avx2::hill_kernels, avx512::hill_kernels);
 }
+const TreeKernels& best_tree_kernels() {
+  return best(baseline::tree_kernels, avx2::tree_kernels, avx512::tree_kernels);
+}
 #else
 const Kernels& best_kernels() { return baseline::kernels; }
 const HillKernels& best_hill_kernels() { return baseline::hill_kernels; }
+const TreeKernels& best_tree_kernels() { return baseline::tree_kernels; }
 #endif
 
 }  // namespace bindings

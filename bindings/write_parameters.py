@@ -12,6 +12,7 @@ MODELS = {
     "geared_joint": "A motor and a link behind a compliant transmission",
     "coupled_plant": "A series-elastic orthosis, its strap and the limb in it",
     "reaching": "A person who reaches",
+    "link": "A link of a tree, and the joint by which it hangs",
     "muscle": "A muscle from its EMG envelope on",
     "strap_estimator": "A strap learnt while it is worn",
 }

@@ -37,6 +37,9 @@ constexpr Unit rate{0, 0, -1};
 constexpr Unit angle{0, 0, 0, "rad"};
 constexpr Unit length{0, 0, 0, "m"};
 constexpr Unit force{0, 0, 0, "N"};
+constexpr Unit mass{0, 0, 0, "kg"};
+constexpr Unit first_moment{0, 0, 0, "kg*m"};
+constexpr Unit moment{0, 0, 0, "kg*m^2"};
 }  // namespace unit
 
 /// Where a number may lie. NaN lies nowhere, and infinity only where it is said to.

@@ -1368,6 +1368,142 @@ def strap_torque_jacobian(
         Torque against the limb (n,) [N m], and its derivatives (n, k).
     """
 
+LINK_PARAMETER_NAMES: tuple[str, ...]
+
+class KinematicTree:
+    """
+    Rigid bodies joined in a tree by hinges, slides and welds.
+
+    Of n samples, with m coordinates: a number for each joint that moves, in the order of their links. A single sample
+    may be of shape (m,), and its result then is of one sample too.
+
+    Parameters
+    ----------
+    links : (l, 22)
+        The numbers of each link, in the order of LINK_PARAMETER_NAMES, after the link on which it hangs; at most 32.
+    gravity : (3,)
+        In the base's frame [m/s^2].
+    """
+
+    def __init__(self, links: ArrayLike, gravity: ArrayLike) -> None: ...
+    @property
+    def links(self) -> int:
+        """How many links there are."""
+
+    @property
+    def coordinates(self) -> int:
+        """How many joints move."""
+
+    def inverse_dynamics(self, position: ArrayLike, velocity: ArrayLike, acceleration: ArrayLike) -> NDArray[float64]:
+        """Effort without friction that moves it so, (n, m) [N m; N]."""
+
+    def gravity(self, position: ArrayLike) -> NDArray[float64]:
+        """Effort that holds it where it is, (n, m) [N m; N]."""
+
+    def mass_matrix(self, position: ArrayLike) -> NDArray[float64]:
+        """M(q) with rotors, (n, m, m)."""
+
+    def forward_dynamics(
+        self, position: ArrayLike, velocity: ArrayLike, effort: ArrayLike, *, held: ArrayLike | None = None
+    ) -> NDArray[float64]:
+        """
+        Acceleration that efforts give without friction, (n, m).
+
+        Parameters
+        ----------
+        position, velocity, effort : (n, m)
+        held : (m,) of bool
+            Joints that rest whatever the effort: their acceleration is 0.
+        """
+
+    def energy(self, position: ArrayLike, velocity: ArrayLike) -> tuple[NDArray[float64], NDArray[float64]]:
+        """Kinetic and potential energy, (n,) each [J]."""
+
+    def placements(self, position: ArrayLike) -> NDArray[float64]:
+        """
+        Every link's frame in the base's, (n, l, 3, 4): three columns of a rotation and one of a place [m].
+        """
+
+    def jacobian(self, position: ArrayLike, link: int, point: ArrayLike = (0.0, 0.0, 0.0)) -> NDArray[float64]:
+        """
+        Velocity of a point of a link by each coordinate's, in the base's axes.
+
+        Parameters
+        ----------
+        position : (n, m)
+        link : int
+            From 0.
+        point : (3,)
+            In the link's frame [m].
+
+        Returns
+        -------
+        (n, 6, m)
+            Three rows of the point's velocity, three of the link's angular velocity.
+        """
+
+    def regressor(
+        self,
+        position: ArrayLike,
+        velocity: ArrayLike,
+        acceleration: ArrayLike,
+        *,
+        own: ArrayLike | None = None,
+        shared: ArrayLike | None = None,
+        out: NDArray[float64] | None = None,
+    ) -> NDArray[float64]:
+        """
+        Y with effort = Y theta.
+
+        Parameters
+        ----------
+        position, velocity, acceleration : (n, m)
+        own : (n, m, k)
+            Columns of each joint that no other has: its rotor's acceleration, its friction's signs.
+        shared : (n, m, s)
+            Columns that joints share: those of a motor that moves several.
+        out : (n, m, c), C-contiguous
+            Where to write, instead of a new array.
+
+        Returns
+        -------
+        (n, m, c)
+            c = 10 l + m k + s columns: m, m c_x, m c_y, m c_z, I_xx, I_xy, I_xz, I_yy, I_yz, I_zz of each link; then
+            the own ones, joint after joint; then the shared ones.
+        """
+
+    def normal_equations(
+        self,
+        position: ArrayLike,
+        velocity: ArrayLike,
+        acceleration: ArrayLike,
+        effort: ArrayLike,
+        *,
+        weight: ArrayLike | None = None,
+        own: ArrayLike | None = None,
+        shared: ArrayLike | None = None,
+    ) -> tuple[NDArray[float64], NDArray[float64], float]:
+        """
+        What least squares needs of a regressor that is never stored.
+
+        Parameters
+        ----------
+        position, velocity, acceleration, effort : (n, m)
+        weight : (n, m)
+            Of squares; left out, 1. What has weight 0 is not read.
+        own, shared
+            As of regressor.
+
+        Returns
+        -------
+        normal : (c, c)
+            Y' W Y.
+        projected : (c,)
+            Y' W effort.
+        square : float
+            effort' W effort.
+        """
+
 def zero_phase(sos: ArrayLike, settled: ArrayLike, samples: ArrayLike, padding: int) -> NDArray[float64]:
     """
     A cascade of second-order sections run forwards and backwards over each column: no delay.

@@ -1,0 +1,244 @@
+r"""Many joints: rigid links that hang on one another by hinges, slides and welds.
+
+The physics is the core's (``include/pellucid/kinematic_tree.hpp``, ``mass_matrix.hpp``, ``torque_regressor.hpp``):
+
+.. math::
+   \tau = M(q)\ddot q + h(q, \dot q) = Y(q, \dot q, \ddot q)\,\theta
+
+with ten numbers of each link in theta. This file says what a tree is made of, and refuses what cannot be one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+
+from .. import _core
+from .._errors import IdentificationError
+from .fields import model_fields
+from .joint import GRAVITY
+
+MOST_LINKS = 32
+KINDS = ("fixed", "revolute", "prismatic")
+BODY = tuple(f.name for f in model_fields("link"))[-10:]
+"""Ten numbers of a body, in the order of the regressor's columns."""
+
+LONGEST = 10.0
+"""Beyond it a place is taken for millimetres [m]."""
+
+Vector = tuple[float, float, float]
+
+
+@dataclass(frozen=True)
+class Link:
+    """A rigid body, by the ten numbers that effort is linear in; all in its own frame, moments about its origin."""
+
+    name: str
+    mass: float = 0.0  # kg
+    moment: Vector = (0.0, 0.0, 0.0)  # m c: mass times its centre [kg m]
+    inertia: tuple[float, float, float, float, float, float] = (0.0,) * 6  # I_xx I_xy I_xz I_yy I_yz I_zz [kg m^2]
+
+    @classmethod
+    def about_centre(
+        cls,
+        name: str,
+        mass: float,
+        centre: Vector,
+        inertia: Sequence[float],
+        turned: Vector = (0.0, 0.0, 0.0),
+    ) -> Link:
+        """A link whose six moments are about its centre of mass, in axes `turned` (roll, pitch, yaw) from its own."""
+        c, turn = np.asarray(centre, float), _core_rotation(turned)
+        xx, xy, xz, yy, yz, zz = inertia
+        own = turn @ np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]) @ turn.T
+        about = own + mass * (c @ c * np.eye(3) - np.outer(c, c))
+        return cls(name, float(mass), tuple(mass * c), tuple(about[np.triu_indices(3)]))
+
+    @property
+    def numbers(self) -> np.ndarray:
+        """Shape (10,), in the order of `BODY`."""
+        return np.array([self.mass, *self.moment, *self.inertia], float)
+
+
+@dataclass(frozen=True)
+class TreeJoint:
+    """How `child` hangs on `parent`: where the joint's frame, which is the child's own at 0, is in the parent's."""
+
+    name: str
+    parent: str
+    child: str
+    kind: str = "revolute"  # or "prismatic", "fixed"
+    axis: Vector | None = None  # In the joint's frame, of length 1; of a fixed joint: None
+    place: Vector = (0.0, 0.0, 0.0)  # m
+    turned: Vector = (0.0, 0.0, 0.0)  # Roll, pitch and yaw about the parent's x, y, z, in this order [rad]
+    rotor_inertia: float = 0.0  # Of the rotor, at the joint [kg m^2; kg]
+
+
+@dataclass(frozen=True)
+class Tree:
+    """Links and the joints between them; every link but the base hangs on one joint.
+
+    Links are numbered outwards from the base, which does not move and has no number; coordinates are those of joints
+    that move, in the order of the links behind them. Methods take samples of shape (n, coordinates), or one sample.
+    """
+
+    joints: tuple[TreeJoint, ...]
+    links: tuple[Link, ...]
+    gravity: Vector = (0.0, 0.0, -GRAVITY)  # In the base's frame [m/s^2]
+    source: str = "tree"  # What messages call it: a file's name
+    order: tuple[TreeJoint, ...] = field(init=False, repr=False)
+
+    def __post_init__(self):
+        object.__setattr__(self, "joints", tuple(self.joints))
+        object.__setattr__(self, "links", tuple(self.links))
+        object.__setattr__(self, "order", self._outwards())
+
+    def _outwards(self) -> tuple[TreeJoint, ...]:
+        """The joints, each after the one that carries its parent."""
+        where = self.source
+        if not self.joints:
+            raise IdentificationError(f"{where}: found no joint, expected at least one")
+        for what, names in (("joint", [j.name for j in self.joints]), ("link", [link.name for link in self.links])):
+            twice = sorted({name for name in names if names.count(name) > 1})
+            if twice:
+                raise IdentificationError(f"{where}: found two {what}s named {twice[0]!r}, expected a name for each")
+        known = {link.name for link in self.links}
+        carried_by: dict[str, TreeJoint] = {}
+        for joint in self.joints:
+            _check_joint(joint, where)
+            if joint.child not in known:
+                raise IdentificationError(
+                    f"{where}: joint {joint.name!r}: found no link {joint.child!r}, expected one of "
+                    f"{', '.join(sorted(known))}"
+                )
+            if joint.child in carried_by:
+                other = carried_by[joint.child].name
+                raise IdentificationError(
+                    f"{where}: link {joint.child!r} hangs on two joints, {other!r} and {joint.name!r}: a loop, "
+                    "expected a tree; cut the loop at one joint and leave that joint out"
+                )
+            carried_by[joint.child] = joint
+        bases = sorted({j.parent for j in self.joints} - set(carried_by))
+        if len(bases) != 1:
+            found = ", ".join(map(repr, bases)) if bases else "none: every link hangs on another, in a loop"
+            raise IdentificationError(
+                f"{where}: links that hang on nothing: {found}; expected one, the base: join the others to it, or "
+                "leave one joint of a loop out"
+            )
+        loose = sorted(known - set(carried_by) - set(bases))
+        if loose:
+            raise IdentificationError(f"{where}: link {loose[0]!r} has no joint, expected one that it hangs on")
+        placed, order = {bases[0]}, []
+        waiting = list(self.joints)
+        while waiting:
+            ready = [joint for joint in waiting if joint.parent in placed]
+            if not ready:
+                names = ", ".join(repr(joint.name) for joint in waiting)
+                raise IdentificationError(f"{where}: joints {names} carry one another in a loop, expected a tree")
+            order.append(ready[0])
+            placed.add(ready[0].child)
+            waiting.remove(ready[0])
+        if len(order) > MOST_LINKS:
+            raise IdentificationError(
+                f"{where}: found {len(order)} links, expected at most {MOST_LINKS}; weld what does not move into one"
+            )
+        if all(joint.kind == "fixed" for joint in order):
+            raise IdentificationError(f"{where}: found no joint that moves, expected at least one")
+        by_name = {link.name: link for link in self.links}
+        _check_masses(order, by_name, where)
+        return tuple(order)
+
+    @property
+    def base(self) -> str:
+        """The link that does not move."""
+        return self.order[0].parent
+
+    @property
+    def moving(self) -> tuple[TreeJoint, ...]:
+        """The joints that have a coordinate, in its order."""
+        return tuple(joint for joint in self.order if joint.kind != "fixed")
+
+    @cached_property
+    def core(self) -> _core.KinematicTree:
+        """The same in the core: dynamics, regressor, normal equations."""
+        number = {self.base: 0} | {joint.child: i + 1 for i, joint in enumerate(self.order)}
+        bodies = {link.name: link.numbers for link in self.links}
+        rows = [
+            [
+                number[j.parent], KINDS.index(j.kind), *j.place, *j.turned, *(j.axis or (0.0, 0.0, 1.0)),
+                j.rotor_inertia, *bodies[j.child],
+            ]
+            for j in self.order
+        ]  # fmt: skip
+        return _core.KinematicTree(np.array(rows, float), np.array(self.gravity, float))
+
+    @property
+    def parameters(self) -> np.ndarray:
+        """The numbers of every link, shape (10 links,): theta of the regressor."""
+        bodies = {link.name: link.numbers for link in self.links}
+        return np.concatenate([bodies[joint.child] for joint in self.order])
+
+    @property
+    def parameter_names(self) -> tuple[str, ...]:
+        """Names of theta: link, then which of its ten."""
+        return tuple(f"{joint.child}.{name}" for joint in self.order for name in BODY)
+
+
+def _core_rotation(turned: Vector) -> np.ndarray:
+    """The core's matrix of roll, pitch and yaw, shape (3, 3)."""
+    row = np.zeros((1, len(_core.LINK_PARAMETER_NAMES)))
+    row[0, 1], row[0, 5:8], row[0, 10] = 1.0, turned, 1.0
+    return _core.KinematicTree(row, np.zeros(3)).placements(np.zeros(1))[0, :, :3]
+
+
+def _finite(values: Iterable[float], count: int) -> bool:
+    values = tuple(values)
+    return len(values) == count and all(isinstance(v, (int, float)) and np.isfinite(v) for v in values)
+
+
+def _check_joint(joint: TreeJoint, where: str) -> None:
+    """What one joint alone can have wrong."""
+    at = f"{where}: joint {joint.name!r}"
+    if joint.kind not in KINDS:
+        raise IdentificationError(f"{at}: found kind {joint.kind!r}, expected one of {', '.join(KINDS)}")
+    if joint.kind != "fixed":
+        if joint.axis is None:
+            raise IdentificationError(f"{at}: found no axis, expected three numbers of length 1")
+        length = float(np.linalg.norm(joint.axis)) if _finite(joint.axis, 3) else float("nan")
+        if not abs(length - 1.0) < 1e-3:
+            raise IdentificationError(f"{at}: found an axis of length {length:g}, expected 1")
+    for what, values, unit in (("place", joint.place, "m"), ("turned", joint.turned, "rad")):
+        if not _finite(values, 3):
+            raise IdentificationError(f"{at}: found {what} {values!r}, expected three finite numbers [{unit}]")
+    if max(map(abs, joint.place)) > LONGEST:
+        raise IdentificationError(
+            f"{at}: found place {tuple(joint.place)} m, expected at most {LONGEST:g} m: are these millimetres?"
+        )
+    if not (_finite((joint.rotor_inertia,), 1) and joint.rotor_inertia >= 0.0):
+        raise IdentificationError(f"{at}: found rotor inertia {joint.rotor_inertia!r}, expected >= 0")
+
+
+def _check_masses(order: list[TreeJoint], links: dict[str, Link], where: str) -> None:
+    """Every number finite, and every joint that moves has something to move."""
+    carried = {joint.child: links[joint.child].mass for joint in order}
+    for joint in reversed(order):
+        link = links[joint.child]
+        if not _finite(link.numbers, 10):
+            raise IdentificationError(f"{where}: link {link.name!r}: expected ten finite numbers, found {link}")
+        if link.mass < 0.0:
+            raise IdentificationError(f"{where}: link {link.name!r}: found mass {link.mass:g} kg, expected >= 0")
+        if link.mass > 0.0 and np.linalg.norm(link.moment) > LONGEST * link.mass:
+            raise IdentificationError(
+                f"{where}: link {link.name!r}: found its centre of mass {np.linalg.norm(link.moment) / link.mass:g} m "
+                f"from its frame, expected at most {LONGEST:g} m: are these millimetres?"
+            )
+        if joint.kind != "fixed" and carried[link.name] == 0.0 and joint.rotor_inertia == 0.0:
+            raise IdentificationError(
+                f"{where}: link {link.name!r}: found mass 0 on joint {joint.name!r}, which moves, and nothing behind "
+                "it; expected > 0"
+            )
+        if joint.parent in carried:
+            carried[joint.parent] += carried[link.name]
