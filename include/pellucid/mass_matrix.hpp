@@ -1,19 +1,15 @@
 // The mass matrix of a tree by composite bodies, and accelerations from it.
 //
 // Column k is what joint k alone feels and passes on when it accelerates by 1 all that it carries, which is then one
-// body (Walker and Orin, J. Dyn. Syst. Meas. Control 104(3), 1982). Accelerations come from its factors L D L', with
-// the rows of joints that are held taken out: M is as good as its smallest pivot, and n of a wearable arm is small.
+// body (Walker and Orin, J. Dyn. Syst. Meas. Control 104(3), 1982). Accelerations come from its factors,
+// with the rows of joints that are held taken out; n of a wearable arm is small.
 #pragma once
 
 #include "kinematic_tree.hpp"
+#include "symmetric_solve.hpp"
 
 namespace pellucid {
 inline namespace PELLUCID_ABI {
-
-/// Symmetric, of as many rows as there are coordinates; the rest is not touched.
-template <class S, std::size_t N> struct SquareMatrix {
-  S at[N][N];
-};
 
 /// M(q), rotors included [kg m^2; kg m; kg].
 template <class S, std::size_t N>
@@ -46,31 +42,6 @@ void mass_matrix(const TreeCoefficients<S, N>& c, const S* q, SquareMatrix<S, N>
   TreePose<S, N> pose;
   place(c, q, pose);
   mass_matrix(c, pose, m);
-}
-
-/// L D L' of a symmetric matrix, in its lower triangle; D as its inverse on the diagonal.
-template <class S, std::size_t N> void factorise(SquareMatrix<S, N>& m, std::size_t n) noexcept {
-  for (std::size_t j = 0; j < n; ++j) {
-    S scaled[N];
-    S pivot = m.at[j][j];
-    for (std::size_t k = 0; k < j; ++k) {
-      scaled[k] = m.at[j][k];  // L_jk D_k
-      m.at[j][k] = m.at[j][k] * m.at[k][k];
-      pivot = pivot - scaled[k] * m.at[j][k];
-    }
-    m.at[j][j] = S(1) / pivot;
-    for (std::size_t i = j + 1; i < n; ++i)
-      for (std::size_t k = 0; k < j; ++k) m.at[i][j] = m.at[i][j] - m.at[i][k] * m.at[j][k];
-  }
-}
-/// x becomes what the matrix, multiplied by it, gives x.
-template <class S, std::size_t N> void solve(const SquareMatrix<S, N>& factors, std::size_t n, S* x) noexcept {
-  for (std::size_t i = 0; i < n; ++i)
-    for (std::size_t k = 0; k < i; ++k) x[i] = x[i] - factors.at[i][k] * x[k];
-  for (std::size_t i = n; i-- > 0;) {
-    x[i] = x[i] * factors.at[i][i];
-    for (std::size_t k = i + 1; k < n; ++k) x[i] = x[i] - factors.at[k][i] * x[k];
-  }
 }
 
 /// Takes the rows and columns of what is held out of a symmetric matrix: 1 on the diagonal, else 0.

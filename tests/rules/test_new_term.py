@@ -28,13 +28,16 @@ FAMILY = {
 DISPATCH = """
 #include "hill_kernels.hpp"
 #include "kernels.hpp"
+#include "tree_kernels.hpp"
 namespace bindings {
 namespace baseline {
 extern const Kernels kernels;
 extern const HillKernels hill_kernels;
+extern const TreeKernels tree_kernels;
 }
 const Kernels& best_kernels() { return baseline::kernels; }
 const HillKernels& best_hill_kernels() { return baseline::hill_kernels; }
+const TreeKernels& best_tree_kernels() { return baseline::tree_kernels; }
 }
 """
 USED = """
