@@ -489,6 +489,7 @@ NB_MODULE(_core, m) {
   b::add_hill(m);
   b::add_strap(m);
   b::add_tree(m);
+  b::add_driven_tree(m);
   b::add_zero_phase(m);
 
   nb::module_ math = m.def_submodule("math", "The core's elementary functions, on float64 or float32 arrays.");

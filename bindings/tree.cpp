@@ -111,63 +111,14 @@ projected : (c,)
 square : float
     effort' W effort.)";
 
-/// n samples of m numbers each, or one.
-struct Samples {
-  std::vector<Array> arrays;
-  bool single;
-  TreeSamples samples;
-
-  Samples(std::size_t m, std::initializer_list<std::pair<const char*, nb::handle>> named) {
-    const double* data[3] = {};
-    for (const auto& [name, value] : named) {
-      arrays.push_back(read_array(name, value));
-      const Array& array = arrays.back();
-      if (arrays.size() == 1) {
-        single = array.shape == Shape{m};
-        if (!single && (array.shape.size() != 2 || array.shape[1] != m))
-          array.fail("(n, " + std::to_string(m) + ") or " + text({m}) + ": a number for each joint that moves");
-        samples.n = single ? 1 : array.shape[0];
-      }
-      array.expect(text(arrays[0].shape) + ", as " + named.begin()->first, arrays[0].shape);
-      if (arrays.size() <= 3) data[arrays.size() - 1] = array.data;
-    }
-    samples.position = data[0];
-    samples.velocity = data[1];
-    samples.acceleration = data[2];
-  }
-  Shape shape(std::initializer_list<std::size_t> of_each) const {
-    Shape result;
-    if (!single) result.push_back(samples.n);
-    result.insert(result.end(), of_each);
-    return result;
-  }
-};
-
 class KinematicTree {
  public:
   KinematicTree(nb::handle links, nb::handle gravity) : links_(read_array("links", links)) {
     const Array down = read_array("gravity", gravity);
-    down.expect(text({3}), {3});
-    constexpr std::size_t each = p::link_parameter_count;
-    if (links_.shape.size() != 2 || links_.shape[1] != each || links_.shape[0] < 1 || links_.shape[0] > most_links)
-      links_.fail("(l, " + std::to_string(each) + ") with l from 1 to " + std::to_string(most_links));
+    const auto params = read_tree(links_, down);
     numbers_.assign(links_.data, links_.data + links_.size());
     std::copy(down.data, down.data + 3, gravity_);
-    auto params = std::make_unique<p::TreeParams<double, most_links>>();
-    params->links = static_cast<std::uint32_t>(count());
-    for (std::size_t i = 0; i < count(); ++i) {
-      const double* at = numbers_.data() + i * each;
-      for (std::size_t k = 0; k < each; ++k)
-        if (!std::isfinite(at[k])) throw nb::value_error((link(i) + ": expected finite numbers").c_str());
-      params->link[i] = p::from_numbers<p::LinkParams<double>>(at);
-      if (at[0] < 0 || at[0] > static_cast<double>(i) || at[0] != std::floor(at[0]))
-        throw nb::value_error((link(i) + ": parent: expected 0 for the base or the number of an earlier link").c_str());
-      if (at[1] != 0 && at[1] != 1 && at[1] != 2)
-        throw nb::value_error((link(i) + ": joint: expected 0 (fixed), 1 (revolute) or 2 (prismatic)").c_str());
-    }
-    const auto tree = p::coefficients(*params);
-    if (!tree.valid) throw nb::value_error("links: expected an axis of a length above 0 for every joint that moves");
-    coordinates_ = tree.coordinates;
+    coordinates_ = p::coefficients(*params).coordinates;
     prepared_.reset(std::aligned_alloc(64, (kernels.bytes + 63) / 64 * 64));
     if (prepared_ == nullptr) throw std::bad_alloc();
     kernels.prepare(numbers());
@@ -177,25 +128,26 @@ class KinematicTree {
   std::size_t coordinates() const { return coordinates_; }
 
   nb::object inverse_dynamics(nb::handle position, nb::handle velocity, nb::handle acceleration) const {
-    const Samples in(coordinates_, {{"position", position}, {"velocity", velocity}, {"acceleration", acceleration}});
+    const TreeArguments in(coordinates_,
+                           {{"position", position}, {"velocity", velocity}, {"acceleration", acceleration}});
     const Result effort(in.shape({coordinates_}));
     run([&] { kernels.inverse_dynamics(numbers(), in.samples, effort.data); });
     return effort.array();
   }
   nb::object gravity(nb::handle position) const {
-    const Samples in(coordinates_, {{"position", position}});
+    const TreeArguments in(coordinates_, {{"position", position}});
     const Result effort(in.shape({coordinates_}));
     run([&] { kernels.gravity(numbers(), in.samples, effort.data); });
     return effort.array();
   }
   nb::object mass_matrix(nb::handle position) const {
-    const Samples in(coordinates_, {{"position", position}});
+    const TreeArguments in(coordinates_, {{"position", position}});
     const Result matrix(in.shape({coordinates_, coordinates_}));
     run([&] { kernels.mass_matrix(numbers(), in.samples, matrix.data); });
     return matrix.array();
   }
   nb::object forward_dynamics(nb::handle position, nb::handle velocity, nb::handle effort, nb::handle held) const {
-    const Samples in(coordinates_, {{"position", position}, {"velocity", velocity}, {"effort", effort}});
+    const TreeArguments in(coordinates_, {{"position", position}, {"velocity", velocity}, {"effort", effort}});
     bool rests[most_links] = {};
     if (!held.is_none()) {
       const Array array = read_array("held", held);
@@ -207,19 +159,19 @@ class KinematicTree {
     return acceleration.array();
   }
   nb::object energy(nb::handle position, nb::handle velocity) const {
-    const Samples in(coordinates_, {{"position", position}, {"velocity", velocity}});
+    const TreeArguments in(coordinates_, {{"position", position}, {"velocity", velocity}});
     const Result kinetic(in.shape({})), potential(in.shape({}));
     run([&] { kernels.energy(numbers(), in.samples, kinetic.data, potential.data); });
     return nb::make_tuple(kinetic.array(), potential.array());
   }
   nb::object placements(nb::handle position) const {
-    const Samples in(coordinates_, {{"position", position}});
+    const TreeArguments in(coordinates_, {{"position", position}});
     const Result placements(in.shape({count(), 3, 4}));
     run([&] { kernels.placements(numbers(), in.samples, placements.data); });
     return placements.array();
   }
   nb::object jacobian(nb::handle position, nb::handle link, nb::handle point) const {
-    const Samples in(coordinates_, {{"position", position}});
+    const TreeArguments in(coordinates_, {{"position", position}});
     const auto which = static_cast<std::size_t>(read_integer("link", link, 0, static_cast<long long>(count()) - 1));
     const Array at = read_array("point", point);
     at.expect(text({3}), {3});
@@ -229,7 +181,8 @@ class KinematicTree {
   }
   nb::object regressor(nb::handle position, nb::handle velocity, nb::handle acceleration, nb::handle own,
                        nb::handle shared, nb::handle out) const {
-    const Samples in(coordinates_, {{"position", position}, {"velocity", velocity}, {"acceleration", acceleration}});
+    const TreeArguments in(coordinates_,
+                           {{"position", position}, {"velocity", velocity}, {"acceleration", acceleration}});
     const Columns more(*this, in, own, shared);
     const Shape shape = in.shape({coordinates_, more.count});
     if (out.is_none()) {
@@ -248,7 +201,7 @@ class KinematicTree {
   }
   nb::object normal_equations(nb::handle position, nb::handle velocity, nb::handle acceleration, nb::handle effort,
                               nb::handle weight, nb::handle own, nb::handle shared) const {
-    const Samples in(
+    const TreeArguments in(
         coordinates_,
         {{"position", position}, {"velocity", velocity}, {"acceleration", acceleration}, {"effort", effort}});
     const Columns more(*this, in, own, shared);
@@ -281,12 +234,12 @@ class KinematicTree {
     MoreColumns columns;
     std::size_t count;
 
-    Columns(const KinematicTree& tree, const Samples& in, nb::handle own, nb::handle shared) {
+    Columns(const KinematicTree& tree, const TreeArguments& in, nb::handle own, nb::handle shared) {
       columns.own_data = read(tree, in, "own", own, columns.own);
       columns.shared_data = read(tree, in, "shared", shared, columns.shared);
       count = 10 * tree.count() + tree.coordinates_ * columns.own + columns.shared;
     }
-    const double* read(const KinematicTree& tree, const Samples& in, const char* name, nb::handle value,
+    const double* read(const KinematicTree& tree, const TreeArguments& in, const char* name, nb::handle value,
                        std::size_t& each) {
       if (value.is_none()) return nullptr;
       kept.push_back(read_array(name, value));
@@ -299,7 +252,6 @@ class KinematicTree {
     }
   };
 
-  static std::string link(std::size_t i) { return "links: link " + std::to_string(i + 1); }
   TreeNumbers numbers() const { return {count(), coordinates_, numbers_.data(), gravity_, prepared_.get()}; }
   template <class F> static void run(F f) {
     nb::gil_scoped_release release;
@@ -317,6 +269,60 @@ class KinematicTree {
 };
 
 }  // namespace
+
+std::unique_ptr<ReadTree> read_tree(const Array& links, const Array& gravity) {
+  constexpr std::size_t each = p::link_parameter_count;
+  gravity.expect(text({3}), {3});
+  if (links.shape.size() != 2 || links.shape[1] != each || links.shape[0] < 1 || links.shape[0] > most_links)
+    links.fail("(l, " + std::to_string(each) + ") with l from 1 to " + std::to_string(most_links));
+  auto params = std::make_unique<ReadTree>();
+  params->links = static_cast<std::uint32_t>(links.shape[0]);
+  params->gravity_x = gravity.data[0];
+  params->gravity_y = gravity.data[1];
+  params->gravity_z = gravity.data[2];
+  for (std::size_t i = 0; i < links.shape[0]; ++i) {
+    const double* at = links.data + i * each;
+    const auto fail = [i](const char* what) {
+      throw nb::value_error(("links: link " + std::to_string(i + 1) + ": " + what).c_str());
+    };
+    for (std::size_t k = 0; k < each; ++k)
+      if (!std::isfinite(at[k])) fail("expected finite numbers");
+    if (at[0] < 0 || at[0] > static_cast<double>(i) || at[0] != std::floor(at[0]))
+      fail("parent: expected 0 for the base or the number of an earlier link");
+    if (at[1] != 0 && at[1] != 1 && at[1] != 2) fail("joint: expected 0 (fixed), 1 (revolute) or 2 (prismatic)");
+    params->link[i] = p::from_numbers<p::LinkParams<double>>(at);
+  }
+  if (!p::coefficients(*params).valid)
+    throw nb::value_error("links: expected an axis of a length above 0 for every joint that moves");
+  return params;
+}
+
+TreeArguments::TreeArguments(std::size_t m, std::initializer_list<std::pair<const char*, nb::handle>> named) {
+  const double* data[3] = {};
+  for (const auto& [name, value] : named) {
+    arrays.push_back(read_array(name, value));
+    const Array& array = arrays.back();
+    if (arrays.size() == 1) {
+      single = array.shape.size() == 1 && array.shape[0] == m;
+      if (!single && (array.shape.size() != 2 || array.shape[1] != m))
+        array.fail("(n, " + std::to_string(m) + ") or " + text({m}) + ": a number for each joint that moves");
+      samples.n = single ? 1 : array.shape[0];
+    } else if (array.shape != arrays[0].shape) {
+      array.fail(text(arrays[0].shape) + ", as " + named.begin()->first);
+    }
+    if (arrays.size() <= 3) data[arrays.size() - 1] = array.data;
+  }
+  samples.position = data[0];
+  samples.velocity = data[1];
+  samples.acceleration = data[2];
+}
+
+Shape TreeArguments::shape(std::initializer_list<std::size_t> of_each) const {
+  Shape result;
+  if (!single) result.push_back(samples.n);
+  result.insert(result.end(), of_each);
+  return result;
+}
 
 void add_tree(nb::module_& m) {
   m.attr("LINK_PARAMETER_NAMES") = names_of<p::LinkParams<double>>();

@@ -1,11 +1,11 @@
 // Which of several joints stick: friction forces that stop what they can and resist what they cannot.
 //
-// A force p_i lies between low_i and high_i and acts on a velocity r_i = free_i + sum A_ik p_k, A symmetric. It is low
-// where r_i > 0, high where r_i < 0, and between them only where r_i = 0: there the joint rests. That is where
-// p'A p / 2 + unresisted'p is least in the box, so with a positive definite A there is one answer. Each round goes through
-// the joints one after another (Gauss and Seidel), then stops at once all that are between (Newton), cut off at the
-// box's walls if that comes nearer, else up to the first wall. Rounds are counted: whatever comes in, it ends, and no
-// force is ever more than friction can give.
+// A force p_i lies between low_i and high_i and acts on a velocity r_i = u_i + sum A_ik p_k, A symmetric and u the
+// velocity unresisted. It is low where r_i > 0, high where r_i < 0, and between them only where r_i = 0: there the joint
+// rests. That is where p'A p / 2 + u'p is least in the box, so with a positive definite A there is one answer. Each
+// round goes through the joints one after another (Gauss and Seidel), then stops at once all that are between (Newton),
+// cut off at the box's walls if that comes nearer, else up to the first wall. Rounds are counted: whatever comes in, it
+// ends, and no force is ever more than friction can give.
 #pragma once
 
 #include "symmetric_solve.hpp"

@@ -1504,6 +1504,77 @@ class KinematicTree:
             effort' W effort.
         """
 
+TREE_JOINT_PARAMETER_NAMES: tuple[str, ...]
+
+TREE_MOTOR_PARAMETER_NAMES: tuple[str, ...]
+
+class DrivenTree:
+    """
+    A tree under its motors, with friction, and true stiction of several joints at once.
+
+    Parameters
+    ----------
+    links : (l, 22)
+    gravity : (3,)
+        As of KinematicTree.
+    joints : (m, 11)
+        What loses effort at each joint that moves, in the order of TREE_JOINT_PARAMETER_NAMES.
+    period : float
+        In which efforts are held [s].
+    substeps : int
+        Steps of integration in a period.
+    turns : (m, m)
+        How fast each motor (row) turns by each joint's velocity; left out, each motor turns with its own joint.
+    motors : (m, 10)
+        Of motors, where turns are given, in the order of TREE_MOTOR_PARAMETER_NAMES; left out, zeros.
+    """
+
+    def __init__(
+        self,
+        links: ArrayLike,
+        gravity: ArrayLike,
+        joints: ArrayLike,
+        *,
+        period: float,
+        substeps: int = 4,
+        turns: ArrayLike | None = None,
+        motors: ArrayLike | None = None,
+    ) -> None: ...
+    def motor_effort(self, position: ArrayLike, velocity: ArrayLike, acceleration: ArrayLike) -> NDArray[float64]:
+        """
+        Effort of each motor that moves it so, friction with it, (n, m) [N m; N].
+        """
+
+    def run(self, effort: ArrayLike, outside: ArrayLike | None = None) -> tuple[NDArray[float64], NDArray[float64]]:
+        """
+        Go on for n periods.
+
+        Parameters
+        ----------
+        effort : (n, m)
+            Of each motor, or (m,) for one period [N m; N].
+        outside : (n, m)
+            On each joint, from people and payloads; left out, 0.
+
+        Returns
+        -------
+        position, velocity : (n, m)
+            At the start of each period; a velocity that is 0 to the bit belongs to a joint that rests.
+        """
+
+    def reset(self, position: ArrayLike | None = None, velocity: ArrayLike | None = None) -> None:
+        """
+        Where it is and how it moves, (m,) each; left out, 0. What joints that give remember is gone.
+        """
+
+    @property
+    def position(self) -> NDArray[float64]:
+        """Of each joint that moves, now [rad; m]."""
+
+    @property
+    def velocity(self) -> NDArray[float64]:
+        """Of each joint that moves, now [rad/s; m/s]."""
+
 def zero_phase(sos: ArrayLike, settled: ArrayLike, samples: ArrayLike, padding: int) -> NDArray[float64]:
     """
     A cascade of second-order sections run forwards and backwards over each column: no delay.
