@@ -7,9 +7,31 @@ from pathlib import Path
 
 from pellucid._atomic import write_text_atomically
 
-from . import commands, elbow, export, hill, identification, laws, muscle_calibration, plant, transfer_function
+from . import (
+    commands,
+    elbow,
+    export,
+    hill,
+    identification,
+    kinematic_tree,
+    laws,
+    muscle_calibration,
+    plant,
+    transfer_function,
+)
 
-MODULES = (identification, plant, elbow, transfer_function, hill, muscle_calibration, laws, export, commands)
+MODULES = (
+    identification,
+    plant,
+    elbow,
+    transfer_function,
+    hill,
+    muscle_calibration,
+    kinematic_tree,
+    laws,
+    export,
+    commands,
+)
 
 
 def main() -> None:

@@ -28,10 +28,12 @@ substeps : int
 turns : (m, m)
     How fast each motor (row) turns by each joint's velocity; left out, each motor turns with its own joint.
 motors : (m, 10)
-    Of motors, where turns are given, in the order of TREE_MOTOR_PARAMETER_NAMES; left out, zeros.)";
+    Of motors, where turns are given, in the order of TREE_MOTOR_PARAMETER_NAMES; left out, zeros.
+elastic : (m, 12)
+    Of each motor behind a spring, in the order of SERIES_ELASTIC_PARAMETER_NAMES; a row of zeros: no spring.)";
 constexpr const char* init_sig =
     "def __init__(self, links: ArrayLike, gravity: ArrayLike, joints: ArrayLike, *, period: float, substeps: int = 4, "
-    "turns: ArrayLike | None = None, motors: ArrayLike | None = None) -> None";
+    "turns: ArrayLike | None = None, motors: ArrayLike | None = None, elastic: ArrayLike | None = None) -> None";
 constexpr const char* motor_effort_sig =
     "def motor_effort(self, position: ArrayLike, velocity: ArrayLike, acceleration: ArrayLike) -> NDArray[float64]";
 constexpr const char* motor_effort_doc = R"(Effort of each motor that moves it so, friction with it, (n, m) [N m; N].)";
@@ -53,7 +55,7 @@ position, velocity : (n, m)
 constexpr const char* reset_sig =
     "def reset(self, position: ArrayLike | None = None, velocity: ArrayLike | None = None) -> None";
 constexpr const char* reset_doc =
-    "Where it is and how it moves, (m,) each; left out, 0. What joints that give remember is gone.";
+    "Where it is and how it moves, (m,) each; left out, 0. Springs then carry the weight.";
 
 class DrivenTree {
   using Coefficients = p::TreePlantCoefficients<double, most_links>;
@@ -62,7 +64,7 @@ class DrivenTree {
 
  public:
   DrivenTree(nb::handle links, nb::handle gravity, nb::handle joints, double period, nb::handle substeps,
-             nb::handle turns, nb::handle motors) {
+             nb::handle turns, nb::handle motors, nb::handle elastic) {
     p::TreePlantParams<double, most_links> params;
     params.tree = *read_tree(read_array("links", links), read_array("gravity", gravity));
     m_ = p::coefficients(params.tree).coordinates;
@@ -79,9 +81,11 @@ class DrivenTree {
         for (std::size_t k = 0; k < m_; ++k) params.drives.turns[i][k] = matrix.data[i * m_ + k];
       if (!motors.is_none()) read_rows("motors", motors, params.drives.motor);
     }
+    if (!elastic.is_none()) read_rows("elastic", elastic, params.elastic);
     c_ = std::make_unique<Coefficients>(p::coefficients(params));
     if (!c_->valid) throw nb::value_error("turns: expected a matrix that has an inverse");
     state_ = std::make_unique<State>();
+    reset(nb::none(), nb::none());
   }
 
   nb::object motor_effort(nb::handle position, nb::handle velocity, nb::handle acceleration) const {
@@ -117,12 +121,19 @@ class DrivenTree {
   }
 
   void reset(nb::handle position, nb::handle velocity) {
-    State state;
-    read_state("position", position, state.position);
-    read_state("velocity", velocity, state.velocity);
-    *state_ = state;
+    double q[most_links] = {}, v[most_links] = {};
+    read_state("position", position, q);
+    read_state("velocity", velocity, v);
+    *state_ = p::balanced(*c_, q, v);
   }
   nb::object position() const { return array_of(state_->position); }
+  nb::object motor_position() const {
+    double place[most_links] = {};
+    p::motor_motion(c_->drives, m_, state_->position, place);
+    for (std::size_t k = 0; k < m_; ++k)
+      if (c_->elastic[k].any_gives) place[k] = state_->motor[k].position;
+    return array_of(place);
+  }
   nb::object velocity() const { return array_of(state_->velocity); }
 
  private:
@@ -154,11 +165,12 @@ class DrivenTree {
 void add_driven_tree(nb::module_& m) {
   m.attr("TREE_JOINT_PARAMETER_NAMES") = names_of<p::TreeJointParams<double>>();
   m.attr("TREE_MOTOR_PARAMETER_NAMES") = names_of<p::TreeMotorParams<double>>();
+  m.attr("SERIES_ELASTIC_PARAMETER_NAMES") = names_of<p::SeriesElasticParams<double>>();
   nb::class_<DrivenTree>(m, "DrivenTree", class_doc)
-      .def(nb::init<nb::handle, nb::handle, nb::handle, double, nb::handle, nb::handle, nb::handle>(),
+      .def(nb::init<nb::handle, nb::handle, nb::handle, double, nb::handle, nb::handle, nb::handle, nb::handle>(),
            nb::arg("links").none(), nb::arg("gravity").none(), nb::arg("joints").none(), nb::kw_only(),
            nb::arg("period"), nb::arg("substeps") = 4, nb::arg("turns") = nb::none(), nb::arg("motors") = nb::none(),
-           nb::sig(init_sig))
+           nb::arg("elastic") = nb::none(), nb::sig(init_sig))
       .def("motor_effort", &DrivenTree::motor_effort, nb::arg("position").none(), nb::arg("velocity").none(),
            nb::arg("acceleration").none(), nb::sig(motor_effort_sig), motor_effort_doc)
       .def("run", &DrivenTree::run, nb::arg("effort").none(), nb::arg("outside") = nb::none(), nb::sig(run_sig),
@@ -167,6 +179,8 @@ void add_driven_tree(nb::module_& m) {
            nb::sig(reset_sig), reset_doc)
       .def_prop_ro("position", &DrivenTree::position, nb::sig("def position(self) -> NDArray[float64]"),
                    "Of each joint that moves, now [rad; m].")
+      .def_prop_ro("motor_position", &DrivenTree::motor_position,
+                   nb::sig("def motor_position(self) -> NDArray[float64]"), "Of each motor, now [rad; m].")
       .def_prop_ro("velocity", &DrivenTree::velocity, nb::sig("def velocity(self) -> NDArray[float64]"),
                    "Of each joint that moves, now [rad/s; m/s].");
 }

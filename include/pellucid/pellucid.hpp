@@ -45,6 +45,7 @@
 #include "safety.hpp"
 #include "sample.hpp"
 #include "sensor.hpp"
+#include "series_elastic.hpp"
 #include "spatial.hpp"
 #include "strap.hpp"
 #include "strap_estimator.hpp"

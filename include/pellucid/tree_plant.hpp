@@ -9,25 +9,29 @@
 #pragma once
 
 #include "rest.hpp"
+#include "series_elastic.hpp"
 #include "tree_drives.hpp"
 
 namespace pellucid {
 inline namespace PELLUCID_ABI {
 
 template <class S, std::size_t N> struct TreePlantParams {
-  TreeParams<S, N> tree{};          ///< bodies
-  TreeDrivesParams<S, N> drives{};  ///< what moves and resists them
-  S period{};                       ///< of control [s]
-  std::uint32_t substeps = 4;       ///< integration steps per control period, >= 1
+  TreeParams<S, N> tree{};              ///< bodies
+  TreeDrivesParams<S, N> drives{};      ///< what moves and resists them
+  SeriesElasticParams<S> elastic[N]{};  ///< between each motor's effort and the drives
+  S period{};                           ///< of control [s]
+  std::uint32_t substeps = 4;           ///< integration steps per control period, >= 1
 };
 
 /// What follows from TreePlantParams once.
 template <class S, std::size_t N> struct TreePlantCoefficients {
-  TreeCoefficients<S, N> tree;          ///< bodies
-  TreeDrivesCoefficients<S, N> drives;  ///< what moves and resists them
-  S substep{};                          ///< h [s]
-  std::uint32_t substeps = 4;           ///< per control period
-  bool valid = false;                   ///< whether tree and drives are
+  TreeCoefficients<S, N> tree;              ///< bodies
+  TreeDrivesCoefficients<S, N> drives;      ///< what moves and resists them
+  SeriesElasticCoefficients<S> elastic[N];  ///< between each motor's effort and the drives
+  bool any_elastic = false;                 ///< of any motor
+  S substep{};                              ///< h [s]
+  std::uint32_t substeps = 4;               ///< per control period
+  bool valid = false;                       ///< whether tree and drives are
 };
 
 template <class S, std::size_t N>
@@ -35,6 +39,10 @@ TreePlantCoefficients<S, N> coefficients(const TreePlantParams<S, N>& params) no
   TreePlantCoefficients<S, N> c;
   c.tree = coefficients(params.tree);
   c.drives = coefficients(params.drives, c.tree.coordinates);
+  for (std::size_t i = 0; i < c.tree.coordinates; ++i) {
+    c.elastic[i] = coefficients(params.elastic[i]);
+    c.any_elastic = c.any_elastic || c.elastic[i].any_gives;
+  }
   c.substeps = params.substeps > 0 ? params.substeps : 1;
   c.substep = params.period / S(static_cast<value_t<S>>(c.substeps));
   c.valid = c.tree.valid && c.drives.valid;
@@ -42,11 +50,28 @@ TreePlantCoefficients<S, N> coefficients(const TreePlantParams<S, N>& params) no
 }
 
 template <class S, std::size_t N> struct TreePlantState {
-  S position[N]{};                 ///< q [rad; m]
-  S velocity[N]{};                 ///< v [rad/s; m/s]
-  S held[2 * N]{};                 ///< friction of joints, then of motors, in the last substep [N m; N]
-  PreslidingState<S> strain[N]{};  ///< of joints that give before they slip
+  S position[N]{};                   ///< q [rad; m]
+  S velocity[N]{};                   ///< v [rad/s; m/s]
+  S held[2 * N]{};                   ///< friction of joints, then of motors, in the last substep [N m; N]
+  PreslidingState<S> strain[N]{};    ///< of joints that give before they slip
+  SeriesElasticState<S> motor[N]{};  ///< of motors behind springs
 };
+
+/// Joints at q that move at v, and motors whose springs carry what weighs on them.
+template <class S, std::size_t N>
+TreePlantState<S, N> balanced(const TreePlantCoefficients<S, N>& c, const S* q, const S* v) noexcept {
+  const std::size_t n = c.tree.coordinates;
+  TreePlantState<S, N> state;
+  for (std::size_t k = 0; k < n; ++k) state.position[k] = q[k], state.velocity[k] = v[k];
+  if (!c.any_elastic) return state;
+  S weight[N], carried[N], place[N], speed[N];
+  gravity(c.tree, q, weight);
+  motor_effort(c.drives, n, weight, carried);
+  motor_motion(c.drives, n, q, place);
+  motor_motion(c.drives, n, v, speed);
+  for (std::size_t i = 0; i < n; ++i) state.motor[i] = balanced(c.elastic[i], place[i], speed[i], carried[i]);
+  return state;
+}
 
 /// What a tree is given each period.
 template <class S, std::size_t N> struct TreePlantInput {
@@ -70,6 +95,7 @@ template <class S, std::size_t N> void substep(const TreePlantCoefficients<S, N>
   static_assert(ScalarTraits<S>::is_real, "stiction resets the velocity, which would drop its derivative");
   const TreeDrivesCoefficients<S, N>& drives = c.drives;
   const std::size_t n = c.tree.coordinates, forces = drives.coupled ? 2 * n : n;
+  if (n == 0) return;
   const S* v = state.velocity;
   TreePose<S, N> pose;
   place(c.tree, state.position, pose);
@@ -138,7 +164,20 @@ template <class S, std::size_t N> void substep(const TreePlantCoefficients<S, N>
 /// One control period. Total: whatever comes in, NaN included, it ends.
 template <class S, std::size_t N> void step(const TreePlantCoefficients<S, N>& c, TreePlantState<S, N>& state,
                                             const TreePlantInput<S, N>& input) noexcept {
-  for (std::uint32_t i = 0; i < c.substeps; ++i) substep(c, state, input);
+  const std::size_t n = c.tree.coordinates;
+  for (std::uint32_t i = 0; i < c.substeps; ++i) {
+    if (!c.any_elastic) {
+      substep(c, state, input);
+      continue;
+    }
+    TreePlantInput<S, N> passed = input;
+    S place[N], speed[N];
+    motor_motion(c.drives, n, state.position, place);
+    motor_motion(c.drives, n, state.velocity, speed);
+    for (std::size_t k = 0; k < n; ++k)
+      passed.effort[k] = step(c.elastic[k], state.motor[k], c.substep, input.effort[k], place[k], speed[k]);
+    substep(c, state, passed);
+  }
 }
 
 }  // namespace PELLUCID_ABI

@@ -1508,6 +1508,8 @@ TREE_JOINT_PARAMETER_NAMES: tuple[str, ...]
 
 TREE_MOTOR_PARAMETER_NAMES: tuple[str, ...]
 
+SERIES_ELASTIC_PARAMETER_NAMES: tuple[str, ...]
+
 class DrivenTree:
     """
     A tree under its motors, with friction, and true stiction of several joints at once.
@@ -1527,6 +1529,8 @@ class DrivenTree:
         How fast each motor (row) turns by each joint's velocity; left out, each motor turns with its own joint.
     motors : (m, 10)
         Of motors, where turns are given, in the order of TREE_MOTOR_PARAMETER_NAMES; left out, zeros.
+    elastic : (m, 12)
+        Of each motor behind a spring, in the order of SERIES_ELASTIC_PARAMETER_NAMES; a row of zeros: no spring.
     """
 
     def __init__(
@@ -1539,6 +1543,7 @@ class DrivenTree:
         substeps: int = 4,
         turns: ArrayLike | None = None,
         motors: ArrayLike | None = None,
+        elastic: ArrayLike | None = None,
     ) -> None: ...
     def motor_effort(self, position: ArrayLike, velocity: ArrayLike, acceleration: ArrayLike) -> NDArray[float64]:
         """
@@ -1564,12 +1569,16 @@ class DrivenTree:
 
     def reset(self, position: ArrayLike | None = None, velocity: ArrayLike | None = None) -> None:
         """
-        Where it is and how it moves, (m,) each; left out, 0. What joints that give remember is gone.
+        Where it is and how it moves, (m,) each; left out, 0. Springs then carry the weight.
         """
 
     @property
     def position(self) -> NDArray[float64]:
         """Of each joint that moves, now [rad; m]."""
+
+    @property
+    def motor_position(self) -> NDArray[float64]:
+        """Of each motor, now [rad; m]."""
 
     @property
     def velocity(self) -> NDArray[float64]:

@@ -7,6 +7,7 @@ from trees import INDEX, PRISMATIC, REVOLUTE, random_tree, tree_of
 from pellucid import _core
 
 JOINT = {name: i for i, name in enumerate(_core.TREE_JOINT_PARAMETER_NAMES)}
+ELASTIC = {name: i for i, name in enumerate(_core.SERIES_ELASTIC_PARAMETER_NAMES)}
 MOTOR = {name: i for i, name in enumerate(_core.TREE_MOTOR_PARAMETER_NAMES)}
 GRAVITY = np.array([0.0, 0.0, -9.81])
 
@@ -109,6 +110,23 @@ def test_joints_that_rest_feel_what_holds_them(rng):
     assert (driven.velocity[[0, 2]] == 0.0).all()
 
 
+def test_a_motor_behind_a_spring(rng):
+    """It starts balanced, its spring carries the weight, and it lags behind what it moves."""
+    rows = random_tree(rng, 3, kinds=(REVOLUTE,))
+    spring = np.zeros((3, len(ELASTIC)))
+    spring[1, ELASTIC["motor_inertia"]], spring[1, ELASTIC["stiffness"]] = 0.1, 300.0
+    driven = _core.DrivenTree(rows, GRAVITY, joints_of(3), period=1e-3, substeps=10, elastic=spring)
+    q = rng.uniform(-1, 1, 3)
+    weight = tree_of(rows, GRAVITY).gravity(q)
+    driven.reset(q)
+    np.testing.assert_allclose(driven.motor_position - q, [0.0, weight[1] / 300.0, 0.0], atol=1e-14)
+    for _ in range(50):
+        driven.run(weight)
+    np.testing.assert_allclose(driven.position, q, atol=1e-9)
+    driven.run(np.tile(weight + np.array([0.0, 5.0, 0.0]), (20, 1)))
+    assert driven.motor_position[1] - driven.position[1] > weight[1] / 300.0 + 1e-3
+
+
 def test_arguments_are_checked(rng):
     rows = random_tree(rng, 3, kinds=(REVOLUTE,))
 
@@ -125,6 +143,8 @@ def test_arguments_are_checked(rng):
         made(turns=np.ones((3, 3)))
     with pytest.raises(ValueError, match="motors: expected turns too"):
         made(motors=np.zeros((3, len(MOTOR))))
+    with pytest.raises(ValueError, match=r"elastic: got shape \(3, 2\), expected \(3, 12\)"):
+        made(elastic=np.zeros((3, 2)))
     with pytest.raises(ValueError, match=r"effort: got shape \(4,\), expected"):
         made().run(np.zeros(4))
     with pytest.raises(ValueError, match=r"outside: got shape \(3,\), expected \(5, 3\), as effort"):

@@ -201,8 +201,12 @@ void gives() {
 void lanes() {
   using L = p::Lanes<double, 4>;
   for (const bool coupled : {false, true}) {
-    const auto c = p::coefficients(arm<double>(coupled));
-    const auto wide = p::coefficients(arm<L>(coupled));
+    auto params = arm<double>(coupled);
+    auto params_wide = arm<L>(coupled);
+    params.elastic[1].motor_inertia = 0.02, params.elastic[1].transmission.stiffness = 100;
+    params_wide.elastic[1].motor_inertia = L(0.02), params_wide.elastic[1].transmission.stiffness = L(100);
+    const auto c = p::coefficients(params);
+    const auto wide = p::coefficients(params_wide);
     p::TreePlantState<double, most> state[4];
     p::TreePlantState<L, most> states;
     for (int k = 0; k < 400; ++k) {
@@ -227,6 +231,61 @@ void lanes() {
   }
 }
 
+/// Motors behind springs: energy stays but for the integrator's error, and stiff springs are none.
+void elastic() {
+  auto params = arm<double>(true);
+  for (auto& joint : params.drives.joint) joint = {};
+  for (auto& motor : params.drives.motor) motor = {};
+  for (auto& spring : params.elastic) spring.motor_inertia = 0.05, spring.transmission.stiffness = 200;
+  params.substeps = 20;
+  const double q[4] = {0.5, -1.2, 0.8, 1.5}, none[4] = {};
+  const auto worst = [&](std::uint32_t substeps) {
+    params.substeps = substeps;
+    const auto c = p::coefficients(params);
+    auto state = p::balanced(c, q, none);
+    double first = 0, furthest = 0;
+    for (int k = 0; k < 1000; ++k) {
+      const auto e = p::energy(c.tree, state.position, state.velocity);
+      double sum = e.kinetic + e.potential, place[4];
+      p::motor_motion(c.drives, 4, state.position, place);
+      for (std::size_t i = 0; i < 4; ++i) {
+        const double twist = state.motor[i].position - place[i], v = state.motor[i].velocity;
+        sum += 0.5 * 200 * twist * twist + 0.5 * 0.05 * v * v;
+      }
+      if (k == 0) first = sum;
+      furthest = std::fmax(furthest, std::fabs(sum - first));
+      p::step(c, state, p::TreePlantInput<double, most>{});
+    }
+    return furthest;
+  };
+  const double coarse = worst(20), fine = worst(160);
+  check(coarse < 0.01 && fine < coarse / 6, "energy stays, the closer the finer");
+
+  // A motor behind a stiff spring is a rotor of its inertia, but that a joint's friction carries no motor's load.
+  auto stiff = arm<double>(false);
+  for (auto& joint : stiff.drives.joint) joint.friction.load_motoring = joint.friction.load_generating = 0;
+  auto rigid = stiff;
+  stiff.substeps = rigid.substeps = 100;
+  for (std::size_t i = 0; i < 4; ++i) {
+    stiff.elastic[i].motor_inertia = 0.05;
+    stiff.elastic[i].transmission.stiffness = 2e5;
+    stiff.elastic[i].transmission.damping = 20;
+    rigid.tree.link[i].rotor_inertia += 0.05;
+  }
+  const auto a = p::coefficients(stiff), b = p::coefficients(rigid);
+  auto one = p::balanced(a, q, none), other = p::balanced(b, q, none);
+  p::TreePlantInput<double, most> input;
+  for (int k = 0; k < 300; ++k) {
+    for (std::size_t i = 0; i < 4; ++i) input.effort[i] = 4 * std::sin(0.03 * k * double(i + 1));
+    p::step(a, one, input);
+    p::step(b, other, input);
+    for (std::size_t i = 0; i < 4; ++i) check_close(one.position[i], other.position[i], 1e-3, "as if it were rigid");
+  }
+  double moved = 0;
+  for (std::size_t i = 0; i < 4; ++i) moved = std::fmax(moved, std::fabs(other.position[i] - q[i]));
+  check(moved > 0.1, "and it moved");
+}
+
 void nonsense() {
   Random random(13);
   for (int run = 0; run < 300; ++run) {
@@ -234,6 +293,7 @@ void nonsense() {
     params.drives.turns[random.bits() % 4][random.bits() % 4] = random.anything<double>();
     params.drives.joint[random.bits() % 4].friction.load_motoring = random.anything<double>();
     params.tree.link[random.bits() % 4].rotor_inertia = random.anything<double>();
+    params.elastic[random.bits() % 4] = {random.anything<double>(), {}, {random.anything<double>(), 0, 0}};
     const auto c = p::coefficients(params);
     p::TreePlantState<double, most> state;
     p::TreePlantInput<double, most> input;
@@ -260,6 +320,7 @@ int main() {
   breaks_away_alone();
   gives();
   lanes();
+  elastic();
   nonsense();
   return failures() != 0;
 }

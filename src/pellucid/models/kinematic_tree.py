@@ -161,9 +161,9 @@ class Tree:
         """The joints that have a coordinate, in its order."""
         return tuple(joint for joint in self.order if joint.kind != "fixed")
 
-    @cached_property
-    def core(self) -> _core.KinematicTree:
-        """The same in the core: dynamics, regressor, normal equations."""
+    @property
+    def links_array(self) -> np.ndarray:
+        """The numbers of every link as the core reads them, shape (links, 22)."""
         number = {self.base: 0} | {joint.child: i + 1 for i, joint in enumerate(self.order)}
         bodies = {link.name: link.numbers for link in self.links}
         rows = [
@@ -173,7 +173,12 @@ class Tree:
             ]
             for j in self.order
         ]  # fmt: skip
-        return _core.KinematicTree(np.array(rows, float), np.array(self.gravity, float))
+        return np.array(rows, float)
+
+    @cached_property
+    def core(self) -> _core.KinematicTree:
+        """The same in the core: dynamics, regressor, normal equations."""
+        return _core.KinematicTree(self.links_array, np.array(self.gravity, float))
 
     @property
     def parameters(self) -> np.ndarray:
