@@ -3,11 +3,11 @@
 Five drawn robots that no constant was chosen on, each at every travel, each identified for itself with its travel
 measured; three people who took no part in choosing, six movements there and back under each law. The simplest rivals
 are no law at all (`unpowered`), the published FC, over which torques are told, and the law without dither. Dither is
-tried twice: `dithered` as it is offered (its speed by the measured travel, the law without it where that is refused),
-and `dithered_anyway` at the speed for friction that slips at once, whatever was measured.
+tried three times: `dithered` as it is offered (the law without it where the measured travel refuses it),
+`dithered_anyway` whatever was measured, and `dithered_slowly`, at 600 rad/s, which nobody is offered.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -21,6 +21,7 @@ from pellucid.lab.pointing.conditions import TUNING_SEED, chosen_exponents, cond
 from pellucid.lab.pointing.people import draw_people
 from pellucid.lab.pointing.rig import elbow_participants
 from pellucid.lab.pointing.session import Unpowered
+from pellucid.models.slider_card import SliderCard
 from pellucid.papers.able.law_comparison import REFERENCE, TORQUE_SEED, LawOnRobot, try_law
 from pellucid.recordings.results import ResultRow
 
@@ -32,7 +33,10 @@ LAWS = (
     "disturbance_observer", "force_sensor", "residual",
 )  # fmt: skip
 
-ANYWAY, UNPOWERED = "dithered_anyway", "unpowered"
+ANYWAY: Mapping[str, float] = {"dithered_anyway": 1000.0, "dithered_slowly": 600.0}
+"""Dither whatever the travel, at a frequency [rad/s]."""
+
+UNPOWERED = "unpowered"
 
 ROBOTS, PEOPLE, REPETITIONS = 5, 3, 1
 
@@ -70,10 +74,10 @@ def tried(robot: ElbowRig, travel: float) -> tuple[float, dict[str, LawOnRobot]]
     exponents = chosen_exponents(rig, cards)[0]
     people = draw_people(rig, np.random.default_rng([TORQUE_SEED, TUNING_SEED]), count=PEOPLE)
     found = {}
-    for name in (*LAWS, ANYWAY, UNPOWERED):
+    for name in (*LAWS, *ANYWAY, UNPOWERED):
         laws = [Unpowered()] * PEOPLE
-        if name == ANYWAY:
-            laws = [_anyway(cards["load"], person.slider(rig)) for person in people]
+        if name in ANYWAY:
+            laws = [_anyway(cards["load"], person.slider(rig), ANYWAY[name]) for person in people]
         elif name != UNPOWERED:
             build = condition_of(cards, offered(cards, name), exponents=exponents)
             laws = [build(person, person.slider(rig)) for person in people]
@@ -82,8 +86,8 @@ def tried(robot: ElbowRig, travel: float) -> tuple[float, dict[str, LawOnRobot]]
     return cards["load"].presliding_travel.value, found
 
 
-def _anyway(card, place: float) -> ControlLaw:
-    return with_dither(transparent_and(**DITHERED_BODY)(card, place))
+def _anyway(card: SliderCard, place: float, frequency: float) -> ControlLaw:
+    return with_dither(transparent_and(**DITHERED_BODY)(card, place), frequency=frequency)
 
 
 def _row(name: str, value: float, unit: str, note: str) -> ResultRow:

@@ -62,5 +62,5 @@ def test_a_robot_that_gives_too_much_is_offered_no_dither():
     )
     assert offered(cards, "dithered") == "transparent"
     assert offered(cards, "force_sensor") == "force_sensor"
-    with pytest.raises(PellucidError, match="expected at most 0.5 for dither"):
+    with pytest.raises(PellucidError, match=r"expected at most 0.5 for dither"):
         study_conditions(elbow_participants(robot), ["dithered"])

@@ -15,7 +15,6 @@ from ..models.slider_card import SliderCard
 from .control_law import ControlLaw
 from .elbow_laws import full_compensation, partial_compensation, position_control
 from .transparent_laws import (
-    dither_frequency,
     known_travel,
     sensitivity_amplification,
     transparent,
@@ -45,6 +44,8 @@ SENSED_BODY: Mapping[str, float] = {
 
 SENSOR = partial(with_force_sensor, proportional=1.5, lowpass=550.0)
 OBSERVER = partial(with_disturbance_observer, share=0.5, lowpass=60.0)
+
+DITHER = partial(with_dither, share=2.0, frequency=1000.0)
 
 BEST, BEST_SENSED = "dithered", "force_sensor"
 """The controllers with the smallest interaction torque, with an encoder alone and with a force sensor."""
@@ -97,10 +98,10 @@ def transparent_and(
 
 
 def dithered(card: SliderCard, slider: float, *, limb: Segment | None = None, **settings) -> ControlLaw:
-    """The transparent law with dither, as fast as the measured travel of the card's friction asks; refused where none
-    was measured, or too long a one. `slider` [m]."""
-    law = transparent_and(**DITHERED_BODY)(card, slider, limb=limb, **settings)
-    return with_dither(law, share=2.0, frequency=dither_frequency(known_travel(card)))
+    """The transparent law with dither; refused where the travel of friction was not measured, or is too long. `slider`
+    [m]."""
+    known_travel(card)
+    return transparent_and(DITHER, **DITHERED_BODY)(card, slider, limb=limb, **settings)
 
 
 ELBOW_CONTROLLERS: Mapping[str, ElbowController] = {
