@@ -21,7 +21,7 @@ from pellucid.lab.pointing.session import Unpowered
 from pellucid.lab.strap_options import OPTIONS, without
 from pellucid.models.slider_card import SliderCard
 from pellucid.papers.able.law_comparison import REFERENCE, TORQUE_SEED, try_law
-from pellucid.papers.knee.wearers import drawn_from, identify_bench, identify_straps, mean_fit
+from pellucid.papers.knee.wearers import drawn_from, identify_bench, identify_straps
 from pellucid.recordings.results import ResultRow
 
 ROBOTS, PEOPLE, REPETITIONS, SEED = 3, 3, 1, 1
@@ -65,7 +65,6 @@ WORDS: Mapping[str, tuple[str, str]] = {
     "knee.shank_error": ("%", "of the shank's gravity torque, mean size"),
     "knee.response": ("%", "fit of a pendulum with friction to another amplitude"),
     "knee.coupled": ("%", "fit of the angle between leg and orthosis, held out"),
-    "knee.published_form": ("%", "the same by the thesis's equation"),
     "knee.stiffness": ("1", "the strap's stiffness over the true one where it is not stretched"),
     "knee.holds": ("1", "share of 95 % intervals that hold it"),
     "knee.inertia_holds": ("1", "share of 95 % intervals that hold the strap's inertia, which is 0"),
@@ -146,7 +145,6 @@ def knee(name: str) -> dict[str, list[float]]:
         "knee.shank_error": [abs(one.gravity_error) for one in drawn],
         "knee.response": [bench.fit.mean_fit()],
         "knee.coupled": [one.fit for one in drawn],
-        "knee.published_form": [mean_fit(one.swings, "published") for one in worn],
         "knee.stiffness": [
             one.strap["stiffness"].value / w.subject.strap["stiffness"] for one, w in zip(drawn, worn, strict=True)
         ],
