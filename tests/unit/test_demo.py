@@ -18,7 +18,7 @@ from pellucid.lab.elbow.rig import able_elbow
 from pellucid.lab.pointing.people import draw_people
 from pellucid.lab.pointing.rig import elbow_participants
 from pellucid.models.slider_card import read_slider_card
-from pellucid.pages.quantities import percent
+from pellucid.pages.quantities import number, percent
 from pellucid.procedures.registry import open_study
 
 
@@ -98,7 +98,7 @@ def test_the_story_is_told_with_its_figures(made):
     assert 0.0 < best.heldout_effort_error < 40.0
     torque = made.findings.assessed["torque_rms"].table
     for condition in module.WORN:
-        assert f"{torque.column(condition).mean():.2g} under {condition}" in said["Worn"]
+        assert f"{number(torque.column(condition).mean(), digits=2)} under {condition}" in said["Worn"]
     assert torque.column(BEST_SENSED).mean() < torque.column("clpc").mean()
     if made.played is not None:
         assert made.played[0] > 500
