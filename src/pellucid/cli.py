@@ -324,13 +324,13 @@ def export(
 
 @app.command()
 def protocol(
-    name: Annotated[str, typer.Argument(metavar="NAME", help="Of the motion: random_phase_multisine.")],
-    folder: Annotated[Path, typer.Argument(metavar="DIR", help="Folder for its files, one a realisation.")],
+    name: Annotated[str, typer.Argument(metavar="NAME", help="Of the motion: random_phase_multisine, reversals.")],
+    folder: Annotated[Path, typer.Argument(metavar="DIR", help="Folder for its files.")],
     rate: Annotated[float, typer.Option(metavar="HZ", help="At which the controller takes references.")],
-    low: Annotated[float, typer.Option(metavar="HZ", help="Where its band begins.")],
-    high: Annotated[float, typer.Option(metavar="HZ", help="Where its band ends.")],
-    resolution: Annotated[float, typer.Option(metavar="HZ", help="One over its period.")],
-    rms: Annotated[float, typer.Option(metavar="SIZE", help="RMS excursion, in --unit.")],
+    low: Annotated[float | None, typer.Option(metavar="HZ", help="Where the multisine's band begins.")] = None,
+    high: Annotated[float | None, typer.Option(metavar="HZ", help="Where its band ends.")] = None,
+    resolution: Annotated[float | None, typer.Option(metavar="HZ", help="One over its period.")] = None,
+    rms: Annotated[float | None, typer.Option(metavar="SIZE", help="RMS excursion, in --unit.")] = None,
     peak: Annotated[float | None, typer.Option(metavar="SIZE", help="Largest excursion; lowers the RMS.")] = None,
     centre: Annotated[float, typer.Option(metavar="PLACE", help="About which it moves.")] = 0.0,
     lines: Annotated[str, typer.Option(metavar="KIND", help="odd_random, odd or full.")] = "odd_random",
@@ -338,17 +338,27 @@ def protocol(
     periods: Annotated[int, typer.Option(metavar="N", help="Periods to be measured in each.")] = 4,
     settle: Annotated[int, typer.Option(metavar="N", help="Periods before, to ease in.")] = 1,
     fall: Annotated[float, typer.Option(metavar="POWER", help="Of frequency, by which amplitudes fall.")] = 0.0,
+    smallest: Annotated[float | None, typer.Option(metavar="SIZE", help="Of the reversals' strokes.")] = None,
+    largest: Annotated[float | None, typer.Option(metavar="SIZE", help="The last one's.")] = None,
+    around: Annotated[list[float] | None, typer.Option(metavar="PLACE", help="Where they are; again for more.")] = None,
+    frequency: Annotated[float, typer.Option(metavar="HZ", help="Of each stroke there and back.")] = 1.0,
+    duration: Annotated[float, typer.Option(metavar="S", help="Of the reversals.")] = 20.0,
     unit: Annotated[str, typer.Option(metavar="UNIT", help="Of the reference.")] = "rad",
     seed: Annotated[int, typer.Option(metavar="N", min=0, help="Of lines left out and phases.")] = 1,
 ) -> None:
-    """Write a motion that shows what a linear model cannot explain."""
+    """Write a motion that shows what usual ones hide."""
     from .protocols.protocol import protocol as run
 
     motion, files = run(
         name, folder, rate=rate, low=low, high=high, resolution=resolution, rms=rms, peak=peak, centre=centre,
         lines=lines, realisations=realisations, periods=periods, settle=settle, fall=fall, unit=unit, seed=seed,
+        smallest=smallest, largest=largest, around=around or (), frequency=frequency, duration=duration,
     )  # fmt: skip
     out = _console()
+    if name == "reversals":
+        _say(out, f"{files[0]}: strokes from {smallest:g} to {largest:g} {unit} around {_count(len(around), 'place')}.")
+        _say(out, "Needs an encoder some ten times finer than the way over which friction builds up before it slips.")
+        return
     _say(
         out,
         f"{folder}: {_count(len(files), 'file')} of {settle + periods} periods of {motion.period:g} s; "

@@ -131,6 +131,8 @@ def test_the_command_writes_what_a_controller_plays(tmp_path):
     assert np.allclose(table[:, 1], motion.reference(1, 0.3), atol=1e-8)
     with pytest.raises(Exception, match="known: random_phase_multisine"):
         protocol("walk", tmp_path, **said)
+    with pytest.raises(Exception, match="found no rms"):
+        protocol("random_phase_multisine", tmp_path, **said | {"rms": None})
 
 
 def test_a_rig_without_end_is_refused():

@@ -115,6 +115,8 @@ class ModelCard(Card):
         What study.toml calls it.
     purpose : str
         What the estimator was chosen for, "torque" or "simulation"; empty where nothing was chosen.
+    presliding_travel : CardParameter or None
+        Way over which friction builds up to its level before the joint slips; None where recordings do not show it.
     """
 
     velocity_range: float
@@ -127,6 +129,7 @@ class ModelCard(Card):
     joint: str = "joint"
     purpose: str = ""
     format: int = field(default=FORMAT)
+    presliding_travel: CardParameter | None = None
 
     def model(self) -> JointModel:
         """The joint model whose free symbols the card's parameters are."""

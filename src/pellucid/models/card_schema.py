@@ -94,12 +94,13 @@ def require_sound(path: Path, card: Any) -> None:
         for text in card.checksums.values():
             if re.fullmatch(r"[0-9a-f]{64}|", text) is None:
                 raise ValueError(f"checksums: found {_short(text)}, expected 64 hexadecimal digits")
-        _require_sound_parameters(card.parameters)
+        parameters = (*card.parameters, *filter(None, [getattr(card, "presliding_travel", None)]))
+        _require_sound_parameters(parameters)
         for rows in (card.covariance, getattr(card, "statistical", ())):
             _require_covariance(rows, len(card.parameters))
     except ValueError as error:
         raise PellucidError(f"{path}: not a card that can be used: {error}") from None
-    for p in card.parameters:
+    for p in parameters:
         to_si_factor(p.unit, None, f"{path}: {p.name}")
 
 

@@ -1,7 +1,7 @@
 """The core's inverse dynamics along a motion that passed a filter, its effort filtered as the measured effort was.
 
 Terms smooth in filtered states are filtered already; what jumps with the sign of velocity is not, and passes the
-motion's own low-pass.
+motion's own low-pass. Where friction gives before it slips a motion has a `direction` that takes the sign's place.
 """
 
 from __future__ import annotations
@@ -20,6 +20,7 @@ SMOOTH_TERMS = tuple(
 )
 """Core parameters whose effort is smooth in the states; the others multiply the sign of velocity."""
 
+SLOWEST = 1e-9  # rad/s or m/s: of a direction without a velocity
 KEPT = 50_000  # samples of a motion whose regressor is kept
 
 JUMPING_TERMS = tuple(_NAMES.index(name) for name in ("coulomb_positive", "coulomb_negative"))
@@ -62,6 +63,8 @@ def regressor(
 def filtered_effort(vector: np.ndarray, motion: FilteredMotion, smooth: tuple[int, ...] = SMOOTH_TERMS) -> np.ndarray:
     """Effort, (n,), that a core `vector`, (13,), takes along a `motion`; `smooth` terms are not filtered again."""
     direct = _direct(motion)[:, : len(smooth)] @ vector[list(smooth)]
+    if _bent(motion):
+        return filtered_jacobian(vector, np.zeros((len(vector), 0)), motion, smooth)[0]
     whole = _core.inverse_dynamics(vector, motion.position, motion.velocity, motion.acceleration)
     return direct + motion.smooth(whole - direct)
 
@@ -71,13 +74,19 @@ def filtered_jacobian(
 ) -> tuple[np.ndarray, np.ndarray]:
     """The same with its derivative, (n, p), by p values of which `selection`, (13, p), makes the core's vector."""
     active = np.flatnonzero(selection.any(axis=1))
-    effort, jacobian = _core.inverse_dynamics_jacobian(
-        vector, motion.position, motion.velocity, motion.acceleration, active
-    )
+    bent, velocity = _bent(motion), motion.velocity
+    if bent:  # as it slips in the direction of s, times |s|
+        velocity = np.copysign(np.maximum(np.abs(velocity), SLOWEST), motion.direction)
+    effort, jacobian = _core.inverse_dynamics_jacobian(vector, motion.position, velocity, motion.acceleration, active)
     whole = np.column_stack([effort, jacobian @ selection[active]])
     terms = list(smooth)
-    filtered = _direct(motion)[:, : len(terms)] @ np.column_stack([vector, selection])[terms]
-    jumps = whole - filtered
+    made = np.column_stack([vector, selection])[terms]
+    filtered = _direct(motion)[:, : len(terms)] @ made
+    if bent:
+        slipping = whole - regressor(motion.position, velocity, motion.acceleration, smooth) @ made
+        jumps = np.abs(motion.direction)[:, None] * slipping
+    else:
+        jumps = whole - filtered
     kept = jumps.any(axis=0)
     filtered[:, kept] += motion.smooth(jumps[:, kept])
     return filtered[:, 0], filtered[:, 1:]
@@ -86,6 +95,9 @@ def filtered_jacobian(
 def filtered_rows(vector: np.ndarray, selection: np.ndarray, motion: FilteredMotion) -> tuple[np.ndarray, np.ndarray]:
     """What `filtered_jacobian` gives, at the rows that a regression uses: effort (m,), derivative (m, p). What is
     linear is filtered once and kept with the motion; only what is not is filtered again."""
+    if _bent(motion):
+        effort, jacobian = filtered_jacobian(vector, selection, motion)
+        return motion.rows(effort), motion.rows(jacobian)
     kept = vars(motion)
     terms = list(SMOOTH_TERMS + JUMPING_TERMS)
     if "_linear_rows" not in kept:
@@ -116,6 +128,10 @@ def filtered_rows(vector: np.ndarray, selection: np.ndarray, motion: FilteredMot
     added = motion.rows(motion.smooth(jumps))
     rows[:, chosen] += added[:, 1 : 1 + len(chosen)]
     return effort + added[:, 0], rows
+
+
+def _bent(motion: FilteredMotion) -> bool:
+    return getattr(motion, "direction", None) is not None
 
 
 def _direct(motion: FilteredMotion) -> np.ndarray:

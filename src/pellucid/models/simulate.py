@@ -58,11 +58,12 @@ def simulate(
     position0: float = 0.0,
     velocity0: float = 0.0,
     stiction: bool = True,
+    presliding_travel: float = 0.0,
     active: np.ndarray | None = None,
 ) -> JointTrace:
     """Simulate a joint, with true stiction, or with smooth friction and exact Jacobians. `vector` (13,); `reference`
-    (n,) [rad or m]; `period` [s]; `injected` (n,); `position0`, `velocity0` [rad or m; per second]; `active`
-    (k,)."""
+    (n,) [rad or m]; `period` [s]; `injected` (n,); `position0`, `velocity0` [rad or m; per second];
+    `presliding_travel` [rad or m]; `active` (k,)."""
     settings = dict(
         reference=np.ascontiguousarray(reference, float),
         period=period,
@@ -79,6 +80,7 @@ def simulate(
         injected=None if injected is None else np.ascontiguousarray(injected, float),
         position0=position0,
         velocity0=velocity0,
+        presliding_travel=presliding_travel,
     )
     if active is None:
         return JointTrace(*_core.simulate(vector, stiction=stiction, **settings))

@@ -70,6 +70,8 @@ class Motion:
     injected: np.ndarray | None = None
     payload: tuple[float, float] = (0.0, 0.0)  # Known added mass and its distance from the axis [kg, m]
     initial: tuple[float, float] = (0.0, 0.0)  # Position and velocity where a simulation starts [rad or m; per second]
+    # (n,) -1 to 1: what takes the place of the sign of velocity where friction gives before it slips
+    direction: np.ndarray | None = None
 
     @property
     def inner(self) -> slice:

@@ -57,10 +57,12 @@ def replay(
     *,
     closed: bool,
     differentiate: str = "",
+    travel: float = 0.0,
 ) -> JointTrace:
     """Simulate one `motion` of a `machine` from its measured initial state, the joint a `model` with `values`, (p,);
     `closed` with the machine's controller following the recorded reference, else from the recorded command;
-    the signal to `differentiate`, if any, asks for smooth friction and its Jacobian by the free values, (n, p)."""
+    the signal to `differentiate`, if any, asks for smooth friction and its Jacobian by the free values, (n, p);
+    friction gives over a `travel` [rad or m] before it slips."""
     width = SMOOTHING * float(np.abs(motion.velocity).max()) if differentiate else 0.0
     selection = model.selection()
     active = np.flatnonzero(selection.any(axis=1)) if differentiate else None
@@ -75,6 +77,7 @@ def replay(
         position0=motion.initial[0],
         velocity0=motion.initial[1],
         stiction=not differentiate,
+        presliding_travel=travel,
         active=active,
     )
     if trace.jacobians is None:
@@ -83,11 +86,12 @@ def replay(
 
 
 def simulation_of(
-    model: JointModel, values: np.ndarray, motion: Motion, machine: Machine, *, closed: bool
+    model: JointModel, values: np.ndarray, motion: Motion, machine: Machine, *, closed: bool, travel: float = 0.0
 ) -> Simulation:
-    """Simulate one `motion` of a `machine`, `closed` or from its command, with true stiction, the joint a `model` with
-    `values`, (p,), and compare, measured and simulated signals filtered alike."""
-    trace = replay(model, values, motion, machine, closed=closed)
+    """Simulate one `motion` of a `machine`, `closed` or from its command, with true stiction or a `travel` before it
+    slips [rad or m], the joint a `model` with `values`, (p,), and compare, measured and simulated signals filtered
+    alike."""
+    trace = replay(model, values, motion, machine, closed=closed, travel=travel)
     if not (np.all(np.isfinite(trace.acceleration)) and np.all(np.isfinite(trace.effort))):
         raise IdentificationError(f"recording '{motion.recording}': the simulated joint diverges")
     inner = motion.inner

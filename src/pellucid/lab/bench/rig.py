@@ -10,10 +10,11 @@ import numpy as np
 
 from ... import _core
 from ..._errors import StudyError
-from ...models.joint import INDEX, NAMES
+from ...models.joint import NAMES
 from ...models.simulate import substeps_for
 from ...protocols.excitation import multisine, point_to_point
 from ...protocols.random_phase_multisine import NAME
+from ...protocols.reversals import reversals
 from ..known_rigs import shipped_rig
 from ..multisine import multisine_references, multisine_study
 from ..noise import noise
@@ -38,6 +39,9 @@ NEEDED = {
 }  # fmt: skip
 """What a rig file must say, table by table."""
 
+TRAVEL = "presliding_travel"
+STROKES = {"smallest": 2e-3, "largest": 0.08, "frequency": 1.0}  # rad, rad, Hz: its loop is soft
+
 COMMENTS = {
     "": "A virtual joint, recorded like a real one. Nothing below tells the physics apart from a machine's.",
     "processing.lowpass": "well above the motion (below 3 Hz); decimation then takes both sides to 20 Hz",
@@ -60,10 +64,13 @@ class BenchRig(Rig):
     def checked(cls, tables: dict, name: str) -> dict:
         """The tables, with zeros for what the joint lacks."""
         tables = super().checked(tables, name)
-        strange = [key for key in tables["joint"] if key not in INDEX]
+        strange = [key for key in tables["joint"] if key not in (*NAMES, TRAVEL)]
         if strange:
-            raise StudyError(f"rig {name}: [joint] found {', '.join(strange)}, expected some of {', '.join(NAMES)}")
-        return {**tables, "joint": dict.fromkeys(NAMES, 0.0) | tables["joint"]}
+            raise StudyError(
+                f"rig {name}: [joint] found {', '.join(strange)}, expected some of {', '.join([*NAMES, TRAVEL])}"
+            )
+        joint = dict.fromkeys((*NAMES, TRAVEL), 0.0) | tables["joint"]
+        return {**tables, "joint": joint, "sampling": {"reversals": 0} | tables["sampling"]}
 
     @property
     def vector(self) -> np.ndarray:
@@ -108,11 +115,17 @@ class BenchRig(Rig):
             shape = {"fundamental": fundamental, "harmonics": harmonics, "amplitude": amplitude, "centre": centre}
             return multisine(duration, rate, rng=rng, **shape)
 
-        return (
+        made = (
             Trial("point_to_point", reference=steps()),
             Trial("multisine", reference=waves(0.1, 12, half)),
             Trial("heldout_point_to_point", use="validate", reference=steps()),
             Trial("heldout_multisine", use="validate", reference=waves(0.13, 8, 0.8 * half)),
+        )
+        return made + tuple(
+            Trial(name, use=use, reference=reversals(duration, rate, centres=angles, **STROKES))
+            for name, use in (("reversals", "fit"), ("heldout_reversals", "validate"))
+            for angles in [centre + half * rng.uniform(-0.7, 0.7, max(0, self["sampling"]["reversals"]))]
+            if len(angles)
         )
 
     def draws(self, trials: Sequence[Trial], seed: int) -> Iterator[dict[str, Any]]:
@@ -145,6 +158,7 @@ class BenchRig(Rig):
             ripple_amplitude=drive["ripple_amplitude"],
             ripple_wave_number=drive["ripple_wave_number"],
             position0=float(reference[0]),
+            presliding_travel=self["joint"][TRAVEL],
             stiction=True,
             loop=loop["kind"],
             kp=loop["kp"],
@@ -181,7 +195,7 @@ class BenchRig(Rig):
 
     def truth(self, seed: int = 1) -> dict[str, Any]:
         """Its joint's parameters; no `seed` draws them."""
-        return {"parameters": dict(zip(NAMES, self.vector.tolist(), strict=True))}
+        return {"parameters": {name: float(value) for name, value in self["joint"].items()}}
 
 
 def bench_joint() -> BenchRig:

@@ -11,6 +11,7 @@ from ..._errors import IdentificationError
 from ...fit.joint.drive_constant import drive_constant
 from ...fit.joint.family_choice import best_family, family_contest
 from ...fit.joint.friction_family import FamilyFit, fit_family
+from ...fit.joint.presliding import presliding
 from ...fit.joint.replay import Machine
 from ...fit.parameter import Parameter
 from ...fit.posterior.ensemble import require_sampler
@@ -114,9 +115,12 @@ def identify_joint(
         except IdentificationError as error:
             no_posterior = str(error)
     tell("verdicts", 0.9)
+    fitted, held = ([m for m in part.motions if m.split == split] for split in ("fitted", "heldout"))
+    plain = fits[best].estimate
+    below_slip = presliding(plain.model, plain.array, fitted, held, study.model.confidence)
     case = JointCase(
         study, everything, data, part.motions, fits, best, contest, machine, failures, constant, no_constant,
-        posterior, no_posterior,
+        posterior, no_posterior, below_slip,
     )  # fmt: skip
     found = JointResult(
         study=study.name,
@@ -135,6 +139,7 @@ def identify_joint(
         filter_note=filter_note(study),
         drive_constant=constant,
         posterior=posterior,
+        presliding=below_slip,
         traces=traces_of(everything),
     )
     return completed(study, found)

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 
 from ...fit.block_test import Contest
 from ...fit.joint.friction_family import FamilyFit
+from ...fit.joint.presliding import Presliding
 from ...fit.joint.replay import Machine
 from ...fit.parameter import Parameter
 from ...fit.posterior.posterior import Posterior
@@ -32,6 +33,7 @@ class JointCase:
     no_constant: str = ""  # Why the payloads give none
     posterior: Posterior | None = None  # Of the best family, if it was asked for
     no_posterior: str = ""  # Why there is none although it was asked for
+    presliding: Presliding | None = None  # Of friction below slip; None where nobody asked
 
     @property
     def fit(self) -> FamilyFit:
@@ -42,6 +44,11 @@ class JointCase:
     def level(self) -> float:
         """Confidence of the study's intervals."""
         return self.study.model.confidence
+
+    @property
+    def judged_on_held_out(self) -> bool:
+        """Whether anything was held out."""
+        return any(m.split == "heldout" for m in self.motions)
 
     @property
     def rotary(self) -> bool:

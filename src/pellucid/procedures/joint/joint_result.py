@@ -10,6 +10,7 @@ import numpy as np
 
 from ...fit.joint.friction_family import FamilyFit
 from ...fit.joint.joint_estimate import JointEstimate
+from ...fit.joint.presliding import Presliding
 from ...fit.joint.replay import Simulation, relative_error
 from ...fit.parameter import Parameter, Verdict
 from ...fit.posterior.posterior import Posterior
@@ -52,6 +53,7 @@ class JointResult(Result):
     filter_note: str  # The processing, as one line: it stands beside every figure
     drive_constant: Parameter | None = None  # From recordings with a known payload
     posterior: Posterior | None = None  # Of the best family, if [model] posterior asks for it
+    presliding: Presliding = field(default_factory=Presliding)  # What friction does below slip
     traces: tuple[Trace, ...] = field(default=(), repr=False)  # Every recording, fitted ones first
 
     @property
@@ -60,6 +62,8 @@ class JointResult(Result):
         found = {p.name: p for p in self.headlined.estimate.parameters}
         if self.drive_constant is not None:
             found[self.drive_constant.name] = self.drive_constant
+        if self.presliding.travel is not None:
+            found[self.presliding.travel.name] = self.presliding.travel
         return found | {f"{n}.{p.name}": p for n, family in self.families.items() for p in family.estimate.parameters}
 
     @property
@@ -183,6 +187,7 @@ def card_of(study: Study, fit: JointResult, family: FamilyFit) -> ModelCard:
         pellucid=version("pellucid"),
         joint=study.rig.joint,
         purpose=study.model.purpose,
+        presliding_travel=None if fit.presliding.travel is None else fit.presliding.travel.on_card(level),
     )
 
 
@@ -193,6 +198,9 @@ def rows_of(fit: JointResult) -> Iterator[ResultRow]:
     if fit.drive_constant is not None:
         p = fit.drive_constant
         yield ResultRow(f"{fit.study}.drive.constant", p.value, p.unit, COMMAND, "fitted", together, p.sentence())
+    if fit.presliding.travel is not None:
+        p = fit.presliding.travel
+        yield ResultRow(f"{fit.study}.presliding.travel", p.value, p.unit, COMMAND, "fitted", together, p.sentence())
     yield from _headline_rows(fit, together)
     if fit.posterior is not None:
         plain = ResultRow("", None, "1", COMMAND, "fitted", together, fit.posterior.settled)
