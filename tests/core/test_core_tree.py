@@ -23,7 +23,7 @@ def close(found, expected, tolerance=1e-12):
 
 @pytest.fixture(scope="module")
 def pin():
-    return pytest.importorskip("pinocchio", reason="pin is not installed")
+    return pytest.importorskip("pinocchio")
 
 
 @pytest.mark.parametrize("scale", POINTS.values(), ids=POINTS)
