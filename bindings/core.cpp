@@ -10,6 +10,7 @@
 #include "strap.hpp"
 #include "supervision.hpp"
 #include "tree.hpp"
+#include "worn_orthosis.hpp"
 #include "zero_phase.hpp"
 
 #include <pellucid/pellucid.hpp>
@@ -486,6 +487,7 @@ NB_MODULE(_core, m) {
   b::add_supervision(m);
   b::add_coupled_plant(m);
   b::add_elbow(m);
+  b::add_worn_orthosis(m);
   b::add_hill(m);
   b::add_strap(m);
   b::add_tree(m);

@@ -67,7 +67,8 @@ constexpr FaultKind fault_kinds[] = {
     {"current_zero", "drive", "the drive's measurement says 0", "", false, false},
     {"current_offset", "drive", "the drive's measurement says 3 N m too much", "", false, false},
     {"wearer_spasm", "wearer", "the wearer's arm jerks with 15 N m for 0.3 s", "", false, false},
-    {"wearer_faints", "wearer", "the wearer's muscles go limp", "", false, false},
+    {"wearer_faints", "wearer", "the wearer's muscles go limp", "", false, false,
+     "an arm that goes limp moves as one that somebody lets hang"},
     {"wearer_blocked", "wearer", "the arm runs into something hard", "", false, false},
     {"strap_opens", "wearer", "the strap opens", "", false, false},
     {"clock_ahead", "clock", "the controller's clock jumps ahead by 1 s", "", false, false},
@@ -103,12 +104,16 @@ class SingleFault {
   using Sample = pellucid::Sample<double>;
 
  public:
-  SingleFault(const std::string& name, double onset, std::uint64_t seed) : seed_(seed), onset_(onset) {
+  SingleFault(const std::string& name, double onset, std::uint64_t seed) { become(name, onset, seed); }
+  /// What it is from now on; what was seen until now stays seen.
+  void become(const std::string& name, double onset, std::uint64_t seed) {
     constexpr std::size_t count = sizeof fault_kinds / sizeof *fault_kinds;
     std::size_t i = 0;
     while (i < count && name != fault_kinds[i].name) ++i;
     if (i == count) throw nb::value_error(("fault: found no \"" + name + "\"").c_str());
     wrong_ = static_cast<Wrong>(i);
+    onset_ = onset;
+    seed_ = seed;
   }
   bool any() const { return wrong_ != Wrong::none; }
   /// Whether it is there, now.
@@ -217,8 +222,8 @@ class SingleFault {
     bytes[7] = static_cast<unsigned char>(bytes[7] ^ (seed_ / 977 % 2 == 0 ? 0x80u : 0x40u));
   }
   Wrong wrong_ = Wrong::none;
-  std::uint64_t seed_, noise_ = 0, count_ = 0, given_ = 0;
-  double onset_, since_ = 0, flip_ = 0, holds_ = 0, extra_ = 0, asked_[20] = {};
+  std::uint64_t seed_ = 0, noise_ = 0, count_ = 0, given_ = 0;
+  double onset_ = 0, since_ = 0, flip_ = 0, holds_ = 0, extra_ = 0, asked_[20] = {};
   bool on_ = false, begins_ = false;
   pellucid::Samples<double> held_{}, last_{};
   Sample past_[20]{};
@@ -242,7 +247,7 @@ struct Life {
 
 /// How near a healthy life came to each threshold that follows from a model: largest so far.
 struct Nearest {
-  double lasting = 0, push = 0, contradiction = 0, burst = 0, excess = -1e9, spent = 0, answer = 0;
+  double lasting = 0, push = 0, contradiction = 0, burst = 0, excess = -1e9, spent = 0, ringing = 0, answer = 0;
   template <class S> void take(const pellucid::SupervisorState<S>& s) {
     if (pellucid::mode_of(s) == pellucid::Mode::start_up) return;
     const auto& body = s.body;
@@ -252,6 +257,7 @@ struct Nearest {
     burst = std::max(burst, std::fabs(body.burst) - body.level);
     excess = std::max(excess, body.excess);
     spent = std::max(spent, s.budget.spent);
+    ringing = std::max(ringing, static_cast<double>(s.ringing.size));
     if (answer == 0) answer = s.test.middle;
   }
 };
@@ -282,6 +288,7 @@ struct Lived {
     d["burst"] = nearest.burst;
     d["excess"] = nearest.excess;
     d["spent"] = nearest.spent;
+    d["ringing"] = nearest.ringing;
     d["answer"] = nearest.answer;
     Result result({energy.size()});
     std::copy(energy.begin(), energy.end(), result.data);

@@ -21,10 +21,11 @@ from pellucid.deployment.c_folder import write_c_folder
 from pellucid.deployment.controller_values import ControllerValues
 from pellucid.deployment.microcontroller import measure, missing_tools
 from pellucid.lab.safety.fault_table import FAULT_KINDS, FaultTable, drawn_robot, fault_table
+from pellucid.lab.safety.worn_knee import knee_table
 from pellucid.lab.safety.worn_robot import LAWS, WornRobot
 from pellucid.recordings.results import ResultRow
 
-ROBOTS, HOURS = 20, 10.5
+ROBOTS, HOURS, KNEE_HOURS = 20, 10.5, 2.0
 CYCLES = 104_000_000
 """Of nonsense, over all laws, each with and without its supervisor, in double and in float."""
 
@@ -51,9 +52,16 @@ def measured() -> FaultTable:
     return fault_table(ROBOTS, HOURS)
 
 
+@cache
+def worn_knees() -> FaultTable:
+    """The table of the worn knee, once a run."""
+    return knee_table(ROBOTS, KNEE_HOURS)
+
+
 def rows() -> Iterator[ResultRow]:
     """Every figure."""
     yield from fault_rows(measured())
+    yield from knee_rows(worn_knees())
     robot = drawn_robot(0)
     yield from overspeed_rows(robot)
     yield from fuzz_rows(robot)
@@ -118,6 +126,23 @@ def fault_rows(table: FaultTable) -> Iterator[ResultRow]:
     hours = sum(life.hours for life in table.healthy)
     yield row("safety.false_alarms", alarms, "1", "wearers with tremor and sudden stops; starts of all runs included")
     yield row("safety.healthy_hours", hours, "h", f"{len(table.healthy)} stretches, all laws on all robots")
+
+
+def knee_rows(table: FaultTable) -> Iterator[ResultRow]:
+    """What single faults came to on a worn knee."""
+    shown = [t for t in table.trials if not t.early]
+    kinds = {t.kind for t in shown}
+    note = f"{len(shown)} runs, {len(kinds)} kinds, {len({t.law for t in shown})} laws, {ROBOTS} drawn wearers"
+    loose = [t for t in shown if np.isnan(t.found) and t.excess > HARMLESS]
+    which = ", ".join(sorted({t.kind for t in loose})) or "none"
+    yield row("safety.knee.count", len(kinds), "1", note)
+    yield row("safety.knee.undetected_unbounded", len(loose), "1", f"above {HARMLESS} J in 10 s: {which}")
+    for name, of, unit in (("worst_excess_energy", "excess", "J"), ("peak", "peak", "N*m")):
+        robots = [t for t in shown if group_of(t.kind) != "wearer"]
+        worst = max(robots, key=lambda t: getattr(t, of))
+        yield row(f"safety.knee.{name}", getattr(worst, of), unit, f"{worst.kind}, {worst.law}")
+    alarms = sum(life.alarm != "none" for life in table.healthy) + sum(t.early for t in table.trials)
+    yield row("safety.knee.false_alarms", alarms, "1", f"{sum(life.hours for life in table.healthy):.3g} h of swinging")
 
 
 def group_of(kind: str) -> str:
@@ -199,7 +224,8 @@ def heap_rows() -> Iterator[ResultRow]:
 def cost_rows(worn: WornRobot) -> Iterator[ResultRow]:
     """Time and instructions that a supervisor adds to a step."""
     law = worn.law("force_sensor", start_up=False, wearer_torque=np.inf, wearer_push=np.inf, force_tolerance=np.inf,
-                   force_burst=np.inf, force_excess=np.inf, budget_store=np.inf, power_limit=np.inf)  # fmt: skip
+                   force_burst=np.inf, force_excess=np.inf, budget_store=np.inf, push_limit=np.inf,
+                   power_limit=np.inf, ringing_limit=np.inf)  # fmt: skip
     added = _core.time_supervisor(law.kind, law.parameters, law.supervisor, 20_000, 60)
     yield row(
         "supervisor.step",
@@ -247,4 +273,4 @@ def without_supervisor(folder: Path) -> Path:
 if __name__ == "__main__":
     from ._safety_page import write_page
 
-    write_page(measured(), list(rows()))
+    write_page(measured(), worn_knees(), list(rows()))

@@ -1,4 +1,8 @@
-// What a whole command, gravity and offset included, may give over time: a limit of its power, and a store of energy.
+// What a whole command, gravity and offset included, may give: a limit of its push and of its power, and over time a
+// store of energy.
+//
+// What is left of an effort beyond weight and friction reaches a wearer who holds still. An effort within its limit that
+// goes the way the robot's weight does pushes harder than the limit.
 //
 // Lifting its own weight is no gift: that work comes back. What friction is known to take refills the store, and so does
 // a small steady power. What is left went into speed, or into the wearer.
@@ -11,9 +15,11 @@ namespace pellucid {
 inline namespace PELLUCID_ABI {
 
 template <class S> struct EnergyBudgetParams {
-  S power_limit = S(std::numeric_limits<S>::infinity()), store = power_limit, steady{};
+  S push_limit = S(std::numeric_limits<S>::infinity()), power_limit = push_limit, store = push_limit, steady{};
 
   template <class P, class V> static constexpr void walk(P& p, V& visit) noexcept {
+    visit(p.push_limit, {"push_limit", unit::effort, above(0).or_infinite(),
+                         "of an effort beyond weight and friction; infinite: none"});
     visit(p.power_limit, {"power_limit", Unit{1, 1, -1}, above(0).or_infinite(), "of effort times velocity; infinite: none"});
     visit(p.store, {"budget_store", unit::energy, above(0).or_infinite(),
                     "energy that may be given beyond weight and friction; infinite: any"});
@@ -28,7 +34,9 @@ template <class S> struct EnergyBudgetState {
 /// One period of an effort at a velocity, of a body that weighs `weight` and whose friction takes up to `level` [N m].
 template <class S> SafetyFault step(const EnergyBudgetParams<S>& p, EnergyBudgetState<S>& s, const S& period,
                                     const S& effort, const S& velocity, const S& weight, const S& level) noexcept {
-  s.spent = max(s.spent + period * ((effort - weight) * velocity - level * abs(velocity) - p.steady), S(0));
+  const S pushed = effort - weight;
+  s.spent = max(s.spent + period * (pushed * velocity - level * abs(velocity) - p.steady), S(0));
+  if (!(abs(pushed) - level <= p.push_limit)) return SafetyFault::push;
   if (!(s.spent <= p.store)) return SafetyFault::energy;
   return abs(effort * velocity) <= p.power_limit ? SafetyFault::none : SafetyFault::power;
 }

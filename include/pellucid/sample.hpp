@@ -46,12 +46,15 @@ enum class SafetyFault : std::uint8_t {
   polarity,       ///< the start-up test moved the joint the wrong way, or not
   gain,           ///< the start-up test moved it too far
   integrity,      ///< numbers in memory are not those that were configured
+  push,           ///< beyond weight and friction the command is larger than the limit of effort
+  ringing,        ///< the command goes to and fro, faster than a person moves
 };
 constexpr const char* safety_fault_names[] = {
     "none",         "configuration", "not_finite",   "stale",        "out_of_order", "velocity",    "stopped",
     "not_started",  "overspeed",     "jump",         "range",        "frozen",       "disagreement", "force_sensor",
     "muscle",       "lost",          "drive_silent", "drive_effort", "drive_sign",   "drive_stuck", "unexplained",
-    "power",        "energy",        "polarity",     "gain",         "integrity"};
+    "power",        "energy",        "polarity",     "gain",         "integrity",   "push",
+    "ringing"};
 constexpr std::size_t safety_fault_count = sizeof safety_fault_names / sizeof *safety_fault_names;
 
 /// What makes a sample too old.

@@ -25,15 +25,16 @@ template <class S> struct SensorWatchState {
   std::uint32_t quiet = 0;  ///< periods in a row
 };
 
-/// What is wrong with a sensor, if anything: `lost` where it says nothing, or nothing new, else `implausible`.
+/// What is wrong with a sensor that is looked at every so many periods, if anything: `lost` where it says nothing, or
+/// nothing new, else `implausible`.
 template <class S> SafetyFault step(const SensorWatchParams<S>& p, SensorWatchState<S>& s, const Sample<S>& reading,
-                                    bool moves, SafetyFault implausible) noexcept {
+                                    bool moves, SafetyFault implausible, std::uint32_t periods) noexcept {
   if (p.expected == 0) return SafetyFault::none;
   const bool heard = is_heard(reading);
   if (heard && !(abs(reading.value) <= p.range)) return implausible;
   const bool quiet = !heard || (moves && reading.value == s.value);
   if (heard) s.value = reading.value;
-  s.quiet = quiet ? (s.quiet < 0xffffffffu ? s.quiet + 1 : s.quiet) : 0;
+  s.quiet = quiet ? (s.quiet < 0xffff0000u ? s.quiet + periods : s.quiet) : 0;
   return s.quiet >= p.quiet_samples ? SafetyFault::lost : SafetyFault::none;
 }
 

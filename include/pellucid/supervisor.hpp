@@ -19,6 +19,7 @@
 #include "energy_budget.hpp"
 #include "integrity.hpp"
 #include "law.hpp"
+#include "ringing_watch.hpp"
 #include "sensor_watch.hpp"
 #include "start_up_test.hpp"
 
@@ -34,6 +35,7 @@ template <class S> struct SupervisorParams {
   SensorWatchParams<S> muscle{};  ///< of EMG
   DriveWatchParams<S> drive{};
   EnergyBudgetParams<S> budget{};
+  RingingWatchParams<S> ringing{};
   DampedStopParams<S> hold{};
   StartUpTestParams<S> test{};
   std::uint32_t degrades = 0;
@@ -51,6 +53,7 @@ template <class S> struct SupervisorParams {
     pellucid::walk(p.muscle, of_muscle);
     pellucid::walk(p.drive, visit);
     pellucid::walk(p.budget, visit);
+    pellucid::walk(p.ringing, visit);
     pellucid::walk(p.hold, visit);
     pellucid::walk(p.test, visit);
     visit(p.degrades, {"degrades", unit::one, between(0, 1), "1: without its force sensor the law still carries the robot"});
@@ -78,6 +81,7 @@ template <class S> struct SupervisorCoefficients {
   SupervisorParams<S> params{};           ///< as they are
   EncoderWatchCoefficients<S> encoder{};  ///< of each watch
   BodyResidualCoefficients<S> body{};     ///< the momentum observer's
+  RingingWatchCoefficients<S> ringing{};  ///< of the command
   StartUpTestCoefficients<S> test{};      ///< of polarity and gain
   S period{};                       ///< [s]
   S effort_limit{};                 ///< the gate's [N m]
@@ -92,11 +96,12 @@ SupervisorCoefficients<S> coefficients(const SupervisorParams<S>& p, const Safet
   c.params = p;
   c.encoder = coefficients(p.encoder, gate.params.period);
   c.body = coefficients(p.body, S(2) * gate.params.period);
+  c.ringing = coefficients(p.ringing, S(4) * gate.params.period);
   c.test = coefficients(p.test);
   c.period = gate.params.period;
   c.effort_limit = gate.params.effort_limit;
   c.max_change = gate.max_change;
-  const bool valid = gate.valid && is_sound(p) && c.encoder.valid && c.body.valid && c.test.valid != 0;
+  const bool valid = gate.valid && is_sound(p) && c.encoder.valid && c.body.valid && c.ringing.valid != 0 && c.test.valid != 0;
   c.valid = valid ? 1 : 0;
   c.reset_periods = valid && p.reset_delay < S(1e6) * c.period ? static_cast<std::uint32_t>(p.reset_delay / c.period)
                                                                : 1000000u;
@@ -140,6 +145,7 @@ template <class S> struct SupervisorState {
   SensorWatchState<S> force{}, muscle{};  ///< of the sensors that the law hears
   DriveWatchState<S> drive{};             ///< of command beside measurement
   EnergyBudgetState<S> budget{};          ///< of the whole command
+  RingingWatchState<S> ringing{};         ///< of it too
   DampedStopState<S> hold{};              ///< of the viscous hold
   StartUpTestState<S> test{};             ///< of the wave of effort
   std::uint32_t drive_seen = ~std::uint32_t(0), joint_seen = ~std::uint32_t(0);  ///< sequence numbers
@@ -230,8 +236,8 @@ template <class L> void adjust(Supervised<L>& s, const typename L::Params& param
 template <class S> Mode response(const SupervisorCoefficients<S>& c, SafetyFault fault) noexcept {
   const bool sound = fault == SafetyFault::velocity || fault == SafetyFault::stopped ||
                      fault == SafetyFault::overspeed || fault == SafetyFault::force_sensor ||
-                     fault == SafetyFault::muscle || fault == SafetyFault::lost || fault == SafetyFault::power ||
-                     fault == SafetyFault::energy;
+                     fault == SafetyFault::muscle || fault == SafetyFault::lost || fault == SafetyFault::push ||
+                     fault == SafetyFault::power || fault == SafetyFault::energy;
   return sound && c.params.hold.damping > S(0) ? Mode::damped_stop : Mode::zero;
 }
 
@@ -290,7 +296,7 @@ SafetyFault observe(const SupervisorCoefficients<S>& c, SupervisorState<S>& s, c
   if (p.drive.expected != 0) {
     found = first_of(found, step(p.drive, s.drive, back.drive.value, is_new(s.drive_seen, back.drive)));
   }
-  // Every second period, of both together: momentum and energy are slow, and it halves what they cost.
+  // Momentum and energy every second period, of both together; ringing every fourth: they are slow.
   const S other = s.other_velocity;
   s.other_velocity = s.encoder.velocity;
   if ((s.steps & 1u) == 0) return found;
@@ -303,16 +309,18 @@ SafetyFault observe(const SupervisorCoefficients<S>& c, SupervisorState<S>& s, c
     s.residual = shown(c.body, s.body);
     if (s.residual == SafetyFault::unexplained && mode_of(s) != Mode::start_up) found = first_of(found, s.residual);
   }
-  return first_of(found, step(p.budget, s.budget, S(2) * c.period, effort, velocity, s.body.weight, s.body.level));
+  found = first_of(found, step(p.budget, s.budget, S(2) * c.period, effort, velocity, s.body.weight, s.body.level));
+  if ((s.steps & 2u) == 0) return found;
+  return first_of(found, step(c.ringing, s.ringing, effort));
 }
 
-/// The law's optional sensors: without one that is silent or beyond its range it goes on if it can. A force sensor that
+/// The law's optional sensors, every second period: without one that is silent or beyond its range it goes on if it can. A force sensor that
 /// contradicts model, command and motion may be right and the drive wrong: then nothing goes on.
 template <class S> void judge_sensors(const SupervisorCoefficients<S>& c, SupervisorState<S>& s,
                                       const Samples<S>& samples) noexcept {
   const bool moves = abs(s.encoder.velocity) > c.params.moving;
-  const SafetyFault force = step(c.params.force, s.force, samples.interaction, moves, SafetyFault::force_sensor);
-  const SafetyFault muscle = step(c.params.muscle, s.muscle, samples.muscle, false, SafetyFault::muscle);
+  const SafetyFault force = step(c.params.force, s.force, samples.interaction, moves, SafetyFault::force_sensor, 2);
+  const SafetyFault muscle = step(c.params.muscle, s.muscle, samples.muscle, false, SafetyFault::muscle, 2);
   if (mode_of(s) != Mode::running) return;
   if (c.params.force.expected != 0 && s.residual == SafetyFault::force_sensor)
     return enter(c, s, SafetyFault::force_sensor, response(c, SafetyFault::force_sensor));
@@ -400,7 +408,7 @@ template <class L, class S> SupervisorOutput<S> step(Supervised<L>& s, const Sam
   if (!is_stopped(before)) {
     found = first_of(s.controller.fault, found);
     if (found != SafetyFault::none) enter(c, state, found, response(c, found));
-    if (before != Mode::start_up) judge_sensors(c, state, samples);
+    if (before != Mode::start_up && (state.steps & 1u) == 0) judge_sensors(c, state, samples);
   } else {
     const bool runs_away = state.stopped > 20 && found == SafetyFault::overspeed;
     const SafetyFault doubt = first_of(s.controller.fault, found);
@@ -423,6 +431,7 @@ template <class L, class S> SupervisorOutput<S> step(Supervised<L>& s, const Sam
       s.controller.state.gate.output = state.output;
       state.body = {};
       state.budget = {};
+      state.ringing = {};
       if (said != SafetyFault::none) enter(c, state, said, Mode::zero);
       else go(state, Mode::running, SafetyFault::none);
     }

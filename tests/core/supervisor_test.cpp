@@ -118,10 +118,76 @@ template <class S> void faults() {
   answers<S>(F::drive_stuck, M::zero, 4, [](R& r, int) { r.back.drive.value = S(5); });
   answers<S>(F::drive_sign, M::zero, 4, [](R& r, int k) { r.back.drive.value = -r.back.drive.value - S(0.2) * static_cast<S>(k); });
   answers<S>(F::drive_silent, M::zero, 4, [](R& r, int) { r.back.drive.valid = false; });
+  // An effort that is right, of a body that the watch takes for one that weighs another way.
+  answers<S>(F::push, M::damped_stop, 4, [](R& r, int k) {
+    if (k != 0) return;
+    r.law.supervisor.params.budget.push_limit = S(1);
+    r.law.supervisor.body.params.gravity_sine = S(-2);
+    p::seal(r.law);
+  });
   answers<S>(F::stopped, M::damped_stop, 1, [](R& r, int) { p::stop(r.law); });
   answers<S>(F::integrity, M::zero, 1, [](R& r, int) { r.law.state.doing.word ^= 2u; });
   answers<S>(F::integrity, M::zero, 240, [](R& r, int k) { if (k == 0) r.law.controller.law.friction_share = S(0.81); });
   answers<S>(F::integrity, M::zero, 240, [](R& r, int k) { if (k == 0) r.law.supervisor.params.encoder.speed_limit = S(900); });
+}
+
+/// An effort that goes to and fro 15 times a second is found; the same one slowly, or as fast as dither, is not.
+template <class S> void ringing() {
+  for (const double frequency : {1.0, 15.0, 250.0}) {
+    p::RingingWatchParams<S> r;
+    r.limit = S(0.5);
+    const auto c = p::coefficients(r, S(0.001));
+    p::RingingWatchState<S> state;
+    long found = 0, first = 0;
+    for (int k = 0; k < 5000; ++k) {
+      const S effort = S(2) * p::sin(static_cast<S>(std::fmod(6.283185307179586 * frequency * 0.001 * k, 6.283185307179586)));
+      const bool rings = p::step(c, state, effort) == F::ringing;
+      if (rings && found++ == 0) first = k;
+    }
+    check((found > 0) == (frequency == 15.0), "ringing is what lies between");
+    check(first < 500, "and it is soon found");
+    p::step(c, state, std::numeric_limits<S>::quiet_NaN());
+    check(state.size == S(0), "no number is forgotten at once");
+  }
+}
+
+/// Without a force sensor the law goes on if the robot is still carried, and without EMG always; nothing of them is heard.
+template <class S> void degrades() {
+  for (const std::uint32_t carried : {0u, 1u}) {
+    for (const bool force : {true, false}) {
+      p::SupervisorParams<S> r = rules<S>();
+      r.degrades = carried;
+      (force ? r.force : r.muscle).expected = 1;
+      Rig<S, p::TransparentCompensation> rig(r);
+      const auto periods = [&rig](int n, bool heard, S size = S(0.01)) {
+        for (int k = 0; k < n; ++k) {
+          rig.read();
+          const S felt = size * p::sin(S(0.01) * static_cast<S>(rig.count % 629));
+          rig.in.interaction = rig.in.muscle = {felt, rig.now, rig.count, heard};
+          rig.step();
+        }
+        return rig.out;
+      };
+      periods(200, true);
+      check(rig.out.mode == M::running, "it runs");
+      periods(49, false);
+      check(rig.out.mode == M::running, "a little silence is none");
+      periods(3, false);
+      const bool goes_on = carried != 0 || !force;
+      check(rig.out.mode == (goes_on ? M::degraded : M::damped_stop), "it goes on with less, or stops");
+      check(rig.out.fault == F::lost && rig.out.enable, "and says why");
+      if (!goes_on) continue;
+      check(rig.out.effort != S(0) && rig.out.challenge == 0, "with an effort, and nothing to reset");
+      const auto now = rig;
+      const S silent = periods(20, false).effort;
+      rig = now;
+      check(periods(20, true, S(3)).effort == silent && rig.out.mode == M::degraded, "what speaks again is not heard");
+      rig.read();
+      rig.in.position.value = std::numeric_limits<S>::quiet_NaN();
+      rig.step();
+      check(p::is_stopped(rig.out.mode), "the next fault stops it");
+    }
+  }
 }
 
 /// However fast it gets faster: the estimator of a law is not asked.
@@ -161,6 +227,7 @@ template <class S> void resets() {
   rig.token = challenge;
   rig.run(1);
   check(rig.out.fault == F::none && rig.out.effort == S(0), "the token does, from an effort of 0");
+  check(rig.out.enable && rig.out.mode == M::running, "with power");
   rig.run(1);
   check(std::fabs(rig.out.effort) <= S(0.5001), "and then within the rate");
   p::stop(rig.law);
@@ -175,6 +242,20 @@ template <class S> void resets() {
     rig.step();
   }
   check(rig.out.fault == F::stopped, "nor is the right one before a healthy while");
+  rig.token = 0;
+  rig.run(60);
+  p::SupervisorParams<S> late = rules<S>();
+  late.reset_delay = S(2);
+  Rig<S> patient(late);
+  patient.speed = S(0.05);
+  patient.run(50);
+  p::stop(patient.law);
+  patient.run(2);
+  patient.token = patient.out.challenge;
+  patient.run(1900);
+  check(patient.out.fault == F::stopped, "nor a healthy while before the delay");
+  patient.run(120);
+  check(patient.out.fault == F::none, "but after it");
   check(rig.law.state.faults == 3 && p::logged(rig.law.state, 2).fault == F::stopped, "the log outlives a reset");
 }
 
@@ -251,6 +332,8 @@ template <class S> void all() {
   overspeed<S, p::TransparentCompensation>();
   overspeed<S, p::DirectionalCompensation>();
   overspeed<S, p::PositionPrediction>();
+  ringing<S>();
+  degrades<S>();
   resets<S>();
   holds<S>();
   start_up<S>(S(1), F::none);

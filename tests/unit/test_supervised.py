@@ -36,6 +36,7 @@ def test_thresholds_follow_from_the_law():
     s = pl.supervised(joint(), instruments=Instruments(drive=True)).supervision
     assert set(s) == {field.name for field in model_fields("supervisor")}
     assert (s["raw_speed_limit"], s["range_max"]) == (10.0, pytest.approx(2.15))
+    assert (s["push_limit"], s["ringing_limit"]) == (5.0, 0.5)
     assert s["raw_acceleration_limit"] == pytest.approx(5.0 / (0.1 * 0.05))
     assert s["test_effort"] == pytest.approx(0.3 + 30.0 * 0.05)
     assert 2.0 * s["test_effort"] * s["test_samples"] * 2e-3 / np.pi < 0.2  # N m s, of the whole wave
@@ -69,6 +70,19 @@ def test_a_fault_takes_the_power_and_only_an_operator_gives_it_back():
     held(safe, 2, 505, token=challenge)
     assert (safe.fault, safe.enable) == ("none", True)
     assert [fault for _, fault, _ in safe.log] == ["drive_stuck"]
+
+
+def test_a_law_goes_on_without_a_sensor_that_it_can_do_without():
+    values = LAWS["transparent"].defaults | {n: x for n, x in NUMBERS.items() if n in LAWS["transparent"].defaults}
+    law = ControlLaw("transparent", values).using("muscle")
+    safe = supervised(law, start_up=False)
+    for i in range(100):
+        safe.step(1e-3 * i, 0.5, None, 1e-3 * (i % 7))
+    assert safe.mode == "running"
+    for i in range(100, 200):
+        safe.step(1e-3 * i, 0.5, None, None)
+    assert (safe.mode, safe.fault, safe.enable) == ("degraded", "lost", True)
+    assert [entry[1:] for entry in safe.log] == [("lost", "degraded")]
 
 
 def test_a_joint_that_does_not_answer_has_no_polarity():
@@ -111,8 +125,12 @@ def test_the_page_has_every_fault_once_with_what_was_measured():
     page = (Path(__file__).parents[2] / "docs" / "safety.md").read_text(encoding="utf-8")
     measured = page.split("<!-- measured -->")[1].split("<!-- end of measured -->")[0]
     rows = [[cell.strip() for cell in line.strip("|").split("|")] for line in measured.splitlines() if "| `" in line]
-    faults = {row[0].split("`")[1]: row for row in rows if not row[0].startswith("`safety") and len(row) == 8}
+    listed = [(row[0].split("`")[1], row) for row in rows if not row[0].startswith("`safety") and len(row) == 8]
+    faults = dict(listed[: len(FAULT_KINDS)])
     assert list(faults) == [kind.name for kind in FAULT_KINDS]
+    worn = [name for name, _ in listed[len(FAULT_KINDS) :]]
+    assert len(worn) == len(set(worn)) > 20
+    assert set(worn) < set(faults)
     for kind in FAULT_KINDS:
         assert faults[kind.name][0].endswith("*") == bool(kind.hidden)
         found, of = map(int, faults[kind.name][2].split(" of "))

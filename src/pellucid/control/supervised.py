@@ -24,7 +24,7 @@ ALONE = 0.1
 """Of the inertia, what the drive may speed up alone, behind its transmission [1]."""
 
 RANGE_MARGIN = 0.15
-"""Beyond a stop, where no position can be [rad or m]."""
+"""Beyond a stop of the law, which a wearer may overrun where the machine has none [rad or m]."""
 
 HARDEST_STOP = 500.0
 """Of a joint in somebody's grip [rad/s^2 or m/s^2]."""
@@ -51,6 +51,9 @@ TEST_LEAST, TEST_MOST = 0.1, 2.2
 
 ANSWERS = (0.2, 1.8)
 """Of the work that the wave did when the robot was commissioned, on whomever wears it [1]."""
+
+RINGING = 0.1
+"""Mean size of what the effort may do faster than people move, of the law's limit of effort [1]."""
 
 STORE_SPEED, STORE_LIFT = 0.575, 0.66
 """Of the velocity limit, whose kinetic energy in robot and limb is what a command may give beyond its due [1]; and by
@@ -352,6 +355,9 @@ def supervision_of(
         "drive_expected": float(instruments.drive),
         "drive_tolerance": DRIVE_TOLERANCE * effort,
         "drive_limit": instruments.drive_limit,
+        "push_limit": effort,
+        "ringing_limit": RINGING * effort,
+        **{f"ringing_{name}": min(known[f"ringing_{name}"], 0.2 / period) for name in ("slowest", "fastest", "memory")},
         "power_limit": effort * speed / 2.0,
         "budget_power": BUDGET_POWER * effort * speed if math.isfinite(speed) else 0.0,
         "test_rest": max(2.0, round(REST / period)),

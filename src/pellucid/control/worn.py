@@ -2,15 +2,39 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 from .. import _core
+from .control_law import ControlLaw
 from .residual_compensator import ResidualDesign
-from .supervised import Instruments, body_of, supervised
+from .supervised import Instruments, SupervisedLaw, body_of, supervised
 
-WATCHED = Instruments(encoder_resolution=1e-3)
-"""What an orthosis has whose spring is its sensor."""
+SPRING_TOLERANCE, SPRING_SHARE, SPRING_LAG = 0.5, 0.25, 0.04
+"""By which a spring may differ from what it was asked for: of the law's limit of effort, of what was asked for [1], and
+for how long more [s]. With a fifth less twenty drawn wearers live without an alarm."""
+
+
+def watched_worn(law: ControlLaw, stiffness: float | None = None, spring_limit: float = math.inf) -> SupervisedLaw:
+    """A worn law under a supervisor. With the `stiffness` of its spring [N m/rad], and the most that this gives [N m],
+    the spring's torque is what the drive measures, and the motor's encoder stands beside the output's.
+
+    Raw data, command and memory are watched. No model is held against the wearer: the strap's share of the motion is no
+    robot's. EMG may come and go. The wave of a test at start-up would meet the spring's own torque loop."""
+    effort, period, more = law.values["effort_limit"], law.values["period"], {}
+    measured = Instruments(encoder_resolution=1e-3)
+    if stiffness is not None:
+        measured = Instruments(
+            1e-3, joint_encoder=True, joint_tolerance=2.0 * effort / stiffness, drive=True, drive_limit=spring_limit
+        )
+        more = {
+            "drive_tolerance": SPRING_TOLERANCE * effort,
+            "drive_share": SPRING_SHARE,
+            "drive_cycles": float(round(SPRING_LAG / period)),
+        }
+    nothing = dict.fromkeys(body_of(law), 0.0)
+    return supervised(law, instruments=measured, body=nothing, start_up=False, muscle_expected=0.0, **more)
 
 
 @dataclass(frozen=True)
@@ -35,11 +59,7 @@ class WornCompensator:
     ):
         self.design = design
         self._law = design.control_law()
-        # Raw data and memory are watched. The strap's share of the motion is no robot's, and EMG may come and go.
-        nothing = dict.fromkeys(body_of(self._law), 0.0)
-        self.core = supervised(
-            self._law, instruments=WATCHED, body=nothing, start_up=False, muscle_expected=0.0
-        ).start()
+        self.core = watched_worn(self._law).start()
         self._emg = emg
         self._strap = None
         if learning is not None:

@@ -8,6 +8,7 @@ from functools import cached_property
 
 from ..control.control_law import ControlLaw
 from ..control.supervised import SupervisedLaw, supervised
+from ..control.worn import watched_worn
 
 
 @dataclass(frozen=True)
@@ -27,5 +28,6 @@ class ControllerValues:
 
     @cached_property
     def supervised(self) -> SupervisedLaw:
-        """The law under the supervisor that goes with it, its test at start-up included."""
-        return supervised(ControlLaw(self.law, self.numbers, self.uses))
+        """The law under the supervisor that goes with it, a test at start-up included where its effort is the joint's."""
+        law = ControlLaw(self.law, self.numbers, self.uses)
+        return watched_worn(law) if self.law == "worn" else supervised(law)

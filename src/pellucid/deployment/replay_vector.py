@@ -27,7 +27,7 @@ _LAW: Mapping[str, float] = {
     "freeze_speed": _ANY, "body_inertia": 0.0, "wearer_torque": _ANY, "wearer_push": _ANY, "force_tolerance": _ANY,
     "force_burst": _ANY, "force_excess": _ANY,
     "force_expected": 0.0, "muscle_expected": 0.0, "drive_expected": 0.0, "joint_expected": 0.0, "budget_store": _ANY,
-    "power_limit": _ANY, "reset_delay": 0.02, "healthy_samples": 10.0, "rest_speed": _ANY,
+    "push_limit": _ANY, "power_limit": _ANY, "ringing_limit": _ANY, "reset_delay": 0.02, "healthy_samples": 10.0, "rest_speed": _ANY,
     "hold_damping": 0.0,
 }  # fmt: skip
 _BODY: Mapping[str, float] = {"body_inertia": 0.05, "body_coulomb": 0.0, "body_load": 0.0, "residual_bandwidth": 40.0}
@@ -43,7 +43,9 @@ VARIANTS: Mapping[str, Mapping[str, float]] = {
     "force": {**_LAW, **_BODY, "force_expected": 1.0, "force_tolerance": 0.01, "force_quiet_samples": 1000.0,
               "force_range": _ANY, "hold_damping": 1.0, "hold_limit": 1.0},
     "energy": {**_LAW, **_BODY, "budget_store": 1e-6, "budget_power": 0.0, "hold_damping": 1.0, "hold_limit": 1.0},
+    "push": {**_LAW, "push_limit": 1e-6},
     "power": {**_LAW, "power_limit": 1e-6},
+    "ringing": {**_LAW, "ringing_limit": 1e-4},
     "lost": {**_LAW, "force_expected": 1.0, "force_range": _ANY, "force_quiet_samples": 3.0, "degrades": 1.0},
     "muscle": {**_LAW, "muscle_expected": 1.0, "muscle_range": 1e-3},
     "test": {**_LAW, "test_effort": 0.5, "test_samples": 8.0, "test_rest": 4.0, "test_least": 1e-9, "test_most": 1e-6},
@@ -208,6 +210,8 @@ def _blocks(sensors: tuple[LawSensor, ...], values: ControllerValues, period: in
     yield _Block("unexplained", length=60)
     yield _Block("force", length=60)
     yield _Block("energy", length=60)
+    yield _Block("push", length=24)
+    yield _Block("ringing", length=60)
     yield placed("power", lambda i: 0.3 + 1.0 * h * i, 24)
 
     def silent(i: int, row: Row) -> Row:

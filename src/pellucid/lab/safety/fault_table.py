@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,8 +15,9 @@ from ..pointing.people import draw_people
 from ..pointing.rig import elbow_participants
 from .worn_robot import LAWS, WornRobot, sudden_stops, worn_robot
 
-JUDGED_SEED = 20281220
-"""Of the robots that are judged. Thresholds were chosen on `law_comparison.tuning_robots` and more of their seed."""
+JUDGED_SEED = 20281229
+"""Of the robots that are judged. Thresholds were chosen on `law_comparison.tuning_robots`, more of their seed, and
+robots of 20281101 and 20281103."""
 
 WATCHED = 10.0
 """How long a fault is watched that nothing finds [s]."""
@@ -26,6 +27,13 @@ ONSET = (2.0, 5.0)
 
 SETTLED = 0.05
 """How far an onset is rounded [s]."""
+
+
+NEAREST = {
+    "lasting": "wearer_torque", "push": "wearer_push", "contradiction": "force_tolerance", "burst": "force_burst",
+    "excess": "force_excess", "spent": "budget_store", "ringing": "ringing_limit",
+}  # fmt: skip
+"""What a healthy life says of how near it came to a threshold, and that threshold's name."""
 
 
 @dataclass(frozen=True)
@@ -72,6 +80,8 @@ class HealthyLife:
     hours: float
     alarm: str  # "none", or what was found though nothing was wrong
     energy: float  # Positive work on the limb a second [W]
+    # Largest before any alarm, by the name of the threshold that it did not pass, as a share of that
+    nearest: Mapping[str, float]
 
 
 @dataclass(frozen=True)
@@ -105,7 +115,8 @@ def try_robot(worn: WornRobot, index: int, hours: float, laws: Sequence[str] = L
         lived = worn.live(worn.law(name), longest=seconds, seconds=np.inf, stops=stops)
         energy = lived["energy"][-1] if len(lived["energy"]) else 0.0
         took = lived["periods"] * worn.rig.period
-        healthy.append(HealthyLife(name, index, took / 3600.0, lived["fault"], float(energy) / took))
+        near = {threshold: lived[said] / worn.law(name).supervision[threshold] for said, threshold in NEAREST.items()}
+        healthy.append(HealthyLife(name, index, took / 3600.0, lived["fault"], float(energy) / took, near))
     return FaultTable(tuple(trials), tuple(healthy))
 
 
@@ -127,7 +138,7 @@ def _try_law(worn: WornRobot, index: int, name: str) -> Iterator[FaultTrial]:
         )  # fmt: skip
         begin, faulty = round(onset / every), lived["energy"]
         n = min(len(faulty), len(healthy) - begin)
-        same = healthy[begin : begin + n] - (healthy[begin - 1] if begin else 0.0)
+        same = healthy[begin : begin + n] - (healthy[begin - 1] if n > 0 and begin else 0.0)
         yield FaultTrial(
             kind.name,
             name,

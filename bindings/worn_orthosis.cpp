@@ -1,0 +1,141 @@
+// A series-elastic orthosis under a supervised law and with one single fault, a period at a time: its wearer is Python's.
+#include "worn_orthosis.hpp"
+
+#include "single_fault.hpp"
+
+#include <pellucid/coupled_plant.hpp>
+
+namespace bindings {
+namespace {
+
+namespace p = pellucid;
+
+constexpr const char* class_doc = R"(The orthosis of `CoupledPlant` under a supervised law, healthy until a fault is told.
+
+Parameters
+----------
+parameters, period, substeps, delay, torque_span, position0
+    As `CoupledPlant` takes them; the spring has no torque at first.
+law : str
+    A name of `laws`, of those that read position, spring torque and EMG.
+law_parameters : (k,)
+    In the order of the law's names, SI.
+supervisor : (m,)
+    In the order of SUPERVISOR_FIELDS, SI.)";
+
+constexpr const char* step_doc = R"(One control period.
+
+Parameters
+----------
+muscle_torque : float
+    On the limb, held over the period [N m].
+emg : float
+    What the law's EMG chain makes of it [N m]; NaN: nothing.
+
+Returns
+-------
+tuple of float
+    At the period's end: limb position [rad] and velocity [rad/s], strap torque on the orthosis [N m], spring torque
+    [N m]; and the orthosis's velocity [rad/s].)";
+
+class WornOrthosis {
+ public:
+  WornOrthosis(nb::handle parameters, double period, nb::handle substeps, nb::handle delay, nb::handle torque_span,
+               double position0, const char* law, nb::handle law_parameters, nb::handle supervisor)
+      : period_(period) {
+    if (!(period > 0 && std::isfinite(period))) throw nb::value_error("period: expected a number of seconds above 0");
+    auto params = read_params<p::CoupledPlantParams<double>, double>("parameters", parameters);
+    const auto count = [](const char* name, nb::handle value, long long least, long long most) {
+      return static_cast<std::uint32_t>(read_integer(name, value, least, most));
+    };
+    params.loop.period = period;
+    params.loop.delay = count("delay", delay, 0, p::max_torque_span - 1);
+    params.loop.torque_span = count("torque_span", torque_span, 1, p::max_torque_span - 1);
+    params.substeps = count("substeps", substeps, 1, 1000000);
+    on_ = p::coefficients(params);
+    state_ = p::balanced(on_, position0, 0.0);
+    // Without power the motor has no torque; its friction stays.
+    params.loop.kp = params.loop.ki = params.loop.kd = 0;
+    off_ = p::coefficients(params);
+    law_ = read_supervised<double>(law, law_parameters, supervisor);
+    seal();
+  }
+  WornOrthosis(const WornOrthosis& other) = default;
+
+  void begin(const std::string& fault, std::uint64_t seed) {
+    fault_.become(fault, period_ * static_cast<double>(ticks_), seed);
+    seal();
+  }
+
+  nb::object step(double muscle_torque, double emg) {
+    const double time = period_ * static_cast<double>(ticks_);
+    const auto now = static_cast<std::int64_t>(std::llround(1e6 * time));
+    fault_.at(time, period_, 0);
+    const p::CoupledPlantOutput<double> seen = p::read(on_, state_);
+    p::Samples<double> samples;
+    samples.position = {seen.position, 0, 0, true};
+    samples.torque = {seen.torque, 0, 0, true};
+    samples.muscle = {emg, 0, 0, std::isfinite(emg)};
+    if (!fault_.hangs()) {
+      of_law(law_, 0, [&](auto& one) {
+        p::Samples<double> read = p::stamped(one, samples, now);
+        const p::Sample<double> stamp = read.position;
+        p::Feedback<double> back;
+        back.drive = {fault_.measured(seen.torque), stamp.time, stamp.sequence, true};
+        back.joint = {seen.motor_position, stamp.time, stamp.sequence, true};
+        std::int64_t clock = now;
+        fault_.samples(one, read, back, clock);
+        out = p::step(one, read, back, clock);
+        return 0;
+      });
+    }
+    const bool power = p::step(watchdog_, out.beat, out.enable, WornArm::patience);
+    off = power ? 0 : off + 1;
+    const double asked = fault_.given(out.effort);
+    const bool dead = off >= WornArm::off_periods;
+    p::step(dead ? off_ : on_, state_, {dead ? 0.0 : asked, muscle_torque + fault_.pushes(muscle_torque), 0.0});
+    if (dead) state_.loop = {};
+    ++ticks_;
+    const p::CoupledPlantOutput<double> then = p::read(on_, state_);
+    return nb::make_tuple(state_.limb_position, state_.limb_velocity, then.strap_torque, then.spring_torque,
+                          state_.orthosis_velocity);
+  }
+
+  p::SupervisorOutput<double> out{};
+  std::uint32_t off = 0;
+
+ private:
+  void seal() {
+    of_law(law_, 0, [](auto& one) { return p::seal(one), 0; });
+  }
+  p::CoupledPlantCoefficients<double> on_, off_;
+  p::CoupledPlantState<double> state_;
+  AnySupervised<double> law_;
+  p::Watchdog watchdog_{};
+  SingleFault fault_{"none", 0, 0};
+  double period_;
+  std::uint64_t ticks_ = 0;
+};
+
+}  // namespace
+
+void add_worn_orthosis(nb::module_& m) {
+  nb::class_<WornOrthosis>(m, "WornOrthosis", class_doc)
+      .def(nb::init<nb::handle, double, nb::handle, nb::handle, nb::handle, double, const char*, nb::handle, nb::handle>(),
+           nb::arg("parameters"), nb::kw_only(), nb::arg("period"), nb::arg("substeps"), nb::arg("delay"),
+           nb::arg("torque_span"), nb::arg("position0"), nb::arg("law"), nb::arg("law_parameters"), nb::arg("supervisor"),
+           nb::sig("def __init__(self, parameters: ArrayLike, *, period: float, substeps: int, delay: int, torque_span: "
+                   "int, position0: float, law: str, law_parameters: ArrayLike, supervisor: ArrayLike) -> None"))
+      .def("step", &WornOrthosis::step, nb::arg("muscle_torque"), nb::arg("emg"),
+           nb::sig("def step(self, muscle_torque: float, emg: float) -> tuple[float, ...]"), step_doc)
+      .def("begin", &WornOrthosis::begin, nb::arg("fault"), nb::arg("seed"),
+           nb::sig("def begin(self, fault: str, seed: int) -> None"), "A fault of `single_faults` from the next period on.")
+      .def("copy", [](const WornOrthosis& one) { return WornOrthosis(one); }, nb::sig("def copy(self) -> WornOrthosis"),
+           "Another one in the same state.")
+      .def_prop_ro("fault", [](const WornOrthosis& one) { return fault_name(one.out.fault); }, "As of its supervisor.")
+      .def_prop_ro("mode", [](const WornOrthosis& one) { return p::mode_names[static_cast<std::size_t>(one.out.mode)]; },
+                   "What its supervisor does.")
+      .def_prop_ro("off", [](const WornOrthosis& one) { return one.off; }, "Periods without power, or on the way there.");
+}
+
+}  // namespace bindings
