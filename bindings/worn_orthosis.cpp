@@ -35,8 +35,8 @@ emg : float
 Returns
 -------
 tuple of float
-    At the period's end: limb position [rad] and velocity [rad/s], strap torque on the orthosis [N m], spring torque
-    [N m]; and the orthosis's velocity [rad/s].)";
+    At the period's end: limb position [rad] and velocity [rad/s], strap torque on the orthosis [N m], spring
+    torque [N m], and the orthosis's velocity [rad/s].)";
 
 class WornOrthosis {
  public:
@@ -135,6 +135,7 @@ void add_worn_orthosis(nb::module_& m) {
       .def_prop_ro("fault", [](const WornOrthosis& one) { return fault_name(one.out.fault); }, "As of its supervisor.")
       .def_prop_ro("mode", [](const WornOrthosis& one) { return p::mode_names[static_cast<std::size_t>(one.out.mode)]; },
                    "What its supervisor does.")
+      .def_prop_ro("effort", [](const WornOrthosis& one) { return one.out.effort; }, "That the spring was asked for [N m].")
       .def_prop_ro("off", [](const WornOrthosis& one) { return one.off; }, "Periods without power, or on the way there.");
 }
 

@@ -72,6 +72,5 @@ def write_page(measured: FaultTable, worn: FaultTable, rows: Sequence[ResultRow]
     text = PAGE.read_text(encoding="utf-8")
     before, after = text.split(BEGIN)[0], text.split(END)[1]
     figures = f"### Figures\n\n| figure | value | |\n|---|--:|---|\n{said}\n"
-    write_text_atomically(
-        PAGE, f"{before}{BEGIN}\n\n{table(measured)}\n{KNEE}\n{table(worn, '####')}\n{figures}\n{END}{after}"
-    )
+    tables = f"{table(measured)}\n{KNEE}\n{table(worn, '####')}"
+    write_text_atomically(PAGE, f"{before}{BEGIN}\n\n{tables}\n{figures}\n{END}{after}")

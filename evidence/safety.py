@@ -130,7 +130,8 @@ def fault_rows(table: FaultTable) -> Iterator[ResultRow]:
 
 def knee_rows(table: FaultTable) -> Iterator[ResultRow]:
     """What single faults came to on a worn knee."""
-    shown = [t for t in table.trials if not t.early]
+    hidden = {kind.name for kind in FAULT_KINDS if kind.hidden}
+    shown = [t for t in table.trials if t.kind not in hidden and not t.early]
     kinds = {t.kind for t in shown}
     note = f"{len(shown)} runs, {len(kinds)} kinds, {len({t.law for t in shown})} laws, {ROBOTS} drawn wearers"
     loose = [t for t in shown if np.isnan(t.found) and t.excess > HARMLESS]

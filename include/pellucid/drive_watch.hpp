@@ -2,7 +2,8 @@
 //
 // The measurement of this period answers the command of the last. A drive follows within a share of the command, a
 // tolerance, and the last change of the command, which it may still be making; longer than a few periods outside is a
-// fault, named by what it looks like.
+// fault, named by what it looks like. However small the difference, a drive may lose of the energy that it was asked for,
+// to friction that its own loop does not make up for, but not add to it.
 #pragma once
 
 #include "fields.hpp"
@@ -13,7 +14,8 @@ inline namespace PELLUCID_ABI {
 
 template <class S> struct DriveWatchParams {
   std::uint32_t expected = 0, cycles = 4;
-  S tolerance = S(std::numeric_limits<S>::infinity()), relative = S(0.15), limit = tolerance;
+  S tolerance = S(std::numeric_limits<S>::infinity()), relative = S(0.15), limit = tolerance,
+    surplus = tolerance;
 
   template <class P, class V> static constexpr void walk(P& p, V& visit) noexcept {
     visit(p.expected, {"drive_expected", unit::one, between(0, 1), "1: the drive measures its effort, and must say so"});
@@ -21,6 +23,8 @@ template <class S> struct DriveWatchParams {
     visit(p.tolerance, {"drive_tolerance", unit::effort, above(0).or_infinite(), "of what it gives"});
     visit(p.relative, {"drive_share", unit::one, share(), "more of it, per effort asked for"});
     visit(p.limit, {"drive_limit", unit::effort, above(0).or_infinite(), "what it can give at most"});
+    visit(p.surplus, {"drive_surplus", unit::energy, above(0).or_infinite(),
+                      "energy that it may give beyond what it was asked for; infinite: any"});
   }
 };
 
@@ -28,6 +32,7 @@ template <class S> struct DriveWatchState {
   S asked{};                  ///< last [N m]
   S asked_before{};           ///< the time before [N m]
   S given{};                  ///< when it was first outside [N m]
+  S surplus{};                ///< energy given beyond what was asked for [J]
   std::uint32_t outside = 0;  ///< periods in a row
   std::uint32_t silent = 0;   ///< periods in a row
 };
@@ -38,13 +43,18 @@ template <class S> void ask(DriveWatchState<S>& s, const S& effort) noexcept {
   s.asked = effort;
 }
 
-/// What is wrong with what the drive gives, if anything, after it was asked for `s.asked`.
-template <class S>
-SafetyFault step(const DriveWatchParams<S>& p, DriveWatchState<S>& s, const S& given, bool heard) noexcept {
+/// What is wrong with what the drive gives, if anything, after it was asked for `s.asked` while the joint `moved` [rad].
+template <class S> SafetyFault step(const DriveWatchParams<S>& p, DriveWatchState<S>& s, const S& given, const S& moved,
+                                    bool heard) noexcept {
   if (p.expected == 0) return SafetyFault::none;
   if (!heard) return ++s.silent >= p.cycles ? SafetyFault::drive_silent : SafetyFault::none;
   s.silent = 0;
   const S asked = clamp(s.asked, -p.limit, p.limit);
+  s.surplus = max(s.surplus + (given - asked) * moved, S(0));
+  if (!(s.surplus <= p.surplus)) {
+    s.surplus = S(0);
+    return SafetyFault::drive_effort;
+  }
   const S allowed = p.tolerance + p.relative * abs(asked) + abs(s.asked - s.asked_before);
   if (abs(given - asked) <= allowed) {
     s.outside = 0;

@@ -294,7 +294,8 @@ SafetyFault observe(const SupervisorCoefficients<S>& c, SupervisorState<S>& s, c
   SafetyFault found = step(c.encoder, s.encoder, samples.position);
   found = first_of(found, compare(c, s, samples.position, back.joint));
   if (p.drive.expected != 0) {
-    found = first_of(found, step(p.drive, s.drive, back.drive.value, is_new(s.drive_seen, back.drive)));
+    const bool heard = is_new(s.drive_seen, back.drive);
+    found = first_of(found, step(p.drive, s.drive, back.drive.value, c.period * s.encoder.velocity, heard));
   }
   // Momentum and energy every second period, of both together; ringing every fourth: they are slow.
   const S other = s.other_velocity;

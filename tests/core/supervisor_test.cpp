@@ -117,6 +117,12 @@ template <class S> void faults() {
   });
   answers<S>(F::drive_stuck, M::zero, 4, [](R& r, int) { r.back.drive.value = S(5); });
   answers<S>(F::drive_sign, M::zero, 4, [](R& r, int k) { r.back.drive.value = -r.back.drive.value - S(0.2) * static_cast<S>(k); });
+  // Within its tolerance, but always the way the joint goes.
+  answers<S>(F::drive_effort, M::zero, 200, [](R& r, int k) {
+    r.law.supervisor.params.drive.surplus = S(0.02);
+    if (k == 0) p::seal(r.law);
+    r.back.drive.value = r.back.drive.value + (r.speed > S(0) ? S(0.4) : S(-0.4));
+  });
   answers<S>(F::drive_silent, M::zero, 4, [](R& r, int) { r.back.drive.valid = false; });
   // An effort that is right, of a body that the watch takes for one that weighs another way.
   answers<S>(F::push, M::damped_stop, 4, [](R& r, int k) {

@@ -43,6 +43,9 @@ law's limit of effort; and of the weight that the wearer carries [1]."""
 DRIVE_TOLERANCE = 0.05
 """Of what a drive gives, of the law's limit of effort [1]."""
 
+DRIVE_SURPLUS = 0.005
+"""That a drive may give beyond what it was asked for: a way, under the law's limit of effort [rad or m]."""
+
 TEST_ACCELERATION = 30.0
 """Of the wave of the test, beyond friction [rad/s^2 or m/s^2]."""
 
@@ -355,6 +358,7 @@ def supervision_of(
         "drive_expected": float(instruments.drive),
         "drive_tolerance": DRIVE_TOLERANCE * effort,
         "drive_limit": instruments.drive_limit,
+        "drive_surplus": DRIVE_SURPLUS * effort,
         "push_limit": effort,
         "ringing_limit": RINGING * effort,
         **{f"ringing_{name}": min(known[f"ringing_{name}"], 0.2 / period) for name in ("slowest", "fastest", "memory")},

@@ -21,7 +21,8 @@ def watched_worn(law: ControlLaw, stiffness: float | None = None, spring_limit: 
     the spring's torque is what the drive measures, and the motor's encoder stands beside the output's.
 
     Raw data, command and memory are watched. No model is held against the wearer: the strap's share of the motion is no
-    robot's. EMG may come and go. The wave of a test at start-up would meet the spring's own torque loop."""
+    robot's. EMG may come and go, and what of its noise is in the command is no ringing. The wave of a test at start-up
+    would meet the spring's own torque loop."""
     effort, period, more = law.values["effort_limit"], law.values["period"], {}
     measured = Instruments(encoder_resolution=1e-3)
     if stiffness is not None:
@@ -34,7 +35,8 @@ def watched_worn(law: ControlLaw, stiffness: float | None = None, spring_limit: 
             "drive_cycles": float(round(SPRING_LAG / period)),
         }
     nothing = dict.fromkeys(body_of(law), 0.0)
-    return supervised(law, instruments=measured, body=nothing, start_up=False, muscle_expected=0.0, **more)
+    more |= {"muscle_expected": 0.0, "ringing_limit": math.inf}
+    return supervised(law, instruments=measured, body=nothing, start_up=False, **more)
 
 
 @dataclass(frozen=True)

@@ -28,6 +28,6 @@ class ControllerValues:
 
     @cached_property
     def supervised(self) -> SupervisedLaw:
-        """The law under the supervisor that goes with it, a test at start-up included where its effort is the joint's."""
+        """The law under the supervisor that goes with it, tested at start-up where its effort is the joint's."""
         law = ControlLaw(self.law, self.numbers, self.uses)
         return watched_worn(law) if self.law == "worn" else supervised(law)

@@ -27,8 +27,8 @@ _LAW: Mapping[str, float] = {
     "freeze_speed": _ANY, "body_inertia": 0.0, "wearer_torque": _ANY, "wearer_push": _ANY, "force_tolerance": _ANY,
     "force_burst": _ANY, "force_excess": _ANY,
     "force_expected": 0.0, "muscle_expected": 0.0, "drive_expected": 0.0, "joint_expected": 0.0, "budget_store": _ANY,
-    "push_limit": _ANY, "power_limit": _ANY, "ringing_limit": _ANY, "reset_delay": 0.02, "healthy_samples": 10.0, "rest_speed": _ANY,
-    "hold_damping": 0.0,
+    "push_limit": _ANY, "power_limit": _ANY, "ringing_limit": _ANY, "drive_surplus": _ANY, "reset_delay": 0.02,
+    "healthy_samples": 10.0, "rest_speed": _ANY, "hold_damping": 0.0,
 }  # fmt: skip
 _BODY: Mapping[str, float] = {"body_inertia": 0.05, "body_coulomb": 0.0, "body_load": 0.0, "residual_bandwidth": 40.0}
 
@@ -39,6 +39,7 @@ VARIANTS: Mapping[str, Mapping[str, float]] = {
             "freeze_samples": 5.0},
     "joint": {**_LAW, "joint_expected": 1.0, "joint_tolerance": 0.01},
     "drive": {**_LAW, "drive_expected": 1.0, "drive_tolerance": 6.0},
+    "surplus": {**_LAW, "drive_expected": 1.0, "drive_tolerance": _ANY, "drive_surplus": 1e-3},
     "unexplained": {**_LAW, **_BODY, "wearer_torque": 0.01},
     "force": {**_LAW, **_BODY, "force_expected": 1.0, "force_tolerance": 0.01, "force_quiet_samples": 1000.0,
               "force_range": _ANY, "hold_damping": 1.0, "hold_limit": 1.0},
@@ -207,6 +208,7 @@ def _blocks(sensors: tuple[LawSensor, ...], values: ControllerValues, period: in
         driven(lambda i: -15.0 - i),
         driven(lambda i: np.nan),
     )
+    yield _Block("surplus", lambda i, row: replace(row, drive=4.0), 60)
     yield _Block("unexplained", length=60)
     yield _Block("force", length=60)
     yield _Block("energy", length=60)
