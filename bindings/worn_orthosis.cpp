@@ -35,7 +35,7 @@ emg : float
 Returns
 -------
 tuple of float
-    At the period's end: limb position [rad] and velocity [rad/s], strap torque on the orthosis [N m], spring
+    At the period's end: limb position [rad] and velocity [rad/s], strap torque against the limb [N m], spring
     torque [N m], and the orthosis's velocity [rad/s].)";
 
 class WornOrthosis {
@@ -97,7 +97,7 @@ class WornOrthosis {
     if (dead) state_.loop = {};
     ++ticks_;
     const p::CoupledPlantOutput<double> then = p::read(on_, state_);
-    return nb::make_tuple(state_.limb_position, state_.limb_velocity, then.strap_torque, then.spring_torque,
+    return nb::make_tuple(state_.limb_position, state_.limb_velocity, then.limb_torque, then.spring_torque,
                           state_.orthosis_velocity);
   }
 

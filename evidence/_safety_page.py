@@ -54,12 +54,13 @@ def table(measured: FaultTable, level: str = "###") -> str:
 
 KNEE = """### A worn knee
 
-The residual compensator of a series-elastic orthosis has a table of its own. Its effort is what a spring is asked for;
-the spring's own torque loop is off by as much as faults would be (up to 4 N m, motor friction), its wearers give it as
-much, and the wave of a test at start-up would meet that loop. So no model is held against the wearer, and a drive that
-gives three times the effort is found where the law rings or asks for much. Faults of the list that need a force sensor,
-a start-up test, a table or an open strap are not here. Twenty drawn wearers swing; limb, strap, actuator and EMG are
-known with the errors of an identification, and the law, with EMG and without, is the one that `export` writes.
+The residual compensator of a series-elastic orthosis has a table of its own. Its effort is what a spring is asked
+for; the spring's own torque loop is off by as much as faults would be (up to 4 N m, motor friction), its wearers give
+it as much, and the wave of a test at start-up would meet that loop. So no model is held against the wearer; a drive
+is found by the energy that it adds. Faults that need a force sensor, a start-up test, a table or an open strap are
+not here. Twenty drawn wearers swing; limb, strap, actuator and EMG are known with the errors of an identification,
+and the law, with EMG and without, is the one that `export` writes. Its EMG is their torque, off by a factor, not a
+recording's.
 """
 
 

@@ -306,9 +306,11 @@ SafetyFault observe(const SupervisorCoefficients<S>& c, SupervisorState<S>& s, c
   if (c.body.checks && s.encoder.heard > 2) {
     step(c.body, s.body, s.encoder.position, velocity, effort, samples.interaction.value,
          p.force.expected != 0 && is_heard(samples.interaction));
-    // Before a law carries the robot the wearer does. What the force sensor contradicts has its turn later.
+    // Before and after a law carries the robot the wearer does. What the force sensor contradicts has its turn later.
     s.residual = shown(c.body, s.body);
-    if (s.residual == SafetyFault::unexplained && mode_of(s) != Mode::start_up) found = first_of(found, s.residual);
+    const Mode now = mode_of(s);
+    const bool carries = now == Mode::running || now == Mode::degraded;
+    if (s.residual == SafetyFault::unexplained && carries) found = first_of(found, s.residual);
   }
   found = first_of(found, step(p.budget, s.budget, S(2) * c.period, effort, velocity, s.body.weight, s.body.level));
   if ((s.steps & 2u) == 0) return found;

@@ -1053,7 +1053,7 @@ class WornElbow:
             the limb from onset to safe [N m]; impulse: of the drive from the onset to safe [N m s]; speed:
             largest of the limb from onset to safe [rad/s]; onset_speed: least of the motor in the 5 periods
             before the onset [rad/s]; periods; how near it came to a fault before there was one: lasting, push,
-            contradiction, burst, excess [N m], spent [J], and the work of the test [J].
+            contradiction, burst, excess [N m], spent [J], ringing [N m], and the work of the test [J].
         """
 
     @property
@@ -1064,6 +1064,75 @@ def single_faults() -> list[dict]:
     """
     Faults of `WornElbow.live`: name, group, sentence, needs (a sensor), at_start, joint_encoder, hidden (why).
     """
+
+class WornOrthosis:
+    """
+    The orthosis of `CoupledPlant` under a supervised law, healthy until a fault is told.
+
+    Parameters
+    ----------
+    parameters, period, substeps, delay, torque_span, position0
+        As `CoupledPlant` takes them; the spring has no torque at first.
+    law : str
+        A name of `laws`, of those that read position, spring torque and EMG.
+    law_parameters : (k,)
+        In the order of the law's names, SI.
+    supervisor : (m,)
+        In the order of SUPERVISOR_FIELDS, SI.
+    """
+
+    def __init__(
+        self,
+        parameters: ArrayLike,
+        *,
+        period: float,
+        substeps: int,
+        delay: int,
+        torque_span: int,
+        position0: float,
+        law: str,
+        law_parameters: ArrayLike,
+        supervisor: ArrayLike,
+    ) -> None: ...
+    def step(self, muscle_torque: float, emg: float) -> tuple[float, ...]:
+        """
+        One control period.
+
+        Parameters
+        ----------
+        muscle_torque : float
+            On the limb, held over the period [N m].
+        emg : float
+            What the law's EMG chain makes of it [N m]; NaN: nothing.
+
+        Returns
+        -------
+        tuple of float
+            At the period's end: limb position [rad] and velocity [rad/s], strap torque against the limb [N m], spring
+            torque [N m], and the orthosis's velocity [rad/s].
+        """
+
+    def begin(self, fault: str, seed: int) -> None:
+        """A fault of `single_faults` from the next period on."""
+
+    def copy(self) -> WornOrthosis:
+        """Another one in the same state."""
+
+    @property
+    def fault(self) -> str:
+        """As of its supervisor."""
+
+    @property
+    def mode(self) -> str:
+        """What its supervisor does."""
+
+    @property
+    def effort(self) -> float:
+        """That the spring was asked for [N m]."""
+
+    @property
+    def off(self) -> int:
+        """Periods without power, or on the way there."""
 
 MUSCLE_PARAMETER_NAMES: tuple[str, ...]
 

@@ -265,6 +265,23 @@ template <class S> void resets() {
   check(rig.law.state.faults == 3 && p::logged(rig.law.state, 2).fault == F::stopped, "the log outlives a reset");
 }
 
+/// Without power a wearer carries the robot, whose weight is then no fault that keeps an operator from a reset.
+template <class S> void rests_on_the_wearer() {
+  p::SupervisorParams<S> r = rules<S>();
+  r.body.wearer_torque = S(0.5);
+  r.hold = {};
+  Rig<S> rig(r);
+  rig.speed = S(0);
+  rig.run(300);
+  check(rig.out.mode == M::running, "it is carried");
+  p::stop(rig.law);
+  rig.run(1000);
+  check(rig.out.mode == M::latched, "and let go");
+  rig.token = rig.out.challenge;
+  rig.run(400);
+  check(rig.out.mode == M::running && rig.law.state.faults == 1, "and taken up again");
+}
+
 /// A weight of 2 N m sinks slowly, and takes no energy from the hold, whatever pulls at it.
 template <class S> void holds() {
   Rig<S> rig;
@@ -341,6 +358,7 @@ template <class S> void all() {
   ringing<S>();
   degrades<S>();
   resets<S>();
+  rests_on_the_wearer<S>();
   holds<S>();
   start_up<S>(S(1), F::none);
   start_up<S>(S(-1), F::polarity);

@@ -127,7 +127,7 @@ def test_what_is_no_law_is_refused():
         ControlLaw("joint", {k: v for k, v in LAWS["joint"].defaults.items() if k != "bandwidth"})
     with pytest.raises(PellucidError, match='found the controller "pid", expected one of compensation'):
         pl.controller(None, "pid")
-    with pytest.raises(PellucidError, match="found NoneType, expected a joint's fit or its model card"):
+    with pytest.raises(PellucidError, match="found NoneType, expected what `identify` found of a joint, its"):
         pl.controller(None)
     with pytest.raises(TypeError, match="more samples than the law has sensors"):
         typical("joint").step(0.0, 1.0, 2.0)

@@ -114,6 +114,17 @@ def test_nonsense_and_broken_memory_give_nothing_unsafe(law):
     assert moving > 1000
 
 
+def test_from_a_study_to_a_supervised_law(make_study):
+    study = make_study()
+    found = pl.identify(study, families=["symmetric"], thorough=False)
+    law = pl.controller(found, limits=pl.Limits(effort=5.0, rate=500.0, velocity=10.0, position=(-2.0, 2.0)))
+    assert law.values == pl.controller(found.cards["joint"], limits=pl.Limits(5.0, 500.0, 10.0, (-2.0, 2.0))).values
+    safe = held(pl.supervised(law, start_up=False), 100)
+    assert (safe.mode, safe.enable) == ("running", True)
+    with pytest.raises(PellucidError, match="found Study, expected what `identify` found of a joint"):
+        pl.controller(study)
+
+
 def test_faults_are_listed_once_and_said_in_words():
     names = [kind.name for kind in FAULT_KINDS]
     assert len(names) == len(set(names)) >= 20

@@ -70,7 +70,7 @@ def controller(
 
     Parameters
     ----------
-    found : card, or anything with a ``card()``
+    found : card, anything with a ``card()``, or what `identify` found of a joint
         Of a joint for "compensation"; of a joint with a carriage, by the method that the controller needs, for a worn
         elbow's.
     name : str
@@ -121,6 +121,11 @@ def _card(found: object) -> Card:
     """The card of what was found, or what was found if it is one."""
     if isinstance(found, Card):
         return found
-    if hasattr(found, "card"):
+    cards = getattr(found, "cards", None)
+    if isinstance(cards, Mapping) and isinstance(cards.get("joint"), Card):
+        return cards["joint"]
+    if cards is None and hasattr(found, "card"):
         return found.card()
-    raise PellucidError(f"controller: found {type(found).__name__}, expected a joint's fit or its model card")
+    raise PellucidError(
+        f"controller: found {type(found).__name__}, expected what `identify` found of a joint, its fit or its card"
+    )

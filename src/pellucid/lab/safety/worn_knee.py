@@ -84,7 +84,7 @@ def drawn_knee(seed: int) -> WornKnee:
     rig, rng = drawn_rig(knee_orthosis(), seed), np.random.default_rng([seed, 2])
     (subject,) = rig.subjects.values()
     off = {name: np.exp(sd * rng.standard_normal()) for name, sd in ERRORS.items()}
-    of_strap = {f"strap_{name}": off["strap"] * value for name, value in subject.strap.items()}
+    of_strap = {f"strap_{name}": off["strap"] * subject.strap[name] for name in ("stiffness", "damping")}
     known = Coupling(
         orthosis_inertia=off["orthosis"] * rig["orthosis"]["inertia"],
         orthosis_viscous=rig["orthosis"]["bearing_viscous"],
