@@ -27,7 +27,9 @@ def linear(w, y, columns=None, *, prior=None, noise=None, **more):
         left = y - at @ w.T
         return np.sum(left**2, axis=1), left @ columns, columns.T @ columns
 
-    return MarginalLikelihood(misfit, prior, noise, least, x.shape[1], np.zeros(columns.shape[1]), **more), values
+    return MarginalLikelihood(
+        misfit, prior, noise, least, x.shape[1], np.ones(columns.shape[1]), np.zeros(columns.shape[1]), **more
+    ), values
 
 
 def sampled(likelihood, values, covariance, **more):

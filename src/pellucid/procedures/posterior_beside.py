@@ -98,7 +98,10 @@ def posterior_verdicts(
         )
         return
     told = [one for one in compared if not one.drawn.told_by_prior]
-    apart = [one for one in told if not 1.0 / FACTOR <= one.widths(level) <= FACTOR and np.isfinite(one.widths(level))]
+    # Wider than what a posterior was told beforehand an interval may well be; narrower it should not.
+    apart = [
+        one for one in compared if one.widths(level) > FACTOR or (one in told and one.widths(level) < 1.0 / FACTOR)
+    ]
     if apart:
         said = "; ".join(
             f"{_named(one)} {_range(one.fitted, level)} by the fit, {_range(one.drawn, level)} by the posterior"

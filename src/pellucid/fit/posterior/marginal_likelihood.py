@@ -1,7 +1,7 @@
 r"""The density of parameters behind coloured residuals and physics that their model lacks.
 
 .. math::
-   y = f(\beta) + \sum_k c_k\varphi_k + e, \qquad c_k \sim N(0, s^2 + t_k), \qquad
+   y = f(\beta) + \sum_k c_k\varphi_k + e, \qquad c_k \sim N(0, a_k s^2 + t_k), \qquad
    e \sim N(0, v), \qquad \nu\hat v / v \sim \chi^2_\nu
 
 :math:`v` is a row's variance as large as its colour makes it count, :math:`\hat v` what blocks of scores say of it and
@@ -90,27 +90,28 @@ class Noise:
 @dataclass(frozen=True)
 class MarginalLikelihood:
     """The posterior's logarithm, of an ensemble at once. A place is (p parameters, log v, log s), without the last
-    where no physics is lacking."""
+    where s has no part in anything."""
 
     misfit: Misfit
     prior: Prior
     noise: Noise
     least: float  # R
     columns: int  # q
-    lacking: np.ndarray = field(default_factory=lambda: np.zeros(0))  # (c,) t_k
+    shares: np.ndarray = field(default_factory=lambda: np.zeros(0))  # (c,) a_k, 0 or more
+    known: np.ndarray = field(default_factory=lambda: np.zeros(0))  # (c,) t_k
     scale_prior: tuple[float, float] | None = None  # Of log v: mean and standard deviation; weak if None
 
     @property
-    def dimensions(self) -> int:
-        """Of a place."""
-        return len(self.prior.lower) + 1 + bool(len(self.lacking))
+    def scaled(self) -> bool:
+        """Whether s is drawn."""
+        return bool(np.any(self.shares > 0.0))
 
     def __call__(self, places: np.ndarray) -> np.ndarray:
         """Logarithm of the density, (w,), at places (w, d)."""
         p = len(self.prior.lower)
         log_v = places[:, p]
         good = self.prior.inside(places[:, :p]) & (np.abs(log_v - np.log(self.noise.variance)) < 10.0 * WEAK)
-        if len(self.lacking):
+        if self.scaled:
             ends = np.log(SHARES)
             good &= (places[:, p + 1] >= ends[0]) & (places[:, p + 1] <= ends[1])
         found = np.full(len(places), -np.inf)
@@ -127,10 +128,11 @@ class MarginalLikelihood:
         found = self.prior.log_density(values) - 0.5 * ((log_v - mean) / spread) ** 2
         found -= 0.5 * (self.noise.freedom + self.columns) * log_v
         found -= 0.5 * (self.noise.freedom * self.noise.variance + square - self.least) / v
-        if len(self.lacking):
-            root = np.sqrt(np.exp(2.0 * places[:, p + 1])[:, None] + self.lacking)
+        if len(self.shares):
+            s2 = np.exp(2.0 * places[:, p + 1]) if self.scaled else np.zeros(len(places))
+            root = np.sqrt(s2[:, None] * self.shares + self.known)
             u = root * moment / v[:, None]
-            a = root[:, :, None] * gram * root[:, None, :] / v[:, None, None] + np.eye(len(self.lacking))
+            a = root[:, :, None] * gram * root[:, None, :] / v[:, None, None] + np.eye(len(self.shares))
             lower = np.linalg.cholesky(a)
             half = np.linalg.solve(lower, u[:, :, None])[:, :, 0]
             found += 0.5 * np.sum(half**2, axis=1) - np.sum(np.log(np.diagonal(lower, axis1=1, axis2=2)), axis=1)
@@ -152,7 +154,7 @@ class MarginalLikelihood:
             evenly = low + (high - low) * rng.random(at.shape)
             at = np.where((at > self.prior.lower) & (at < self.prior.upper), at, evenly)
             log_v = np.log(self.noise.variance) + 0.3 * rng.standard_normal((walkers, 1))
-            log_s = rng.uniform(*np.log(SHARES), (walkers, 1))[:, : bool(len(self.lacking))]
+            log_s = rng.uniform(*np.log(SHARES), (walkers, 1))[:, : int(self.scaled)]
             return np.hstack([at, log_v, log_s])
 
         return begin

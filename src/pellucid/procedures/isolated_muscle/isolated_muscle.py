@@ -10,26 +10,42 @@ offset from there, which is fitted on the recordings that may be fitted and on n
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy import optimize
 
 from ..._errors import IdentificationError, RecordingError
-from ...fit.parameter import Verdict
+from ...fit.parameter import Parameter, Verdict
+from ...fit.posterior.ensemble import require_sampler
+from ...fit.posterior.muscle_posterior import ForceGrid, offset_interval, offset_posterior
+from ...fit.posterior.posterior import Posterior
 from ...models.muscle import Muscle
 from ...recordings.fault import Fault
 from ...recordings.recording import Recording
 from ...recordings.results import ResultRow
 from ...recordings.study import Study
+from ..posterior_beside import beside, posterior_rows, posterior_table, posterior_verdicts
 from ..procedure import Progress, quiet
-from ..result import FigureTable, Result
+from ..result import FigureTable, ParameterTable, Result
+from .procedure import IsolatedMuscleTable
 
 PERIOD = 1e-3
 """Of the simulation [s]."""
 
 REACH = 0.4
 """How far the offset is searched, in optimal fibre lengths either way."""
+
+CONSTANTS = (
+    "max_isometric_force", "optimal_fibre_length", "tendon_slack_length", "max_velocity", "damping", "tendon_strain",
+)  # fmt: skip
+"""Of the model that may be wrong where a posterior is drawn."""
+
+OFFSETS = 129
+"""Of the grid on which a posterior knows the force: 0.1 mm apart on a muscle of 17 mm."""
+
+NUDGE = 1e-3
+"""Share by which a constant is changed to see what it does."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,6 +68,8 @@ class IsolatedMuscleFit:
     offset: float  # Rest length less l_o cos(phi_o) + l_ts [m]
     trials: tuple[MuscleTrial, ...]
     rigid_mae_percent: float  # Mean over all trials with a rigid tendon, its own offset fitted the same way
+    interval: Parameter | None = None  # The offset's, and its posterior, if one is asked for
+    posterior: Posterior | None = None
 
     @property
     def mae_percent(self) -> float:
@@ -77,20 +95,47 @@ class IsolatedMuscleFit:
                 f"{study.name}.rigid.mae_percent", self.rigid_mae_percent, "%", "calibrate", "heldout", checksum, note
             )
         )
+        if self.posterior is not None:
+            level = study.config.isolated_muscle.confidence
+            plain = ResultRow("", None, "m", "calibrate", "fitted", checksum, self.posterior.settled)
+            rows.append(
+                replace(
+                    plain, id=f"{study.name}.offset", value=self.offset,
+                    note=f"{self.interval.sentence(level)}; constants taken for known",
+                )
+            )  # fmt: skip
+            rows += posterior_rows(study.name, beside((self.interval,), self.posterior), level, plain)
         return rows
 
 
-def isolated_result(study: Study, tell: Progress = quiet) -> Result:
+@dataclass(frozen=True, kw_only=True)
+class IsolatedMuscleResult(Result):
+    """What `calibrate` finds of an isolated muscle."""
+
+    interval: Parameter | None = None
+    posterior: Posterior | None = None
+
+
+def isolated_result(study: Study, tell: Progress = quiet) -> IsolatedMuscleResult:
     """The force of one muscle by a rigid and by an elastic tendon, as tables, rows and verdicts."""
     fit = isolated_muscle(study)
     heads = ("Trial", "amplitude [mm]", "mean absolute error [% of F_iso]", "")
     shown = ((t.name, 1e3 * t.amplitude, t.mae_percent, "fitted" if t.use == "fit" else "held out") for t in fit.trials)
     said = f"{fit.rigid_mae_percent:.1f} % with a rigid tendon; the length's offset is {1e3 * fit.offset:.2f} mm"
-    return Result(
+    level, tables, told = study.config.isolated_muscle.confidence, [], []
+    if fit.posterior is not None:
+        compared = beside((fit.interval,), fit.posterior)
+        title = "Posterior beside least squares, constants of the model taken for known by the latter"
+        tables = [ParameterTable("Length at rest", (fit.interval,)), posterior_table(title, compared, level)]
+        told = list(posterior_verdicts(compared, fit.posterior, level))
+    return IsolatedMuscleResult(
         study=study.name,
         headline=f"force within {fit.mae_percent:.2f} % of its isometric value, mean over the amplitudes",
-        tables=(FigureTable("Force over imposed length", heads, tuple(shown)),),
-        verdicts=(Verdict("note", said),),
+        tables=(FigureTable("Force over imposed length", heads, tuple(shown)), *tables),
+        verdicts=(Verdict("note", said), *told),
+        confidence=level,
+        interval=fit.interval,
+        posterior=fit.posterior,
         rows=tuple(fit.rows(study)),
         cards={},
         checksums={recording.name: recording.checksum for recording in study.recordings()},
@@ -109,6 +154,8 @@ def isolated_muscle(study: Study) -> IsolatedMuscleFit:
     table = study.config.isolated_muscle
     if table is None:
         raise IdentificationError(f"{study.name}: found no table [isolated_muscle], which says what the muscle is")
+    if table.posterior:
+        require_sampler()
     taken = [(recording, *_imposed(recording, study)) for recording in study.recordings()]
     fitted = [t for t in taken if t[0].use == "fit"]
     if not fitted:
@@ -120,7 +167,33 @@ def isolated_muscle(study: Study) -> IsolatedMuscleFit:
     offsets = [_search(error, table.optimal_fibre_length, elastic) for elastic in (True, False)]
     trials = tuple(_trial(t, study, offsets[0], True) for t in taken)
     rigid = float(np.mean([_trial(t, study, offsets[1], False).mae_percent for t in taken]))
-    return IsolatedMuscleFit(offsets[0], trials, rigid)
+    if not table.posterior:
+        return IsolatedMuscleFit(offsets[0], trials, rigid)
+    grid = force_grid(study, fitted)
+    interval = offset_interval(grid, offsets[0])
+    return IsolatedMuscleFit(offsets[0], trials, rigid, interval, offset_posterior(grid, level=table.confidence))
+
+
+def force_grid(study: Study, fitted: list) -> ForceGrid:
+    """The force of the recordings that are `fitted` at every offset, and what each constant does to it."""
+    table = study.config.isolated_muscle
+    offsets = REACH * table.optimal_fibre_length * np.linspace(-1.0, 1.0, OFFSETS)
+    scored = [_scored(t[0], table) for t in fitted]
+
+    def forces(**changed: float) -> np.ndarray:
+        return np.array([
+            np.concatenate([_predicted(t, table, x, True, **changed)[s] for t, s in zip(fitted, scored, strict=True)])
+            for x in offsets
+        ])  # fmt: skip
+
+    plain = forces()
+    slopes = [
+        (forces(**{name: (1.0 + NUDGE) * getattr(table, name)}) - plain) / NUDGE
+        for name in CONSTANTS
+        if getattr(table, name) > 0.0
+    ]
+    measured = np.concatenate([t[0][table.force][s] for t, s in zip(fitted, scored, strict=True)])
+    return ForceGrid(offsets, plain, np.stack(slopes, axis=2), measured, tuple(int(s.sum()) for s in scored))
 
 
 def _imposed(recording: Recording, study: Study) -> tuple[np.ndarray, np.ndarray, float]:
@@ -141,27 +214,37 @@ def _imposed(recording: Recording, study: Study) -> tuple[np.ndarray, np.ndarray
     return time, amplitude * np.interp(time, source.time, source[table.displacement]), amplitude
 
 
-def _trial(
-    taken: tuple[Recording, np.ndarray, np.ndarray, float], study: Study, offset: float, elastic: bool
-) -> MuscleTrial:
-    recording, time, displacement, amplitude = taken
-    table = study.config.isolated_muscle
-    muscle = Muscle(
-        max_isometric_force=table.max_isometric_force,
-        optimal_fibre_length=table.optimal_fibre_length,
-        tendon_slack_length=table.tendon_slack_length,
-        pennation=table.pennation,
-        max_velocity=table.max_velocity,
-        damping=table.damping,
-        tendon_strain=table.tendon_strain if elastic else None,
-    )
+def _predicted(
+    taken: tuple[Recording, np.ndarray, np.ndarray, float],
+    table: IsolatedMuscleTable,
+    offset: float,
+    elastic: bool,
+    **changed: float,
+) -> np.ndarray:
+    """Force at the recording's samples, (n,) [N], on an `elastic` tendon or a rigid one, constants `changed`; where the
+    model rests stays where the table's own constants have it."""
+    recording, time, displacement, _ = taken
+    constants = {name: getattr(table, name) for name in ("pennation", *CONSTANTS)} | changed
+    muscle = Muscle(**constants if elastic else {**constants, "tendon_strain": None})
     rest = table.optimal_fibre_length * np.cos(table.pennation) + table.tendon_slack_length
     active = np.ones_like(time)
     active = muscle.activation(active, period=PERIOD) if elastic else active
     force, _ = muscle.simulate(active, rest + offset + displacement, period=PERIOD)
-    measured = recording[table.force]
-    predicted = np.interp(recording.time, time, force)
-    scored = (recording.time > table.score_from) & recording.sound
+    return np.interp(recording.time, time, force)
+
+
+def _scored(recording: Recording, table: IsolatedMuscleTable) -> np.ndarray:
+    """Samples that are judged, (n,)."""
+    return (recording.time > table.score_from) & recording.sound
+
+
+def _trial(
+    taken: tuple[Recording, np.ndarray, np.ndarray, float], study: Study, offset: float, elastic: bool
+) -> MuscleTrial:
+    recording, amplitude = taken[0], taken[3]
+    table = study.config.isolated_muscle
+    measured, predicted = recording[table.force], _predicted(taken, table, offset, elastic)
+    scored = _scored(recording, table)
     error = 100.0 * float(np.mean(np.abs(predicted - measured)[scored])) / table.isometric_force
     return MuscleTrial(recording.name, recording.use, amplitude, recording.time, measured, predicted, error)
 

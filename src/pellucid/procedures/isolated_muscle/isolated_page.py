@@ -2,16 +2,29 @@
 
 from __future__ import annotations
 
+from ...pages.drawing import draw
 from ...pages.page import Page, Section
 from ...recordings.study import Study
-from ..result import Result
-from ..study_page import figure_tables
+from ..posterior_beside import beside
+from ..posterior_figures import posterior_figure
+from ..study_page import figure_tables, parameter_tables
+from .isolated_muscle import IsolatedMuscleResult
 
 
-def page(study: Study, found: Result) -> Page:
+def page(study: Study, found: IsolatedMuscleResult) -> Page:
     """The page of an isolated muscle."""
-    section = Section("force", "Force over imposed length", (), figure_tables(found))
+    sections = [Section("force", "Force over imposed length", (), figure_tables(found, "Force"))]
+    if found.posterior is not None:
+        drawing = draw(posterior_figure, beside((found.interval,), found.posterior), found.confidence)
+        tables = (*parameter_tables(found), *figure_tables(found, "Posterior"))
+        said = f"Where the muscle was held, its constants being wrong by any share. {found.posterior.settled}."
+        sections.append(Section("posterior", "Posterior", (said,), tables, (drawing,)))
     told = tuple((v.kind, v.said) for v in found.verdicts)
     return Page(
-        study.name, "Isolated muscle", found.headline, sections=(section,), footer=study.config.citation, verdicts=told
+        study.name,
+        "Isolated muscle",
+        found.headline,
+        sections=tuple(sections),
+        footer=study.config.citation,
+        verdicts=told,
     )
