@@ -1,6 +1,6 @@
 """Do posteriors hold, beside the intervals of least squares, where data are few? And does the sampler sample?
 
-- The sampler: 120 truths are drawn from a prior, data from the equations of the likelihood itself, bound, neglected
+- The sampler: 80 truths are drawn from a prior, data from the equations of the likelihood itself, bound, neglected
   physics and unknown noise included, and each truth's rank among its posterior's draws is counted [1]_. Plant and model
   are the same here: this says that draws are the posterior's, and nothing of a machine.
 - 24 drawn benches with the physics of `evidence/coverage.py` that no model has, recorded for 4 s each instead of 20,
@@ -8,8 +8,12 @@
 - 24 drawn muscles, recorded for a second each on one amplitude: where each was held. Its constants are off by 5 %
   (lengths) and 10 % (others) from those the model has, its force sinks by up to 10 % a second, which no model has.
 
+- 12 drawn wearers of the knee orthosis, their strap fitted on one swing: six have the spring and damper that is
+  identified, six a strap whose tangent doubles at 0.2 to 0.4 rad; the target is the tangent where it begins to pull.
+  Orthosis, instruments and wearers are the rig's, with the friction and the errors that it has.
+
 Beside each figure of the posterior stands the interval's of the same parameter. Seeds are not those that the likelihood
-was written on (777 of benches, 5 of muscles).
+was written on (777 of benches, 5 of muscles, 777 to 781 of wearers).
 
 .. [1] S. Talts, M. Betancourt, D. Simpson, A. Vehtari, A. Gelman, "Validating Bayesian inference algorithms with
    simulation-based calibration", 2018.
@@ -32,13 +36,16 @@ from pellucid.fit.posterior.muscle_posterior import ForceGrid, offset_interval, 
 from pellucid.fit.posterior.posterior import DrawnParameter
 from pellucid.fit.posterior.straight import Straight
 from pellucid.lab.bench.rig import BenchRig
-from pellucid.lab.study import write_study
+from pellucid.lab.knee.drawn import drawn_rig
+from pellucid.lab.knee.rig import knee_orthosis
+from pellucid.lab.study import record_in_memory, write_study
 from pellucid.models.muscle import Muscle
+from pellucid.procedures.coupling.identify_coupling import identify_worn
 from pellucid.recordings.results import ResultRow
 
 from .coverage import drawn_benches
 
-TRUTHS, BENCHES, MUSCLES = 120, 24, 24
+TRUTHS, BENCHES, MUSCLES, WEARERS = 80, 24, 24, 12
 SEED = 20261122
 SECONDS = 4.0
 """Of each recording of a bench; two are fitted."""
@@ -57,11 +64,19 @@ CONSTANTS = {
 }
 """Of the muscle as the model has it, SI, and by which share a drawn one differs."""
 
+UNUSED = ("mvc", "torque", "brief", "swing_2")
+"""Trials of a wearer that a strap needs none of."""
+
+OTHERWISE = ("slack", "mobility", "hardening", "relaxing_stiffness", "relaxation_time", "across", "along")
+"""How a strap differs from a spring and a damper: not at all, but for what is tried."""
+
 Both = tuple[Parameter, DrawnParameter, float]
 """A parameter by least squares, by a posterior, and its target."""
 
 
-def rows(truths: int = TRUTHS, benches: int = BENCHES, muscles: int = MUSCLES) -> Iterator[ResultRow]:
+def rows(
+    truths: int = TRUTHS, benches: int = BENCHES, muscles: int = MUSCLES, wearers: int = WEARERS
+) -> Iterator[ResultRow]:
     """Every figure."""
     seeds = np.random.default_rng(SEED).integers(2**31, size=truths)
     yield from calibration_rows(in_order([(ranks, int(seed)) for seed in seeds]))
@@ -72,6 +87,12 @@ def rows(truths: int = TRUTHS, benches: int = BENCHES, muscles: int = MUSCLES) -
         yield from coverage_rows(f"bench.{name}", [one[name] for one in found if name in one], said)
     found = in_order([(muscle, SEED + i) for i in range(muscles)])
     yield from coverage_rows("muscle.offset", found, f"{len(found)} drawn muscles, constants and fatigue unmodelled")
+    found = in_order([(strap, SEED + i, i % 2 == 1) for i in range(wearers)])
+    for kind, some in (("as_modelled", found[::2]), ("hardening", found[1::2])):
+        for name in ("stiffness", "damping"):
+            pairs = [one[name] for one in some if name in one]
+            if pairs:
+                yield from coverage_rows(f"strap.{kind}.{name}", pairs, f"{len(some)} drawn wearers, one swing")
 
 
 def _row(name: str, value: float, unit: str, note: str) -> ResultRow:
@@ -168,6 +189,27 @@ def muscle(seed: int) -> Both:
     ]
     grid = ForceGrid(offsets, plain, np.stack(slopes, axis=2), measured, (int(scored.sum()),))
     return offset_interval(grid, grid.best), offset_posterior(grid)["offset"], offset
+
+
+# --- drawn straps ---------------------------------------------------------------------------------------------------
+
+
+def strap(seed: int, hardens: bool) -> dict[str, Both]:
+    """Stiffness and damping of a drawn wearer's strap by least squares, by a posterior, and in truth; nothing where
+    either refuses."""
+    rig = drawn_rig(knee_orthosis(), seed)
+    [(who, subject)] = rig["subjects"].items()
+    own = {name: subject["strap"][name] for name in ("stiffness", "damping")} | dict.fromkeys(OTHERWISE, 0.0)
+    if hardens:
+        own["hardening"] = float(np.random.default_rng([seed, 0x6]).uniform(0.2, 0.4))
+    rig = replace(rig, tables={**rig.tables, "subjects": {who: {**subject, "strap": own}}})
+    made = [t for t in rig.trials(1) if not any(word in t.name for word in UNUSED)]
+    config, recordings, _ = record_in_memory(rig, made, seed=1)
+    config = config.model_copy(update={"coupling": config.coupling.model_copy(update={"posterior": True})})
+    found = identify_worn(config, recordings).wearers[who].coupling
+    fitted = {p.name: p for p in found.orthosis_side.parameters}
+    names = ("stiffness", "damping") if found.posterior is not None else ()
+    return {name: (fitted[name], found.posterior[name], own[name]) for name in names}
 
 
 # --- coverage -------------------------------------------------------------------------------------------------------

@@ -80,7 +80,11 @@ class Draws:
             f"{ENSEMBLES} ensembles, {self.independent:.0f} independent draws, autocorrelation time {self.memory:.0f} "
             f"of {self.steps} steps, R-hat {self.apart:.4f}"
         )
-        return said if self.weighed == 1.0 else f"{said}; {100.0 * self.weighed:.0f} % count where the model bends"
+        return (
+            said
+            if self.weighed == 1.0
+            else f"{said}; {100.0 * self.weighed:.0f} % of the draws count where the model bends"
+        )
 
 
 def drawn(

@@ -233,13 +233,16 @@ class StrapProblem:
         rows = len(residual) - (self.prior is not None and self.free_gain)
         return residual, jacobian, float(residual @ residual) / max(rows, 1)
 
-    def _linearised(self, x: np.ndarray, body: bool = False) -> tuple[np.ndarray, np.ndarray, list[np.ndarray]]:
+    def _linearised(
+        self, x: np.ndarray, body: bool = False, at: StrapPoint | None = None
+    ) -> tuple[np.ndarray, np.ndarray, list[np.ndarray]]:
         """Residuals, their Jacobian with the sign of the model's, and derivatives by each body's parameters."""
         k, b, i, g = x[:4]
         residuals, jacobians, bodies = [], [], []
         for index, trial in enumerate(self.trials):
             shift, offset = x[4 + 2 * index : 6 + 2 * index]
             time, keep = trial.times(shift)
+            keep = keep if at is None else trial.times(at.shifts[index])[1]
             t = time[keep]
             series, rate = trial.sample(trial.forcing.derivatives(k, b, i), t)
             angle = trial.angle(t) + series[:, 0]
@@ -288,6 +291,13 @@ class StrapProblem:
         total = total + push @ self.trials[0].torque.covariance @ push.T
         shared = len(self.names(inertia=inertia))
         return total[:shared, :shared]
+
+    def about(self, point: StrapPoint, at: StrapPoint | None = None) -> tuple[np.ndarray, np.ndarray, list[np.ndarray]]:
+        """Residuals, (m,), at a `point`; their Jacobian by stiffness, damping, gain, and each trial's clock and offset,
+        (m, p), with the sign of the model's; and derivatives by each body's parameters, trial by trial. Samples that
+        count are those that do `at` another point, if one is given."""
+        residual, jacobian, bodies = self._linearised(self._vector(point), body=True, at=at)
+        return residual, np.delete(jacobian, 2, axis=1), bodies
 
     def residuals(self, point: StrapPoint) -> tuple[np.ndarray, ...]:
         """Of each trial at all of the IMU's times [rad], at a `point`; NaN where a sample does not count."""

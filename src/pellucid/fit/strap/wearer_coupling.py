@@ -6,12 +6,14 @@ Arrays in, values out: what is read from files, and what a simulation hands over
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from ..._errors import IdentificationError
 from ..parameter import Parameter, Verdict
+from ..posterior.posterior import Posterior
+from ..posterior.strap_posterior import strap_posterior
 from ..transfer.transfer_function_fit import fit_percent
 from .coupled_impedance import (
     CouplingFit,
@@ -74,6 +76,8 @@ class WearerCoupling:
     evaluated: tuple[EvaluatedSwing, ...]
     slips: tuple[Slip, ...]  # Trials in which the strap slipped; they were not fitted
     verdicts: tuple[Verdict, ...]
+    posterior: Posterior | None = None  # Of the orthosis side's strap, if one is asked for
+    no_posterior: str = ""  # Why there is none although one is
 
     def mean_fit(self, model: str = "orthosis", split: str = "heldout") -> float:
         """Mean fit of a `model` over the trials of a `split` [%]; NaN where there are none."""
@@ -94,9 +98,11 @@ def identify_wearer(
     limb: Limb | None = None,
     gain: Parameter | None = None,
     imu_sd: float = float("nan"),
+    posterior: bool = False,
+    level: float = 0.95,
 ) -> WearerCoupling:
-    """Fit the strap on the fitted swings, from both sides and as published; judge all on every swing. `imu_sd`
-    [rad]."""
+    """Fit the strap on the fitted swings, from both sides and as published; judge all on every swing; draw a
+    `posterior` with intervals at `level` too. `imu_sd` [rad]."""
     fitted = [s for s in swings if s.split == "fitted"]
     if not fitted:
         raise IdentificationError(f"{participant}: found no swing to fit, expected one or more")
@@ -119,7 +125,13 @@ def identify_wearer(
         for s in swings
     )
     made = WearerCoupling(participant, fit, other, published, evaluated, tuple(slips), ())
-    return WearerCoupling(participant, fit, other, published, evaluated, tuple(slips), coupling_verdicts(made, failure))
+    if posterior:
+        try:
+            drawn = strap_posterior(used, [torques[s.name] for s in used], fit, gain=gain, level=level)
+            made = replace(made, posterior=drawn)
+        except IdentificationError as error:
+            made = replace(made, no_posterior=str(error))
+    return replace(made, verdicts=coupling_verdicts(made, failure))
 
 
 def coupling_verdicts(found: WearerCoupling, no_limb: str = "") -> tuple[Verdict, ...]:

@@ -9,6 +9,8 @@ from ...pages.page import Page, Section, Tile
 from ...pages.quantities import number, prose, unit_text
 from ...pages.tables import number_table
 from ...recordings.study import Study
+from ..posterior_beside import beside
+from ..posterior_figures import posterior_figure
 from ..study_page import figure_tables, parameter_tables, study_page
 from . import coupling_figures as figures
 from .coupling_result import CouplingResult
@@ -89,6 +91,9 @@ def _straps(findings: CouplingResult) -> Section:
     drawings = [draw(figures.straps_figure, findings.wearers, findings.confidence)]
     for who, stages in findings.wearers.items():
         drawings.append(draw(figures.mismatch_figure, who, figures.drawn_swing(stages.coupling.evaluated)))
+        if stages.coupling.posterior is not None:
+            compared = beside(stages.coupling.orthosis_side.parameters, stages.coupling.posterior)
+            drawings.append(draw(posterior_figure, compared, findings.confidence, f"posterior-{who}"))
     return Section(
         "coupling_straps",
         "The straps",

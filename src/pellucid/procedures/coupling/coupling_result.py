@@ -18,6 +18,7 @@ from ...fit.strap.published_coupling import PublishedCoupling
 from ...fit.strap.wearer_coupling import WearerCoupling
 from ...models.parameter_card import ParameterCard
 from ...recordings.results import ResultRow, checksum_of_all
+from ..posterior_beside import beside, posterior_rows, posterior_table, posterior_verdicts
 from ..result import FigureTable, ParameterTable, Result
 
 WORDS: Mapping[str, str] = {
@@ -72,8 +73,8 @@ def coupling_result(
     return CouplingResult(
         study=study,
         headline=_headline(orthosis, wearers),
-        tables=tuple(_tables(orthosis, wearers)),
-        verdicts=tuple(_verdicts(orthosis, wearers, refused, notes)),
+        tables=(*_tables(orthosis, wearers), *_posterior_tables(wearers, confidence)),
+        verdicts=(*_verdicts(orthosis, wearers, refused, notes), *_posterior_verdicts(wearers, confidence)),
         rows=tuple(_rows(study, orthosis, wearers, refused, checksums, files, confidence)),
         cards=_cards(study, orthosis, wearers, files, confidence),
         checksums=checksums,
@@ -114,6 +115,24 @@ def _tables(orthosis: OrthosisFit, wearers: Mapping[str, WearerStages]) -> Itera
         for j in stages.coupling.evaluated
     ]
     yield FigureTable("Mismatch explained", heads, tuple(evaluated))
+
+
+def _posterior_tables(wearers: Mapping[str, WearerStages], confidence: float) -> Iterator[FigureTable]:
+    for who, stages in wearers.items():
+        found = stages.coupling
+        if found.posterior is not None:
+            compared = beside(found.orthosis_side.parameters, found.posterior)
+            yield posterior_table(f"{who}: posterior beside the strap's intervals", compared, confidence)
+
+
+def _posterior_verdicts(wearers: Mapping[str, WearerStages], confidence: float) -> Iterator[Verdict]:
+    for who, stages in wearers.items():
+        found = stages.coupling
+        if found.no_posterior:
+            yield Verdict("warning", f"{who}: no posterior could be drawn: {found.no_posterior}.")
+        if found.posterior is not None:
+            compared = beside(found.orthosis_side.parameters, found.posterior)
+            yield from posterior_verdicts(compared, found.posterior, confidence, who)
 
 
 def _known(value: float) -> float | None:
@@ -187,6 +206,11 @@ def _rows(
     for who, stages in wearers.items():
         yield from _limb_rows(who, stages, row, parameter)
         yield from _coupling_rows(who, stages.coupling, row, parameter, checksums)
+        if stages.coupling.posterior is not None:
+            drawn = stages.coupling.posterior
+            plain = ResultRow("", None, "1", "identify", "fitted", all_of[who], drawn.settled)
+            compared = beside(stages.coupling.orthosis_side.parameters, drawn)
+            yield from posterior_rows(f"{study}.{who}.coupling", compared, confidence, plain)
     for who, why in refused.items():
         yield row(f"{who}.coupling.fit", None, "%", "heldout", f"refused: {why}")
 

@@ -12,6 +12,7 @@ from dataclasses import replace
 import numpy as np
 
 from ..._errors import IdentificationError, PellucidError
+from ...fit.posterior.ensemble import require_sampler
 from ...fit.strap.limb_alone import fit_limb
 from ...fit.strap.limb_imu import calibrate_imu, limb_by_imu
 from ...fit.strap.limb_muscles import Levels, MuscleTorque, at_work, envelopes, find_levels, fit_muscle_torque
@@ -49,6 +50,8 @@ def identify_coupling(study: Study, on_progress: Progress | None = None) -> Coup
     ``relaxed_holds``, ``mvc``, ``torque_steps``, ``free_swing``. What is marked to validate is judged, never fitted.
     """
     tell = on_progress or (lambda text, share: None)
+    if study.config.coupling is not None and study.config.coupling.posterior:
+        require_sampler()
     tell("reading recordings", 0.0)
     recordings = study.recordings()
     found = identify_worn(study.config, recordings, on_progress=lambda text, share: tell(text, 0.3 + 0.7 * share))
@@ -206,7 +209,8 @@ def _wearer(
         raise IdentificationError(f"{who}: no free swing can be used: " + ("; ".join(dropped.values()) or "none found"))
     known = limb.limb if limb is not None and np.isfinite(limb.inertia.value) else None
     sd = calibration.sd if calibration is not None else float("nan")
-    coupling = identify_wearer(who, swings, orthosis.orthosis, limb=known, imu_sd=sd)
+    told = {"posterior": asked.posterior, "level": asked.confidence}
+    coupling = identify_wearer(who, swings, orthosis.orthosis, limb=known, imu_sd=sd, **told)
     return WearerStages(calibration, limb, muscles, coupling, working, dropped, tuple(notes))
 
 
