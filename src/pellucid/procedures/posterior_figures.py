@@ -20,7 +20,7 @@ SHOWN = (0.002, 0.998)
 """Quantiles between which draws are shown."""
 
 
-def posterior_figure(compared: Sequence[Beside], level: float, name: str = "posterior") -> Drawing:
+def posterior_figure(compared: Sequence[Beside], level: float, file: str = "posterior") -> Drawing:
     """Draws of every parameter, and below them the posterior's interval and the fit's."""
     columns = min(len(compared), {4: 4, 8: 4}.get(len(compared), 3))
     rows = -(-len(compared) // columns)
@@ -45,9 +45,10 @@ def posterior_figure(compared: Sequence[Beside], level: float, name: str = "post
         axis.grid(axis="y", visible=False)
         axis.xaxis.set_major_locator(MaxNLocator(4, steps=[1, 2, 2.5, 5, 10]))
         unit = unit_text(one.drawn.unit)
-        axis.set_title(label(one.drawn.name) + (f" ({unit})" if unit else ""), fontsize=8.5)
+        name = label(one.drawn.name)
+        axis.set_title(name[:1].upper() + name[1:] + (f" ({unit})" if unit else ""), fontsize=8.5)
     return Drawing(
-        name,
+        file,
         figure,
         f"Draws of each parameter; below them, in blue, median and {100.0 * level:.4g} % interval of the posterior, in "
         "dark grey value and interval of the fit: no bar where that is refused, or a bound holds the value.",
