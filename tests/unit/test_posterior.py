@@ -148,6 +148,11 @@ def test_too_few_steps_are_refused_in_words():
     assert "steps at a memory of" in settled([walk, walk + 1.0]).unsettled
 
 
+def test_walkers_that_never_move_are_refused_in_words():
+    still = np.tile(np.random.default_rng(10).standard_normal((1, 8, 1)), (400, 1, 1))
+    assert "0 independent draws" in settled([still, still]).unsettled
+
+
 def test_without_the_sampler_it_is_said_what_to_install(monkeypatch):
     monkeypatch.setitem(sys.modules, "emcee", None)
     with pytest.raises(PellucidError, match=r"found no package emcee.*pellucid\[posterior\]"):

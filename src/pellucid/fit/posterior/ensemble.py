@@ -120,6 +120,8 @@ def settled(chains: list[np.ndarray]) -> Draws:
     steps = len(chains[0])
     kept = [chain[round(BURNT * steps) :] for chain in chains]
     together = np.concatenate(kept, axis=1)
+    if any(np.any(np.ptp(chain, axis=0).max(axis=0) == 0.0) for chain in kept):  # no walker ever moved
+        return Draws(together.reshape(-1, together.shape[2]), steps, np.inf, 0.0, np.inf)
     memory = float(np.max(time(together, tol=0, quiet=True)))
     # Walkers lead each other: an ensemble's mean may remember longer than any of them.
     means = np.stack([chain.mean(axis=1) for chain in kept], axis=1)
