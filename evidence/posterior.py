@@ -13,7 +13,8 @@
   Orthosis, instruments and wearers are the rig's, with the friction and the errors that it has.
 
 Beside each figure of the posterior stands the interval's of the same parameter. Seeds are not those that the likelihood
-was written on (777 of benches, 5 of muscles, 777 to 781 of wearers).
+was written on (777 of benches, 5 of muscles, 777 to 781 of wearers); that of muscles was mended once after they were
+seen, because two posteriors had not settled.
 
 .. [1] S. Talts, M. Betancourt, D. Simpson, A. Vehtari, A. Gelman, "Validating Bayesian inference algorithms with
    simulation-based calibration", 2018.

@@ -59,33 +59,33 @@ def offset_interval(grid: ForceGrid, offset: float) -> Parameter:
 
 def offset_likelihood(grid: ForceGrid) -> MarginalLikelihood:
     """Of the offset, the model's constants being wrong by any share."""
-    left = grid.measured - grid.forces
-    columns = WRONG * grid.slopes
-    square, cross = np.sum(left**2, axis=1), np.sum(left[1:] * left[:-1], axis=1)
-    moment = np.einsum("gmc,gm->gc", columns, left)
-    gram = np.einsum("gmc,gmd->gcd", columns, columns)
+    left = (grid.measured - grid.forces)[:, :, None]
+    both = np.concatenate([left, WRONG * grid.slopes], axis=2)
+    products = np.einsum("gmi,gmj->gij", both, both)
+    across = np.einsum("gmi,gmj->gij", both[:-1], both[1:])
+    across = across + np.swapaxes(across, 1, 2)
     step = grid.offsets[1] - grid.offsets[0]
 
     def misfit(values: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        # What is straight between two offsets has products that are not, and may not be taken for straight: v would
+        # fall to nothing where a part of them is less than the whole allows.
         place = np.clip((values[:, 0] - grid.offsets[0]) / step, 0.0, len(grid.offsets) - 1.0)
         low = np.minimum(place.astype(int), len(grid.offsets) - 2)
-        share = place - low
+        share = (place - low)[:, None, None]
         rest = 1.0 - share
-        found = rest**2 * square[low] + 2.0 * rest * share * cross[low] + share**2 * square[low + 1]
-        turned = rest[:, None] * moment[low] + share[:, None] * moment[low + 1]
-        spread = rest[:, None, None] * gram[low] + share[:, None, None] * gram[low + 1]
-        return found, turned, spread
+        found = rest**2 * products[low] + rest * share * across[low] + share**2 * products[low + 1]
+        return found[:, 0, 0], found[:, 1:, 0], found[:, 1:, 1:]
 
-    best = grid.best
-    at = int(np.argmin(np.abs(grid.offsets - best)))
-    both = np.column_stack([grid.slope(best), columns[at]])
-    least = float(np.sum((left[at] - both @ np.linalg.lstsq(both, left[at], rcond=None)[0]) ** 2))
-    noise = Noise.of(both[:, :1], left[at], list(grid.lengths))
+    at = int(np.argmin(products[:, 0, 0]))
+    # The least that any offset and constants leave, wherever that is.
+    solved = [x[0, 0] - x[0, 1:] @ np.linalg.lstsq(x[1:, 1:], x[1:, 0], rcond=None)[0] for x in products]
+    least = float(min(solved))
+    noise = Noise.of(grid.slope(grid.best)[:, None], left[at, :, 0], list(grid.lengths))
     # Of what the residual is, misfit of the constants is no noise.
-    noise = Noise(noise.variance * min(1.0, least / square[at]), noise.freedom)
+    noise = Noise(noise.variance * min(1.0, least / products[at, 0, 0]), noise.freedom)
     half = 0.5 * (grid.offsets[-1] - grid.offsets[0])
     prior = Prior(grid.offsets[:1], grid.offsets[-1:], np.zeros(1), np.array([half]))
-    count = columns.shape[2]
+    count = grid.slopes.shape[2]
     return MarginalLikelihood(misfit, prior, noise, least, 1 + count, np.ones(count), np.zeros(count))
 
 
