@@ -122,7 +122,7 @@ def _posterior_tables(wearers: Mapping[str, WearerStages], confidence: float) ->
         found = stages.coupling
         if found.posterior is not None:
             compared = beside(found.orthosis_side.parameters, found.posterior)
-            yield posterior_table(f"{who}: posterior beside the strap's intervals", compared, confidence)
+            yield posterior_table(f"{who}: posterior beside those of a spring and a damper", compared, confidence)
 
 
 def _posterior_verdicts(wearers: Mapping[str, WearerStages], confidence: float) -> Iterator[Verdict]:
