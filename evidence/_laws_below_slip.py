@@ -1,7 +1,7 @@
 """What laws of a worn elbow make of friction that builds up over a travel before it slips.
 
 Five drawn robots that no constant was chosen on, each at every travel, each identified for itself with its travel
-measured; three people who took no part in choosing, six movements there and back under each law. The simplest rivals
+measured; three people who took no part in choosing, five movements there and back under each law. The simplest rivals
 are no law at all (`unpowered`), the published FC, over which torques are told, and the law without dither. Dither is
 tried three times: `dithered` as it is offered (the law without it where the measured travel refuses it),
 `dithered_anyway` whatever was measured, and `dithered_slowly`, at 600 rad/s, which nobody is offered.

@@ -2,7 +2,7 @@
 
 A line is a rig: straps that are a spring and a damper over friction that slips at once (`plain`, what models know);
 that and one physics more; and all at once. Figures are those of `pellucid reproduce`, from fewer of everything: three
-drawn elbows with three people and six movements there and back a law, whose robots are identified for themselves; the
+drawn elbows with three people and five movements there and back a law, whose robots are identified for themselves; the
 virtual knee orthosis alone and its three wearers' straps, one seed. Nothing here was chosen by what it shows.
 """
 

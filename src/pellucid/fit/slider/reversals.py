@@ -20,9 +20,6 @@ from ... import _core
 from ...signals.filters import zero_phase_lowpass
 from ..parameter import Parameter
 
-REVERSALS = "reversals"
-"""The protocol."""
-
 LOWPASS = 15.0  # Hz: a joint that breaks away does so within a tenth of a second
 BAND = 12e-3  # rad: of the motion on either side of a turn; the largest travel is less than half of it
 LEAST, MOST, TRIED = 2e-5, 4.8e-3, 25  # rad: travels that are tried, from less than most encoders count

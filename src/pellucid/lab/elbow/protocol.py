@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ...protocols.fourier import optimised_fourier, play
+from ...protocols.reversals import REVERSALS
 from ...protocols.swept_sine import swept_sine
 from ..rig import Trial
 
@@ -33,7 +34,7 @@ SWEEP = {"duration": 25.0, "amplitude": 0.5, "start": 1.0, "growth": 3.0}
 SLOW_MOVES, SLOW_TRAVEL = 10, 1.0
 """Slow movements in either direction, and how far each goes [rad]."""
 
-REVERSALS = {"amplitude": 0.15, "frequency": 0.05, "periods": 3.0, "places": (1 / 3, 2 / 3)}
+TURNS = {"amplitude": 0.15, "frequency": 0.05, "periods": 3.0, "places": (1 / 3, 2 / 3)}
 """Slow motions that turn round: [rad], [Hz], and where in the range. Friction then takes a second to change over."""
 
 TRAVEL_MARGIN = 0.1  # rad: between the range's ends and where constant velocities turn round
@@ -114,9 +115,9 @@ def sweep(rig: ElbowRig, *, literal: bool) -> tuple[np.ndarray, float]:
 
 def reversals(rig: ElbowRig, place: float) -> tuple[np.ndarray, float]:
     """To and fro about a place of the range, slowly; position reference [rad] and start [rad]."""
-    span, fs, w = rig["range"], rig["sampling"]["rate"], 2.0 * np.pi * REVERSALS["frequency"]
-    time = np.arange(round(REVERSALS["periods"] / REVERSALS["frequency"] * fs)) / fs
-    reference = span["low"] + place * (span["high"] - span["low"]) + REVERSALS["amplitude"] * np.cos(w * time)
+    span, fs, w = rig["range"], rig["sampling"]["rate"], 2.0 * np.pi * TURNS["frequency"]
+    time = np.arange(round(TURNS["periods"] / TURNS["frequency"] * fs)) / fs
+    reference = span["low"] + place * (span["high"] - span["low"]) + TURNS["amplitude"] * np.cos(w * time)
     return reference, float(reference[0])
 
 
@@ -144,7 +145,7 @@ def trials(rig: ElbowRig, fourier: Callable[[ElbowRig], np.ndarray] | None = Non
     add("constant_velocity", "validate", "velocity", cv, unseen, "unseen_constant")
     add("swept_sine", "validate", "velocity", printed, unseen, "unseen_sweep")
     add("slow", "validate", "velocity", slow, unseen, "unseen_slow")
-    for i, place in enumerate(REVERSALS["places"]):
+    for i, place in enumerate(TURNS["places"]):
         made.append(_reversals(rig, place, f"reversals_{i + 1}"))
     return tuple(made)
 
@@ -153,7 +154,7 @@ def _reversals(rig: ElbowRig, place: float, name: str) -> ElbowTrial:
     """The carriage in the middle of its rail: where it is changes nothing of what is looked for."""
     reference, start = reversals(rig, place)
     middle = 0.5 * (rig["slider"]["low"] + rig["slider"]["high"])
-    return ElbowTrial(name, "reversals", "fit", reference=reference, loop="position", start=start, slider=middle)
+    return ElbowTrial(name, REVERSALS, "fit", reference=reference, loop="position", start=start, slider=middle)
 
 
 def excitation(rig: ElbowRig) -> np.ndarray:

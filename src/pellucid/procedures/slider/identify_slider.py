@@ -10,11 +10,12 @@ import numpy as np
 from ..._errors import IdentificationError, RecordingError
 from ...fit.parameter import Parameter, Verdict
 from ...fit.slider.coherent_body import LOAD_START, fit_coherent
-from ...fit.slider.reversals import FEWEST, REVERSALS, presliding_travel
+from ...fit.slider.reversals import FEWEST, presliding_travel
 from ...fit.slider.slider_fit import METHODS, SliderEstimate, SliderFit, TrialError
 from ...fit.slider.three_steps import STEPS, all_at_once, directional_columns, static_set, three_steps
 from ...models.directional_slider import DirectionalSliderModel
 from ...models.slider_joint import SliderJointModel
+from ...protocols.reversals import REVERSALS
 from ...recordings.quality import require_sound
 from ...recordings.recording import Recording
 from ...recordings.study import Study

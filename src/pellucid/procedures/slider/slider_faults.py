@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from ..._errors import IdentificationError, PellucidError
-from ...fit.slider.reversals import REVERSALS
 from ...fit.slider.three_steps import STEPS, require_both_directions, require_places
+from ...protocols.reversals import REVERSALS
 from ...recordings.fault import Fault
 from ...recordings.quality import inspect
 from ...recordings.recording import Recording
