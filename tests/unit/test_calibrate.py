@@ -336,6 +336,14 @@ def test_nothing_to_judge_is_refused(tmp_path, quick):
         calibrate(study)
 
 
+def test_no_torque_at_all_is_refused(tmp_path, quick):
+    study = leg(tmp_path / "leg")
+    config = study.folder / "study.toml"
+    config.write_text(config.read_text(encoding="utf-8").replace("moment.knee", "other.knee"), encoding="utf-8")
+    with pytest.raises(IdentificationError, match="joint knee: found 0 recordings to fit and 0 to judge"):
+        calibrate(open_study(study.folder))
+
+
 def test_the_page_shows_what_was_found(tmp_path, quick):
     study = leg(tmp_path / "leg")
     found = calibrate(study)

@@ -90,9 +90,22 @@ def _judge_by(study: Study) -> Callable[[Study, Progress], Calibrated]:
     return _by_recording
 
 
+def _fitted_and_held(
+    study: Study, joint: str, trials: list[TorqueTrial]
+) -> tuple[list[TorqueTrial], list[TorqueTrial]]:
+    parts = [t for t in trials if not t.heldout], [t for t in trials if t.heldout]
+    if not all(parts):
+        raise IdentificationError(
+            f"{study.folder}, joint {joint}: found {len(parts[0])} recordings to fit and {len(parts[1])} to judge, "
+            "expected at least one of each"
+        )
+    return parts
+
+
 def _by_recording(study: Study, tell: Progress) -> Calibrated:
     found, joints = Calibrated(), study.config.emg_torque.joints
     trials = {joint: moment_trials(study, joint) for joint in joints}
+    parts = {joint: _fitted_and_held(study, joint, trials[joint]) for joint in joints}
     runs = [
         (joint, name, causal)
         for causal, names in ((False, EVALUATED), (True, CAUSAL))
@@ -102,13 +115,7 @@ def _by_recording(study: Study, tell: Progress) -> Calibrated:
     traces: dict[tuple[str, str], TorqueTrace] = {}
     for i, (joint, name, causal) in enumerate(runs):
         tell(f"{joint}, {ESTIMATORS[name].words}", i / len(runs))
-        fitted = [trial for trial in trials[joint] if not trial.heldout]
-        held = [trial for trial in trials[joint] if trial.heldout]
-        if not fitted or not held:
-            raise IdentificationError(
-                f"{study.folder}, joint {joint}: found {len(fitted)} recordings to fit and {len(held)} to judge, "
-                "expected at least one of each"
-            )
+        fitted, held = parts[joint]
         fit = fit_torque_map(fitted, name, causal=causal)
         if causal and name == CARD:
             found.cards[f"torque_map_{joint}"] = torque_card(study, fit, fitted, f"torque_map_{joint}")
