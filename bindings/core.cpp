@@ -8,6 +8,7 @@
 #include "kernels.hpp"
 #include "laws.hpp"
 #include "strap.hpp"
+#include "strap_response.hpp"
 #include "supervision.hpp"
 #include "tree.hpp"
 #include "worn_orthosis.hpp"
@@ -490,6 +491,7 @@ NB_MODULE(_core, m) {
   b::add_worn_orthosis(m);
   b::add_hill(m);
   b::add_strap(m);
+  b::add_strap_response(m);
   b::add_tree(m);
   b::add_driven_tree(m);
   b::add_zero_phase(m);

@@ -48,6 +48,7 @@
 #include "series_elastic.hpp"
 #include "spatial.hpp"
 #include "strap.hpp"
+#include "strap_response.hpp"
 #include "strap_estimator.hpp"
 #include "symmetric_solve.hpp"
 #include "torque_feedback.hpp"

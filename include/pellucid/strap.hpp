@@ -127,6 +127,11 @@ template <class S> S lasting_torque(const StrapCoefficients<S>& c, const S& stre
   return c.hardens ? linear * (S(1) + c.cubic * (stretch * stretch)) : linear;
 }
 
+/// Its stiffness there: the tangent [N m/rad].
+template <class S> S lasting_stiffness(const StrapCoefficients<S>& c, const S& stretch) noexcept {
+  return c.hardens ? c.stiffness * (S(1) + S(3) * (c.cubic * (stretch * stretch))) : c.stiffness;
+}
+
 /// Stretch at which a strap in the end carries a torque; 0 where nothing is strapped on [rad].
 template <class S> S stretch_under(const StrapCoefficients<S>& c, const S& torque) noexcept {
   const mask_t<S> strapped = c.stiffness > S(0);
