@@ -4,6 +4,7 @@ The core: every physical model once, in C++ (include/pellucid). SI units through
 
 from collections.abc import Sequence
 
+import numpy
 from numpy import float32, float64
 from numpy.typing import ArrayLike, NDArray
 
@@ -1435,6 +1436,40 @@ def strap_torque_jacobian(
     -------
     tuple
         Torque against the limb (n,) [N m], and its derivatives (n, k).
+    """
+
+def strap_response(
+    parameters: ArrayLike,
+    robot_position: ArrayLike,
+    torque: ArrayLike,
+    *,
+    period: float,
+    still: float,
+    active: ArrayLike,
+) -> tuple[NDArray[numpy.float64], ...]:
+    """
+    Where a limb must be for its strap to pull at the robot as was measured.
+
+    At first the strap has settled. In its gap no torque tells where the limb is: it is then left on the flank that
+    pulled last.
+
+    Parameters
+    ----------
+    parameters : (11,)
+        In the order of STRAP_PARAMETER_NAMES, SI.
+    robot_position, torque : (n,)
+        Angle of the robot [rad], and the strap's torque on it [N m].
+    period : float
+        Between two samples [s], > 0.
+    still : float
+        Torque up to which nothing pulls where there is a gap [N m].
+    active : (k,) of int
+        Which parameters are derived by, as indices into STRAP_PARAMETER_NAMES.
+
+    Returns
+    -------
+    tuple
+        The limb's angle (n,) [rad], its stretch (n,) [rad], and derivatives of the angle (n, k).
     """
 
 LINK_PARAMETER_NAMES: tuple[str, ...]

@@ -249,7 +249,7 @@ def discrepancy_of(
     count, size, x = len(scale), float(np.sqrt(np.mean(residual**2))), lacks.both
     w = jacobian[:, free] / scale
     gram, moment = x.T @ x / lacks.noise, x.T @ lacks.target / lacks.noise
-    spread = _share(gram, moment, count) ** 2 + lacks.tied
+    spread = likeliest_share(gram, moment, count) ** 2 + lacks.tied
     prior = np.concatenate([np.zeros(count), 1.0 / spread])
     try:
         posterior = np.linalg.inv(gram + np.diag(prior))
@@ -259,7 +259,7 @@ def discrepancy_of(
     plain = np.linalg.lstsq(w, residual, rcond=None)[0]  # not 0 where a bound holds a parameter
     shift = plain - found[:count]
     units = np.outer(scale, scale)
-    part = np.outer(shift, shift) + _beyond(posterior[:count, :count], statistical[np.ix_(free, free)] * units)
+    part = np.outer(shift, shift) + beyond(posterior[:count, :count], statistical[np.ix_(free, free)] * units)
     covariance[np.ix_(free, free)] = part / units
     moved = np.linalg.lstsq(w[rows], x[:, count:] * found[count:], rcond=None)[0]
     moved = np.column_stack([moved, shift - moved.sum(axis=1)])
@@ -328,7 +328,7 @@ def _columns(
     return np.hstack(made), tuple(words), np.array(sizes)
 
 
-def _share(gram: np.ndarray, moment: np.ndarray, count: int) -> float:
+def likeliest_share(gram: np.ndarray, moment: np.ndarray, count: int) -> float:
     """The likeliest s, of normal equations of p + k columns over the noise, the first `count` of them the model's."""
     own, cross, beside = gram[:count, :count], gram[:count, count:], gram[count:, count:]
     solved = np.linalg.solve(own, np.column_stack([cross, moment[:count]]))
@@ -340,7 +340,7 @@ def _share(gram: np.ndarray, moment: np.ndarray, count: int) -> float:
     return float(SHARES[np.argmax(np.sum(score**2 * s2 / (1.0 + s2 * values) - np.log1p(s2 * values), axis=1))])
 
 
-def _beyond(whole: np.ndarray, part: np.ndarray) -> np.ndarray:
+def beyond(whole: np.ndarray, part: np.ndarray) -> np.ndarray:
     """What of a covariance exceeds another, both (p, p), in every direction in which it does."""
     error = np.sqrt(np.diag(part))
     values, vectors = np.linalg.eigh(part / np.outer(error, error))

@@ -22,7 +22,8 @@ class ParameterCard:
     Attributes
     ----------
     kind : str
-        ``"transfer_function"``, ``"hinge"``, ``"orthosis"``, ``"limb"``, ``"coupling"``, ``"torque_map"``.
+        ``"transfer_function"``, ``"hinge"``, ``"orthosis"``, ``"limb"``, ``"coupling"``, ``"strap"``,
+        ``"torque_map"``.
     study : str
         The study's name.
     name : str

@@ -43,16 +43,29 @@ def calibrate_imu(imu: Inertial, encoder: InputOutput, *, method: str, axes: int
     return ImuCalibration(Parameter("gain", "1", 1.0 / slope, error / slope**2), chosen.heldout, errors)
 
 
-def limb_by_imu(imu: Inertial, encoder: InputOutput, *, method: str, axes: int) -> tuple[np.ndarray, np.ndarray]:
-    """A trial's limb angle, positive as the orthosis's; its zero is that of its first sample. Gives `time`, `angle`
-    (m,) [s], [rad]."""
+@dataclass(frozen=True, eq=False)
+class Turning:
+    """How the joint's axis lies in an IMU: a unit vector (3,), and whether it turns as the orthosis does, 1 or -1."""
+
+    axis: np.ndarray
+    sense: float
+
+
+def turning_of(imu: Inertial, encoder: InputOutput) -> Turning:
+    """The axis, from a trial in which the limb moves."""
     axis, _ = principal_axis(imu.angular_velocity - imu.angular_velocity.mean(axis=0))
     found = align_encoder(imu, axis, encoder.time, encoder.output, longest=LONGEST_DELAY)
-    rate = imu.angular_velocity @ axis
+    return Turning(axis, float(np.sign(found.gain)))
+
+
+def limb_by_imu(imu: Inertial, turning: Turning, *, method: str, axes: int) -> tuple[np.ndarray, np.ndarray]:
+    """A trial's limb angle, positive as the orthosis's; its zero is that of its first sample. Gives `time`, `angle`
+    (m,) [s], [rad]."""
+    rate = imu.angular_velocity @ turning.axis
     between = CubicSpline(imu.time, rate).antiderivative()(imu.time) - cumulative_trapezoid(rate, imu.time, initial=0.0)
-    turned = segment_angle(orientation(imu, method, axes=axes), axis)
+    turned = segment_angle(orientation(imu, method, axes=axes), turning.axis)
     # A quaternion and its axis may be written either way round.
-    angle = np.sign(found.gain) * (turned + np.sign(np.sum(np.diff(turned) * rate[1:])) * between)
+    angle = turning.sense * (turned + np.sign(np.sum(np.diff(turned) * rate[1:])) * between)
     for start, stop in imu.gaps:
         angle[(imu.time > start) & (imu.time < stop)] = np.nan
     return imu.time, angle

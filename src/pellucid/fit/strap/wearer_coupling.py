@@ -24,6 +24,7 @@ from .coupled_impedance import (
     mismatch,
     seen_mismatch,
 )
+from .identified_strap import IdentifiedStrap, identify_strap
 from .published_coupling import (
     PublishedCoupling,
     fit_two_poles,
@@ -31,14 +32,16 @@ from .published_coupling import (
     solve_balance,
     torque_mismatch,
 )
+from .strap_model import SENTENCES
 from .strap_search import clock_shift
 from .strap_slip import Slip, find_slip, unexplained
 from .strap_torque import Limb, Orthosis, StrappedSwing, from_limb, from_orthosis
 
 EDGE = 1.0
 """Seconds at either end of a swing that are not judged: what went before them is not known."""
-SIDES = ("orthosis", "limb", "published")
-"""Models that are judged: the strap by the orthosis's balance, by the limb's, and the thesis's two poles."""
+SIDES = ("orthosis", "kelvin_voigt", "limb", "published")
+"""Models that are judged: the chosen strap by the orthosis's balance, a spring and a damper alone, those by the limb's
+balance, and the thesis's two poles."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,6 +81,13 @@ class WearerCoupling:
     verdicts: tuple[Verdict, ...]
     posterior: Posterior | None = None  # Of the orthosis side's strap, if one is asked for
     no_posterior: str = ""  # Why there is none although one is
+    strap: IdentifiedStrap | None = None  # By the model that was chosen; None where no model could be
+    held: tuple[str, ...] = ()  # Trials with torques held that told it
+
+    def parameter(self, name: str) -> Parameter:
+        """Of the strap as it is, its tangent where it begins to pull; of a spring and a damper where no model is."""
+        of = self.orthosis_side if self.strap is None or name == "inertia" else self.strap
+        return getattr(of, name)
 
     def mean_fit(self, model: str = "orthosis", split: str = "heldout") -> float:
         """Mean fit of a `model` over the trials of a `split` [%]; NaN where there are none."""
@@ -98,11 +108,13 @@ def identify_wearer(
     limb: Limb | None = None,
     gain: Parameter | None = None,
     imu_sd: float = float("nan"),
+    steps: Sequence[StrappedSwing] = (),
     posterior: bool = False,
     level: float = 0.95,
 ) -> WearerCoupling:
-    """Fit the strap on the fitted swings, from both sides and as published; judge all on every swing; draw a
-    `posterior` with intervals at `level` too. `imu_sd` [rad]."""
+    """Fit the strap on the fitted swings, from both sides and as published, and choose what it is with `steps` beside
+    them, trials in which torques are held; judge all on every swing; draw a `posterior` with intervals at `level` too.
+    `imu_sd` [rad]."""
     fitted = [s for s in swings if s.split == "fitted"]
     if not fitted:
         raise IdentificationError(f"{participant}: found no swing to fit, expected one or more")
@@ -120,11 +132,13 @@ def identify_wearer(
     angles = {s.name: limb_angle(s, instruments[s.name]) for s in swings} if muscles else {}
     other, failure = _limb_side(used, limb, angles, gain) if muscles else (None, "no torque of the muscles is known")
     published = _published(used, angles, orthosis, limb) if muscles else {}
+    strap = _strap(used, torques, fit, steps, orthosis)
     evaluated = tuple(
-        _judge(s, torques[s.name], instruments[s.name], fit, other, published, angles, orthosis, limb, imu_sd)
+        _judge(s, torques[s.name], instruments[s.name], fit, strap, other, published, angles, orthosis, limb, imu_sd)
         for s in swings
     )
-    made = WearerCoupling(participant, fit, other, published, evaluated, tuple(slips), ())
+    held = tuple(s.name for s in steps) if strap is not None else ()
+    made = WearerCoupling(participant, fit, other, published, evaluated, tuple(slips), (), strap=strap, held=held)
     if posterior:
         try:
             drawn = strap_posterior(used, [torques[s.name] for s in used], fit, gain=gain, level=level)
@@ -150,7 +164,8 @@ def coupling_verdicts(found: WearerCoupling, no_limb: str = "") -> tuple[Verdict
         reached, ceiling = found.mean_fit(), found.mean_ceiling()
         limit = f" (the IMU's own error allows {ceiling:.1f} %)" if np.isfinite(ceiling) else ""
         kind = "good" if reached > 0.8 * (ceiling if np.isfinite(ceiling) else 100.0) else "warning"
-        text = f"{who}: a strap of {_read(fit.stiffness)} and {_read(fit.damping)} explains {reached:.1f} % of the "
+        k, b = found.parameter("stiffness"), found.parameter("damping")
+        text = f"{who}: a strap of {_read(k)} and {_read(b)} explains {reached:.1f} % of the "
         said.append(Verdict(kind, f"{text}mismatch in swings it was not fitted on{limit}."))
     else:
         said.append(Verdict("warning", f"{who}: no swing is held out: nothing says how the strap predicts new ones."))
@@ -167,11 +182,49 @@ def coupling_verdicts(found: WearerCoupling, no_limb: str = "") -> tuple[Verdict
             said.append(
                 Verdict("warning", f"{who}: the {parameter.name} is not told from zero ({_interval(parameter)}).")
             )
-    said.append(_inertia_verdict(who, fit))
+    said += strap_verdicts(found)
+    said.append(_inertia_verdict(who, fit, found.strap))
     said.append(_side_verdict(found, no_limb))
     if found.published:
         said.append(_published_verdict(found))
     return tuple(said)
+
+
+def strap_verdicts(found: WearerCoupling) -> list[Verdict]:
+    """What the strap is, how stiff over which range, and whether any model holds."""
+    who, strap = found.participant, found.strap
+    if strap is None:
+        return [Verdict("warning", f"{who}: no model of the strap but a spring and a damper could be fitted.")]
+    low, high = (np.degrees(v) for v in strap.range)
+    at_low, at_high = (p.value for p in strap.ends)
+    features = [SENTENCES[f] for f in strap.model.features]
+    what = ", ".join(features) if features else "a spring and a damper predict it best"
+    said = [
+        Verdict(
+            "note",
+            f"{who}: {what}; seen from {low:+.1f} to {high:+.1f} deg, where its tangent is {at_low:.3g} and "
+            f"{at_high:.3g} N*m/rad, {strap.stiffness.value:.3g} where it begins to pull. A spring and a damper that "
+            f"do best over these swings have {_read(found.orthosis_side.stiffness)}.",
+        )
+    ]
+    if strap.stiffness.refused:
+        said.append(Verdict("warning", f"{who}: the stiffness's interval is refused: {strap.stiffness.refused}."))
+    if not found.held:
+        said.append(
+            Verdict(
+                "note",
+                f"{who}: whether the strap relaxes over longer than a swing is not told: record torques that are held.",
+            )
+        )
+    if not strap.fits:
+        said.append(
+            Verdict(
+                "warning",
+                f"{who}: no model of the strap holds: blocks held out are predicted better with physics beside it "
+                f"(p {strap.holds:.2g}).",
+            )
+        )
+    return said
 
 
 # --- steps ----------------------------------------------------------------------------------------------------------
@@ -185,12 +238,24 @@ def _refuse_slipped(participant: str, slips: Sequence[Slip]) -> None:
     )
 
 
+def _strap(used, torques, fit, steps, orthosis) -> IdentifiedStrap | None:
+    try:
+        held = [from_orthosis(s, orthosis) for s in steps]
+        return identify_strap(used, [torques[s.name] for s in used], fit, steps, held)
+    except (IdentificationError, np.linalg.LinAlgError):
+        return None
+
+
 def _compared(swing, torque, instrument, fit) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Times, the mismatch seen, and that of a strap, at the IMU's samples within the trial."""
     model = mismatch(torque, swing.fs, stiffness=fit.stiffness.value, damping=fit.damping.value)
-    time, seen = seen_mismatch(swing, instrument)
+    time, seen = _within(swing, *seen_mismatch(swing, instrument))
+    return time, seen, np.interp(time, swing.time, model)
+
+
+def _within(swing: StrappedSwing, time: np.ndarray, seen: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     inside = np.isfinite(seen) & (time >= swing.time[0] + EDGE) & (time <= swing.time[-1] - EDGE)
-    return time[inside], seen[inside], np.interp(time[inside], swing.time, model)
+    return time[inside], seen[inside]
 
 
 def _limb_side(
@@ -210,9 +275,10 @@ def _published(used, angles, orthosis, limb) -> dict[str, PublishedCoupling]:
     return {"balance": solve_balance(torques, seen, fs), "two_poles": fit_two_poles(torques, seen, fs)}
 
 
-def _judge(swing, torque, instrument, fit, other, published, angles, orthosis, limb, imu_sd) -> EvaluatedSwing:
+def _judge(swing, torque, instrument, fit, strap, other, published, angles, orthosis, limb, imu_sd) -> EvaluatedSwing:
     time, seen, model = _compared(swing, torque.torque, instrument, fit)
     simulated = {"orthosis": model}
+    predicted = mismatch(torque.torque, swing.fs, stiffness=fit.stiffness.value, damping=fit.damping.value)
     if other is not None:
         simulated["limb"] = _compared(swing, from_limb(swing, limb, angles[swing.name]).torque, instrument, other)[2]
     literal = None
@@ -221,19 +287,17 @@ def _judge(swing, torque, instrument, fit, other, published, angles, orthosis, l
         literal = published_mismatch(published["two_poles"], rhs, angles[swing.name] - swing.position, swing.fs)
         simulated["published"] = np.interp(time, swing.time, literal)
     fits = {name: fit_percent(seen, values) for name, values in simulated.items()}
+    if strap is not None:
+        # Each strap with the clock and the mounting that suit it.
+        simulated["kelvin_voigt"], fits["kelvin_voigt"] = model, fits["orthosis"]
+        instrument = strap.instrument(swing, torque, instrument.shift)
+        before, (time, seen) = time, _within(swing, *seen_mismatch(swing, instrument))
+        simulated = {name: np.interp(time, before, values) for name, values in simulated.items()}
+        predicted = strap.mismatch(swing, torque)
+        simulated["orthosis"] = np.interp(time, swing.time, predicted)
+        fits["orthosis"] = fit_percent(seen, simulated["orthosis"])
     ceiling = 100.0 * (1.0 - imu_sd / float(np.std(seen)))
-    return EvaluatedSwing(
-        swing.name,
-        swing.split,
-        time,
-        seen,
-        simulated,
-        fits,
-        ceiling,
-        instrument,
-        mismatch(torque.torque, swing.fs, stiffness=fit.stiffness.value, damping=fit.damping.value),
-        literal,
-    )
+    return EvaluatedSwing(swing.name, swing.split, time, seen, simulated, fits, ceiling, instrument, predicted, literal)
 
 
 # --- verdicts -------------------------------------------------------------------------------------------------------
@@ -249,11 +313,17 @@ def _interval(parameter: Parameter) -> str:
     return f"{low:.3g} to {high:.3g} {parameter.unit}"
 
 
-def _inertia_verdict(who: str, fit: CouplingFit) -> Verdict:
+def _inertia_verdict(who: str, fit: CouplingFit, strap: IdentifiedStrap | None) -> Verdict:
     low, high = fit.inertia.interval()
     if low <= 0.0 <= high:
         return Verdict(
             "good", f"{who}: nothing in the strap behaves like an inertia ({_interval(fit.inertia)}), as none should."
+        )
+    if strap is not None and strap.model.features:
+        return Verdict(
+            "note",
+            f"{who}: a spring and a damper alone would seem to have an inertia ({_interval(fit.inertia)}): the strap "
+            "is more than that.",
         )
     return Verdict(
         "warning",

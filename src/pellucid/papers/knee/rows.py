@@ -177,16 +177,16 @@ def coupling_rows(wearers: Mapping[str, WearerFound], drawn: Sequence[Drawn], pa
         ]  # fmt: skip
     for (name, found), printed_ in zip(wearers.items(), SUBJECTS, strict=True):
         coupling = found.stages.coupling
-        strap, literal = coupling.orthosis_side, coupling.published["two_poles"]
+        literal = coupling.published["two_poles"]
         own = [d.fit for d in drawn if d.subject == name]
         rows += [
             _row(f"coupled.fit.{name}", f"Fit of the mismatch in held-out swings, {name}", "%", own,
                  table[printed_]["fit"].value),
-            _interval(f"coupled.stiffness.{name}", f"Stiffness of the strap, {name}", strap.stiffness,
+            _interval(f"coupled.stiffness.{name}", f"Stiffness of the strap, {name}", coupling.parameter("stiffness"),
                       table[printed_]["stiffness"], f"truth {found.subject.strap['stiffness']:.4g}"),
-            _interval(f"coupled.damping.{name}", f"Damping of the strap, {name}", strap.damping,
+            _interval(f"coupled.damping.{name}", f"Damping of the strap, {name}", coupling.parameter("damping"),
                       table[printed_]["damping"], f"truth {found.subject.strap['damping']:.4g}"),
-            _interval(f"coupled.inertia.{name}", f"Inertia of the strap, {name}", strap.inertia,
+            _interval(f"coupled.inertia.{name}", f"Inertia of the strap, {name}", coupling.parameter("inertia"),
                       table[printed_]["inertia"], "truth 0"),
             *(
                 _row(f"coupled.published_form.{what}.{name}", f"{what.capitalize()} by the thesis's form, {name}",

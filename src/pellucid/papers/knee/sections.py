@@ -324,7 +324,7 @@ def _strap(made: KneePaper, rows: dict[str, Reproduced]) -> Section:
         literal = coupling.published["two_poles"]
         fits = [f"{swing.fit(form):.1f}".replace("-", MINUS) for form in ("predicted", "published")]
         names, true = ("inertia", "damping", "stiffness"), found.subject.strap
-        own = (_with_interval(getattr(coupling.orthosis_side, n)) for n in names)
+        own = (_with_interval(coupling.parameter(n)) for n in names)
         cells += [
             Row((name, "strap", *own, fits[0], cell(swing.rmse())), True),
             (name, "thesis's form", *(cell(getattr(literal, n)) for n in names), fits[1], ""),

@@ -9,7 +9,7 @@ import numpy as np
 
 from ...fit.joint.gravity_holds import cosine_moment, line_of_best_fit
 from ...fit.parameter import Parameter
-from ...fit.strap.limb_imu import limb_by_imu
+from ...fit.strap.limb_imu import limb_by_imu, turning_of
 from ...fit.strap.orthosis_alone import HOLD, OrthosisFit, fit_orthosis
 from ...fit.strap.strap_torque import StrappedSwing
 from ...fit.strap.wearer_coupling import EDGE, WearerCoupling, identify_wearer
@@ -98,7 +98,7 @@ class WearerFound:
 
     def holds(self, name: str) -> bool:
         """Whether the 95 % interval of the strap's "stiffness", "damping" or "inertia" (which is 0) holds the truth."""
-        low, high = getattr(self.stages.coupling.orthosis_side, name).interval()
+        low, high = self.stages.coupling.parameter(name).interval()
         return bool(low <= self.subject.strap.get(name, 0.0) <= high)
 
 
@@ -133,7 +133,7 @@ def drawn_from(found: WearerFound) -> Drawn:
         float(np.mean([s.rmse() for s in found.swings if s.split == "heldout"])),
         coupling.mean_fit(),
         coupling.mean_ceiling(),
-        {name: getattr(coupling.orthosis_side, name) for name in STRAP},
+        {name: coupling.parameter(name) for name in STRAP},
         {name: found.holds(name) for name in STRAP},
     )
 
@@ -198,7 +198,8 @@ def _with_true_torque(taken: KneeSession, orthosis: OrthosisFit, stages: WearerS
     made = []
     for recording in taken.of("free_swing"):
         record = input_output(recording, ("torque", "position"))
-        time, angle = limb_by_imu(inertial(recording.streams["imu"]), record, method="vqf", axes=6)
+        imu = inertial(recording.streams["imu"])
+        time, angle = limb_by_imu(imu, turning_of(imu, record), method="vqf", axes=6)
         torque = taken.truth[recording.name].muscle_torque
         made.append(
             StrappedSwing(recording.name, record.split, record.time, record.output, record.input, time, angle, torque)

@@ -12,6 +12,7 @@ from matplotlib.figure import Figure
 
 from ...fit.joint.gravity_holds import GravityFit, line_of_best_fit
 from ...fit.parameter import Parameter
+from ...fit.strap.identified_strap import IdentifiedStrap
 from ...fit.strap.wearer_coupling import EvaluatedSwing
 from ...fit.transfer.transfer_function_fit import Response
 from ...pages.drawing import Drawing, Head, dots, heads, key, line, one_panel, tidy
@@ -138,6 +139,40 @@ def mismatch_figure(who: str, swing: EvaluatedSwing) -> Drawing:
     )
 
 
+def strap_figure(who: str, strap: IdentifiedStrap) -> Drawing:
+    """What a strap carries over the mismatch: as the IMU saw it, by the chosen model, by a spring alone."""
+    figure, axis = one_panel(3.4)
+    axis.axhline(0.0, color=colour("faint"), linewidth=0.8, zorder=1)
+    place, torque = strap.seen
+    half = 0.5 * strap.fit.values.get("slack", 0.0)
+    low, high = strap.range[0] - half, strap.range[1] + half
+    span = np.linspace(low, high, 301)
+    inside = (place >= low) & (place <= high)
+    dots(axis, np.degrees(place[inside]), torque[inside], colour("measured"), alpha=0.35, size=3.0)
+    plain = strap.plain.values["stiffness"]
+    line(axis, np.degrees(span), plain * span, color=colour("stribeck"), linewidth=1.2)
+    line(axis, np.degrees(span), strap.stiffness.value * span, color=colour("load"), linewidth=1.0)
+    line(axis, np.degrees(span), strap.torque(span), color=colour("fitted"), linewidth=1.8)
+    tidy(axis, first=True, text="Torque (N·m)")
+    axis.set_xlabel("Mismatch (deg)")
+    names = [
+        ("IMU", colour("measured")), ("strap", colour("fitted")), ("its tangent", colour("load")),
+        ("spring alone", colour("stribeck")),
+    ]  # fmt: skip
+    key(axis, names, room=ROOM)
+    axis.set_ylim(*np.array([1.1, 1.25]) * axis.get_ylim())
+    heads(
+        [axis], [Head(who, f"{number(strap.stiffness.value, strap.stiffness.standard_error)} N·m/rad", colour("load"))]
+    )
+    return Drawing(
+        f"strap_{who}",
+        figure,
+        f"What the strap of {who} carries in the end, over the angle between limb and orthosis: where the IMU saw the "
+        f"limb, by the model that was chosen ({strap.model.words}), its tangent where it begins to pull, and the "
+        "spring that does best alone. What it carries by its damper, and by what relaxes, is taken off.",
+    )
+
+
 def straps_figure(wearers: Mapping[str, WearerStages], level: float) -> Drawing:
     """Intervals of stiffness, damping and inertia, participant by participant, from either side."""
     figure = Figure(figsize=(FIGURE_WIDTH, 1.5 + 0.5 * len(wearers)), layout="constrained")
@@ -148,11 +183,11 @@ def straps_figure(wearers: Mapping[str, WearerStages], level: float) -> Drawing:
         axis.axvline(0.0, color=colour("faint"), linewidth=0.8, zorder=1)
         for row, who in enumerate(names):
             found = wearers[who].coupling
-            _interval(axis, row - 0.12, getattr(found.orthosis_side, attribute), level, "fitted")
+            _interval(axis, row - 0.12, found.parameter(attribute), level, "fitted")
             if found.limb_side is not None and attribute != "inertia":
                 both = True
                 _interval(axis, row + 0.18, getattr(found.limb_side, attribute), level, "load")
-        unit = unit_text(getattr(wearers[names[0]].coupling.orthosis_side, attribute).unit)
+        unit = unit_text(wearers[names[0]].coupling.parameter(attribute).unit)
         tidy(axis, first=axis is panels[0])
         axis.set_xlabel(f"{word} ({unit})")
         axis.margins(x=0.08)

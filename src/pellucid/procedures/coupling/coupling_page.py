@@ -40,7 +40,7 @@ def _tiles(findings: CouplingResult) -> tuple[Tile, ...]:
     gravity = findings.orthosis.gravity.gravity
     tiles = [Tile("Orthosis, gravity", number(gravity.value, gravity.standard_error), "N·m", "held out horizontally")]
     for who, stages in findings.wearers.items():
-        strap, reached = stages.coupling.orthosis_side.stiffness, stages.coupling.mean_fit()
+        strap, reached = stages.coupling.parameter("stiffness"), stages.coupling.mean_fit()
         more = f"explains {reached:.1f} % of held-out mismatch" if np.isfinite(reached) else "nothing is held out"
         tiles.append(Tile(f"Strap, {who}", number(strap.value, strap.standard_error), unit_text(strap.unit), more))
     return tuple(tiles)
@@ -90,6 +90,8 @@ def _limbs(findings: CouplingResult) -> Section:
 def _straps(findings: CouplingResult) -> Section:
     drawings = [draw(figures.straps_figure, findings.wearers, findings.confidence)]
     for who, stages in findings.wearers.items():
+        if stages.coupling.strap is not None:
+            drawings.append(draw(figures.strap_figure, who, stages.coupling.strap))
         drawings.append(draw(figures.mismatch_figure, who, figures.drawn_swing(stages.coupling.evaluated)))
         if stages.coupling.posterior is not None:
             compared = beside(stages.coupling.orthosis_side.parameters, stages.coupling.posterior)
@@ -98,8 +100,10 @@ def _straps(findings: CouplingResult) -> Section:
         "coupling_straps",
         "The straps",
         (
-            "A strap's torque comes from the balance of one body; the mismatch answers it through stiffness and "
-            "damping. In the sum of both balances, as published, that torque cancels.",
+            "A strap's torque comes from the balance of one body; the mismatch answers it through what the strap is: a "
+            "spring and a damper, and of hardening, slack, relaxation and askewness what blocks held out ask for. "
+            "Its stiffness is the tangent where it begins to pull. In the sum of both balances, as published, that "
+            "torque cancels.",
         ),
         parameter_tables(findings, ": strap"),
         tuple(drawings),

@@ -10,12 +10,14 @@ import numpy as np
 
 from ...fit.joint.gravity_holds import accuracy
 from ...fit.parameter import Parameter, Verdict
+from ...fit.strap.identified_strap import IdentifiedStrap
 from ...fit.strap.limb_alone import VISCOUS_SPREAD, LimbFit
 from ...fit.strap.limb_imu import ImuCalibration
 from ...fit.strap.limb_muscles import MuscleTorque
 from ...fit.strap.orthosis_alone import ORDER, OrthosisFit
 from ...fit.strap.published_coupling import PublishedCoupling
-from ...fit.strap.wearer_coupling import WearerCoupling
+from ...fit.strap.strap_model import FEATURES
+from ...fit.strap.wearer_coupling import SIDES, WearerCoupling
 from ...models.parameter_card import ParameterCard
 from ...recordings.results import ResultRow, checksum_of_all
 from ..posterior_beside import beside, posterior_rows, posterior_table, posterior_verdicts
@@ -87,7 +89,7 @@ def coupling_result(
 
 def _headline(orthosis: OrthosisFit, wearers: Mapping[str, WearerStages]) -> str:
     held = [w.coupling.mean_fit() for w in wearers.values()]
-    straps = ", ".join(f"{who} {w.coupling.orthosis_side.stiffness.value:.3g} N*m/rad" for who, w in wearers.items())
+    straps = ", ".join(f"{who} {w.coupling.parameter('stiffness').value:.3g} N*m/rad" for who, w in wearers.items())
     evaluated = f", which explain {np.nanmean(held):.1f} % of held-out mismatch" if np.isfinite(held).any() else ""
     return f"Straps of {straps}{evaluated}; orthosis {orthosis.mean_fit():.1f} % held out."
 
@@ -103,14 +105,28 @@ def _tables(orthosis: OrthosisFit, wearers: Mapping[str, WearerStages]) -> Itera
         heads = ("Recording", "Pendulum [%]", "Published form [%]", "RMSE [rad]")
         yield FigureTable("Orthosis, held out", heads, tuple(rows))
     for who, stages in wearers.items():
-        fit = stages.coupling.orthosis_side
-        yield ParameterTable(f"{who}: strap", fit.parameters)
+        strap = stages.coupling.strap
+        if strap is not None:
+            yield ParameterTable(f"{who}: strap", strap.parameters)
+        yield ParameterTable(f"{who}: strap as a spring and a damper", stages.coupling.orthosis_side.parameters)
         if stages.limb is not None:
             known = tuple(p for p in (stages.limb.gravity, stages.limb.inertia) if np.isfinite(p.value))
             yield ParameterTable(f"{who}: limb", known)
-    heads = ("Participant", "Split", "Recording", "Orthosis side [%]", "Limb side [%]", "Published [%]", "Ceiling [%]")
+    tried = [
+        (who, name.replace("_", " "), 1e3 * error, "yes" if name == strap.model.name else "")
+        for who, stages in wearers.items()
+        if (strap := stages.coupling.strap) is not None
+        for name, error in sorted(strap.errors.items(), key=lambda pair: pair[1])
+    ]
+    if tried:
+        heads = ("Participant", "Model of the strap", "Error of blocks held out [mrad]", "Chosen")
+        yield FigureTable("Models of the straps", heads, tuple(tried))
+    heads = (
+        "Participant", "Split", "Recording", "Strap [%]", "Spring and damper [%]", "Limb side [%]", "Published [%]",
+        "Ceiling [%]",
+    )  # fmt: skip
     evaluated = [
-        (who, j.split, j.recording, *(j.fit.get(n) for n in ("orthosis", "limb", "published")), _known(j.ceiling))
+        (who, j.split, j.recording, *(j.fit.get(n) for n in SIDES), _known(j.ceiling))
         for who, stages in wearers.items()
         for j in stages.coupling.evaluated
     ]
@@ -234,15 +250,23 @@ def _limb_rows(who: str, stages: WearerStages, row, parameter) -> Iterator[Resul
 
 def _coupling_rows(who: str, found: WearerCoupling, row, parameter, checksums) -> Iterator[ResultRow]:
     head, fit = f"{who}.coupling", found.orthosis_side
-    yield parameter(f"{head}.k", fit.stiffness)
-    yield parameter(f"{head}.b", fit.damping)
+    strap, stiffness = found.strap, found.parameter("stiffness")
+    yield parameter(f"{head}.k", stiffness, stiffness.refused or "tangent where it begins to pull")
+    yield parameter(f"{head}.b", found.parameter("damping"))
+    if strap is not None:
+        yield from _strap_rows(f"{head}.strap", strap, row, parameter)
+        yield parameter(f"{head}.kelvin_voigt.k", fit.stiffness, "of a spring and a damper alone")
+        yield parameter(f"{head}.kelvin_voigt.b", fit.damping, "of a spring and a damper alone")
     yield parameter(f"{head}.inertia", fit.inertia, "must hold 0: a strap has none")
     if found.limb_side is not None:
         yield parameter(f"{head}.limb_side.k", found.limb_side.stiffness)
         yield parameter(f"{head}.limb_side.b", found.limb_side.damping)
     for form, literal in found.published.items():
         yield from _published_rows(f"{head}.published_form.{form}", literal, row)
-    names = {"orthosis": "fit", "limb": "limb_side.fit", "published": "published_form.fit"}
+    names = {
+        "orthosis": "fit", "kelvin_voigt": "kelvin_voigt.fit", "limb": "limb_side.fit",
+        "published": "published_form.fit",
+    }  # fmt: skip
     against = "mean over swings not fitted, against the IMU's mismatch"
     for model, name in names.items():
         if any(model in j.fit for j in found.evaluated):
@@ -253,6 +277,21 @@ def _coupling_rows(who: str, found: WearerCoupling, row, parameter, checksums) -
         split = "heldout" if j.split == "heldout" else "fitted"
         yield row(f"{head}.fit.{j.recording}", j.fit["orthosis"], "%", split, checksum=checksums.get(j.recording))
         yield row(f"{head}.rmse.{j.recording}", j.rmse, "rad", split, checksum=checksums.get(j.recording))
+
+
+def _strap_rows(head: str, strap: IdentifiedStrap, row, parameter) -> Iterator[ResultRow]:
+    """Which model, its further parameters, and over which range."""
+    for p in strap.others:
+        yield parameter(f"{head}.{p.name}", p)
+    for feature in FEATURES:
+        p = strap.missed.get(feature)
+        note = "given up: blocks held out are predicted as well without it" if p is None else f"p {p:.2g} without it"
+        yield row(f"{head}.{feature}.chosen", float(strap.model.has(feature)), "1", "fitted", note)
+    for name, value, tangent in zip(("low", "high"), strap.range, strap.ends, strict=True):
+        yield row(f"{head}.range.{name}", value, "rad", "fitted", "of stretches seen")
+        yield parameter(f"{head}.tangent.{name}", tangent, "at that end of the range")
+    yield row(f"{head}.error", strap.errors[strap.model.name], "rad", "heldout", "of blocks held out")
+    yield row(f"{head}.holds", strap.holds, "1", "heldout", "p of no physics beside the model being missed")
 
 
 def _published_rows(head: str, literal: PublishedCoupling, row) -> Iterator[ResultRow]:
@@ -310,9 +349,23 @@ def _cards(
             [fit.stiffness, fit.damping],
             fit.covariance,
             who,
-            "output error on the IMU's angle, torque by the orthosis's balance",
+            "output error on the IMU's angle, torque by the orthosis's balance; the spring and the damper that do best",
             participant=who,
         )
+        if (strap := stages.coupling.strap) is not None:
+            made[f"{who}.strap"] = card(
+                "strap",
+                f"{who}.strap",
+                [strap.stiffness, strap.damping, *strap.others],
+                strap.covariance,
+                who,
+                "output error on the IMU's angle; the model by blocks held out",
+                participant=who,
+                model=strap.model.name,
+                stretch_low=strap.range[0],
+                stretch_high=strap.range[1],
+                holds=strap.fits,
+            )
         if stages.limb is not None and np.isfinite(stages.limb.inertia.value):
             limb = stages.limb
             made[f"{who}.limb"] = card(

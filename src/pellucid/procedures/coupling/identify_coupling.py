@@ -14,7 +14,7 @@ import numpy as np
 from ..._errors import IdentificationError, PellucidError
 from ...fit.posterior.ensemble import require_sampler
 from ...fit.strap.limb_alone import fit_limb
-from ...fit.strap.limb_imu import calibrate_imu, limb_by_imu
+from ...fit.strap.limb_imu import Turning, calibrate_imu, limb_by_imu, turning_of
 from ...fit.strap.limb_muscles import Levels, MuscleTorque, at_work, envelopes, find_levels, fit_muscle_torque
 from ...fit.strap.orthosis_alone import OrthosisFit, fit_orthosis
 from ...fit.strap.strap_torque import StrappedSwing
@@ -40,6 +40,8 @@ CHANNELS = ("torque", "position")
 """Of the spring on the orthosis, and of the orthosis itself."""
 BEYOND = np.radians(30.0)
 """How far a worn orthosis may leave the angles at which it was identified alone [rad]."""
+HELD = 3
+"""Trials of held torques that are enough for a strap."""
 PROTOCOLS = ("gravity_holds", "sine_tracking", "imu_on_orthosis", "relaxed_holds", "mvc", "torque_steps", "free_swing")
 
 
@@ -199,10 +201,11 @@ def _wearer(
         muscles = _muscles(trials, who, asked, orthosis.gravity.gravity.value + limb.gravity.value)
     except PellucidError as error:
         notes.append(str(error))
-    swings, dropped = [], {}
+    swings, dropped, turning = [], {}, None
     for recording in trials.of("free_swing", who):
         try:
-            swings.append(_swing(trials, recording, asked, muscles, chosen))
+            swing, turning = _swing(trials, recording, asked, muscles, chosen)
+            swings.append(swing)
         except PellucidError as error:
             dropped[recording.name] = str(error)
     if not swings:
@@ -210,19 +213,39 @@ def _wearer(
     known = limb.limb if limb is not None and np.isfinite(limb.inertia.value) else None
     sd = calibration.sd if calibration is not None else float("nan")
     told = {"posterior": asked.posterior, "level": asked.confidence}
-    coupling = identify_wearer(who, swings, orthosis.orthosis, limb=known, imu_sd=sd, **told)
+    steps = _held(trials, who, asked, turning, chosen)
+    coupling = identify_wearer(who, swings, orthosis.orthosis, limb=known, imu_sd=sd, steps=steps, **told)
     return WearerStages(calibration, limb, muscles, coupling, working, dropped, tuple(notes))
 
 
 def _swing(
     trials: _Trials, recording: Recording, asked: CouplingTable, muscles: MuscleTorque | None, chosen: Mapping
-) -> StrappedSwing:
-    record = trials.worn(recording)
-    time, angle = limb_by_imu(trials.imu(recording, asked), record, **chosen)
+) -> tuple[StrappedSwing, Turning]:
+    record, imu = trials.worn(recording), trials.imu(recording, asked)
+    turning = turning_of(imu, record)
     torque = None
     if muscles is not None and asked.emg in recording.streams:
         torque = muscles(_at(recording.stream(asked.emg), emg_chain(CHAIN), record.time), record.output)
+    return _strapped(recording, record, *limb_by_imu(imu, turning, **chosen), torque), turning
+
+
+def _strapped(recording: Recording, record: InputOutput, time, angle, torque=None) -> StrappedSwing:
     return StrappedSwing(recording.name, record.split, record.time, record.output, record.input, time, angle, torque)
+
+
+def _held(
+    trials: _Trials, who: str, asked: CouplingTable, turning: Turning | None, chosen: Mapping
+) -> list[StrappedSwing]:
+    """A few trials in which torques are held: what relaxes slower than a swing shows in them."""
+    every = [r for r in trials.of("torque_steps", who) if r.use == "fit" and asked.imu in r.streams]
+    made: list[StrappedSwing] = []
+    if turning is None:
+        return made
+    for recording in every[:: max(1, len(every) // HELD)][:HELD]:
+        with suppress(PellucidError):  # swings alone tell the rest
+            record = trials.worn(recording)
+            made.append(_strapped(recording, record, *limb_by_imu(trials.imu(recording, asked), turning, **chosen)))
+    return made
 
 
 def _levels(trials: _Trials, who: str, asked: CouplingTable, chain: EmgChain) -> Levels | None:
