@@ -14,7 +14,8 @@ swing.
 
 Plant and models share the strap's equation (``strap.hpp``): what is proven is that noise, sway, clocks, mountings, an
 orthosis that was itself identified, and creep do not mislead, not that a strap of cloth is one of these. The method was
-chosen on straps drawn with other seeds (orthoses 9000 to 9003, wearers 20000 to 50500, 70001 to 70030). Beside it
+chosen on straps drawn with other seeds (orthoses 9000 to 9003, 79001 to 79006 and 89001 to 89006, wearers 20000 to
+50500, 70001 to 70030 and 80001 to 80200). Beside it
 stands the spring and damper by least squares.
 """
 
@@ -43,7 +44,7 @@ from pellucid.signals.input_output import input_output
 WEARERS, SEEDS, ORTHOSES = 120, (1, 2), 6
 ALONE, PLAIN, CREEPING = 20, 60, 12
 """Straps with one feature alone, of each; a spring and a damper; straps that creep as no model does."""
-WEARER_SEED, ORTHOSIS_SEED = 80001, 89001
+WEARER_SEED, ORTHOSIS_SEED = 90001, 99001
 FEATURES = {"hardening": "hardening", "slack": "slack", "maxwell": "relaxing"}
 """As the rows call them, and as models and rigs do."""
 ANGLES = (30, 60)

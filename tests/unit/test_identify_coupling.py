@@ -116,7 +116,7 @@ def test_every_figure_has_an_id_and_cards_what_a_controller_needs(found):
     assert len(ids) == len(set(ids))
     for what in ("orthosis.gravity", "orthosis.fit", "S1.limb.gravity", "S1.coupling.k", "S1.coupling.fit"):
         assert f"knee-orthosis.{what}" in ids
-    assert set(found.cards) == {"orthosis", "S1.coupling", "S1.limb"}
+    assert set(found.cards) == {"orthosis", "S1.coupling", "S1.strap", "S1.limb"}
     assert set(found.cards["S1.coupling"].values) == {"stiffness", "damping"}
     assert set(found.cards["S1.limb"].values) == {"inertia", "gravity", "damping"}
     assert set(found.cards["orthosis"].values) == {"inertia", "damping", "gravity", "coulomb"}
@@ -142,7 +142,7 @@ def test_the_report_says_and_draws_it(tmp_path, whole, found):
     assert "The straps" in text
     assert "m g l sin" in text
     names = {d.name for section in made.sections for d in section.drawings}
-    assert names == {"gravity", "response", "limbs", "straps", "mismatch_S1"}
+    assert names == {"gravity", "response", "limbs", "straps", "strap_S1", "mismatch_S1"}
     assert all((tmp_path / "report" / f"{name}.svg").exists() for name in names)
 
 

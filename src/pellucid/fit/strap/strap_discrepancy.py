@@ -21,7 +21,6 @@ from .strap_fit import StrapFit, StrapRecord
 MATTERS = 0.05
 """Share of the mean square in blocks held out that physics beside the model must save: a magnetometer, a thigh that
 sways and a mounting that is not square leave 3 % to be saved where the model is the strap."""
-LEAST = 0.05  # share of what least squares leaves over, that neglected physics makes at least
 OWN = 0.05  # share of a column beside the model's span below which the model has this physics itself
 
 
@@ -113,7 +112,7 @@ def strap_discrepancy(fit: StrapFit, records: Sequence[StrapRecord], statistical
     gram[:count, :count] += np.diag(known) / noise
     # The residual is the optimum's: what is known before pulls against the data's slope.
     moment[:count] = 0.0
-    share = max(likeliest_share(gram, moment, count), LEAST)
+    share = likeliest_share(gram, moment, count)
     prior = np.concatenate([np.zeros(count), np.full(len(words), share**-2.0)])
     posterior = np.linalg.inv(gram + np.diag(prior))
     shift = -(posterior @ moment)[:count]

@@ -151,7 +151,8 @@ def strap_figure(who: str, strap: IdentifiedStrap) -> Drawing:
     dots(axis, np.degrees(place[inside]), torque[inside], colour("measured"), alpha=0.35, size=3.0)
     plain = strap.plain.values["stiffness"]
     line(axis, np.degrees(span), plain * span, color=colour("stribeck"), linewidth=1.2)
-    line(axis, np.degrees(span), strap.stiffness.value * span, color=colour("load"), linewidth=1.0)
+    pulled = span - np.clip(span, -half, half)
+    line(axis, np.degrees(span), strap.stiffness.value * pulled, color=colour("load"), linewidth=1.0)
     line(axis, np.degrees(span), strap.torque(span), color=colour("fitted"), linewidth=1.8)
     tidy(axis, first=True, text="Torque (N·m)")
     axis.set_xlabel("Mismatch (deg)")
@@ -160,7 +161,6 @@ def strap_figure(who: str, strap: IdentifiedStrap) -> Drawing:
         ("spring alone", colour("stribeck")),
     ]  # fmt: skip
     key(axis, names, room=ROOM)
-    axis.set_ylim(*np.array([1.1, 1.25]) * axis.get_ylim())
     heads(
         [axis], [Head(who, f"{number(strap.stiffness.value, strap.stiffness.standard_error)} N·m/rad", colour("load"))]
     )

@@ -257,7 +257,7 @@ def _coupling_rows(who: str, found: WearerCoupling, row, parameter, checksums) -
         yield from _strap_rows(f"{head}.strap", strap, row, parameter)
         yield parameter(f"{head}.kelvin_voigt.k", fit.stiffness, "of a spring and a damper alone")
         yield parameter(f"{head}.kelvin_voigt.b", fit.damping, "of a spring and a damper alone")
-    yield parameter(f"{head}.inertia", fit.inertia, "must hold 0: a strap has none")
+    yield parameter(f"{head}.inertia", fit.inertia, "of a spring and a damper alone; must hold 0 where that is all")
     if found.limb_side is not None:
         yield parameter(f"{head}.limb_side.k", found.limb_side.stiffness)
         yield parameter(f"{head}.limb_side.b", found.limb_side.damping)
