@@ -107,7 +107,7 @@ def identify_strap(
     """Choose a model on swings, and on trials in which torques are held; `coupling` is where the search begins."""
     start = {"stiffness": coupling.stiffness.value, "damping": coupling.damping.value}
     records, full = _records(swings, torques, coupling, start, steps, step_torques)
-    return _known(choose_strap(records, GAIN, full), records)
+    return _known(choose_strap(records, GAIN, full), records, held=len(records) > len(swings))
 
 
 def _records(swings, torques, coupling, start, steps, step_torques) -> tuple[list[StrapRecord], StrapFit]:
@@ -135,7 +135,7 @@ def _records(swings, torques, coupling, start, steps, step_torques) -> tuple[lis
     return records, fit_strap(FULL, records, gain=GAIN, noise=usual, start=near, shifts=first.shifts)
 
 
-def _known(choice: StrapChoice, records: Sequence[StrapRecord]) -> IdentifiedStrap:
+def _known(choice: StrapChoice, records: Sequence[StrapRecord], *, held: bool) -> IdentifiedStrap:
     fit = choice.fit
     statistical = fit.covariance() + fit.moved_by_body(records)
     beside = strap_discrepancy(fit, records, statistical)
@@ -155,7 +155,8 @@ def _known(choice: StrapChoice, records: Sequence[StrapRecord]) -> IdentifiedStr
     for i, c in enumerate(fit.model.coefficients):
         value, unit = fit.values[c.name], c.value(values[i]) if c.searched == "logarithm" else 1.0
         refused = ""
-        if c.name == "stiffness" and error[i] > WIDEST * value:
+        # Swings take what relaxes in seconds for what stays.
+        if c.name == "stiffness" and (not held or error[i] > WIDEST * value):
             refused = "these motions do not tell the strap's stiffness from what relaxes or gives in it; hold torques"
         bound = c.name in fit.at_bound
         told = not bound and abs(value) > 1.96 * error[i] * unit
