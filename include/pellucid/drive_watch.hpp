@@ -3,7 +3,8 @@
 // The measurement of this period answers the command of the last. A drive follows within a share of the command, a
 // tolerance, and the last change of the command, which it may still be making; longer than a few periods outside is a
 // fault, named by what it looks like. However small the difference, a drive may lose of the energy that it was asked for,
-// to friction that its own loop does not make up for, but not add to it.
+// to friction that its own loop does not make up for, but not add to it. A slow torque loop is held to what it was asked
+// for a while ago: where the command turns with the motion, as at the end of a strap's slack, being late alone adds energy.
 #pragma once
 
 #include "fields.hpp"
@@ -15,7 +16,7 @@ inline namespace PELLUCID_ABI {
 template <class S> struct DriveWatchParams {
   std::uint32_t expected = 0, cycles = 4;
   S tolerance = S(std::numeric_limits<S>::infinity()), relative = S(0.15), limit = tolerance,
-    surplus = tolerance;
+    surplus = tolerance, late{};
 
   template <class P, class V> static constexpr void walk(P& p, V& visit) noexcept {
     visit(p.expected, {"drive_expected", unit::one, between(0, 1), "1: the drive measures its effort, and must say so"});
@@ -25,12 +26,15 @@ template <class S> struct DriveWatchParams {
     visit(p.limit, {"drive_limit", unit::effort, above(0).or_infinite(), "what it can give at most"});
     visit(p.surplus, {"drive_surplus", unit::energy, above(0).or_infinite(),
                       "energy that it may give beyond what it was asked for; infinite: any"});
+    visit(p.late, {"drive_late", unit::one, share(),
+                   "share of what it was asked for that a period leaves to its torque loop; 0: it has none"});
   }
 };
 
 template <class S> struct DriveWatchState {
   S asked{};                  ///< last [N m]
   S asked_before{};           ///< the time before [N m]
+  S due{};                    ///< asked for, as late as its loop [N m]
   S given{};                  ///< when it was first outside [N m]
   S surplus{};                ///< energy given beyond what was asked for [J]
   std::uint32_t outside = 0;  ///< periods in a row
@@ -50,7 +54,8 @@ template <class S> SafetyFault step(const DriveWatchParams<S>& p, DriveWatchStat
   if (!heard) return ++s.silent >= p.cycles ? SafetyFault::drive_silent : SafetyFault::none;
   s.silent = 0;
   const S asked = clamp(s.asked, -p.limit, p.limit);
-  s.surplus = max(s.surplus + (given - asked) * moved, S(0));
+  s.due = asked + p.late * (s.due - asked);
+  s.surplus = max(s.surplus + (given - s.due) * moved, S(0));
   if (!(s.surplus <= p.surplus)) {
     s.surplus = S(0);
     return SafetyFault::drive_effort;

@@ -36,7 +36,7 @@ def test_thresholds_follow_from_the_law():
     s = pl.supervised(joint(), instruments=Instruments(drive=True)).supervision
     assert set(s) == {field.name for field in model_fields("supervisor")}
     assert (s["raw_speed_limit"], s["range_max"]) == (10.0, pytest.approx(2.15))
-    assert (s["push_limit"], s["ringing_limit"]) == (5.0, 0.5)
+    assert (s["push_limit"], s["ringing_limit"]) == (5.0, pytest.approx(0.575))
     assert s["raw_acceleration_limit"] == pytest.approx(5.0 / (0.1 * 0.05))
     assert s["test_effort"] == pytest.approx(0.3 + 30.0 * 0.05)
     assert 2.0 * s["test_effort"] * s["test_samples"] * 2e-3 / np.pi < 0.2  # N m s, of the whole wave
@@ -70,6 +70,26 @@ def test_a_fault_takes_the_power_and_only_an_operator_gives_it_back():
     held(safe, 2, 505, token=challenge)
     assert (safe.fault, safe.enable) == ("none", True)
     assert [fault for _, fault, _ in safe.log] == ["drive_stuck"]
+
+
+@pytest.mark.parametrize(
+    ("late", "gain", "fault"),
+    [(0.0, 0.0, "drive_effort"), (0.024, 0.0, "none"), (0.0, 0.5, "drive_effort"), (0.024, 0.5, "drive_effort")],
+)
+def test_a_slow_torque_loop_is_held_to_what_it_was_asked_for_a_while_ago(late, gain, fault):
+    """A command that turns with the motion, as a strap's end makes it: a drive that follows late adds energy, and so
+    does one that gives more than it was asked for."""
+    law = ControlLaw("joint", LAWS["joint"].defaults | NUMBERS | {"gravity_sine": -3.0})
+    safe = supervised(law, instruments=Instruments(drive=True), start_up=False, drive_tolerance=np.inf,
+                      wearer_torque=np.inf, wearer_push=np.inf, push_limit=np.inf, power_limit=np.inf,
+                      budget_store=np.inf, ringing_limit=np.inf,
+                      drive_late=np.exp(-1e-3 / late) if late else 0.0)  # fmt: skip
+    given, left = 0.0, np.exp(-1e-3 / 0.024)
+    for i in range(2000):
+        t = 1e-3 * i
+        safe.step(t, 0.5 + 0.3 * (1.0 - np.cos(4.0 * np.pi * t)), drive=(1.0 + gain) * given)
+        given = safe._running.effort + left * (given - safe._running.effort)
+    assert safe.fault == fault
 
 
 def test_a_law_goes_on_without_a_sensor_that_it_can_do_without():

@@ -55,7 +55,7 @@ TEST_LEAST, TEST_MOST = 0.1, 2.2
 ANSWERS = (0.2, 1.8)
 """Of the work that the wave did when the robot was commissioned, on whomever wears it [1]."""
 
-RINGING = 0.1
+RINGING = 0.115
 """Mean size of what the effort may do faster than people move, of the law's limit of effort [1]."""
 
 STORE_SPEED, STORE_LIFT = 0.575, 0.66

@@ -15,9 +15,9 @@ from ..pointing.people import draw_people
 from ..pointing.rig import elbow_participants
 from .worn_robot import LAWS, WornRobot, sudden_stops, worn_robot
 
-JUDGED_SEED = 20281229
+JUDGED_SEED = 20290115
 """Of the robots that are judged. Thresholds were chosen on `law_comparison.tuning_robots`, more of their seed, and
-robots of 20281101 and 20281103."""
+robots of 20281101, 20281103, 20281105 and 20281107."""
 
 WATCHED = 10.0
 """How long a fault is watched that nothing finds [s]."""

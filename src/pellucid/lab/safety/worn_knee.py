@@ -23,7 +23,7 @@ from ..knee.rig import KneeRig, knee_orthosis
 from ..knee.wearer import Acting, swinging
 from .fault_table import FAULT_KINDS, ONSET, WATCHED, FaultTable, FaultTrial, HealthyLife
 
-JUDGED_WEARERS = 701
+JUDGED_WEARERS = 901
 """First of the drawn wearers that are judged; thresholds were chosen on 301 to 320."""
 
 LAWS = ("worn", "worn_without_emg")
@@ -130,18 +130,20 @@ def try_wearer(worn: WornKnee, hours: float) -> FaultTable:
         first, watched = round(rng.uniform(*ONSET) / period), round(WATCHED / period)
         alive = max(round(3600.0 * hours / len(LAWS) / period), first + watched)
         plant, acting = worn.begun(alive + 1)
+        well, given = 0, 0.0  # Periods before any alarm
         for _ in _lived(worn, name, plant, acting, 0, first):
-            pass
+            well += plant.fault == "none"
         before = plant.copy(), _twin(acting)
-        early, given = plant.fault != "none", 0.0
+        early = plant.fault != "none"
         same = np.zeros(watched)
         for k, (power, *_) in enumerate(_lived(worn, name, plant, acting, first, alive - first)):
             given += period * max(power, 0.0)
+            well += plant.fault == "none"
             if k < watched:
                 same[k] = given
-            if plant.fault != "none" and k >= watched:
+            elif plant.fault != "none":
                 break
-        took = period * (first + k + 1)
+        took = period * max(well, 1)
         healthy.append(HealthyLife(name, worn.seed, took / 3600.0, plant.fault, given / took, {}))
         for kind in KINDS:
             if kind.needs == "muscle" and name != "worn":
