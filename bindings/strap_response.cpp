@@ -35,7 +35,8 @@ active : (k,) of int
 Returns
 -------
 tuple
-    The limb's angle (n,) [rad], its stretch (n,) [rad], and derivatives of the angle (n, k).)";
+    The limb's angle (n,) [rad], its stretch (n,) [rad], the strap's torque against it (n,) [N m], and derivatives
+    of the angle (n, k).)";
 
 constexpr std::size_t numbers_of_strap = p::field_count<p::StrapParams<double>>;
 constexpr std::size_t block = 8;
@@ -51,7 +52,7 @@ void along(const p::StrapParams<S>& params, const Array& robot, const Array& tor
       state = p::settled_under(c, q, pull);
     else
       p::respond(c, state, q, pull, S(still), S(period));
-    out(i, p::limb_position(c, state, q), state.stretch);
+    out(i, p::limb_position(c, state, q), state.stretch, p::limb_torque(c, q, pull));
   }
 }
 
@@ -68,14 +69,14 @@ nb::object strap_response(nb::handle parameters, nb::handle robot_position, nb::
   const std::vector<std::size_t> which = read_indices("active", active, numbers_of_strap);
   const std::size_t k = which.size();
   std::vector<Result> results;
-  results.emplace_back(Shape{n});
-  results.emplace_back(Shape{n});
+  for (int i = 0; i < 3; ++i) results.emplace_back(Shape{n});
   results.emplace_back(Shape{n, k});
   if (k == 0) {
     along(read_params<p::StrapParams<double>, double>("parameters", parameters), robot, pull, still, period,
-          [&](std::size_t i, double limb, double stretch) {
+          [&](std::size_t i, double limb, double stretch, double against) {
             results[0].data[i] = limb;
             results[1].data[i] = stretch;
+            results[2].data[i] = against;
           });
     return tuple_of(results);
   }
@@ -87,10 +88,11 @@ nb::object strap_response(nb::handle parameters, nb::handle robot_position, nb::
     for (std::size_t i = 0; i < count; ++i)
       numbers[which[first + i]] = Dual::parameter(values.data[which[first + i]], i);
     along(p::from_numbers<p::StrapParams<Dual>>(numbers), robot, pull, still, period,
-          [&](std::size_t i, const Dual& limb, const Dual& stretch) {
+          [&](std::size_t i, const Dual& limb, const Dual& stretch, const Dual& against) {
             results[0].data[i] = limb.value;
             results[1].data[i] = stretch.value;
-            for (std::size_t j = 0; j < count; ++j) results[2].data[i * k + first + j] = limb.derivative[j];
+            results[2].data[i] = against.value;
+            for (std::size_t j = 0; j < count; ++j) results[3].data[i * k + first + j] = limb.derivative[j];
           });
   }
   return tuple_of(results);

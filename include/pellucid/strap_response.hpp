@@ -20,11 +20,16 @@ template <class S> struct StrapResponseState {
   S flank{};                      ///< -1, 0 or 1
 };
 
+/// Torque of a strap against the limb, from the one on the robot [N m], which is at an angle [rad].
+template <class S> S limb_torque(const StrapCoefficients<S>& c, const S& robot, const S& torque_on_robot) noexcept {
+  return torque_on_robot / alignment(c, robot).lever;
+}
+
 /// A strap that has settled under a torque on the robot [N m], which is at an angle [rad].
 template <class S>
 StrapResponseState<S> settled_under(const StrapCoefficients<S>& c, const S& robot, const S& torque) noexcept {
   StrapResponseState<S> state;
-  const S pull = torque / alignment(c, robot).lever;
+  const S pull = limb_torque(c, robot, torque);
   state.stretch = stretch_under(c, pull);
   state.stretch_before = state.stretch;
   state.flow = c.relaxes ? state.stretch : S(0);
@@ -46,7 +51,7 @@ template <class S> void respond(const StrapCoefficients<S>& c, StrapResponseStat
   StrapCoefficients<S> tight = c;
   tight.half_slack = S(0);
   tight.slack = S(0) > S(0);
-  const S wanted = torque_on_robot / alignment(c, robot).lever;
+  const S wanted = limb_torque(c, robot, torque_on_robot);
   const S carried = S(4) * state.stretch - state.stretch_before;
   const S flowed = c.relaxation_time * (S(4) * state.flow - state.flow_before);
   const S scale = S(1) / (S(3) * c.relaxation_time + S(2) * time);

@@ -1469,7 +1469,8 @@ def strap_response(
     Returns
     -------
     tuple
-        The limb's angle (n,) [rad], its stretch (n,) [rad], and derivatives of the angle (n, k).
+        The limb's angle (n,) [rad], its stretch (n,) [rad], the strap's torque against it (n,) [N m], and derivatives
+        of the angle (n, k).
     """
 
 LINK_PARAMETER_NAMES: tuple[str, ...]

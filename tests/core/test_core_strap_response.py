@@ -48,14 +48,14 @@ def worked(values, n=4000):
     off = p["strap_along"] * (np.sin(robot) - np.sin(p["strap_fitted"]))
     off -= p["strap_across"] * (np.cos(robot) - np.cos(p["strap_fitted"]))
     lever = 1.0 + p["strap_along"] * np.cos(robot) + p["strap_across"] * np.sin(robot)
-    return robot, robot + off + apart + slip, lever * pull, e
+    return robot, robot + off + apart + slip, lever * pull, e, pull
 
 
 @pytest.mark.parametrize("option", [*OPTIONS, "everything"])
 def test_the_limb_is_found_again_from_the_torque(option):
     values = parameters(**(EVERYTHING if option == "everything" else OPTIONS[option]))
-    robot, limb, torque, stretch = worked(values)
-    found, stretched, _ = _core.strap_response(
+    robot, limb, torque, stretch, against = worked(values)
+    found, stretched, pull, _ = _core.strap_response(
         values, robot, torque, period=PERIOD, still=0.02, active=np.zeros(0, np.int64)
     )
     pulls = np.convolve(np.abs(torque) <= 0.02, np.ones(81), "same") < 0.5
@@ -63,14 +63,15 @@ def test_the_limb_is_found_again_from_the_torque(option):
     assert pulls.mean() > 0.4
     assert np.abs(found - limb)[pulls].max() < 2e-3
     assert np.abs(stretched - stretch)[pulls].max() < 2e-3
+    assert np.abs(pull - against).max() < 1e-12
     assert np.std(limb - robot) > 0.1
 
 
 def test_derivatives_are_those_of_differences():
     values = parameters(**EVERYTHING)
-    robot, _, torque, _ = worked(values, 1500)
+    robot, _, torque, *_ = worked(values, 1500)
     active = [i for i, name in enumerate(NAMES) if values[i] and name != "strap_fitted"]
-    _, _, slopes = _core.strap_response(values, robot, torque, period=PERIOD, still=0.02, active=np.array(active))
+    *_, slopes = _core.strap_response(values, robot, torque, period=PERIOD, still=0.02, active=np.array(active))
     for column, i in zip(slopes.T, active, strict=True):
         step = 1e-5 * abs(values[i])
         ends = []

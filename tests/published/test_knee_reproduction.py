@@ -104,9 +104,10 @@ def test_one_body_s_balance_has_the_strap_and_both_together_do_not(made, value):
 
 
 def test_the_target_of_torque_maps_goes_through_the_strap(made, value):
-    # 0.95 of 1.88: through a spring and a damper, which are not all of the strap. On straps that are: 0.3, a fifth.
-    assert value["knee.emg.target.rmse"] < 1.2
-    assert value["knee.emg.target.as_one.rmse"] > 1.5 * value["knee.emg.target.rmse"]
+    # 0.21; through a spring and a damper, which are not all of the strap, 0.95; as one body 1.88.
+    assert value["knee.emg.target.rmse"] < 0.3
+    assert value["knee.emg.target.kelvin_voigt.rmse"] > 3.0 * value["knee.emg.target.rmse"]
+    assert value["knee.emg.target.as_one.rmse"] > 5.0 * value["knee.emg.target.rmse"]
     assert {(m.protocol, m.estimator) for m in made[1].maps} == {
         (p, e) for p in ("published", "both_ways") for e in ("tree", "ridge")
     }
@@ -114,8 +115,7 @@ def test_the_target_of_torque_maps_goes_through_the_strap(made, value):
         steps = made[1].steps[m.subject, m.protocol]
         assert set(m.predicted) == {t.name for t in steps.trials}
         assert m.score.rmse < 2.5
-        # Nobody's score is off by more than the target is.
-        assert steps.true_error(m.predicted) == pytest.approx(m.score.rmse, abs=value["knee.emg.target.rmse"])
+        assert steps.true_error(m.predicted) == pytest.approx(m.score.rmse, abs=0.2)
 
 
 def test_seeds_are_other_noise_on_the_same_protocol(made):

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from pellucid.estimators.causal_map import CausalMap
+from pellucid.fit.strap.strap_model import KELVIN_VOIGT
 from pellucid.fit.strap.strap_torque import Limb, Orthosis
 from pellucid.lab.knee.protocol import torque_trial
 from pellucid.lab.knee.rig import knee_orthosis
@@ -28,12 +29,12 @@ def steps():
 @pytest.fixture(scope="module")
 def known():
     """Orthosis, limb and strap as they are."""
-    strap = {name: SimpleNamespace(value=S1.strap[name]) for name in ("stiffness", "damping")}
+    strap = KELVIN_VOIGT.core({name: S1.strap[name] for name in ("stiffness", "damping")})
     gravity = float(np.hypot(*RIG.orthosis_gravity))
     return {
         "orthosis": Orthosis(RIG["orthosis"]["inertia"], RIG["orthosis"]["bearing_viscous"], gravity),
         "limb": Limb(S1.inertia, S1.gravity),
-        "coupling": SimpleNamespace(orthosis_side=SimpleNamespace(**strap)),
+        "coupling": SimpleNamespace(plain=strap),
     }
 
 

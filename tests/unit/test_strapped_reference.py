@@ -2,13 +2,19 @@
 
 import numpy as np
 import pytest
+from two_bodies import Pair, swing
 
 from pellucid.estimators.strapped_reference import strapped_torque
 from pellucid.estimators.torque_reference import MovedBody, human_torque
+from pellucid.fit.strap.strap_model import KELVIN_VOIGT, StrapModel
 from pellucid.fit.strap.strap_torque import Limb, Orthosis
 
 FS, LOWPASS = 500.0, 6.0
 ORTHOSIS, LIMB = Orthosis(0.05, 0.01, 1.6), Limb(0.3, 8.0, 0.15, zero=0.05)
+
+
+def plain(stiffness: float, damping: float) -> np.ndarray:
+    return KELVIN_VOIGT.core({"stiffness": stiffness, "damping": damping})
 
 
 def recorded(stiffness: float, damping: float):
@@ -29,7 +35,7 @@ def recorded(stiffness: float, damping: float):
 def test_it_is_exact_where_the_strap_is_known(stiffness, damping):
     t, q, spring, knee = recorded(stiffness, damping)
     found = strapped_torque(
-        t, q, spring, orthosis=ORTHOSIS, limb=LIMB, stiffness=stiffness, damping=damping, lowpass=LOWPASS
+        t, q, spring, orthosis=ORTHOSIS, limb=LIMB, strap=plain(stiffness, damping), lowpass=LOWPASS
     )
     inside = slice(1000, -1000)
     assert np.sqrt(np.mean((found - knee)[inside] ** 2)) < 0.01 * knee.std()
@@ -39,7 +45,7 @@ def test_taking_both_for_one_body_is_off_by_the_limb_s_weight():
     t, q, spring, knee = recorded(12.0, 0.4)
     together = MovedBody(ORTHOSIS.gravity + LIMB.gravity, ORTHOSIS.inertia + LIMB.inertia, 0.16)
     as_one = human_torque(q, spring, together, lowpass=LOWPASS, fs=FS)
-    found = strapped_torque(t, q, spring, orthosis=ORTHOSIS, limb=LIMB, stiffness=12.0, damping=0.4, lowpass=LOWPASS)
+    found = strapped_torque(t, q, spring, orthosis=ORTHOSIS, limb=LIMB, strap=plain(12.0, 0.4), lowpass=LOWPASS)
     inside = slice(1000, -1000)
     off = [np.sqrt(np.mean((x - knee)[inside] ** 2)) for x in (as_one, found)]
     assert off[0] > 20.0 * off[1]
@@ -50,7 +56,38 @@ def test_a_strap_that_hardly_yields_makes_no_difference():
     t, q, spring, _ = recorded(12.0, 0.4)
     together = MovedBody(ORTHOSIS.gravity + 8.0, ORTHOSIS.inertia + LIMB.inertia, ORTHOSIS.viscous + LIMB.viscous)
     level = Limb(LIMB.inertia, LIMB.gravity, LIMB.viscous)
-    stiff = strapped_torque(t, q, spring, orthosis=ORTHOSIS, limb=level, stiffness=1e6, damping=1.0, lowpass=LOWPASS)
+    stiff = strapped_torque(t, q, spring, orthosis=ORTHOSIS, limb=level, strap=plain(1e6, 1.0), lowpass=LOWPASS)
     as_one = human_torque(q, spring, together, lowpass=LOWPASS, fs=FS)
     inside = slice(1000, -1000)
     assert np.abs(stiff - as_one)[inside].max() < 0.02 * as_one.std()
+
+
+@pytest.mark.parametrize(
+    ("features", "speeds", "most"),
+    [
+        ({"hardening": 40.0, "along": -0.1}, (0.6, 0.75, 0.9), 0.01),
+        # Nothing tells the limb's own motion through the gap: as slowly as torques are stepped.
+        ({"hardening": 40.0, "slack": 0.03}, (0.2, 0.3, 0.4), 0.06),
+    ],
+    ids=("hardening_askew", "hardening_slack"),
+)
+def test_a_strap_that_is_more_than_a_spring_and_a_damper_is_seen_through(features, speeds, most):
+    pair = Pair(**features)
+    true = swing(pair, seconds=12.0, seed=3, speeds=speeds, substeps=2)[0]
+    model = StrapModel(tuple({"along": "askew"}.get(name, name) for name in features))
+    chosen = model.core({"stiffness": pair.stiffness, "damping": pair.damping, "across": 0.0, **features})
+    inside = slice(1000, -1000)
+    # The simplest rival at its best: the spring and the damper nearest to the torque that was there.
+    velocity, acceleration = true.limb_rates.T
+    pull = true.knee_torque - pair.limb.inertia * acceleration - pair.limb.viscous * velocity
+    pull = pull - pair.limb.gravity * np.sin(true.limb)
+    columns = np.column_stack([true.mismatch, velocity - true.position_rates[:, 0]])
+    nearest = np.linalg.lstsq(columns[inside], pull[inside], rcond=None)[0]
+    off = []
+    for strap in (chosen, plain(*nearest)):
+        found = strapped_torque(
+            true.time, true.position, true.torque, orthosis=pair.orthosis, limb=pair.limb, strap=strap, lowpass=LOWPASS
+        )
+        off.append(np.sqrt(np.mean((found - true.knee_torque)[inside] ** 2)) / true.knee_torque.std())
+    assert off[0] < most
+    assert off[1] > 3.0 * off[0]

@@ -21,6 +21,9 @@ class Pair:
     limb: Limb = field(default_factory=lambda: Limb(0.30, 8.0, 0.2))
     stiffness: float = 20.0
     damping: float = 1.5
+    hardening: float = 0.0  # 1/rad^2
+    slack: float = 0.0  # the whole gap, rad
+    along: float = 0.0  # of the limb's axis, over the cuff's lever
     drag: float = 0.6  # of the actuator, N m s/rad
     dry_drag: float = 1.0  # of the actuator's gear, N m
 
@@ -57,9 +60,15 @@ def swing(pair: Pair, *, seconds=20.0, seed=0, count=1, speeds=(0.6, 0.75, 0.9),
 
     def rates(t, x):
         qe, qk, ve, vk = x
-        strap = pair.stiffness * (qk - qe) + pair.damping * (vk - ve)
+        lever = 1.0 + pair.along * np.cos(qe)
+        apart = qk - qe - pair.along * np.sin(qe)
+        e = apart - np.clip(apart, -0.5 * pair.slack, 0.5 * pair.slack)
+        strap = pair.stiffness * e * (1.0 + pair.hardening * e**2 / 3.0) + pair.damping * (vk - lever * ve)
+        if pair.slack:
+            strap = np.where(e * strap <= 0.0, 0.0, strap)
         actuator = -pair.drag * ve - pair.dry_drag * np.tanh(ve / 0.1)
-        ae = (actuator + strap - o.viscous * ve - o.gravity * np.sin(qe) - o.coulomb * np.tanh(ve / 0.02)) / o.inertia
+        own = o.viscous * ve + o.gravity * np.sin(qe) + o.coulomb * np.tanh(ve / 0.02)
+        ae = (actuator + lever * strap - own) / o.inertia
         ak = (muscles(t) - strap - m.viscous * vk - m.gravity * np.sin(qk)) / m.inertia
         return np.array([ve, vk, ae, ak]), actuator
 

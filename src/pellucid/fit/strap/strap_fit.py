@@ -85,7 +85,7 @@ class StrapRecord:
         """The limb's angle, (n,), its stretch, (n,), and derivatives by the model's coefficients, (n, k)."""
         core, coefficients = model.core(values), model.coefficients
         active = [NAMES.index(c.field) for c in coefficients]
-        limb, stretch, slopes = _core.strap_response(
+        limb, stretch, _, slopes = _core.strap_response(
             core, self.robot, self.torque if torque is None else torque, period=self.period, still=self.still,
             active=active,
         )  # fmt: skip

@@ -32,7 +32,7 @@ from .published_coupling import (
     solve_balance,
     torque_mismatch,
 )
-from .strap_model import SENTENCES
+from .strap_model import KELVIN_VOIGT, SENTENCES
 from .strap_search import clock_shift
 from .strap_slip import Slip, find_slip, unexplained
 from .strap_torque import Limb, Orthosis, StrappedSwing, from_limb, from_orthosis
@@ -88,6 +88,17 @@ class WearerCoupling:
         """Of the strap as it is, its tangent where it begins to pull; of a spring and a damper where no model is."""
         of = self.orthosis_side if self.strap is None or name == "inertia" else self.strap
         return getattr(of, name)
+
+    @property
+    def core(self) -> np.ndarray:
+        """The strap as the core names it, (p,): as it is, or the spring and damper where no model is."""
+        return self.plain if self.strap is None else self.strap.model.core(self.strap.fit.values)
+
+    @property
+    def plain(self) -> np.ndarray:
+        """The spring and the damper that do best over the swings, (p,) as the core names them."""
+        of = self.orthosis_side
+        return KELVIN_VOIGT.core({"stiffness": of.stiffness.value, "damping": of.damping.value})
 
     def mean_fit(self, model: str = "orthosis", split: str = "heldout") -> float:
         """Mean fit of a `model` over the trials of a `split` [%]; NaN where there are none."""

@@ -59,9 +59,7 @@ def identify_wearer_of(rig: KneeRig, name: str, seed: int) -> Identified:
     actuator = actuator_residual([tuple(r[c] for c in CHANNELS) for r in sines], sines[0].fs)
     actuator |= {"delay": DEAD_SAMPLES / sines[0].fs}
     coupling = Coupling.of_cards(cards["orthosis"], cards[f"{name}.limb"], cards[f"{name}.coupling"], actuator)
-    strap = stages.coupling.orthosis_side
-    known = {"orthosis": findings.orthosis.orthosis, "limb": stages.limb.limb}
-    known |= {name: getattr(strap, name).value for name in ("stiffness", "damping")}
+    known = {"orthosis": findings.orthosis.orthosis, "limb": stages.limb.limb, "strap": stages.coupling.plain}
     steps = [strapped_emg_trial(r, "emg", r.name.rsplit("_", 1)[-1], **known) for r in taken.of("torque_steps")]
     return Identified(name, rig, seed, coupling, tuple(steps))
 

@@ -125,6 +125,7 @@ def torques_rows(
         ]  # fmt: skip
     for name, of, words in (
         ("target", lambda s: s.targets, "Error of the torque that maps are fitted to"),
+        ("target.kelvin_voigt", lambda s: s.plain, "The same through a spring and a damper"),
         ("target.as_one", lambda s: s.as_one, "The same if the strap did not yield"),
     ):
         errors = [s.true_error(of(s)) for (_, protocol), s in steps.items() if protocol == "published"]

@@ -52,6 +52,7 @@ class TorqueSteps:
     protocol: str
     trials: tuple[TorqueTrial, ...]  # Their torque is what orthosis, strap and limb tell of the knee's
     actuator: Mapping[str, np.ndarray] = field(repr=False)  # (n,) By trial: the spring's torque [N m]
+    plain: Mapping[str, np.ndarray] = field(repr=False)  # (n,) By trial: the target through a spring and a damper [N m]
     as_one: Mapping[str, np.ndarray] = field(repr=False)  # (n,) By trial: the same as if the strap did not yield [N m]
     # (n,) By trial: the knee's torque as only the simulation knows it, muscles and ligaments [N m]
     true: Mapping[str, np.ndarray] = field(repr=False)
@@ -69,15 +70,17 @@ class TorqueSteps:
 def torque_steps(rig: KneeRig, taken: KneeSession, orthosis: Orthosis, found: WearerFound) -> TorqueSteps:
     """A subject's torque steps with their envelopes."""
     chain, kept = emg_chain(taken.config.emg_torque.chain), slice(None, None, KEPT)
-    limb, strap = found.stages.limb.limb, found.stages.coupling.orthosis_side
+    limb, coupling = found.stages.limb.limb, found.stages.coupling
     body = MovedBody(orthosis.gravity + limb.gravity, orthosis.inertia + limb.inertia, orthosis.viscous)
-    trials, actuator, as_one, true = [], {}, {}, {}
+    trials, actuator, plain, as_one, true = [], {}, {}, {}, {}
     for r in taken.of("torque_steps"):
         emg, truth = r.streams["emg"], taken.truth[r.name]
-        torque = strapped_torque(
-            r.time, r["position"], r["torque"], orthosis=orthosis, limb=limb, stiffness=strap.stiffness.value,
-            damping=strap.damping.value, lowpass=MOTION_LOWPASS,
-        )  # fmt: skip
+        torque, plain[r.name] = (
+            strapped_torque(
+                r.time, r["position"], r["torque"], orthosis=orthosis, limb=limb, strap=strap, lowpass=MOTION_LOWPASS
+            )[kept]
+            for strap in (coupling.core, coupling.plain)
+        )
         envelopes = {
             m: np.interp(r.time, emg.time, chain.zero_phase(emg[f"emg.{m}"], emg.fs))
             for m in taken.config.emg_torque.muscles
@@ -85,14 +88,14 @@ def torque_steps(rig: KneeRig, taken: KneeSession, orthosis: Orthosis, found: We
         trials.append(
             TorqueTrial(
                 name=r.name, joint="knee", time=r.time[kept], envelopes={m: e[kept] for m, e in envelopes.items()},
-                angles={"knee": r["position"][kept]}, torque=torque[kept], group=r.name.rsplit("_", 1)[-1],
+                angles={"knee": r["position"][kept]}, torque=torque, group=r.name.rsplit("_", 1)[-1],
                 participant=r.participant,
             )
         )  # fmt: skip
         actuator[r.name] = r["torque"][kept]
         as_one[r.name] = human_torque(r["position"], r["torque"], body, lowpass=MOTION_LOWPASS, fs=r.fs)[kept]
         true[r.name] = (truth.muscle_torque + _ligaments(rig, truth.limb_position))[kept]
-    return TorqueSteps(found.name, "both_ways", tuple(trials), actuator, as_one, true)
+    return TorqueSteps(found.name, "both_ways", tuple(trials), actuator, plain, as_one, true)
 
 
 def published_steps(steps: TorqueSteps, duration: float) -> TorqueSteps:
@@ -106,7 +109,7 @@ def published_steps(steps: TorqueSteps, duration: float) -> TorqueSteps:
         for t, i in ((t, inside[t.name]) for t in steps.trials)
     )  # fmt: skip
     parts = ({name: values[inside[name]] for name, values in of.items()} for of in
-             (steps.actuator, steps.as_one, steps.true))  # fmt: skip
+             (steps.actuator, steps.plain, steps.as_one, steps.true))  # fmt: skip
     return TorqueSteps(steps.subject, "published", trials, *parts)
 
 

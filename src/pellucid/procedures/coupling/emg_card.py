@@ -46,10 +46,10 @@ def emg_card(
     steps = [r for r in steps if stream in r.streams]
     if limb is None or not np.isfinite(limb.inertia) or not steps:
         return None
-    strap, repetition = coupling.orthosis_side, repetitions(steps)
-    known = {"stiffness": strap.stiffness.value, "damping": strap.damping.value}
+    # The law that the map serves has this strap.
+    repetition, strap = repetitions(steps), coupling.plain
     trials = [
-        strapped_emg_trial(r, stream, str(repetition[r.name]), orthosis=orthosis, limb=limb, **known) for r in steps
+        strapped_emg_trial(r, stream, str(repetition[r.name]), orthosis=orthosis, limb=limb, strap=strap) for r in steps
     ]
     channels = (name for name in steps[0].streams[stream].channels if name.startswith("emg."))
     try:

@@ -17,15 +17,13 @@ def strapped_emg_trial(
     *,
     orthosis: Orthosis,
     limb: Limb,
-    stiffness: float,
-    damping: float,
+    strap: np.ndarray,
 ) -> EmgTrial:
-    """A recording of torques that a wearer counteracts, ready for `causal_map.fit_causal_map`. `stiffness`,
-    `damping` [N m/rad], [N m s/rad]."""
+    """A recording of torques that a wearer counteracts, ready for `causal_map.fit_causal_map`. `strap` (p,) as
+    the core names it."""
     emg, position = recording.streams[stream], recording["position"]
     torque = strapped_torque(
-        recording.time, position, recording["torque"], orthosis=orthosis, limb=limb, stiffness=stiffness,
-        damping=damping, lowpass=MOTION,
-    )  # fmt: skip
+        recording.time, position, recording["torque"], orthosis=orthosis, limb=limb, strap=strap, lowpass=MOTION
+    )
     raw = np.column_stack([emg[channel] for channel in emg.channels if channel.startswith("emg.")])
     return EmgTrial(repetition, recording.time, position, torque, emg.time, raw)
