@@ -14,8 +14,10 @@ from pellucid.estimators.cross_validation import Score
 from pellucid.estimators.families import ESTIMATORS
 from pellucid.estimators.features import features
 from pellucid.estimators.muscle_trials import warm
+from pellucid.estimators.strapped_reference import strapped_torque
 from pellucid.estimators.torque_map import fit_torque_map
 from pellucid.estimators.torque_reference import MovedBody
+from pellucid.fit.strap.strap_model import StrapModel
 from pellucid.models.card import CardParameter
 from pellucid.models.parameter_card import ParameterCard, read_parameter_card, write_parameter_card
 from pellucid.pages.page import write_page
@@ -25,7 +27,7 @@ from pellucid.procedures.emg_torque.calibration_page import coverage_text, page
 from pellucid.procedures.emg_torque.evaluated import Evaluated, TorqueTrace, mean_choice
 from pellucid.procedures.emg_torque.procedure import EmgTorqueProcedure
 from pellucid.procedures.emg_torque.torque_card import torque_of_card
-from pellucid.procedures.emg_torque.trial_sources import moment_trials, step_trials
+from pellucid.procedures.emg_torque.trial_sources import moment_trials, moved_body, step_trials
 from pellucid.procedures.registry import open_study
 from pellucid.procedures.result import Result
 from pellucid.procedures.run import calibrate
@@ -283,6 +285,39 @@ def test_steps_are_judged_repetition_by_repetition(tmp_path, quick):
     assert rows["orthosis.emg.S1.rmse.tree"].value < 2.0
     assert rows["orthosis.emg.S1.rmse.motion"].value > 2.0 * rows["orthosis.emg.S1.rmse.tree"].value
     assert any("is 113 ms late" in verdict.text for verdict in found.verdicts)
+
+
+def test_the_torque_of_the_wearer_goes_through_the_strap_that_has_a_card(tmp_path, quick):
+    study = orthosis(tmp_path / "orthosis")
+    one = moved_body(study, "S1")
+    assert isinstance(one, MovedBody)
+    assert one.gravity == 12.0
+    coupling, strap = ({"stiffness": 20.0, "damping": 1.0}, {"stiffness": 14.0, "damping": 0.5, "hardening": 25.0})
+    said = ["taken for one body"]
+    for kind, values, settings, words in (
+        ("coupling", coupling, {}, "a spring and a damper"),
+        ("strap", strap, {"model": "hardening"}, "strap of its card: it hardens"),
+    ):
+        parameters = tuple(CardParameter(n, "1", v, 0.1, (v - 0.2, v + 0.2), False, True) for n, v in values.items())
+        card = ParameterCard(kind, "orthosis", f"S1.{kind}", parameters, settings={"participant": "S1", **settings})
+        write_parameter_card(study.models_dir / f"S1.{kind}.json", card)
+        body = moved_body(study, "S1")
+        assert np.array_equal(body.strap, StrapModel.named(settings.get("model", "kelvin_voigt")).core(values))
+        assert (body.orthosis.gravity, body.limb.gravity) == (4.0, 8.0)
+        said.append(words)
+    trial, rigid = (step_trials(study, "S1", b)[0] for b in (body, one))
+    recording = next(r for r in study.recordings() if r.name == trial.name)
+    found = strapped_torque(
+        recording.time, recording["position"], recording["torque"], orthosis=body.orthosis, limb=body.limb,
+        strap=body.strap, lowpass=6.0,
+    )  # fmt: skip
+    assert np.array_equal(trial.torque, found[:: len(found) // len(trial.torque)])
+    assert np.abs(trial.torque - rigid.torque).max() > 1.0
+    assert any(said[-1] in verdict.text for verdict in calibrate(study).verdicts)
+    for card in ("strap", "coupling"):
+        (study.models_dir / f"S1.{card}.json").unlink()
+        said.pop()
+        assert any(said[-1] in verdict.text for verdict in calibrate(study).verdicts)
 
 
 def test_the_torque_of_the_wearer_needs_cards(tmp_path, quick):

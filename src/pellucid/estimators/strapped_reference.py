@@ -13,17 +13,29 @@ In the gap of a slack strap no torque tells where the limb is; it is led through
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 from scipy.interpolate import PchipInterpolator
 
 from .. import _core
 from ..fit.strap.strap_fit import SETTLING
-from ..fit.strap.strap_model import NAMES
+from ..fit.strap.strap_model import NAMES, StrapModel
 from ..fit.strap.strap_torque import Limb, Orthosis, StrappedSwing, from_orthosis
 from ..signals.filters import central_difference, zero_phase_lowpass
 
 STILL = 0.02
 """Share of its spread below which a slack strap's torque says nothing of where the limb is."""
+
+
+@dataclass(frozen=True, eq=False)
+class StrappedBodies:
+    """What is moved where a strap yields: orthosis and limb, each by itself."""
+
+    orthosis: Orthosis
+    limb: Limb
+    model: StrapModel
+    strap: np.ndarray  # (p,) As the core names it
 
 
 def strapped_torque(

@@ -86,6 +86,11 @@ class StrapModel:
         """As ids and cards have it."""
         return "_".join(self.features) or PLAIN
 
+    @classmethod
+    def named(cls, name: str) -> StrapModel:
+        """By its name."""
+        return cls(() if name == PLAIN else tuple(name.split("_")))
+
     @property
     def words(self) -> str:
         """For a sentence."""

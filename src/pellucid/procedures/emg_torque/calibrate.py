@@ -13,7 +13,9 @@ from ...estimators.cross_validation import score
 from ...estimators.families import ESTIMATORS
 from ...estimators.hill import HillMap
 from ...estimators.smoothing import smoothing_delay
+from ...estimators.strapped_reference import StrappedBodies
 from ...estimators.torque_map import fit_torque_map, torque_map_cv
+from ...estimators.torque_reference import MovedBody
 from ...estimators.torque_trial import TorqueTrial
 from ...fit.parameter import Verdict
 from ...recordings.study import Study
@@ -154,6 +156,7 @@ def _by_repetition(study: Study, tell: Progress) -> Calibrated:
     for i, person in enumerate(people):
         body, joint = moved_body(study, person), study.config.emg_torque.joints[0]
         what = person or joint
+        found.verdicts.append(_reference_verdict(what, body))
         for causal, names in ((False, EVALUATED), (True, CAUSAL)):
             trials = step_trials(study, person, body, causal=causal, joint=joint)
             base, span = (i + 0.8 * causal) / len(people), (0.2 if causal else 0.8) / len(people)
@@ -184,6 +187,16 @@ def _by_repetition(study: Study, tell: Progress) -> Calibrated:
                     for t in worst[:3]
                 )
     return found
+
+
+def _reference_verdict(what: str, body: MovedBody | StrappedBodies) -> Verdict:
+    """What the wearer's torque goes through."""
+    if isinstance(body, MovedBody):
+        text = "limb and orthosis are taken for one body, since no card of the strap is there: a strap that yields adds"
+        return Verdict("note", f"{what}: {text} what the limb weighs at another angle.")
+    if not body.model.features:
+        return Verdict("note", f"{what}: the torque of the wearer goes through a spring and a damper for the strap.")
+    return Verdict("note", f"{what}: the torque of the wearer goes through the strap of its card: {body.model.words}.")
 
 
 def _tables(evaluated: Sequence[Evaluated]) -> tuple[FigureTable, ...]:

@@ -8,8 +8,11 @@ import numpy as np
 
 from ..._errors import IdentificationError, RecordingError
 from ...estimators.features import MOTION_LOWPASS
+from ...estimators.strapped_reference import StrappedBodies, strapped_torque
 from ...estimators.torque_reference import MovedBody, human_torque
 from ...estimators.torque_trial import TorqueTrial
+from ...fit.strap.strap_model import PLAIN, StrapModel
+from ...fit.strap.strap_torque import Limb, Orthosis
 from ...models.parameter_card import ParameterCard, read_parameter_card
 from ...recordings.recording import Recording
 from ...recordings.study import Study
@@ -67,7 +70,12 @@ def moment_trials(study: Study, joint: str) -> list[TorqueTrial]:
 
 
 def step_trials(
-    study: Study, participant: str | None, body: MovedBody, *, causal: bool = False, joint: str = "knee"
+    study: Study,
+    participant: str | None,
+    body: MovedBody | StrappedBodies,
+    *,
+    causal: bool = False,
+    joint: str = "knee",
 ) -> list[TorqueTrial]:
     """Recordings in which a wearer counteracts an orthosis's torque, grouped by repetition. `study` [emg_torque]."""
     spec = study.config.emg_torque
@@ -77,7 +85,7 @@ def step_trials(
     lowpass, repetition = spec.reference_lowpass or MOTION_LOWPASS, repetitions(found)
     trials = []
     for recording in found:
-        torque = human_torque(recording["position"], recording["torque"], body, lowpass=lowpass, fs=recording.fs)
+        torque = _wearer_torque(recording, body, lowpass)
         envelopes = relative_envelopes(study, recording, top, causal=causal)
         every = slice(None, None, max(1, round(recording.fs / KEPT_RATE)))
         trials.append(
@@ -108,22 +116,46 @@ def repetitions(recordings: Sequence[Recording]) -> dict[str, int]:
     return made
 
 
-def moved_body(study: Study, participant: str | None) -> MovedBody:
-    """Limb and orthosis together, from the cards that `identify` wrote."""
+def _wearer_torque(recording: Recording, body: MovedBody | StrappedBodies, lowpass: float) -> np.ndarray:
+    position, torque = recording["position"], recording["torque"]
+    if isinstance(body, MovedBody):
+        return human_torque(position, torque, body, lowpass=lowpass, fs=recording.fs)
+    return strapped_torque(
+        recording.time, position, torque, orthosis=body.orthosis, limb=body.limb, strap=body.strap, lowpass=lowpass
+    )
+
+
+def moved_body(study: Study, participant: str | None) -> MovedBody | StrappedBodies:
+    """Limb and orthosis from the cards that `identify` wrote: apart where it found their strap, else as one."""
     read = {
         path.stem: read_parameter_card(path)
         for path in study.cards()
-        if path.stem.split(".")[-1] in ("orthosis", "limb")
+        if path.stem.split(".")[-1] in ("orthosis", "limb", "coupling", "strap")
     }
     orthosis = [c for c in read.values() if c.kind == "orthosis"]
-    limbs = [c for c in read.values() if c.kind == "limb" and participant in (None, c.settings.get("participant"))]
+    own = [c for c in read.values() if participant in (None, c.settings.get("participant"))]
+    limbs = [c for c in own if c.kind == "limb"]
+    straps = [c for kind in ("strap", "coupling") for c in own if c.kind == kind]
     if not orthosis or not limbs:
         lacking = "an orthosis" if not orthosis else f"the limb of {participant}"
         raise IdentificationError(
             f"{study.models_dir}: found the cards {', '.join(read) or 'of no body'}, expected one of {lacking}: the "
             f"torque of the wearer needs what is moved; use: pellucid identify {study.folder}"
         )
-    return _body(orthosis[0]) + _body(limbs[0])
+    bodies = _body(orthosis[0]), _body(limbs[0])
+    if not straps:
+        return bodies[0] + bodies[1]
+    robot, limb = bodies
+    model = StrapModel.named(str(straps[0].settings.get("model", PLAIN)))
+    return StrappedBodies(
+        Orthosis(
+            robot.inertia, robot.viscous, robot.gravity, orthosis[0].values.get("coulomb", 0.0), zero=robot.zero,
+            offset=robot.offset,
+        ),
+        Limb(limb.inertia, limb.gravity, limb.viscous, zero=limb.zero),
+        model,
+        model.core(straps[0].values),
+    )  # fmt: skip
 
 
 def _body(card: ParameterCard) -> MovedBody:
@@ -131,7 +163,7 @@ def _body(card: ParameterCard) -> MovedBody:
     return MovedBody(
         values["gravity"],
         values.get("inertia", 0.0),
-        values.get("viscous", 0.0),
+        values.get("damping", 0.0),
         float(card.settings.get("zero", 0.0)),
         float(card.settings.get("torque_offset", 0.0)),
     )
