@@ -69,10 +69,10 @@ template <class S> void respond(const StrapCoefficients<S>& c, StrapResponseStat
     if (i > 0 && all(abs(step) <= S(1e-12))) break;
   }
   // Nothing is stretched while nothing pulls.
-  const mask_t<S> free = both(c.slack, abs(wanted) <= still);
-  e = select(free, S(0), e);
+  const mask_t<S> loose = both(c.slack, abs(wanted) <= still);
+  e = select(loose, S(0), e);
   x = c.relaxes ? (flowed + twice * e) * scale : S(0);
-  state.flank = select(free, state.flank, select(wanted > S(0), S(1), select(wanted < S(0), S(-1), state.flank)));
+  state.flank = select(loose, state.flank, select(wanted > S(0), S(1), select(wanted < S(0), S(-1), state.flank)));
   state.slip = state.slip + time * slip_rate(c, wanted);
   state.stretch_before = state.stretch;
   state.stretch = e;

@@ -14,6 +14,7 @@ from pellucid.lab.study import record_in_memory, write_study
 from pellucid.models.energy import cycle_energy
 from pellucid.models.joint import GRAVITY
 from pellucid.procedures.slider.identify_slider import STEPS, fit_slider
+from pellucid.protocols.reversals import REVERSALS
 
 SEED = 1
 THREADS = min(2, os.cpu_count() or 1)
@@ -62,7 +63,7 @@ def steps_of(fit):
 
 def test_sliders_are_found_within_a_millimetre(fit, known):
     off = [abs(p.slider - known["sliders"][p.recording]) for p in fit.geometry.placements]
-    assert len(off) == len(known["sliders"])
+    assert len(off) == sum(not name.startswith(REVERSALS) for name in known["sliders"])  # those tell of friction alone
     assert max(off) < 1e-3
 
 

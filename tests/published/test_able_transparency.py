@@ -73,7 +73,7 @@ def test_a_force_sensor_halves_the_torque_and_nothing_drives(cards):
     assert all(s.fault == "none" for s in made)
 
 
-def test_a_loop_without_margin_is_found_to_cycle(cards):
+def test_a_loop_without_margin_is_found_to_cycle_or_stopped(cards):
     rig = elbow_participants()
     person = draw_people(rig, np.random.default_rng(21), count=1)[0]
     law = condition_of(cards, BEST_SENSED)(person, person.slider(rig))

@@ -158,7 +158,8 @@ def point(
 
 def hold_still(rig: PointingRig, person: Person, law: RobotLaw, *, lift: float = 0.4) -> float:
     """Fastest that a robot still moves two seconds after a movement over a lift [rad], without noise and corrections
-    [rad/s]: 0 to the bit where friction holds it, a limit cycle where it is not small."""
+    [rad/s]: 0 to the bit where friction holds it, a limit cycle where it is not small, infinite where its supervisor
+    had to stop it."""
     vector = person.vector(rig)
     vector[_core.REACHING_PARAMETER_NAMES.index("tolerance")] = 1e3
     reference, fs = rig["pointing"]["reference"], 1.0 / rig.period
@@ -168,6 +169,8 @@ def hold_still(rig: PointingRig, person: Person, law: RobotLaw, *, lift: float =
         target=reference + lift, amplitude=lift, duration=0.8, reaction=0.2, load=np.zeros(5), tolerance=0.0,
         hold=1e9, noise=np.zeros((n, 5)), longest=n, sensor_error=np.zeros(n) if law.sensed else None, emg=law.emg,
     )  # fmt: skip
+    if arm.fault != "none":
+        return float("inf")
     return float(np.abs(moved[SIGNALS.index("link")][-round(fs) :]).max())
 
 
