@@ -3,8 +3,6 @@
 
 #include "fields.hpp"
 
-#include <pellucid/coupled_plant.hpp>
-
 #include <cmath>
 
 namespace bindings {
@@ -17,7 +15,7 @@ constexpr const char* plant_doc =
 
 Parameters
 ----------
-parameters : (47,)
+parameters : (n,)
     In the order of COUPLED_PARAMETER_NAMES, SI.
 period : float
     Of control [s], > 0.
@@ -57,15 +55,7 @@ class CoupledPlant {
  public:
   CoupledPlant(nb::handle parameters, double period, nb::handle substeps, nb::handle delay, nb::handle torque_span,
                double position0, double torque0) {
-    if (!(period > 0 && std::isfinite(period))) throw nb::value_error("period: expected a number of seconds above 0");
-    auto params = read_params<p::CoupledPlantParams<double>, double>("parameters", parameters);
-    const auto count = [](const char* name, nb::handle value, long long least, long long most) {
-      return static_cast<std::uint32_t>(read_integer(name, value, least, most));
-    };
-    params.loop.period = period;
-    params.loop.delay = count("delay", delay, 0, p::max_torque_span - 1);
-    params.loop.torque_span = count("torque_span", torque_span, 1, p::max_torque_span - 1);
-    params.substeps = count("substeps", substeps, 1, 1000000);
+    const auto params = read_coupled_plant(parameters, period, substeps, delay, torque_span);
     coefficients_ = p::coefficients(params);
     state_ = p::balanced(coefficients_, position0, torque0);
   }
@@ -101,6 +91,20 @@ class CoupledPlant {
 };
 
 }  // namespace
+
+p::CoupledPlantParams<double> read_coupled_plant(nb::handle parameters, double period, nb::handle substeps,
+                                                 nb::handle delay, nb::handle torque_span) {
+  if (!(period > 0 && std::isfinite(period))) throw nb::value_error("period: expected a number of seconds above 0");
+  auto params = read_params<p::CoupledPlantParams<double>, double>("parameters", parameters);
+  const auto count = [](const char* name, nb::handle value, long long least, long long most) {
+    return static_cast<std::uint32_t>(read_integer(name, value, least, most));
+  };
+  params.loop.period = period;
+  params.loop.delay = count("delay", delay, 0, p::max_torque_span - 1);
+  params.loop.torque_span = count("torque_span", torque_span, 1, p::max_torque_span - 1);
+  params.substeps = count("substeps", substeps, 1, 1000000);
+  return params;
+}
 
 void add_coupled_plant(nb::module_& m) {
   m.attr("COUPLED_PARAMETER_NAMES") = names_of<p::CoupledPlantParams<double>>();

@@ -1,9 +1,8 @@
 // A series-elastic orthosis under a supervised law and with one single fault, a period at a time: its wearer is Python's.
 #include "worn_orthosis.hpp"
 
+#include "coupled_plant.hpp"
 #include "single_fault.hpp"
-
-#include <pellucid/coupled_plant.hpp>
 
 namespace bindings {
 namespace {
@@ -43,15 +42,7 @@ class WornOrthosis {
   WornOrthosis(nb::handle parameters, double period, nb::handle substeps, nb::handle delay, nb::handle torque_span,
                double position0, const char* law, nb::handle law_parameters, nb::handle supervisor)
       : period_(period) {
-    if (!(period > 0 && std::isfinite(period))) throw nb::value_error("period: expected a number of seconds above 0");
-    auto params = read_params<p::CoupledPlantParams<double>, double>("parameters", parameters);
-    const auto count = [](const char* name, nb::handle value, long long least, long long most) {
-      return static_cast<std::uint32_t>(read_integer(name, value, least, most));
-    };
-    params.loop.period = period;
-    params.loop.delay = count("delay", delay, 0, p::max_torque_span - 1);
-    params.loop.torque_span = count("torque_span", torque_span, 1, p::max_torque_span - 1);
-    params.substeps = count("substeps", substeps, 1, 1000000);
+    auto params = read_coupled_plant(parameters, period, substeps, delay, torque_span);
     on_ = p::coefficients(params);
     state_ = p::balanced(on_, position0, 0.0);
     // Without power the motor has no torque; its friction stays.

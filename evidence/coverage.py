@@ -195,19 +195,20 @@ def drawn_benches(count: int, seed: int = BENCH_SEED) -> list[BenchRig]:
     return made
 
 
+def bench_targets(rig: BenchRig) -> dict[str, float]:
+    """What the parameters of a bench should be, SI."""
+    joint = rig["joint"]
+    shares = joint["load_motoring"], joint["load_generating"]
+    return {"inertia": joint["inertia"], "gravity": joint["gravity_sine"], "load_friction": 0.5 * sum(shares)}
+
+
 def bench_identified(rig: BenchRig, seed: int) -> dict[str, tuple[Parameter, float]]:
     """Parameters of a bench's best family, as its study is identified, each with its target."""
     with tempfile.TemporaryDirectory() as folder:
         study = write_study(Path(folder) / "study", rig, name=rig.name, seed=seed, threads=1)
         result = pl.identify(study, thorough=False)
-    joint = rig["joint"]
-    targets = {
-        "inertia": joint["inertia"],
-        "gravity": joint["gravity_sine"],
-        "load_friction": 0.5 * (joint["load_motoring"] + joint["load_generating"]),
-    }
     found = {p.name: p for p in result.families[result.best].estimate.parameters}
-    return {name: (found[name], target) for name, target in targets.items() if name in found}
+    return {name: (found[name], target) for name, target in bench_targets(rig).items() if name in found}
 
 
 def bench_rows(found: list[dict[str, tuple[Parameter, float]]]) -> Iterator[ResultRow]:

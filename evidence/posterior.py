@@ -44,7 +44,7 @@ from pellucid.models.muscle import Muscle
 from pellucid.procedures.coupling.identify_coupling import identify_worn
 from pellucid.recordings.results import ResultRow
 
-from .coverage import drawn_benches
+from .coverage import bench_targets, drawn_benches
 
 TRUTHS, BENCHES, MUSCLES, WEARERS = 80, 24, 24, 12
 SEED = 20261122
@@ -149,14 +149,8 @@ def bench(rig: BenchRig, seed: int, seconds: float = SECONDS) -> dict[str, Both]
         model = study.config.model.model_copy(update={"posterior": True})
         study = replace(study, config=study.config.model_copy(update={"model": model}))
         result = pl.identify(study, thorough=False)
-    joint = rig["joint"]
-    targets = {
-        "inertia": joint["inertia"],
-        "gravity": joint["gravity_sine"],
-        "load_friction": 0.5 * (joint["load_motoring"] + joint["load_generating"]),
-    }
     fitted, posterior = result.families[result.best].estimate, result.posterior
-    return {n: (fitted[n], posterior[n], t) for n, t in targets.items() if n in posterior}
+    return {n: (fitted[n], posterior[n], t) for n, t in bench_targets(rig).items() if n in posterior}
 
 
 # --- drawn muscles --------------------------------------------------------------------------------------------------

@@ -851,7 +851,7 @@ class CoupledPlant:
 
     Parameters
     ----------
-    parameters : (47,)
+    parameters : (n,)
         In the order of COUPLED_PARAMETER_NAMES, SI.
     period : float
         Of control [s], > 0.
