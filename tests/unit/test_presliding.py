@@ -146,6 +146,14 @@ def test_joint_study_tells_and_keeps_it(tmp_path):
         read_card(tmp_path / "wrong.json")
 
 
+def test_a_simulation_that_diverges_is_told_and_stops_nothing(tmp_path):
+    rig = bench_joint().changed({"joint.presliding_travel": 1e-3, "sampling.reversals": 3})
+    study = write_study(tmp_path / "study", rig, name="bench", seed=1)
+    result = pl.identify(study, families=["combined"])
+    assert any("diverges" in v.text for v in result.verdicts)
+    assert result.presliding.travel.value == pytest.approx(1e-3, rel=0.2)
+
+
 def test_reversals_grow_around_each_angle():
     path = reversals(24.0, 500.0, smallest=1e-3, largest=0.1, frequency=1.0, centres=[0.2, 0.9])
     assert len(path) == 12_000

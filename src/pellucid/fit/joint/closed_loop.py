@@ -29,6 +29,8 @@ from ..regression import Solution, Stack, at_bounds, last_call, linearised
 from .replay import Machine, replay
 
 TOLERANCE = 1e-4  # RMS effort of any one value's change, over the RMS effort, at which iterations stop
+DIVERGED = 1e100
+"""From here on a simulated response, or its derivative, is none; squares of it still are numbers."""
 MAX_ITERATIONS = 30
 
 
@@ -123,7 +125,7 @@ def solve_output_error(model: JointModel, data: Stack, machine: Machine, first: 
         residual = np.concatenate(off)
         jacobian = np.concatenate([m.reduce(t.jacobians[signal]) for m, t in zip(data.motions, traces, strict=True)])
         # A trial step that diverges must look bad, not break the solver.
-        if not (np.all(np.isfinite(residual)) and np.all(np.isfinite(jacobian))):
+        if not (np.all(np.abs(residual) < DIVERGED) and np.all(np.abs(jacobian) < DIVERGED)):
             return np.full(len(residual), 1e6), np.zeros((len(residual), len(values)))
         return residual, jacobian
 
