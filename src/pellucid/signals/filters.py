@@ -57,8 +57,8 @@ def _anti_aliasing(factor: int) -> _BothWays:
 
 
 def central_difference(samples: np.ndarray, fs: float) -> np.ndarray:
-    """Derivative by central differences, one-sided at the two borders. `samples` (n,); `fs` [Hz]; gives (n,)."""
-    return np.gradient(samples, 1.0 / fs)
+    """Derivative by central differences, one-sided at the two borders. `samples` (n,) or (n, k); `fs` [Hz]."""
+    return np.gradient(samples, 1.0 / fs, axis=0)
 
 
 def decimate(samples: np.ndarray, factor: int) -> np.ndarray:

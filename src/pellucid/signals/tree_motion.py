@@ -1,0 +1,172 @@
+"""A recording of all joints of a robot made ready for identification: filtered and decimated, both sides alike."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from .._errors import RecordingError
+from ..recordings.study_file import PayloadSpec
+from .filters import central_difference, decimate, runs
+from .motion import Filtering, lowpassed
+
+PARTS = 10
+"""Equal parts of a recording whose joints do not stop together."""
+
+FEWEST_STOPS = 4
+"""Common stops that divide a recording; with fewer it is divided into equal parts."""
+
+FEWEST_ROWS = 20
+"""Rows in which something moves, of a segment; shorter ones go with the one before."""
+
+
+@dataclass(frozen=True)
+class TreeMotion:
+    """Rows of one uninterrupted stretch of a recording; n rows, m joints in the order of the robot's coordinates."""
+
+    recording: str
+    use: Literal["fit", "validate"]
+    # time (n,) [s]; position, velocity, acceleration (n, m) [rad; m, and per second]
+    time: np.ndarray
+    position: np.ndarray
+    velocity: np.ndarray
+    acceleration: np.ndarray
+    effort: np.ndarray  # (n, m) at the joints, after gears and through the transposed transmission [N m; N]
+    moving: np.ndarray  # (n, m) bool: rows that count for a joint, and for the motors that turn with it
+    segment: np.ndarray  # (n,) int: stretch between common stops, or equal parts; -1: belongs to none
+    protocol: str | None = None
+    payload: PayloadSpec | None = None
+    # drive (n, m): what each motor's drive reports, in its own unit; gain (m,): effort at the joint, gears taken out,
+    # per that unit, 1 where it is not known: effort = (gain * drive) @ turns
+    drive: np.ndarray | None = None
+    gain: np.ndarray | None = None
+    drive_units: tuple[str, ...] = ()  # "A", "V", "N*m" or "N", of each motor
+    gain_known: tuple[bool, ...] = ()  # Of each motor; otherwise its effort is in its drive's unit
+    desired: np.ndarray | None = None  # (n, m) the controller's own rigid-body effort, where it was recorded [N m; N]
+    desired_drive: np.ndarray | None = None  # (n, m) the drive that the controller asked for, in the drive's unit
+    rate: float = float("nan")  # Of the rows [Hz]
+
+    def __len__(self) -> int:
+        return len(self.time)
+
+
+def tree_motion_of(
+    time: np.ndarray,
+    position: np.ndarray,
+    drive: np.ndarray,
+    filtering: Filtering,
+    *,
+    fs: float | None = None,
+    gain: np.ndarray | None = None,
+    turns: np.ndarray | None = None,
+    velocity: np.ndarray | None = None,
+    desired: np.ndarray | None = None,
+    desired_drive: np.ndarray | None = None,
+    effort_lowpass: float | None = None,
+    dead_band: Sequence[float] | float | None = None,
+    segments: int | Sequence[float] | None = None,
+    recording: str = "",
+    use: Literal["fit", "validate"] = "fit",
+    **more,
+) -> TreeMotion:
+    """Rows from evenly sampled arrays: `time` (n,) [s], `position` and `drive` (n, m).
+
+    A `velocity` (n, m) that was recorded takes the place of the position's. `effort_lowpass` [Hz]: of effort alone.
+    `dead_band` [rad/s; m/s] of each joint, of all, or the filtering's. `segments`: ends of each [s], how many equal
+    parts, or None: between common stops.
+    """
+    m = position.shape[1]
+    rate = (len(time) - 1) / float(time[-1] - time[0]) if fs is None else fs
+    gain = np.ones(m) if gain is None else np.asarray(gain, float)
+    turns = np.eye(m) if turns is None else np.asarray(turns, float)
+    slow = np.broadcast_to(np.asarray(filtering.dead_band if dead_band is None else dead_band, float), (m,))
+    of_effort = filtering if effort_lowpass is None else Filtering(effort_lowpass, filtering.order)
+    try:
+        if velocity is None:
+            q = lowpassed(position, rate, filtering)
+            v = central_difference(q, rate)
+        else:
+            q, v = lowpassed(position, rate, filtering), lowpassed(velocity, rate, filtering)
+        a = central_difference(v, rate)
+        u, wanted, asked = (
+            None if x is None else lowpassed(x, rate, of_effort) for x in (drive, desired, desired_drive)
+        )
+    except ValueError as error:
+        raise RecordingError(str(error)) from None
+    inner = slice(filtering.trim, len(time) - filtering.trim)
+    reduced = [None if x is None else _thinned(x[inner], rate, filtering) for x in (q, v, a, u, wanted, asked)]
+    kept = time[inner][:: filtering.decimate]
+    q, v, a, u, wanted, asked = reduced
+    moving = moving_rows(v, slow, turns)
+    return TreeMotion(
+        recording=recording,
+        use=use,
+        time=kept,
+        position=q,
+        velocity=v,
+        acceleration=a,
+        effort=(gain * u) @ turns,
+        moving=moving,
+        segment=segments_of(kept, moving, np.abs(v) <= slow, segments),
+        drive=u,
+        gain=gain,
+        desired=wanted,
+        desired_drive=asked,
+        rate=rate / filtering.decimate,
+        **more,
+    )
+
+
+def moving_rows(velocity: np.ndarray, dead_band: np.ndarray, turns: np.ndarray) -> np.ndarray:
+    """Rows (n, m) in which a joint, and every motor that turns with it, is faster than its dead band (m,)."""
+    fast = np.abs(velocity) > dead_band
+    turning = np.abs(velocity @ turns.T) > dead_band
+    moving = fast.copy()
+    for motor in np.flatnonzero(np.count_nonzero(turns, axis=1) > 1):
+        moving[:, turns[motor] != 0.0] &= turning[:, [motor]]
+    return moving
+
+
+def segments_of(
+    time: np.ndarray, moving: np.ndarray, still: np.ndarray, asked: int | Sequence[float] | None = None
+) -> np.ndarray:
+    """Which segment each row, (n,), belongs to, from 0; -1 for none. `moving`, `still` (n, m) bool."""
+    if asked is not None and not isinstance(asked, int):
+        ends = np.asarray(asked, float)
+        found = np.searchsorted(ends, time, side="right")
+        return np.where(found < len(ends), found, -1)
+    if asked is None:
+        stops = runs(still.all(axis=1))
+        within = [stop for stop in stops if stop.start > 0 and stop.stop < len(time)]
+        if len(within) >= FEWEST_STOPS:
+            return _between(stops, moving.any(axis=1))
+    parts = min(asked or PARTS, max(len(time) // FEWEST_ROWS, 1))
+    return np.arange(len(time)) * parts // max(len(time), 1)
+
+
+def _between(stops: list[slice], moves: np.ndarray) -> np.ndarray:
+    """Rows numbered from stop to stop; those of a stop belong to none."""
+    n = len(moves)
+    segment, number, gathered = np.full(n, -1), 0, 0
+    edges = [0, *(x for stop in stops for x in (stop.start, stop.stop)), n]
+    for start, stop in zip(edges[::2], edges[1::2], strict=True):
+        if start == stop:
+            continue
+        if gathered >= FEWEST_ROWS:
+            number, gathered = number + 1, 0
+        segment[start:stop] = number
+        gathered += int(moves[start:stop].sum())
+    if 0 < gathered < FEWEST_ROWS and number > 0:
+        segment[segment == number] = number - 1
+    return segment
+
+
+def _thinned(samples: np.ndarray, rate: float, filtering: Filtering) -> np.ndarray:
+    """One row in so many; what the low-pass has left needs no second filter."""
+    factor = filtering.decimate
+    if filtering.lowpass is not None and filtering.lowpass <= 0.25 * rate / factor:
+        return samples[::factor]
+    return decimate(samples, factor)
