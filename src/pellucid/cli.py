@@ -387,7 +387,7 @@ def datasets_list() -> None:
     from .procedures.print_result import plain_table
 
     table = plain_table("name", "what it is~", "terms~", "here")
-    for name in datasets.names():
+    for name in (*datasets.names(), *datasets.motion_names()):
         found = datasets.info(name)
         try:
             datasets.path(name)

@@ -6,7 +6,10 @@ from .fetch import fetch as fetch
 from .fetch import notes as notes
 from .fetch import path as path
 from .init import init as init
+from .motions import RecordedMotion as RecordedMotion
+from .motions import recorded_motions as recorded_motions
 from .registry import Dataset as Dataset
 from .registry import info as info
+from .registry import motion_names as motion_names
 from .registry import names as names
 from .registry import template as template

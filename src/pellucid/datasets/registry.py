@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
+from typing import Any
 
 from .._errors import DatasetError
 
@@ -25,11 +26,17 @@ class Dataset:
     # Path below the origin, with its subfolders -> SHA-256, hexadecimal. A study has each at the same path below its
     # folder of recordings
     files: Mapping[str, str]
+    motion: Mapping[str, Any] | None = None  # How its files hold people's motions; of a set that is no study
 
 
 def names() -> tuple[str, ...]:
-    """Names of all data sets."""
-    return tuple(_registry())
+    """Names of the data sets that studies are made of."""
+    return tuple(name for name, dataset in _registry().items() if dataset.motion is None)
+
+
+def motion_names() -> tuple[str, ...]:
+    """Names of the data sets that hold how people move, and nothing that could be identified."""
+    return tuple(name for name, dataset in _registry().items() if dataset.motion is not None)
 
 
 def info(name: str) -> Dataset:
@@ -39,13 +46,16 @@ def info(name: str) -> Dataset:
     try:
         return _registry()[name]
     except KeyError:
-        close = difflib.get_close_matches(name, names(), 1, 0.4)
+        known = (*names(), *motion_names())
+        close = difflib.get_close_matches(name, known, 1, 0.4)
         nearest = f'; the nearest is "{close[0]}"' if close else ""
-        raise DatasetError(f'no data set "{name}", found {", ".join(names())}{nearest}') from None
+        raise DatasetError(f'no data set "{name}", found {", ".join(known)}{nearest}') from None
 
 
 def template(name: str) -> Path:
     """Path of the study.toml a study of this data set begins with."""
+    if info(name).motion is not None:
+        raise DatasetError(f"{name}: holds people's motions and no study; known as studies: {', '.join(names())}")
     return _HERE / f"{info(name).name}.toml"
 
 

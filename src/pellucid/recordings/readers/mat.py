@@ -18,7 +18,7 @@ APART = ("scipy.io", "h5py")
 
 
 def read(path: Path) -> Columns:
-    """Numeric variables and struct fields by dotted path, each shape (n,) float64."""
+    """Numeric variables and struct fields by dotted path, each shape (n,) float64; what cells hold by their place."""
     with path.open("rb") as file:
         head = file.read(128)
     if b"MATLAB 7.3" in head or head[:8] == b"\x89HDF\r\n\x1a\n":
@@ -37,17 +37,35 @@ def read(path: Path) -> Columns:
     into: dict[str, np.ndarray] = {}
     for name, value in content.items():
         if isinstance(name, str) and not name.startswith("__"):
-            flatten(_structs(value), name, into, path)
+            _add(_structs(value), name, into, path)
     return Columns(path, into)
 
 
 def _structs(value):
-    # A struct array arrives as an object array of dicts.
+    # A struct array arrives as an object array of dicts, cells as one of anything.
     if isinstance(value, np.ndarray) and value.dtype == object:
+        if value.ndim > 1 and any(_holds_more(item) for item in value.ravel()):
+            return [_structs(row) for row in value]
         return [_structs(item) for item in value.ravel()]
     if isinstance(value, dict):
         return {key: _structs(item) for key, item in value.items()}
     return value
+
+
+def _holds_more(item) -> bool:
+    """Whether a cell holds cells or a matrix."""
+    return isinstance(item, list) or (isinstance(item, np.ndarray) and (item.dtype == object or item.ndim > 1))
+
+
+def _add(value, name: str, into: dict[str, np.ndarray], path: Path) -> None:
+    """`flatten`, with cells of cells or of matrices each named by its place."""
+    if isinstance(value, list) and any(_holds_more(item) for item in value):
+        for i, item in enumerate(value):
+            # Samples are the longer side: cells hold what a program made, one variable a row as often as a column.
+            wide = isinstance(item, np.ndarray) and item.ndim == 2 and item.shape[1] > item.shape[0]
+            _add(item.T if wide else item, f"{name}.{i}", into, path)
+    else:
+        flatten(value, name, into, path)
 
 
 def _read_hdf5(path: Path) -> Columns:

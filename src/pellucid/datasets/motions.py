@@ -1,0 +1,65 @@
+"""How people move: public recordings of joint angles without any torque, which virtual rigs follow."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from functools import lru_cache
+from pathlib import Path
+
+import numpy as np
+
+from .._errors import DatasetError
+from ..recordings.readers.read import read_columns
+from .fetch import path
+from .registry import info, motion_names
+
+
+@dataclass(frozen=True, eq=False)
+class RecordedMotion:
+    """One movement of one person."""
+
+    person: str
+    task: int  # From 1
+    repetition: int  # From 1
+    number: int  # Within the repetition, from 1
+    rate: float  # Samples per second [Hz]
+    joints: tuple[str, ...]
+    angles: np.ndarray = field(repr=False)  # (n, joints) [rad]
+
+    @property
+    def duration(self) -> float:
+        """From its first sample to its last [s]."""
+        return (len(self.angles) - 1) / self.rate
+
+
+def recorded_motions(joints: Sequence[str]) -> tuple[RecordedMotion, ...]:
+    """All motions of the data set that holds those `joints`, in their order; a DatasetError says how to get it."""
+    for name in motion_names():
+        if set(joints) <= set(info(name).motion["joints"]):
+            return _of(name, tuple(joints), path(name))
+    known = "; ".join(", ".join(info(name).motion["joints"]) for name in motion_names())
+    raise DatasetError(f"motions of {', '.join(joints)}: found no data set, expected joints among {known}")
+
+
+@lru_cache(maxsize=4)
+def _of(name: str, joints: tuple[str, ...], folder: Path) -> tuple[RecordedMotion, ...]:
+    said, made = info(name).motion, []
+    scale = np.array(said["signs"], float) * (np.pi / 180.0 if said["unit"] == "deg" else 1.0)
+    order = [said["joints"].index(joint) for joint in joints]
+    for file in info(name).files:
+        cells: dict[tuple[int, ...], dict[int, np.ndarray]] = defaultdict(dict)
+        for column, values in read_columns(folder / file).values.items():
+            variable, *places = column.split(".")
+            if variable == said["variable"] and len(places) == 4:
+                *cell, row = map(int, places)
+                cells[tuple(cell)][row] = values
+        if not cells:
+            raise DatasetError(f"{folder / file}: found no motions, expected cells {said['variable']}")
+        for (repetition, task, number), rows in sorted(cells.items(), key=lambda item: (item[0][1], item[0])):
+            angles = np.column_stack([scale[k] * rows[k] for k in order])
+            angles.flags.writeable = False
+            person = file.partition("_")[0]
+            made.append(RecordedMotion(person, task + 1, repetition + 1, number + 1, said["rate"], joints, angles))
+    return tuple(made)

@@ -1,0 +1,1 @@
+"""A virtual arm exoskeleton of four joints and a slider, and who wears it."""
