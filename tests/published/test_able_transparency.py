@@ -81,6 +81,12 @@ def test_a_loop_without_margin_is_found_to_cycle_or_stopped(cards):
     assert hold_still(rig, person, with_force_sensor(law, proportional=8.0)) > 0.1
 
 
+def test_a_strap_that_hangs_loose_at_rest_is_no_lost_sensor(cards):
+    rig = elbow_participants().strapped({"slack": 0.02})
+    person = draw_people(rig, np.random.default_rng(21), count=1)[0]
+    assert hold_still(rig, person, condition_of(cards, BEST_SENSED)(person, person.slider(rig))) == 0.0
+
+
 def test_what_would_slow_people_by_a_fifth():
     rig = elbow_participants()
     people = draw_people(rig, np.random.default_rng(2))

@@ -157,17 +157,19 @@ def point(
 
 
 def hold_still(rig: PointingRig, person: Person, law: RobotLaw, *, lift: float = 0.4) -> float:
-    """Fastest that a robot still moves two seconds after a movement over a lift [rad], without noise and corrections
-    [rad/s]: 0 to the bit where friction holds it, a limit cycle where it is not small, infinite where its supervisor
-    had to stop it."""
+    """Fastest that a robot still moves two seconds after a movement over a lift [rad], of a person without noise and
+    corrections [rad/s]: 0 to the bit where friction holds it, a limit cycle where it is not small, infinite where its
+    supervisor had to stop it."""
     vector = person.vector(rig)
     vector[_core.REACHING_PARAMETER_NAMES.index("tolerance")] = 1e3
     reference, fs = rig["pointing"]["reference"], 1.0 / rig.period
     arm = _strapped(rig, person, vector, law, reference, np.random.default_rng(0))
     n = round(4.0 * fs)
+    # A force sensor has its noise here too: one that says the same zero all through a strap's slack passes for lost.
+    noise = rig["force_sensor"]["noise"] * np.random.default_rng(0).standard_normal(n)
     moved = arm.move(
         target=reference + lift, amplitude=lift, duration=0.8, reaction=0.2, load=np.zeros(5), tolerance=0.0,
-        hold=1e9, noise=np.zeros((n, 5)), longest=n, sensor_error=np.zeros(n) if law.sensed else None, emg=law.emg,
+        hold=1e9, noise=np.zeros((n, 5)), longest=n, sensor_error=noise if law.sensed else None, emg=law.emg,
     )  # fmt: skip
     if arm.fault != "none":
         return float("inf")

@@ -219,7 +219,8 @@ def _all_laws(rows: Mapping[str, Reproduced]) -> Section:
         given, resting = rows[f"transparency.given.{law}"].ours, rows[f"transparency.resting.{law}"].ours
         over = ("1", "") if torque is None else (f"{torque.ours:.2f}", f"{torque.lower:.2f} to {torque.upper:.2f}")
         said = WORDS.get(law, law.replace("_", " "))
-        table.append(Row((said, *over, _signed(given, 3), f"{resting:.3f}"), law in OWN_LAWS))
+        still = f"{resting:.3f}" if np.isfinite(resting) else "stopped"
+        table.append(Row((said, *over, _signed(given, 3), still), law in OWN_LAWS))
     return Section(
         "alllaws",
         "Every law, on robots it was not chosen on",
