@@ -65,14 +65,18 @@ def point_to_point(
         # A move shorter than a fifth of the range shows little: take the far end instead.
         if abs(target - here) < 0.2 * (high - low):
             target = high if here < 0.5 * (low + high) else low
-        move = _trapezoid(target - here, velocity * rng.uniform(0.2, 1.0), acceleration, fs)
+        move = trapezoid(target - here, velocity * rng.uniform(0.2, 1.0), acceleration, fs)
         pieces += [here + move, np.full(round(dwell * fs), target)]
         filled += len(move) + round(dwell * fs)
         here = target
     return np.concatenate(pieces)[:n]
 
 
-def _trapezoid(distance: float, velocity: float, acceleration: float, fs: float) -> np.ndarray:
+def trapezoid(distance: float, velocity: float, acceleration: float, fs: float) -> np.ndarray:
+    """A way with constant velocity between constant accelerations, from rest to rest, (n,) [rad or m].
+
+    `distance` [rad or m]; `velocity`, `acceleration` [rad/s or m/s; per second]; `fs` [Hz].
+    """
     size = abs(distance)
     velocity = min(velocity, np.sqrt(size * acceleration))
     ramp = velocity / acceleration

@@ -62,7 +62,7 @@ class FourierSeries:
     def motion(self, time: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Position, velocity and acceleration, differentiated in closed form. `time` (n,) [s]; gives `position`,
         `velocity`, `acceleration` (n,) [rad], [rad/s], [rad/s^2]."""
-        position, velocity, acceleration = _basis(time, self.fundamental, len(self.a)) @ np.concatenate(
+        position, velocity, acceleration = fourier_basis(time, self.fundamental, len(self.a)) @ np.concatenate(
             [self.a, self.b]
         )
         return self.centre + position, velocity, acceleration
@@ -145,7 +145,7 @@ def optimised_fourier(
     _require_count(samples=(samples, 2 * harmonics + 1))
 
     grid, factor = _grid(fundamental, harmonics, samples)
-    basis, every = _basis(grid, fundamental, harmonics), len(grid) // samples
+    basis, every = fourier_basis(grid, fundamental, harmonics), len(grid) // samples
     middle, half = 0.5 * (low + high), 0.5 * (high - low)
 
     def motion(shape):
@@ -241,7 +241,7 @@ def play(
     )
 
 
-def _basis(time: np.ndarray, fundamental: float, harmonics: int) -> np.ndarray:
+def fourier_basis(time: np.ndarray, fundamental: float, harmonics: int) -> np.ndarray:
     """Shape (3, n, 2 h): position, velocity and acceleration per coefficient, those of a before those of b."""
     rate = 2.0 * np.pi * fundamental * np.arange(1, harmonics + 1)
     angle = np.asarray(time, dtype=float)[..., None] * rate

@@ -1,0 +1,84 @@
+"""What a motion of several joints may do: places, speeds, accelerations, efforts, and how near an arm may come to
+itself."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from .._errors import PellucidError
+
+Effort = Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]
+"""Position, velocity and acceleration (n, m) to effort (n, m) [N m; N]."""
+
+
+@dataclass(frozen=True, eq=False)
+class TreeLimits:
+    """Of m joints; what is infinite does not bind."""
+
+    names: tuple[str, ...]
+    low: np.ndarray  # (m,) [rad; m]
+    high: np.ndarray
+    velocity: np.ndarray  # [rad/s; m/s]
+    acceleration: np.ndarray  # [rad/s^2; m/s^2]
+    effort: np.ndarray | None = None  # [N m; N]; what the drives may give
+    effort_of: Effort | None = None  # What a motion takes, as far as it is known
+    distance: Callable[[np.ndarray], np.ndarray] | None = None  # Position (n, m) to how far the arm is from itself [m]
+    clearance: float = 0.02  # m; how far it must be
+
+    def __post_init__(self):
+        count = len(self.names)
+        for what in ("low", "high", "velocity", "acceleration", "effort"):
+            found = getattr(self, what)
+            if found is None:
+                continue
+            found = np.array(found, dtype=float)
+            object.__setattr__(self, what, found)
+            if found.shape != (count,):
+                raise PellucidError(f"limits: found {what} of shape {found.shape}, expected a number for each of "
+                                    f"{count} joints: {', '.join(self.names)}")  # fmt: skip
+            for name, value in zip(self.names, found, strict=True):
+                whole = np.isfinite(value) if what in ("low", "high") else value > 0.0
+                if not whole:
+                    expected = "a finite place" if what in ("low", "high") else "> 0"
+                    raise PellucidError(f"limits: joint {name!r}: found {what} {value:g}, expected {expected}")
+        for name, low, high in zip(self.names, self.low, self.high, strict=True):
+            if not low < high:
+                raise PellucidError(f"limits: joint {name!r}: found low {low:g} and high {high:g}, expected low < high")
+        if (self.effort is None) != (self.effort_of is None):
+            raise PellucidError("limits: efforts are held to a limit only where it is known what a motion takes; "
+                                "found one without the other")  # fmt: skip
+
+    def slacks(self, position: np.ndarray, velocity: np.ndarray, acceleration: np.ndarray) -> np.ndarray:
+        """What is left to each limit, in shares of it, (n, limits): below 0 one is passed. All (n, m)."""
+        half = 0.5 * (self.high - self.low)
+        left = [(position - self.low) / half, (self.high - position) / half,
+                1.0 - np.abs(velocity) / self.velocity, 1.0 - np.abs(acceleration) / self.acceleration]  # fmt: skip
+        if self.effort_of is not None:
+            left.append(1.0 - np.abs(self.effort_of(position, velocity, acceleration)) / self.effort)
+        if self.distance is not None:
+            # In tenths of a metre: a share of the clearance itself would forbid what is merely near.
+            left.append(10.0 * (self.distance(position) - self.clearance)[:, None])
+        return np.concatenate(left, axis=1)
+
+    def passed(self, position: np.ndarray, velocity: np.ndarray, acceleration: np.ndarray) -> str | None:
+        """Which limit a motion passes first of all, in words; None if none. All (n, m)."""
+        checks = [("place", position, self.low, self.high),
+                  ("velocity", velocity, -self.velocity, self.velocity),
+                  ("acceleration", acceleration, -self.acceleration, self.acceleration)]  # fmt: skip
+        if self.effort_of is not None:
+            checks.append(("effort", self.effort_of(position, velocity, acceleration), -self.effort, self.effort))
+        for what, values, low, high in checks:
+            over = np.maximum(values - high, low - values).max(axis=0)
+            worst = int(np.argmax(over))
+            if over[worst] > 1e-9 * max(1.0, abs(high[worst])):
+                reached = values[:, worst][np.argmax(np.maximum(values - high, low - values)[:, worst])]
+                return (f"joint {self.names[worst]!r}: {what} {reached:.4g}, expected within {low[worst]:.4g} and "
+                        f"{high[worst]:.4g}")  # fmt: skip
+        if self.distance is not None:
+            near = float(self.distance(position).min())
+            if near < self.clearance:
+                return f"the arm comes within {1e3 * near:.0f} mm of itself, expected {1e3 * self.clearance:.0f} mm"
+        return None
