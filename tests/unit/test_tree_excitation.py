@@ -158,5 +158,5 @@ def test_step_by_step_isolates_joints_then_couples_pairs_within_all_limits(limit
 
 
 def test_step_by_step_refuses_a_posture_beyond_a_limit_by_name(limits):
-    with pytest.raises(PellucidError, match="joint 'j1': place 0.9"):
+    with pytest.raises(PellucidError, match=r"joint 'j1': place 0\.9"):
         step_by_step(limits, 100.0, posture=[0.0, 0.9, 0.0])

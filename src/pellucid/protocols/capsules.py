@@ -88,8 +88,8 @@ def along_links(
 ) -> Capsules:
     """A capsule from each joint to each that hangs on its link, and to the tip of a link on which none hangs.
 
-    Two that could not part whatever the joints do, as the way between them along the arm is shorter than both radii, are
-    not compared.
+    Two that could not part whatever the joints do, as the way between them along the arm is shorter than both radii,
+    are not compared.
 
     `parents` (l,), BASE where a link hangs on what does not move; `places` (l, 3) of each link's frame in its parent's
     [m]; `tips` (l, 3) in the link's own [m]; `radius` [m], one or (l,).

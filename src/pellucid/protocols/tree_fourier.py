@@ -3,8 +3,8 @@ r"""Periodic motions of several joints at once, optimised so that the parameters
 Each joint's velocity is a finite Fourier series [1]_. Two linear conditions on its coefficients, that velocity and
 acceleration are 0 at the period's ends, let it start and end at rest without easing, however many periods are played.
 What is optimised is the information of the parameters: its determinant (D-optimality: the volume that all parameters
-are confined to) or the trace of its inverse (A-optimality: the mean of their variances) [2]_. A search from inside, with
-a barrier at every limit, never leaves what a robot may do.
+are confined to) or the trace of its inverse (A-optimality: the mean of their variances) [2]_. A search from inside,
+with a barrier at every limit, never leaves what a robot may do.
 
 .. [1] J. Swevers, C. Ganseman, D. B. Tukel, J. De Schutter, H. Van Brussel, "Optimal robot excitation and
    identification", IEEE Trans. Robot. Autom. 13, 1997.
