@@ -2,9 +2,9 @@ r"""One group of parameters after the other, of several joints: holds, constant 
 
 A step-by-step identification isolates what is sought [1]_. While the other joints stay where they are, each joint is
 held at angle after angle (gravity and what keeps it from moving), goes up and down at constant velocities (gravity
-again, dry and viscous friction, by direction), and is swept (its inertia). What joints do to one another shows only when
-several move: each pair is swept, one from slow to fast while the other goes from fast to slow, so that they meet in
-every combination of directions.
+again, dry and viscous friction, by direction), and is swept (its inertia). What joints do to one another shows only
+when several move: each pair is swept, one from slow to fast while the other goes from fast to slow, so that they meet
+in every combination of directions.
 
 .. [1] D. Verdel et al., "An identification-based method improving the transparency of a robotic upper limb
    exoskeleton", Robotica, 2021, section 3.3: 20 angles of 5 s each, five velocities of which the fastest is eleven
