@@ -12,7 +12,11 @@ namespace bindings {
 /// effort, coordinate and time of a unit as powers, or the text of one that is no joint's.
 inline nb::object dimension_of(const pellucid::Unit& unit) {
   if (unit.own != nullptr) return nb::str(unit.own);
-  return nb::make_tuple(static_cast<int>(unit.effort), static_cast<int>(unit.coordinate), static_cast<int>(unit.time));
+  const auto power = [](float of) -> nb::object {
+    const int whole = static_cast<int>(of);
+    return static_cast<float>(whole) == of ? nb::object(nb::int_(whole)) : nb::object(nb::float_(of));
+  };
+  return nb::make_tuple(power(unit.effort), power(unit.coordinate), power(unit.time));
 }
 
 inline std::string name_of(const pellucid::Field& f) { return std::string(f.before) + f.name + f.after; }

@@ -23,7 +23,7 @@ from pellucid._atomic import write_text_atomically
 from pellucid.lab.bench.rig import BenchRig, bench_joint
 from pellucid.lab.rig import Trial
 from pellucid.lab.study_text import study_text
-from pellucid.models.joint import FAMILIES
+from pellucid.models.joint import USUAL
 from pellucid.procedures.registry import open_study
 from pellucid.protocols.excitation import multisine, point_to_point
 from pellucid.recordings.results import ResultRow
@@ -76,7 +76,7 @@ def record(folder: Path, seconds: float) -> Path:
     columns = np.column_stack([read["time"], read["position"][0], read["current"][0]])
     said = rig.study([rig.record(Trial("long", reference=reference[:1000]), rng)])
     del said["channels"]["reference"], said["rig"]["loop"]
-    said["model"]["families"] = list(FAMILIES)
+    said["model"]["families"] = list(USUAL)
     path = folder / said["recordings"][0]["file"]
     path.parent.mkdir(parents=True)
     with path.open("w", encoding="utf-8") as file:
@@ -141,7 +141,7 @@ def rows() -> Iterator[ResultRow]:
         started = [used("-c", START_UP)[1] for _ in range(REPEATS)]
         taken = [identified(short)[1] for _ in range(REPEATS)]
         shorter = identified(part)
-    told = f"{HOURS:g} h at 1 kHz, CSV of {size / 1e6:.0f} MB, {len(FAMILIES)} families with intervals"
+    told = f"{HOURS:g} h at 1 kHz, CSV of {size / 1e6:.0f} MB, {len(USUAL)} families with intervals"
     rival = "over numpy.loadtxt, sosfiltfilt and lstsq of one family"
     wall = statistics.median(taken) - statistics.median(started)
     beside = f"beside {theirs[2]:.0f} MB of NumPy"

@@ -13,10 +13,10 @@ inline namespace PELLUCID_ABI {
 /// An SI unit by its powers of effort (N m, or N where a joint is prismatic), coordinate (rad or m) and time (s); or
 /// one that knows neither, as text.
 struct Unit {
-  signed char effort = 0;      ///< power
-  signed char coordinate = 0;  ///< power
-  signed char time = 0;        ///< power
-  const char* own = nullptr;   ///< of what is no joint's
+  float effort = 0;      ///< power
+  float coordinate = 0;  ///< power
+  float time = 0;        ///< power
+  const char* own = nullptr;  ///< of what is no joint's
 };
 
 namespace unit {
@@ -26,6 +26,7 @@ constexpr Unit effort_rate{1, 0, -1};
 constexpr Unit energy{1, 1, 0};
 constexpr Unit inertia{1, -1, 2};
 constexpr Unit viscous{1, -1, 1};
+constexpr Unit root_viscous{1, -0.5f, 0.5f};
 constexpr Unit stiffness{1, -1, 0};
 constexpr Unit mobility{-1, 1, -1};
 constexpr Unit coordinate{0, 1, 0};

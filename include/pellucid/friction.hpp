@@ -1,9 +1,11 @@
-// Friction of a joint and its drive: Coulomb with a Stribeck rise, viscous, and proportional to the load.
+// Friction of a joint and its drive: Coulomb with a Stribeck rise, viscous, as the root of speed, and proportional to
+// the load.
 //
 // The load-dependent part, with one coefficient while power flows from motor to load and another while it flows back,
 // goes back to Hamon, Gautier and Garrec, "Dynamic identification of robots with a dry friction model depending on load
 // and velocity", IROS 2010; the rise towards rest is Stribeck's in its exponential form, as surveyed by
-// Armstrong-Helouvry, Dupont and Canudas de Wit, Automatica 30(7), 1994.
+// Armstrong-Helouvry, Dupont and Canudas de Wit, Automatica 30(7), 1994. The root of speed stands for lubricants whose
+// drag grows ever more slowly, as grease in harmonic drives does.
 #pragma once
 
 #include "fields.hpp"
@@ -15,6 +17,7 @@ inline namespace PELLUCID_ABI {
 template <class S> struct FrictionParams {
   S coulomb_positive{}, coulomb_negative{}, viscous_positive{}, viscous_negative{}, stribeck{}, stribeck_velocity{},
       load_motoring{}, load_generating{}, velocity_width{};
+  S square_root{};
 
   /// What resists: all but the width of the sign.
   template <class P, class V> static constexpr void resisting(P& p, V& visit) noexcept {
@@ -29,6 +32,7 @@ template <class S> struct FrictionParams {
                             "alpha_m, friction per load while power flows from motor to load"});
     visit(p.load_generating, {"load_generating", unit::one, between(0, 0.9),
                               "alpha_g, friction per load while the load drives the motor"});
+    visit(p.square_root, {"square_root", unit::root_viscous, at_least(0), "F_r, friction per root of the speed"});
   }
   /// Of a bearing, the same both ways.
   template <class P, class V> static constexpr void bearing(P& p, V& visit) noexcept {
@@ -57,11 +61,14 @@ template <class S> struct FrictionCoefficients {
   S inverse_stribeck_velocity{};  ///< 1 / v_s [s/rad], 0 without a Stribeck term
   S load_motoring{};              ///< alpha_m [1], at least -0.95
   S load_generating{};            ///< alpha_g [1], at most 0.95
+  S square_root{};                ///< F_r [N m (s/rad)^(1/2)]
   S inverse_velocity_width{};     ///< 1 / w [s/rad], 0 for the true sign
+  S velocity_width{};             ///< w [rad/s], 0 for the true sign
   mask_t<S> smooth{};             ///< whether the sign is smooth
   bool any_smooth = false;        ///< in some lane
   bool any_stribeck = false;      ///< whether the Stribeck term can be other than 0, in some lane
   bool any_load = false;          ///< whether the load terms can be other than 0, in some lane
+  bool any_root = false;          ///< whether the root of speed can be other than 0, in some lane
 };
 
 template <class S> FrictionCoefficients<S> coefficients(const FrictionParams<S>& params) noexcept {
@@ -78,7 +85,10 @@ template <class S> FrictionCoefficients<S> coefficients(const FrictionParams<S>&
   c.load_generating = min(params.load_generating, S(0.95));
   c.smooth = params.velocity_width > smallest;
   c.inverse_velocity_width = select(c.smooth, S(1) / select(c.smooth, params.velocity_width, S(1)), S(0));
+  c.square_root = params.square_root;
+  c.velocity_width = select(c.smooth, params.velocity_width, S(0));
   c.any_smooth = any(c.smooth);
+  c.any_root = !is_identically_zero(c.square_root);
   c.any_stribeck = any(has_stribeck) && !is_identically_zero(c.stribeck);
   c.any_load = !(is_identically_zero(c.load_motoring) && is_identically_zero(c.load_generating));
   return c;
@@ -87,7 +97,7 @@ template <class S> FrictionCoefficients<S> coefficients(const FrictionParams<S>&
 /// The part of the friction that velocity alone decides, at one velocity.
 template <class S> struct Resistance {
   S direction{};  ///< s, the (smooth) sign of the velocity [1], -1 to 1
-  S effort{};     ///< level(v) s + F_v v [N m]
+  S effort{};     ///< level(v) s + F_v v + F_r sqrt|v| sign v [N m]
 };
 
 /// F_c of the direction s [N m].
@@ -111,26 +121,39 @@ template <class S, class R> S level(const FrictionCoefficients<S>& c, const R& v
   return at_speed + c.stribeck * exp(-(ratio * ratio));
 }
 
-/// The resistance at velocity v while the joint slips, or is about to slip, in the direction s.
-template <class S, class R>
-Resistance<S> resistance(const FrictionCoefficients<S>& c, const R& velocity, const S& direction) noexcept {
-  return {direction, level(c, velocity, direction) * direction + viscous(c, direction) * velocity};
+/// sqrt|v| sign v of a speed |v|, or smooth of a speed (v^2 + w^2)^(1/2) [(rad/s)^(1/2)]. Below 1e-18 rad/s, where a root
+/// has no slope, it is a line.
+template <class S, class R> S signed_root(const R& velocity, const S& speed) noexcept {
+  return S(velocity) / sqrt(max(speed, S(static_cast<value_t<S>>(1e-18))));
 }
 
-/// The resistance at velocity v, with s = tanh(v / w), or s = sign(v) where w is 0.
+/// The resistance at velocity v while the joint slips, or is about to slip, in the direction s.
+template <class S, class R> Resistance<S> resistance(const FrictionCoefficients<S>& c, const R& velocity,
+                                                     const S& direction, const S& speed) noexcept {
+  const S dry = level(c, velocity, direction) * direction + viscous(c, direction) * velocity;
+  return {direction, c.any_root ? dry + c.square_root * signed_root(velocity, speed) : dry};
+}
+template <class S, class R>
+Resistance<S> resistance(const FrictionCoefficients<S>& c, const R& velocity, const S& direction) noexcept {
+  return resistance(c, velocity, direction, S(abs(velocity)));
+}
+
+/// The resistance at velocity v, with s = tanh(v / w) and the root's speed (v^2 + w^2)^(1/2), or s = sign(v) where w is
+/// 0.
 template <class S, class R> Resistance<S> resistance(const FrictionCoefficients<S>& c, const R& velocity) noexcept {
-  S direction = S(sign(velocity));
+  S direction = S(sign(velocity)), speed = S(abs(velocity));
   if (c.any_smooth) {
     const S ratio = c.inverse_velocity_width * velocity;
     // Mostly a joint moves much faster than w, where tanh is 1 to the bit, and its derivative 0.
     const bool all_fast = all(abs(ratio) > S(22));
     if (!all_fast) direction = select(c.smooth, tanh(ratio), direction);
+    if (c.any_root) speed = select(c.smooth, sqrt(velocity * velocity + c.velocity_width * c.velocity_width), speed);
   }
-  return resistance(c, velocity, direction);
+  return resistance(c, velocity, direction, speed);
 }
 
-/// Friction while the load y passes through the drive: f = level(v) s + F_v v + alpha |y| s, with alpha = alpha_m
-/// where y v > 0 and alpha_g elsewhere.
+/// Friction while the load y passes through the drive: f = level(v) s + F_v v + F_r sqrt|v| sign v + alpha |y| s, with
+/// alpha = alpha_m where y v > 0 and alpha_g elsewhere.
 template <class S> S friction(const FrictionCoefficients<S>& c, const Resistance<S>& at, const S& load) noexcept {
   if (!c.any_load) return at.effort;
   return at.effort + load_coefficient(c, load, at.direction) * abs(load) * at.direction;

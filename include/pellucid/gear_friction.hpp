@@ -93,11 +93,12 @@ S breakaway(const GearFrictionCoefficients<S>& c, const S& share, const S& load,
 }
 
 /// Friction at velocity v in the direction s, which is -1 or 1 while it slips or is about to, and less where contacts
-/// are bent: level s + F_v v / (1 + |v| / v_d), F_v that of the sign of v.
+/// are bent: level s + F_v v / (1 + |v| / v_d) + F_r sqrt|v| sign v, F_v that of the sign of v.
 template <class S> S friction(const GearFrictionCoefficients<S>& c, const S& share, const S& load, const S& velocity,
                               const S& direction) noexcept {
   S slope_effort = viscous(c.friction, velocity) * velocity;
   if (c.any_decline) slope_effort = slope_effort / (S(1) + abs(velocity) * c.inverse_decline);
+  if (c.friction.any_root) slope_effort = slope_effort + c.friction.square_root * signed_root(velocity, abs(velocity));
   return level(c, share, rise(c, velocity), load, direction) * direction + slope_effort;
 }
 

@@ -10,7 +10,8 @@ import scipy.optimize
 
 NAMES = (
     "motor_inertia", "coulomb_positive", "coulomb_negative", "viscous_positive", "viscous_negative", "stribeck",
-    "stribeck_velocity", "load_motoring", "load_generating", "load_rise", "friction_swing", "friction_wave_number",
+    "stribeck_velocity", "load_motoring", "load_generating", "square_root", "load_rise", "friction_swing",
+    "friction_wave_number",
     "viscous_decline", "presliding_travel", "spring_stiffness", "spring_damping", "orthosis_inertia", "gravity_sine",
     "gravity_cosine",
     "bearing_coulomb", "bearing_viscous", "strap_stiffness", "strap_damping", "strap_slack", "strap_hold",
@@ -31,7 +32,7 @@ EXAMPLE = dict(
     limb_inertia=0.3, limb_gravity=8.0,
     limb_centre=0.05, limb_viscous=0.15, passive_torque=1.0, passive_angle=-0.09, passive_scale=0.03, torque_kp=1.0,
     torque_ki=3.0, torque_kd=0.01, torque_limit=25.0, motor_limit=30.0, calibrated_stiffness=171.0,
-    motor_quantum=2e-5, output_quantum=1e-4,
+    motor_quantum=2e-5, output_quantum=1e-4, square_root=0.1,
 )  # fmt: skip
 
 OUTPUTS = (

@@ -10,8 +10,8 @@ from numpy_reference import Loop
 NAMES = (
     "link_inertia", "gravity_sine", "gravity_cosine", "motor_inertia", "stiffness", "damping", "backlash",
     "coulomb_positive", "coulomb_negative", "viscous_positive", "viscous_negative", "stribeck", "stribeck_velocity",
-    "load_motoring", "load_generating", "load_rise", "friction_swing", "friction_wave_number", "viscous_decline",
-    "presliding_travel", "bearing_coulomb", "bearing_viscous",
+    "load_motoring", "load_generating", "square_root", "load_rise", "friction_swing", "friction_wave_number",
+    "viscous_decline", "presliding_travel", "bearing_coulomb", "bearing_viscous",
 )  # fmt: skip
 
 EXAMPLE = dict(
@@ -19,6 +19,7 @@ EXAMPLE = dict(
     backlash=0.01, coulomb_positive=0.6, coulomb_negative=0.5, viscous_positive=0.4, viscous_negative=0.5,
     stribeck=0.3, stribeck_velocity=0.1, load_motoring=0.08, load_generating=0.15, load_rise=0.5, friction_swing=0.2,
     friction_wave_number=9.0, viscous_decline=2.0, presliding_travel=0.0, bearing_coulomb=0.05, bearing_viscous=0.02,
+    square_root=0.1,
 )  # fmt: skip
 
 
@@ -41,7 +42,7 @@ def random_parameters(rng: np.random.Generator, **fixed: float) -> np.ndarray:
         viscous_positive=(0, 1), viscous_negative=(0, 1), stribeck=(0, 1), stribeck_velocity=(0.02, 0.5),
         load_motoring=(0, 0.3), load_generating=(0, 0.5), load_rise=(0, 1), friction_swing=(0, 0.5),
         friction_wave_number=(1, 20), viscous_decline=(0.5, 5), presliding_travel=(0, 0), bearing_coulomb=(0, 0.3),
-        bearing_viscous=(0, 0.2),
+        bearing_viscous=(0, 0.2), square_root=(0, 0.5),
     )  # fmt: skip
     return parameters(**{name: rng.uniform(*range_) for name, range_ in ranges.items()} | fixed)
 
@@ -107,6 +108,7 @@ def motor_after(p: dict[str, float], contacts: Contacts, q: float, v: float, net
     viscous = (p["viscous_positive"] if up else p["viscous_negative"]) * v
     if p["viscous_decline"] > 0:
         viscous /= 1 + abs(v) / p["viscous_decline"]
+    viscous += p["square_root"] * math.copysign(math.sqrt(abs(v)), v)
     if contacts.travel > 0:
         slip = bent * dry(p, q, v, torque, bent >= 0)
         return v + h * (net - slip - viscous - more) / p["motor_inertia"]

@@ -262,7 +262,7 @@ void dither() {
   const auto c = p::coefficients(p::DitherParams<double>{1.2, 942}, 0.001);
   p::WornGearedPlantParams<double> params;
   const double joint[p::geared_parameter_count] = {0.041, 2, 0.3, 0.0078, 600, 0.4, 0.0015, 0.22, 0.18, 0.06, 0.05,
-                                                   0.05, 0.1, 0.14, 0.11, 0.3, 0.05, 6, 6, 0, 0.02, 0.01};
+                                                   0.05, 0.1, 0.14, 0.11, 0, 0.3, 0.05, 6, 6, 0, 0.02, 0.01};
   params.robot.joint = p::from_numbers<p::GearedJointParams<double>>(joint);
   params.robot.drive = {1, 0, 0, 0, 0};
   params.robot.loop.period = 0.001;
@@ -307,7 +307,7 @@ void store_runs_out() {
 void plant() {
   p::WornGearedPlantParams<double> params;
   const double joint[p::geared_parameter_count] = {0.041, 2, 0.3, 0.0078, 600, 0.4, 0.0015, 0.22, 0.18, 0.06, 0.05,
-                                                   0.05, 0.1, 0.14, 0.11, 0.3, 0.05, 6, 6, 0, 0.02, 0.01};
+                                                   0.05, 0.1, 0.14, 0.11, 0, 0.3, 0.05, 6, 6, 0, 0.02, 0.01};
   params.robot.joint = p::from_numbers<p::GearedJointParams<double>>(joint);
   params.robot.drive = {1.68, 0, 0, 0, 0};
   params.robot.loop.period = 0.001;

@@ -8,13 +8,14 @@ import numpy as np
 
 NAMES = (
     "inertia", "gravity_sine", "gravity_cosine", "offset", "coulomb_positive", "coulomb_negative", "viscous_positive",
-    "viscous_negative", "stribeck", "stribeck_velocity", "load_motoring", "load_generating", "velocity_width",
+    "viscous_negative", "stribeck", "stribeck_velocity", "load_motoring", "load_generating", "square_root",
+    "velocity_width",
 )  # fmt: skip
 
 EXAMPLE = dict(
     inertia=0.05, gravity_sine=1.5, gravity_cosine=-0.2, offset=0.05, coulomb_positive=0.3, coulomb_negative=0.25,
     viscous_positive=0.1, viscous_negative=0.15, stribeck=0.12, stribeck_velocity=0.1, load_motoring=0.08,
-    load_generating=0.15, velocity_width=0.05,
+    load_generating=0.15, square_root=0.07, velocity_width=0.05,
 )  # fmt: skip
 
 
@@ -30,6 +31,7 @@ def random_parameters(rng: np.random.Generator, **fixed: float) -> np.ndarray:
         inertia=(0.02, 1), gravity_sine=(-10, 10), gravity_cosine=(-3, 3), offset=(-1, 1), coulomb_positive=(0, 3),
         coulomb_negative=(0, 3), viscous_positive=(0, 2), viscous_negative=(0, 2), stribeck=(0, 1),
         stribeck_velocity=(0.02, 0.5), load_motoring=(0, 0.4), load_generating=(0, 0.6), velocity_width=(0.02, 0.2),
+        square_root=(0, 0.5),
     )  # fmt: skip
     return parameters(**{name: rng.uniform(*range_) for name, range_ in ranges.items()} | fixed)
 
@@ -52,7 +54,12 @@ def friction(parameters: np.ndarray, velocity: np.ndarray, load: np.ndarray) -> 
         s = direction_of(p, v)
         alpha = p["load_motoring"] if y * v > 0 else p["load_generating"]
         viscous = p["viscous_positive"] if v > 0 else p["viscous_negative"]
-        result.append(level(p, v, v > 0) * s + viscous * v + alpha * abs(y) * s)
+        root = (
+            math.copysign(1.0, v) * math.sqrt(abs(v))
+            if p["velocity_width"] <= 0
+            else (v / (v * v + p["velocity_width"] ** 2) ** 0.25)
+        )
+        result.append(level(p, v, v > 0) * s + viscous * v + p["square_root"] * root + alpha * abs(y) * s)
     return np.array(result)
 
 

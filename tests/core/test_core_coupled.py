@@ -119,7 +119,8 @@ def test_nothing_lost_nothing_gained():
     """Without friction and damping the energy stays, end of the range and slack strap included."""
     nothing = dict.fromkeys(
         ("coulomb_positive", "coulomb_negative", "viscous_positive", "viscous_negative", "stribeck", "load_motoring",
-         "load_generating", "spring_damping", "bearing_coulomb", "bearing_viscous", "strap_damping", "limb_viscous"),
+         "load_generating", "square_root", "spring_damping", "bearing_coulomb", "bearing_viscous", "strap_damping",
+         "limb_viscous"),
         0.0,
     )  # fmt: skip
     p = reference.parameters(
@@ -216,7 +217,7 @@ P = reference.parameters()
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        (dict(parameters=P[:21]), "parameters: got shape (21,), expected (47,)"),
+        (dict(parameters=P[:21]), "parameters: got shape (21,), expected (48,)"),
         (dict(period=0.0), "period: expected a number of seconds above 0"),
         (dict(period=np.nan), "period: expected a number of seconds above 0"),
         (dict(substeps=0), "substeps: expected a whole number from 1 to 1000000"),

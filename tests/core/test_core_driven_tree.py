@@ -133,7 +133,7 @@ def test_arguments_are_checked(rng):
     def made(joints=joints_of(3), **more):  # noqa: B008
         return _core.DrivenTree(rows, GRAVITY, joints, **({"period": 1e-3} | more))
 
-    with pytest.raises(ValueError, match=r"joints: got shape \(2, 11\), expected \(3, 11\)"):
+    with pytest.raises(ValueError, match=r"joints: got shape \(2, 12\), expected \(3, 12\)"):
         made(joints_of(2))
     with pytest.raises(ValueError, match="period: expected a number above 0"):
         made(period=float("nan"))
@@ -143,7 +143,7 @@ def test_arguments_are_checked(rng):
         made(turns=np.ones((3, 3)))
     with pytest.raises(ValueError, match="motors: expected turns too"):
         made(motors=np.zeros((3, len(MOTOR))))
-    with pytest.raises(ValueError, match=r"elastic: got shape \(3, 2\), expected \(3, 12\)"):
+    with pytest.raises(ValueError, match=r"elastic: got shape \(3, 2\), expected \(3, 13\)"):
         made(elastic=np.zeros((3, 2)))
     with pytest.raises(ValueError, match=r"effort: got shape \(4,\), expected"):
         made().run(np.zeros(4))

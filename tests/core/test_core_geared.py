@@ -208,7 +208,7 @@ def settings(rng, m, n):
 
 def some_rows(rng, m):
     """Some rows without some terms: what is skipped for all lanes may not change a bit."""
-    p = np.array([reference.random_parameters(rng) for _ in range(m)]).reshape(m, 22)
+    p = np.array([reference.random_parameters(rng) for _ in range(m)]).reshape(m, 23)
     terms = (
         ("friction_swing",), ("viscous_decline",), ("stribeck", "load_rise"), ("stribeck_velocity",), ("backlash",),
         ("gravity_sine", "gravity_cosine"), ("load_motoring", "load_generating"), ("bearing_coulomb",),
@@ -361,7 +361,7 @@ def test_stiff_and_tight_is_the_rigid_plant():
     """Without a gap and ever stiffer it moves as one body: the difference falls with the stiffness."""
     t = 1e-3 * np.arange(2000)
     settings = dict(reference=0.5 * np.sin(3 * t), period=1e-3, substeps=100, loop="pd", kp=20.0, kd=1.0)
-    one = np.zeros(13)
+    one = np.zeros(14)
     one[[0, 1, 2, 6, 7]] = 0.2, 4.0, 1.0, 0.3, 0.3
     wanted = _core.simulate(one, position0=0.2, **settings)[0]
     errors = []
@@ -399,7 +399,7 @@ def test_divergence_is_not_finite_and_ends():
 @pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf])
 def test_bad_numbers_end_and_stay_in_their_row(value):
     good = run(reference.parameters(), reference=np.ones(20), period=1e-3)
-    for i in range(22):
+    for i in range(23):
         p = np.tile(reference.parameters(), (3, 1))
         p[1, i] = value
         rows = _core.simulate_geared(p, reference=np.ones(20), period=1e-3)
@@ -421,8 +421,8 @@ RUN = dict(reference=np.zeros(5), period=1e-3)
 @pytest.mark.parametrize(
     ("error", "changes", "message"),
     [
-        (ValueError, dict(parameters=P[0]), "parameters: got shape (22,), expected (m, 22)"),
-        (ValueError, dict(parameters=P[:, :13]), "parameters: got shape (1, 13), expected (m, 22)"),
+        (ValueError, dict(parameters=P[0]), "parameters: got shape (23,), expected (m, 23)"),
+        (ValueError, dict(parameters=P[:, :13]), "parameters: got shape (1, 13), expected (m, 23)"),
         (ValueError, dict(disturbance=np.zeros((2, 5))), "disturbance: got shape (2, 5), expected (1, 5)"),
         (ValueError, dict(integral0=[1.0, 2.0]), "integral0: got shape (2,), expected a number or (1,)"),
         (TypeError, dict(stiction=True), "simulate_geared() does not know the keyword 'stiction'"),

@@ -6,7 +6,7 @@ import pytest
 
 from pellucid import _core
 
-EVERY = np.arange(13)
+EVERY = np.arange(14)
 
 
 def central_differences(f, p, active, steps):

@@ -62,7 +62,7 @@ def test_prismatic_joint_is_the_same_without_gravity(rng):
 @pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf, 1e308, 5e-324])
 def test_every_input_gives_an_output(value):
     x = np.array([value, 0.0, 1.0])
-    for i in range(13):
+    for i in range(14):
         p = reference.parameters()
         p[i] = value
         assert _core.forward_dynamics(p, x, x, x).shape == _core.inverse_dynamics(p, x, x, x).shape == (3,)
@@ -74,3 +74,18 @@ def test_number_of_samples_does_not_matter(rng):
     whole = _core.inverse_dynamics(p, q, v, a)
     for n in range(40):
         np.testing.assert_array_equal(_core.inverse_dynamics(p, q[:n], v[:n], a[:n]), whole[:n])
+
+
+def test_root_of_speed_is_what_a_line_cannot_be():
+    """F_r sqrt|v| sign v, the same both ways; smooth through 0 where the sign is smooth; none where F_r is 0."""
+    speeds = np.array([-4.0, -0.01, 0.0, 0.01, 4.0])
+    none = dict.fromkeys(reference.NAMES, 0.0)
+    sharp = reference.parameters(**none | {"square_root": 0.5})
+    got = _core.friction(sharp, speeds, np.zeros(5))
+    np.testing.assert_allclose(got, [-1.0, -0.05, 0.0, 0.05, 1.0], rtol=1e-15)
+    smooth = reference.parameters(**none | {"square_root": 0.5, "velocity_width": 0.04})
+    near = _core.friction(smooth, 1e-6 * speeds, np.zeros(5))
+    np.testing.assert_allclose(near, 0.5 * 1e-6 * speeds / 0.2, rtol=1e-6)
+    far = _core.friction(smooth, 100 * speeds, np.zeros(5))
+    np.testing.assert_allclose(far[[0, 4]], [-10.0, 10.0], rtol=1e-6)
+    assert np.all(_core.friction(reference.parameters(**none), speeds, np.zeros(5)) == 0.0)

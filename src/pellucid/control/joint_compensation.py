@@ -79,7 +79,7 @@ def suggested_limits(card: Card, slider: float | None = None) -> Limits:
     level = max(body["coulomb_positive"], body["coulomb_negative"]) + body["stribeck"]
     slope = max(body["viscous_positive"], body["viscous_negative"])
     load = max(body["load_motoring"], body["load_generating"])
-    friction = level + slope * speed + load * weight
+    friction = level + slope * speed + body["square_root"] * np.sqrt(speed) + load * weight
     effort = law["gravity_share"] * (weight + abs(body["offset"])) + law["friction_share"] * friction
     return Limits(effort, effort / RISE, 1.5 * speed, (-np.inf, np.inf), 0.0)
 

@@ -19,7 +19,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-RESISTING = ("coulomb", "viscous", "stribeck", "load")
+RESISTING = ("coulomb", "viscous", "stribeck", "load", "square_root")
 """What the names of friction begin with."""
 
 EXCEEDED = 0.05
@@ -58,6 +58,7 @@ class SteadyStates:
         v, driven = np.abs(self.velocity), self.velocity * self.load > 0.0
         boundary = np.exp(-((v / stribeck_velocity) ** 2)) if stribeck_velocity > 0.0 else np.zeros(len(v))
         size = {"coulomb": np.ones(len(v)), "viscous": v, "stribeck": boundary, "load": np.abs(self.load)}
+        size["square"] = np.sqrt(v)
         only = {
             "positive": self.velocity > 0.0, "negative": self.velocity < 0.0, "motoring": driven, "generating": ~driven,
         }  # fmt: skip

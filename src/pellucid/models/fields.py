@@ -16,7 +16,7 @@ class Field:
     """One parameter of the core: `dimension` is powers of effort, coordinate and time, or a unit of its own."""
 
     name: str
-    dimension: tuple[int, int, int] | str
+    dimension: tuple[float, float, float] | str
     default: float
     lower: float
     upper: float
@@ -39,7 +39,7 @@ class Field:
         return ", ".join(ends)
 
 
-def unit_of(dimension: tuple[int, int, int] | str, motion: str, effort_unit: str) -> str:
+def unit_of(dimension: tuple[float, float, float] | str, motion: str, effort_unit: str) -> str:
     """SI unit, as plain text, of a `dimension` of a rotary or prismatic `motion` whose efforts are in `effort_unit`.
 
     A drive without a known constant keeps its own unit: an inertia is then in ``V*s^2/rad``, never silently in kg.
@@ -59,8 +59,8 @@ def unit_of(dimension: tuple[int, int, int] | str, motion: str, effort_unit: str
     return "*".join(above or ["1"]) + (f"/{below}" if under else "")
 
 
-def _power(base: str, power: int) -> str:
-    return base if power == 1 else f"{base}^{power}"
+def _power(base: str, power: float) -> str:
+    return base if power == 1 else f"{base}^{power:g}"
 
 
 def described(rows: list[dict]) -> tuple[Field, ...]:

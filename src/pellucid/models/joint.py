@@ -74,7 +74,7 @@ SYMBOLS: Mapping[str, Symbol] = {
 STRIBECK_SHARE = 0.25
 GRAVITY = 9.80665  # m/s^2
 
-TERMS: Mapping[str, tuple[str, ...]] = {"stribeck": ("stribeck", "stribeck_velocity")}
+TERMS: Mapping[str, tuple[str, ...]] = {"stribeck": ("stribeck", "stribeck_velocity"), "root": ("square_root",)}
 """Symbols that a feature adds to a family; "directional" and "load" choose between symbols instead."""
 
 FAMILIES: Mapping[str, frozenset[str]] = {
@@ -83,8 +83,12 @@ FAMILIES: Mapping[str, frozenset[str]] = {
     "load": frozenset({"load"}),
     "stribeck": frozenset({"stribeck"}),
     "combined": frozenset({"directional", "load", "stribeck"}),
+    "root": frozenset({"root"}),
 }
 """Friction families, as the features each adds to symmetric Coulomb and viscous friction."""
+
+USUAL: tuple[str, ...] = tuple(name for name in FAMILIES if name != "root")
+"""What is compared unless a study names families: not the root of speed, which few joints of one axis show."""
 
 
 UNITS: Mapping[str, Mapping[str, str]] = {

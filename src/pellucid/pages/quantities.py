@@ -28,6 +28,7 @@ LABELS: Mapping[str, str] = MappingProxyType(
         "coulomb_negative": "Coulomb friction, \N{MINUS SIGN} direction",
         "stribeck": "Stribeck friction",
         "stribeck_velocity": "Stribeck velocity",
+        "square_root": "Friction with the root of speed",
         "load_friction": "Load friction",
         "load_motoring": "Load friction, motoring",
         "load_generating": "Load friction, generating",
@@ -42,6 +43,7 @@ FAMILIES: Mapping[str, str] = MappingProxyType(
         "load": "friction that grows with the load the joint carries",
         "stribeck": "friction that falls with speed near standstill (Stribeck)",
         "combined": "direction, load and Stribeck effect together",
+        "root": "friction that also grows with the root of speed",
     }
 )
 

@@ -24,7 +24,7 @@ from pydantic import (
 
 from .._errors import StudyError
 from .._given import read_given
-from ..models.joint import FAMILIES
+from ..models.joint import FAMILIES, USUAL
 from ..units import parse_quantity, si_text, to_si_factor
 from .study_fields import DERIVED, NAME, Place, ProcedureTable, Said, StudyTable, Word, quantity
 from .toml_place import explain
@@ -631,7 +631,7 @@ class Model(StudyTable):
         Whether a posterior is drawn beside the intervals.
     """
 
-    families: tuple[Literal[tuple(FAMILIES)], ...] = tuple(FAMILIES)
+    families: tuple[Literal[tuple(FAMILIES)], ...] = USUAL
     gravity: Literal["none", "sine", "sine+cosine"]
     known: dict[str, float] = Field({})
     purpose: Literal["torque", "simulation"] = "torque"

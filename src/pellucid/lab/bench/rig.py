@@ -74,7 +74,7 @@ class BenchRig(Rig):
 
     @property
     def vector(self) -> np.ndarray:
-        """The core's joint parameters, shape (13,), SI."""
+        """The core's joint parameters, shape (14,), SI."""
         return np.array([self["joint"][name] for name in NAMES], float)
 
     @property

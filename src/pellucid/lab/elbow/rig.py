@@ -100,7 +100,7 @@ class ElbowRig(Rig):
         return self.link_inertia(slider) + self.rotor
 
     def plant(self, slider: float) -> np.ndarray:
-        """The core's parameters of the geared plant, shape (22,), SI, with the carriage's marker at `slider` [m]."""
+        """The core's parameters of the geared plant, shape (23,), SI, with the carriage's marker at `slider` [m]."""
         sine, cosine = self.gravity(slider)
         values = {
             "link_inertia": self.link_inertia(slider),
@@ -109,10 +109,9 @@ class ElbowRig(Rig):
             "motor_inertia": self.rotor,
             "bearing_coulomb": self["bearing"]["coulomb"],
             "bearing_viscous": self["bearing"]["viscous"],
-            "presliding_travel": 0.0,
             **self["transmission"],
         }
-        return np.array([values[name] for name in NAMES])
+        return np.array([values.get(name, 0.0) for name in NAMES])
 
     def friction(self, velocity: np.ndarray, load: np.ndarray) -> np.ndarray:
         """Friction of the rig itself at steady velocities [rad/s] under a load [N*m], without its swing along the

@@ -29,6 +29,7 @@ RECORD = {
     "gravity": "Record over a wider range of angles.",
     "gravity_cosine": "Record over a wider range of angles.",
     "viscous": "Record at several speeds, up to fast ones.",
+    "square_root": "Record at several speeds, from slow to fast ones.",
     "coulomb": "Record slow motions as well as fast ones, in both directions.",
     "offset": "Record both directions over the same positions.",
 }
