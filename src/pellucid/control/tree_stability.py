@@ -1,0 +1,400 @@
+r"""How much gain, delay and person the loop of a worn robot of several joints bears, about a posture.
+
+About a posture the robot, its wearer's limb and the cuffs between them are linear, with m joints each:
+
+.. math::
+   M \ddot q + (B + N)\dot q + K q = \tau + C, \quad
+   M_h \ddot q_h + B_h \dot q_h + K_h q_h = -C, \quad
+   C = S (q_h - q) + D (\dot q_h - \dot q)
+
+with K the slope of gravity and N the describing functions of dry friction. A law is linear as well, sampled, and acts
+through drives with a lag and a dead time. Margins are asked of one joint with the others' loops closed, and of all
+together. Beside them stands what needs no limb: how much damping a person must bring before any limb that is itself
+passive can be held without ringing [1]_ (the robot's passivity, that of its impedance).
+
+For one joint everything is what `stability.py` says, and a test holds it to that.
+
+.. [1] J. E. Colgate, J. M. Brown, "Factors affecting the Z-width of a haptic display", Proc. IEEE ICRA, 1994.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from itertools import pairwise
+
+import numpy as np
+
+from .._errors import PellucidError
+from .coupling import friction_slope
+from .stability import LinearSystem, crossings, radius
+
+MOST_GAIN = 40.0  # dB; where a search ends
+_POINTS = 1500  # frequencies of a loop's response
+
+
+@dataclass(frozen=True, eq=False)
+class TreeCoupling:
+    """A worn robot about a posture; matrices (m, m), else (m,), SI at the joints."""
+
+    mass: np.ndarray
+    viscous: np.ndarray
+    slope: np.ndarray  # of gravity, by position
+    coulomb: np.ndarray
+    limb_mass: np.ndarray
+    limb_viscous: np.ndarray  # (m, m)
+    limb_slope: np.ndarray  # of gravity and of muscles that hold a posture
+    cuff_stiffness: np.ndarray  # (m, m)
+    cuff_damping: np.ndarray
+    drive_frequency: np.ndarray  # of the lag from the effort wanted to the effort given [rad/s]
+    drive_damping: np.ndarray  # [1]
+    delay: float = 0.0  # before it; the loop's own sample and hold is not part of it [s]
+    # What a torque loop around a series spring does not cancel of motor and gear, and the rate at which its integral
+    # does after all; 0 of a drive that is not behind a spring
+    drive_inertia: np.ndarray = field(default_factory=lambda: np.zeros(1))
+    drive_viscous: np.ndarray = field(default_factory=lambda: np.zeros(1))
+    drive_coulomb: np.ndarray = field(default_factory=lambda: np.zeros(1))
+    drive_leak: np.ndarray = field(default_factory=lambda: np.zeros(1))
+
+    def __post_init__(self):
+        m = len(np.atleast_2d(self.mass))
+        for name, value in vars(self).copy().items():
+            if name == "delay":
+                continue
+            square = name in {"mass", "slope", "limb_mass", "limb_viscous", "limb_slope", "cuff_stiffness",
+                              "cuff_damping"}  # fmt: skip
+            made = np.array(value, dtype=float)
+            made = np.diag(np.broadcast_to(made, m)) if square and made.ndim < 2 else made
+            made = made if square else np.broadcast_to(made, (m,)).copy()
+            if made.shape != ((m, m) if square else (m,)) or not np.isfinite(made).all():
+                raise PellucidError(
+                    f"TreeCoupling: found {name} {made.tolist()}, expected {m} joints of finite numbers"
+                )
+            object.__setattr__(self, name, made)
+        for name in ("mass", "limb_mass"):
+            if np.linalg.eigvalsh(getattr(self, name)).min() <= 0.0:
+                raise PellucidError(f"TreeCoupling: found a {name} matrix that is not positive definite")
+        if not (self.drive_frequency > 0.0).all():
+            raise PellucidError("TreeCoupling: found drive_frequency <= 0, expected > 0")
+
+    @property
+    def joints(self) -> int:
+        """m."""
+        return len(self.mass)
+
+
+@dataclass(frozen=True)
+class Limb:
+    """What a limb is, beside its masses."""
+
+    name: str
+    mass: float = 1.0  # times the limb's own
+    stiffness: float = 0.0  # of muscles, at each joint that turns [N m/rad]
+    damping: float = 0.1  # of critical, with that stiffness; of a limp limb [N m s/rad]
+
+
+LIMBS: tuple[Limb, ...] = (
+    Limb("limp"),
+    Limb("light and limp", 0.5),
+    Limb("heavy and limp", 2.0),
+    Limb("at ease", 1.0, 8.0, 0.25),
+    Limb("stiff", 1.0, 40.0, 0.25),
+    Limb("light and stiff", 0.5, 80.0, 0.25),
+)
+"""From a limb that lets itself be carried to one with all muscles tense: stiffnesses of elbows and shoulders in the
+literature are 2 to 80 N m/rad, damping 0.2 to 0.4 of critical."""
+
+
+def with_limb(coupling: TreeCoupling, limb: Limb) -> TreeCoupling:
+    """The same robot, worn by the same person as `limb` says."""
+    mass = limb.mass * coupling.limb_mass
+    own = np.diag(mass)
+    damping = 2.0 * limb.damping * np.sqrt(limb.stiffness * own) if limb.stiffness > 0.0 else limb.damping
+    return replace(
+        coupling,
+        limb_mass=mass,
+        limb_slope=limb.mass * coupling.limb_slope + limb.stiffness * np.eye(len(mass)),
+        limb_viscous=np.diag(np.broadcast_to(damping, len(mass))),
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class TreeMargins:
+    """What a loop of m joints bears; 0 where it is unstable as it is, infinite where the search found no end."""
+
+    stable: bool
+    radius: float  # Largest magnitude of the closed loop's eigenvalues [1]
+    gain_db: np.ndarray  # (m,) of one joint alone, the others' loops closed [dB]
+    delay: np.ndarray  # (m,) [s]
+    gain_together_db: float  # of all commands at once
+    delay_together: float
+
+
+@dataclass(frozen=True)
+class Passivity:
+    """What a robot lacks to be passive at its joints, whoever wears it."""
+
+    below: float  # Frequency up to which it is passive [Hz]; infinite where everywhere below the search's end
+    shortage: float  # Damping that a person must bring at every joint for any passive limb to be safe [N m s/rad]
+
+
+def worn_tree(coupling: TreeCoupling, speed: float = 1.0) -> LinearSystem:
+    """From efforts wanted and efforts on the limb, (2 m), to encoders, drives, cuffs and what cuffs give, (4 m).
+
+    States as of `stability.worn_orthosis`, m of each. `speed` [rad/s].
+    """
+    m, n = coupling.joints, coupling
+    eye, none, wn = np.eye(m), np.zeros((m, m)), np.diag(n.drive_frequency)
+    rubbing = np.diag([friction_slope(speed, f) for f in n.drive_coulomb])
+    viscous = np.diag(n.viscous + [friction_slope(speed, f) for f in n.coulomb])
+    cuff = np.hstack([none, none, n.cuff_stiffness, n.cuff_damping, none, none, none])
+    robot = np.linalg.solve(n.mass, np.hstack([-n.slope, -viscous, none, none, eye, none, none]) + cuff)
+    limb = np.hstack([-n.limb_slope, -n.limb_viscous, -n.limb_slope, -n.limb_viscous, none, none, none]) - cuff
+    a = np.zeros((7 * m, 7 * m))
+    q, v, d, e, t, u, i = (slice(k * m, (k + 1) * m) for k in range(7))
+    a[q, v] = a[d, e] = a[t, u] = eye
+    a[v], a[e] = robot, np.linalg.solve(n.limb_mass, limb) - robot
+    a[u] = -(wn**2) @ np.diag(n.drive_inertia) @ robot
+    a[u, v] -= wn**2 @ (np.diag(n.drive_viscous) + rubbing)
+    a[u, t] -= wn**2
+    a[u, u] -= 2.0 * np.diag(n.drive_damping) @ wn
+    sprung = np.where(n.drive_inertia > 0.0, 1.0 / np.maximum(n.drive_inertia, 1e-300), 0.0)
+    a[u, u] -= rubbing @ np.diag(sprung)
+    a[u, i] = wn**2
+    a[i, t] = -np.diag(n.drive_leak)
+    b = np.zeros((7 * m, 2 * m))
+    b[u, :m], b[e, m:], b[i, :m] = wn**2, np.linalg.inv(n.limb_mass), np.diag(n.drive_leak)
+    c = np.zeros((4 * m, 7 * m))
+    c[:m, q] = c[m : 2 * m, t] = c[3 * m :, d] = eye
+    c[2 * m : 3 * m] = cuff
+    kept = 7 * m if (n.drive_leak > 0.0).any() else 6 * m
+    return LinearSystem(a[:kept, :kept], b[:kept], c[:, :kept], np.zeros((4 * m, 2 * m)))
+
+
+def sampled_each(system: LinearSystem, period: float, delays: Sequence[float]) -> LinearSystem:
+    """A continuous system behind zero-order holds, each input with a dead time of its own, sampled exactly. `period`,
+    `delays` (m,) [s]."""
+    from scipy.linalg import expm
+
+    n, m = system.b.shape
+
+    def held(duration: float) -> tuple[np.ndarray, np.ndarray]:
+        both = expm(np.block([[system.a, system.b], [np.zeros((m, n + m))]]) * duration)
+        return both[:n, :n], both[:n, n:]
+
+    phi, all_of_it = held(period)
+    whole = [int(np.floor(delay / period + 1e-9)) for delay in delays]
+    size = n + sum(w + 1 for w in whole)
+    a, b = np.zeros((size, size)), np.zeros((size, m))
+    a[:n, :n] = phi
+    place = n
+    for k, (delay, late) in enumerate(zip(delays, whole, strict=True)):
+        part = max(delay / period - late, 0.0) * period
+        early, recent = held(period - part) if part > 0.0 else (np.eye(n), all_of_it)
+        old = held(part)[1] if part > 0.0 else np.zeros((n, m))
+        for back, effect in ((late, recent[:, k]), (late + 1, early @ old[:, k])):
+            # What was asked `back` periods ago; asked now, it is the input itself.
+            if back == 0:
+                b[:n, k] += effect
+            else:
+                a[:n, place + back - 1] += effect
+        b[place, k] = 1.0
+        for i in range(1, late + 1):
+            a[place + i, place + i - 1] = 1.0
+        place += late + 1
+    c = np.hstack([system.c, np.zeros((system.c.shape[0], size - n))])
+    return LinearSystem(a, b, c, np.zeros((c.shape[0], m)))
+
+
+def tree_margins(
+    coupling: TreeCoupling,
+    controller: LinearSystem,
+    period: float,
+    *,
+    speed: float = 1.0,
+    most_delay: float = 0.1,
+) -> TreeMargins:
+    """Gain and delay margins of a law, joint by joint and together. `controller` from encoders (m,), or from encoders,
+    drives and cuffs too, to efforts wanted (m,); `period`, `most_delay` [s]; `speed` [rad/s]."""
+    m = coupling.joints
+    plant = _seen(coupling, controller, speed)
+    late = np.full(m, coupling.delay)
+    held = sampled_each(plant, period, late)
+    own = radius(closed_tree(held, controller))
+    if own >= 1.0:
+        return TreeMargins(False, own, np.zeros(m), np.zeros(m), 0.0, 0.0)
+    omega = np.geomspace(1e-2, 0.999 * np.pi / period, _POINTS)
+    loop = _response(held, omega, period)
+    law = _response(controller, omega, period)
+    loop = law @ loop  # (points, m, m); 1 - L = 0 is the verge
+    gains, delays = np.empty(m), np.empty(m)
+    for k in range(m):
+        others = [j for j in range(m) if j != k]
+        alone = -_opened(loop, k, others)
+        gains[k], delays[k] = _exact(held, plant, controller, period, late, (k,), crossings(omega, alone), most_delay)
+    every = [crossings(omega, -one) for one in _loci(loop)]
+    seen = (min(g for g, _ in every), min(d for _, d in every))
+    together = _exact(held, plant, controller, period, late, tuple(range(m)), seen, most_delay)
+    return TreeMargins(True, own, gains, delays, *together)
+
+
+def closed_tree(plant: LinearSystem, controller: LinearSystem, gains: np.ndarray | float = 1.0) -> np.ndarray:
+    """The closed loop's matrix, the plant's inputs being `gains` (m,) times the controller's outputs."""
+    c = plant.c[: controller.b.shape[1]]
+    b = plant.b * gains
+    return np.block([[plant.a + b @ controller.d @ c, b @ controller.c], [controller.b @ c, controller.a]])
+
+
+def passivity(
+    coupling: TreeCoupling, controller: LinearSystem, period: float, *, speed: float = 1.0, highest: float = 50.0
+) -> Passivity:
+    """How far a robot under a law is from passive at its joints, up to `highest` [Hz], beyond which no person moves it;
+    aliases of the hold are left out. `period` [s]; `speed` [rad/s]."""
+    m = coupling.joints
+    free = replace(coupling, cuff_stiffness=np.zeros((m, m)), cuff_damping=np.zeros((m, m)))
+    plant = worn_tree(free, speed)
+    kept = [i for i in range(len(plant.a)) if not 2 * m <= i < 4 * m]  # without the limb
+    port = np.zeros((len(plant.a), m))
+    inverse = np.linalg.inv(free.mass)
+    port[m : 2 * m] = inverse
+    port[5 * m : 6 * m] = -np.diag(free.drive_frequency**2 * free.drive_inertia) @ inverse
+    a, b = plant.a[np.ix_(kept, kept)], np.hstack([plant.b[:, :m], port])[kept]
+    c = plant.c[: 2 * m, kept]
+    omega = np.geomspace(2.0 * np.pi * 0.05, min(2.0 * np.pi * highest, 0.9 * np.pi / period), 600)
+    law = _response(controller, omega, period)
+    short, below = 0.0, np.inf
+    for w, linear in zip(omega, law, strict=True):
+        s = 1j * w
+        moved = c @ np.linalg.solve(s * np.eye(len(a)) - a, b)
+        hold = (1.0 - np.exp(-s * period)) / (s * period) * np.exp(-s * coupling.delay)
+        inputs = controller.b.shape[1]
+        by_effort, by_port = moved[:, :m] * hold, moved[:, m:]
+        felt = linear[:, : min(inputs, 2 * m)] @ by_port[: min(inputs, 2 * m)]
+        if inputs == 3 * m:
+            felt = felt + linear[:, 2 * m :]
+        wanted = np.linalg.solve(np.eye(m) - linear[:, : min(inputs, 2 * m)] @ by_effort[: min(inputs, 2 * m)], felt)
+        admittance = s * (by_port[:m] + by_effort[:m] @ wanted)
+        impedance = np.linalg.inv(admittance)
+        least = float(np.linalg.eigvalsh(0.5 * (impedance + impedance.conj().T))[0])
+        if least < -1e-9:
+            below = min(below, w / (2.0 * np.pi))
+            short = max(short, -least)
+    return Passivity(float(below), short)
+
+
+def _seen(coupling: TreeCoupling, controller: LinearSystem, speed: float) -> LinearSystem:
+    """From efforts wanted to what a controller reads."""
+    m, inputs = coupling.joints, controller.b.shape[1]
+    if inputs not in (m, 2 * m, 3 * m) or controller.d.shape[0] != m:
+        raise PellucidError(
+            f"controller: found {inputs} inputs and {controller.d.shape[0]} outputs, expected {m}, {2 * m} or {3 * m} "
+            f"(encoders; drives too; cuffs too) and {m}"
+        )
+    plant = worn_tree(coupling, speed)
+    return LinearSystem(plant.a, plant.b[:, :m], plant.c[:inputs], plant.d[:inputs, :m])
+
+
+def _response(system: LinearSystem, omega: np.ndarray, period: float) -> np.ndarray:
+    """(n, p, m)."""
+    z = np.exp(1j * np.asarray(omega) * period)
+    if not len(system.a):
+        return np.broadcast_to(system.d, (len(z), *system.d.shape)).astype(complex)
+    return system.c @ np.linalg.solve(z[:, None, None] * np.eye(len(system.a)) - system.a, system.b) + system.d
+
+
+def _opened(loop: np.ndarray, joint: int, others: list[int]) -> np.ndarray:
+    """The loop of one joint with the others closed, (n,): what comes back of what is put in there."""
+    here = loop[:, joint, joint]
+    if not others:
+        return here
+    row, column = loop[:, joint, others], loop[:, others, joint]
+    rest = np.eye(len(others)) - loop[:, others][:, :, others]
+    return here + np.einsum("ni,ni->n", row, np.linalg.solve(rest, column[..., None])[..., 0])
+
+
+def _loci(loop: np.ndarray) -> np.ndarray:
+    """Eigenvalues of a loop, each followed from one frequency to the next, (m, n)."""
+    from scipy.optimize import linear_sum_assignment
+
+    found = np.linalg.eigvals(loop)
+    for i in range(1, len(found)):
+        found[i] = found[i][linear_sum_assignment(np.abs(found[i - 1][:, None] - found[i][None]))[1]]
+    return found.T
+
+
+def _exact(
+    held: LinearSystem,
+    plant: LinearSystem,
+    controller: LinearSystem,
+    period: float,
+    late: np.ndarray,
+    joints: tuple[int, ...],
+    seen: tuple[float, float],
+    most_delay: float,
+) -> tuple[float, float]:
+    """Gain [dB] and delay [s] margin of some commands from the closed loop's eigenvalues, looked for where the
+    response crosses first."""
+    which = np.isin(np.arange(len(late)), joints)
+
+    def too_strong(decibel: float) -> bool:
+        return radius(closed_tree(held, controller, np.where(which, 10.0 ** (decibel / 20.0), 1.0))) >= 1.0
+
+    def too_late(delay: float) -> bool:
+        return radius(closed_tree(sampled_each(plant, period, late + delay * which), controller)) >= 1.0
+
+    gain = 20.0 * np.log10(seen[0]) if np.isfinite(seen[0]) else np.inf
+    return (
+        _refined(too_strong, gain, MOST_GAIN, 1.0, 1e-3),
+        _refined(too_late, seen[1], most_delay, max(period, 0.004), 1e-4 * most_delay),
+    )
+
+
+def _refined(fails: Callable[[float], bool], guess: float, most: float, step: float, fine: float) -> float:
+    """Where a condition first holds, by bisection about a guess; along a grid where the guess is none."""
+    low, high = max(guess - step, 0.0), min(guess + step, most)
+    if not (np.isfinite(guess) and guess < most and fails(high) and not (low > 0.0 and fails(low))):
+        found = next((pair for pair in pairwise(np.arange(0.0, most + 1e-9, step)) if fails(pair[1])), None)
+        if found is None:
+            return float("inf")
+        low, high = found
+    while high - low > fine:
+        middle = 0.5 * (low + high)
+        low, high = (low, middle) if fails(middle) else (middle, high)
+    return float(low)
+
+
+@dataclass(frozen=True)
+class MarginRow:
+    """Of the table: the least over some limbs."""
+
+    posture: str
+    limb: str
+    margins: TreeMargins
+
+
+def margins_over(
+    couplings: Mapping[str, TreeCoupling],
+    controllers: Mapping[str, LinearSystem],
+    period: float,
+    *,
+    limbs: Sequence[Limb] = LIMBS,
+    speed: float = 1.0,
+) -> Iterator[MarginRow]:
+    """Of a law at each posture, by its name, with each limb. `period` [s]; `speed` [rad/s]."""
+    for name, coupling in couplings.items():
+        for limb in limbs:
+            made = tree_margins(with_limb(coupling, limb), controllers[name], period, speed=speed)
+            yield MarginRow(name, limb.name, made)
+
+
+def least_margins(rows: Sequence[MarginRow]) -> TreeMargins:
+    """The least of each over postures and limbs."""
+    found = [row.margins for row in rows]
+    return TreeMargins(
+        all(one.stable for one in found),
+        max(one.radius for one in found),
+        np.min([one.gain_db for one in found], axis=0),
+        np.min([one.delay for one in found], axis=0),
+        min(one.gain_together_db for one in found),
+        min(one.delay_together for one in found),
+    )
