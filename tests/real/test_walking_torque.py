@@ -4,12 +4,17 @@ What is asserted was measured, less a margin for other versions of the libraries
 R² of 0.75 (knee) and 0.81 (ankle) on the same windows.
 """
 
+import shutil
+
+import numpy as np
 import pytest
 
 from pellucid import datasets
 from pellucid.estimators.cross_validation import score
 from pellucid.estimators.torque_map import fit_torque_map
+from pellucid.procedures.emg_torque.sessions import session_faults
 from pellucid.procedures.emg_torque.trial_sources import moment_trials
+from pellucid.procedures.registry import open_study
 
 
 @pytest.fixture(scope="module")
@@ -49,3 +54,26 @@ def test_defaults_of_another_tool_are_beaten(study):
     for name in ("tree", "tree_published"):
         errors[name] = score(held.torque, fit_torque_map([fitted], name).predict(held)).rmse
     assert errors["tree"] < 0.6 * errors["tree_published"]
+
+
+def test_channels_that_changed_after_the_fitted_seconds_are_named_and_no_others(study, tmp_path):
+    assert session_faults(study) == []
+    folder = tmp_path / "spoilt"
+    shutil.copytree(study.folder, folder)
+    file = folder / "recordings" / "emgFilt.sto"
+    head, _, body = file.read_text(encoding="utf-8").partition("endheader\n")
+    names, *lines = body.splitlines()
+    at = {name: i for i, name in enumerate(names.split())}
+    rows = np.array([line.split() for line in lines if line.strip()], float)
+    late = rows[:, 0] > 24.0
+    rows[late, at["soleus_r"]] = 0.062 + 2.6 * rows[late, at["soleus_r"]]
+    both = [at["tib_ant_r"], at["semimem_r"]]
+    rows[np.ix_(late, both)] = rows[np.ix_(late, both[::-1])]
+    table = "\n".join("\t".join(f"{x:.8g}" for x in row) for row in rows)
+    file.write_text(f"{head}endheader\n{names}\n{table}\n", encoding="utf-8")
+    found = session_faults(open_study(folder))
+    assert {(f.kind, f.channel) for f in found} == {
+        ("changed_channel", "emg.soleus"), ("changed_channel", "emg.tibialis_anterior"),
+        ("changed_channel", "emg.semimembranosus"),
+    }  # fmt: skip
+    assert all("emgFilt.sto (recording rest)" in f.message for f in found)

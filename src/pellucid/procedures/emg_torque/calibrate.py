@@ -34,6 +34,7 @@ from .muscle_findings import (
     partial_errors,
 )
 from .seated_swings import SWINGS, seated_swings
+from .sessions import compared_sessions, elsewhere_words, session_tables, session_verdicts
 from .torque_card import torque_card
 from .trial_sources import STEPS, moment_trials, moved_body, step_trials
 
@@ -67,10 +68,10 @@ def calibrate(study: Study, on_progress: Progress | None = None) -> CalibrationR
     evaluated, trials = found.evaluated, found.trials
     return CalibrationResult(
         study=study.name,
-        headline=_headline(evaluated),
-        tables=(*_tables(evaluated), *muscle_tables(found.muscles)),
+        headline=_nowhere(found) + _headline(evaluated),
+        tables=(*_tables(evaluated), *session_tables(found.sessions), *muscle_tables(found.muscles)),
         verdicts=(*verdicts_of(study, evaluated, trials), *muscle_verdicts_of(found)),
-        rows=calibration_rows(study.name, evaluated, trials),
+        rows=calibration_rows(study.name, evaluated, trials, found.sessions),
         cards={**found.cards, **muscle_cards(study, found.muscles, trials)},
         checksums={trial.name: trial.checksum for trial in trials},
         evaluated=tuple(evaluated),
@@ -105,9 +106,12 @@ def _fitted_and_held(
 
 
 def _by_recording(study: Study, tell: Progress) -> Calibrated:
-    found, joints = Calibrated(), study.config.emg_torque.joints
+    found, joints, rescale = Calibrated(), study.config.emg_torque.joints, study.config.emg_torque.rescale
     trials = {joint: moment_trials(study, joint) for joint in joints}
     parts = {joint: _fitted_and_held(study, joint, trials[joint]) for joint in joints}
+    session, compared = compared_sessions(*parts[joints[0]])
+    found.sessions.update(compared)
+    found.verdicts.extend(session_verdicts(found.sessions, rescale is not None))
     runs = [
         (joint, name, causal)
         for causal, names in ((False, EVALUATED), (True, CAUSAL))
@@ -124,6 +128,12 @@ def _by_recording(study: Study, tell: Progress) -> Calibrated:
         if isinstance(fit, HillMap) and name == "hill" and not causal:
             found.muscles[joint], found.shown[joint] = fit, held[0]
         for trial in held:
+            changed = found.sessions[trial.name].changed
+            without = None
+            if changed and ESTIMATORS[name].muscles and len(changed) < len(session.muscles):
+                without = score(trial.torque, fit.predict(session.without(trial, changed)))
+            if changed and rescale is not None:
+                trial = session.rescaled(trial, rescale, changed)
             made = fit.predict(trial)
             half = fit.half_width(trial) if name == "hill" else None
             found.evaluated.append(
@@ -133,6 +143,7 @@ def _by_recording(study: Study, tell: Progress) -> Calibrated:
                     seconds=fit.fit.seconds if isinstance(fit, HillMap) else None,
                     coverage=None if half is None else float(np.mean(np.abs(trial.torque - made) <= half)),
                     partial=partial_errors(trial.torque, made) if isinstance(fit, HillMap) else (),
+                    without_changed=without,
                 )
             )  # fmt: skip
             if not causal:
@@ -231,6 +242,12 @@ def preferred(evaluated: Sequence[Evaluated], what: str) -> tuple[Evaluated, ...
     ]  # fmt: skip
     best = min(own, key=lambda e: inf if e.compared is None else e.compared.rmse).estimator
     return tuple(e for e in own if e.estimator == best)
+
+
+def _nowhere(found: Calibrated) -> str:
+    """Recordings on which no figure may be believed, said before any; empty without one."""
+    said = [f"{name} ({elsewhere_words(c)})" for name, c in found.sessions.items() if not c.holds]
+    return f"No estimate holds on {', '.join(said)}. " if said else ""
 
 
 def _headline(evaluated: Sequence[Evaluated]) -> str:

@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
+from ...estimators.emg_session import Compared
 from ...estimators.torque_trial import TorqueTrial
 from ...recordings.results import ResultRow
 from .evaluated import Evaluated
 
 
 def calibration_rows(
-    study: str, evaluated: Sequence[Evaluated], trials: Sequence[TorqueTrial]
+    study: str,
+    evaluated: Sequence[Evaluated],
+    trials: Sequence[TorqueTrial],
+    sessions: Mapping[str, Compared] | None = None,
 ) -> tuple[ResultRow, ...]:
     """Every figure; the first held-out recording's have no name in their id, the others' have."""
     sums = {trial.name: trial.checksum for trial in trials}
@@ -35,6 +39,10 @@ def calibration_rows(
             tail = "" if each.recording == first else f".{each.recording}"
             add(f"{each.what}.{how}.r2{tail}", each.score.r2, "1", note, recording=each.recording)
             add(f"{each.what}.{how}.rmse{tail}", each.score.rmse, "N*m", note, recording=each.recording)
+            if each.without_changed is not None:
+                words = "channels that changed replaced by what the others tell"
+                add(f"{each.what}.{how}.r2.without_changed{tail}", each.without_changed.r2, "1", words,
+                    recording=each.recording)  # fmt: skip
             if each.coverage is not None:
                 words = "share of samples within the 95 % interval"
                 add(f"{each.what}.{how}.coverage{tail}", each.coverage, "1", words, recording=each.recording)
@@ -52,4 +60,9 @@ def calibration_rows(
                 if each.seconds is not None:
                     words = "one calibration, all starts included"
                     add(f"{each.what}.{how}.seconds", each.seconds, "s", words, split="fitted")
+    for recording, compared in (sessions or {}).items():
+        at = {"recording": recording}
+        add(f"session.{recording}.channels_changed", len(compared.changed), "1", ", ".join(compared.changed), **at)
+        add(f"session.{recording}.elsewhere", compared.elsewhere, "1", "share of time beyond what was fitted", **at)
+        add(f"session.{recording}.holds", float(compared.holds), "1", "1: what was fitted may be asked of it", **at)
     return tuple(rows)

@@ -9,6 +9,7 @@ import numpy as np
 
 from ..._errors import IdentificationError
 from ...estimators.cross_validation import Score
+from ...estimators.emg_session import Compared
 from ...estimators.families import ESTIMATORS
 from ...estimators.hill import HillMap
 from ...estimators.torque_trial import TorqueTrial
@@ -40,6 +41,8 @@ class Evaluated:
     coverage: float | None = None  # Share of held-out samples within the 95 % interval about what is predicted
     # RMSE where the reference pulls along its main direction, and of both torques cut off at 0 [N m]; or empty
     partial: tuple[float, ...] = ()
+    # The same with envelopes of channels that changed replaced by what the others tell; None where none did
+    without_changed: Score | None = None
 
     @property
     def unit(self) -> str:
@@ -73,6 +76,7 @@ class Calibrated:
     shown: dict[str, TorqueTrial] = field(default_factory=dict)  # A trial to show them with
     passed_over: dict[str, str] = field(default_factory=dict)  # Why muscles were not fitted, by joint or participant
     verdicts: list[Verdict] = field(default_factory=list)  # On this way of judging
+    sessions: dict[str, Compared] = field(default_factory=dict)  # Channels against those fitted, by recording judged
 
 
 def mean_choice(choices: Sequence) -> Score | None:

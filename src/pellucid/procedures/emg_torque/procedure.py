@@ -28,6 +28,9 @@ class EmgTorqueTable(ProcedureTable):
         From raw EMG to envelopes: ``"knee"``, ``"able"``, ``"hill"``, or ``"none"`` where envelopes were recorded.
     reference_lowpass : float or None
         Cut-off of the zero-phase low-pass on the reference torque [Hz].
+    rescale : float or None
+        Beginning of each recording to be judged by which channels that changed are brought to floor and range as
+        fitted [s]; without it they are used as they are, and named.
     muscle_file : str or None
         Path from the study's folder to an OpenSim model or a CEINMS subject, with the muscles' constants.
     muscle_names : dict of str to str
@@ -40,6 +43,7 @@ class EmgTorqueTable(ProcedureTable):
     moments: Word = "moments"
     chain: Literal["knee", "able", "hill", "none"] = "knee"
     reference_lowpass: quantity("Hz", gt=0) | None = None
+    rescale: quantity("s", gt=0) | None = None
     muscle_file: Place | None = None
     muscle_names: dict[Word, Said] = Field(default_factory=dict)
 
@@ -59,7 +63,7 @@ class EmgTorqueProcedure(Procedure):
     name, command = "emg_torque", "calibrate"
     whole = True
     table = EmgTorqueTable
-    faults = late("emg_torque.emg_faults", "emg_faults")
+    faults = late("emg_torque.study_faults", "study_faults")
     run = late("emg_torque.calibrate", "calibrate")
     page = late("emg_torque.calibration_page", "page")
 

@@ -1,0 +1,112 @@
+"""Channels against what they were when an estimator was fitted: what changed is named, and what did not is not."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from pellucid._errors import IdentificationError
+from pellucid.estimators.emg_session import FittedSession
+from pellucid.estimators.torque_trial import TorqueTrial
+
+FS = 100.0
+MUSCLES = ("soleus", "tibialis", "vastus", "hamstring", "rectus")
+PEAKS = np.array([0.45, 0.05, 0.15, 0.9, 0.6])  # Of the stride, at which each is most active
+TOPS = np.array([0.1, 0.25, 0.05, 0.4, 0.03])
+
+
+def walking(seed, seconds=20.0, cadence=0.9, strength=1.0):
+    """Strides whose envelopes are bursts at a phase of their own, each a little different from the last."""
+    rng = np.random.default_rng(seed)
+    time = np.arange(0.0, seconds, 1.0 / FS)
+    phase = cadence * time
+    angles = {"knee": 0.5 * np.sin(2 * np.pi * phase) + 0.2 * np.sin(4 * np.pi * phase + 1.0),
+              "ankle": 0.3 * np.cos(2 * np.pi * phase)}  # fmt: skip
+    strides = np.exp(0.2 * rng.standard_normal((len(MUSCLES), int(phase[-1]) + 2)))
+    away = (phase[None] - PEAKS[:, None] + 0.5) % 1.0 - 0.5
+    burst = np.exp(-((away / 0.12) ** 2)) * strides[:, np.round(phase - 0.5).astype(int)]
+    envelopes = TOPS[:, None] * (0.02 + strength * burst) + 1e-4 * rng.uniform(size=(len(MUSCLES), len(time)))
+    return TorqueTrial("walk", "knee", time, dict(zip(MUSCLES, envelopes, strict=True)), angles, np.zeros(len(time)))
+
+
+def changed(trial, **envelopes):
+    return replace(trial, envelopes={**trial.envelopes, **envelopes})
+
+
+@pytest.fixture(scope="module")
+def session():
+    return FittedSession.of([walking(0, seconds=6.0)])
+
+
+@pytest.mark.parametrize("seed", range(1, 9))
+def test_another_minute_of_the_same_walking_is_the_same_session(session, seed):
+    found = session.compared(walking(seed))
+    assert found.changes == ()
+    assert found.holds
+
+
+@pytest.mark.parametrize("muscle", MUSCLES)
+def test_a_floor_that_rose_is_named(session, muscle):
+    trial = walking(1)
+    x = trial.envelopes[muscle]
+    found = session.compared(changed(trial, **{muscle: 2.6 * x + 0.6 * np.max(x)}))
+    assert found.changed == (muscle,)
+    assert {change.kind for change in found.changes} >= {"floor"}
+    assert found.holds
+
+
+def test_a_gain_is_named_where_the_others_stay(session):
+    trial = walking(1)
+    found = session.compared(changed(trial, vastus=5.0 * trial.envelopes["vastus"]))
+    assert [(c.muscle, c.kind) for c in found.changes] == [("vastus", "level")]
+
+
+@pytest.mark.parametrize("pair", [("soleus", "tibialis"), ("vastus", "rectus"), ("hamstring", "soleus")])
+def test_two_channels_exchanged_are_both_named(session, pair):
+    trial = walking(1)
+    a, b = pair
+    found = session.compared(changed(trial, **{a: trial.envelopes[b], b: trial.envelopes[a]}))
+    assert set(found.changed) == set(pair)
+
+
+def test_more_effort_is_no_electrode(session):
+    found = session.compared(walking(1, strength=8.0))
+    assert found.changes == ()
+    assert found.effort
+    assert not found.holds
+
+
+def test_a_movement_beyond_the_fitted_ones_does_not_hold(session):
+    found = session.compared(walking(1, cadence=2.0))
+    assert found.own == {}  # no pattern is asked of a movement that was not seen
+    assert found.elsewhere > 0.5
+    assert not found.holds
+
+
+def test_a_few_seconds_bring_a_channel_back(session):
+    trial = walking(1)
+    spoilt = changed(trial, soleus=2.6 * trial.envelopes["soleus"] + 0.06)
+    back = session.rescaled(spoilt, 3.0, ["soleus"]).envelopes
+    assert np.max(np.abs(back["soleus"] - trial.envelopes["soleus"])) < 0.3 * TOPS[0]
+    assert all(back[m] is trial.envelopes[m] for m in MUSCLES if m != "soleus")
+
+
+def test_what_the_others_tell_takes_a_channel_s_place():
+    rng = np.random.default_rng(3)
+    trial = walking(0)
+    # Two heads of one muscle, as far as envelopes tell.
+    trial = changed(trial, rectus=0.5 * trial.envelopes["vastus"] + 1e-4 * rng.uniform(size=len(trial)))
+    own = FittedSession.of([trial])
+    other = changed(walking(2))
+    other = changed(other, rectus=0.5 * other.envelopes["vastus"])
+    without = own.without(changed(other, rectus=np.ones(len(other))), ["rectus"]).envelopes["rectus"]
+    np.testing.assert_allclose(without, other.envelopes["rectus"], atol=0.1 * np.max(other.envelopes["rectus"]))
+    with pytest.raises(IdentificationError, match="found no channel that is as it was"):
+        own.without(other, MUSCLES)
+
+
+def test_trials_with_other_muscles_are_refused():
+    trial = walking(0)
+    fewer = replace(trial, envelopes={"soleus": trial.envelopes["soleus"]})
+    with pytest.raises(IdentificationError, match="same muscles and angles"):
+        FittedSession.of([trial, fewer])
