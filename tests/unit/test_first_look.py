@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from test_identify_transfer import HEAD
 
 from pellucid._errors import StudyError
 from pellucid.fit.transfer.best_linear_approximation import BestLinearApproximation
@@ -15,19 +16,6 @@ from pellucid.procedures.transfer_function.first_look import first_looks
 from pellucid.procedures.transfer_function.procedure import TransferFunctionTable
 from pellucid.protocols.protocol import protocol
 from pellucid.protocols.random_phase_multisine import random_phase_multisine
-
-HEAD = """
-name = "joint"
-[rig]
-motion = "rotary"
-[channels]
-time = { column = "t", unit = "s" }
-torque = { column = "u", unit = "N*m" }
-position = { column = "q", unit = "rad" }
-[transfer_function]
-poles = 2
-"""
-"""Of a study whose torque is the multisine itself."""
 
 SHORT = {"multisine.asked": True, "multisine.realisations": 3, "multisine.periods": 2, "multisine.resolution": 0.2}
 """A first look of a few seconds."""

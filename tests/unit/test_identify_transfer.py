@@ -20,14 +20,14 @@ torque = { column = "u", unit = "N*m" }
 position = { column = "q", unit = "rad" }
 [transfer_function]
 poles = 2
-hold = "zero"
 """
+"""Of a study whose input is a torque; keys of the last table may follow."""
 
 
 def study_of(folder, records: dict[str, tuple[str, np.ndarray]]):
     """A study of (use, table with time, torque, position) by recording."""
     folder.mkdir()
-    text = HEAD
+    text = HEAD + 'hold = "zero"\n'
     for name, (use, table) in records.items():
         np.savetxt(folder / f"{name}.csv", table, delimiter=",", header="t,u,q", comments="")
         text += f'[[recordings]]\nname = "{name}"\nfile = "{name}.csv"\nuse = "{use}"\n'

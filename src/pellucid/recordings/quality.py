@@ -240,7 +240,9 @@ def _check_clipped(looked: Watched, add: Add) -> None:
             if first.size == 0:
                 continue
             count, value = int(length.sum()), float(x[first[0]])
-            found = f"{count} samples clipped, in {first.size} flat runs at the {end} value {value:.6g} {channel.unit}"
+            runs = "one flat run" if first.size == 1 else f"{first.size} flat runs"
+            unit = "" if channel.unit == "1" else f" {channel.unit}"
+            found = f"{count} samples clipped, in {runs} at the {end} value {value:.6g}{unit}"
             if clipped.at_limit(looked, name, value):
                 add("note", clipped.KIND, name, found, "none, but the limit is known")
             elif name in looked.accepted or name not in looked.channels:

@@ -142,9 +142,9 @@ def presliding(
     if len(starts) < FEWEST_BLOCKS or farthest > LEVEL or high > grid[-2]:
         return Presliding(why="no reversal shows it, for travels of any length explain the recordings as well", **told)
     if low <= RESOLVED * resolution:
-        return Presliding(below=max(high, RESOLVED * resolution), why="shorter ones drown in the encoder", **told)
+        return Presliding(below=max(high, RESOLVED * resolution), why="the encoder's steps hide shorter ones", **told)
     if p_value > LEVEL:
-        return Presliding(why="with none, effort is predicted as well", **told)
+        return Presliding(why="a joint that slips at once predicts effort as well", **told)
     drawn_anew = max(high - found, found - low) / float(ndtri(0.5 + 0.5 * level))
     error = float(np.hypot(MISFIT * drawn_anew, max(abs(x - found) for x in simpler)))
     return Presliding(Parameter("presliding_travel", UNITS[model.motion]["position"], found, error), **told)

@@ -201,8 +201,11 @@ def tables(looks: Mapping[str, FirstLook]) -> Iterator[FigureTable]:
     periodic = [look for look in looks.values() if look.periodic]
     if periodic:
         heads = ("Realisations of", "Linear at best [%]", "Noise alone [%]", "Distortion / noise", "p")
-        each = ((n, f.highest_fit, f.highest_fit_noise, f.nonlinear_to_noise, f.p_value) for n, f in _found(periodic))
-        yield FigureTable("Before any model: best linear approximation", heads, tuple(each))
+        each = tuple(
+            (n, f.highest_fit, f.highest_fit_noise, f.nonlinear_to_noise, f.p_value if f.p_value >= 1e-3 else "< 0.001")
+            for n, f in _found(periodic)
+        )
+        yield FigureTable("Before any model: best linear approximation", heads, each)
     others = [look for look in looks.values() if not look.periodic]
     if others:
         each = tuple((n, f.fit) for n, f in _found(others))

@@ -240,17 +240,20 @@ def _verdicts(
     good = {n: f for n, f in fits.items() if min(r.fit for r in f.responses) >= POOR}
     if good:
         yield Verdict("good", f"{len(good)} of {len(fits)} transfer functions fit by {POOR:g} % or more.")
+    worst = {n: min(r.fit for r in f.responses) for n, f in fits.items() if n not in good}
+    if worst:
+        low, high = f"{min(worst.values()):.1f}", f"{max(worst.values()):.1f}"
+        one, by = len(worst) == 1, low if low == high else f"{low} to {high}"
+        yield Verdict(
+            "warning",
+            f"Recording{'s' * (not one)} {', '.join(worst)}: the transfer function fits by {by} % only. What "
+            f"{'it shows' if one else 'they show'} is not linear, has more poles, or is not made by this input alone.",
+        )
     for name, made in fits.items():
-        worst = min(r.fit for r in made.responses)
-        if worst < POOR:
-            yield Verdict(
-                "warning",
-                f"Recording {name}: the transfer function fits by {worst:.1f} % only. What the recording shows is not "
-                "linear, has more poles, or is not made by this input alone.",
-            )
         weak = [p.name for p in made.parameters if not p.identifiable]
         if weak:
-            yield Verdict("warning", f"Recording {name}: the interval of {', '.join(weak)} holds zero.")
+            said = "interval of {} holds" if len(weak) == 1 else "intervals of {} hold"
+            yield Verdict("warning", f"Recording {name}: the {said.format(', '.join(weak))} zero.")
         out = heldout.get(name)
         if out is not None and out.fit < made.responses[0].fit - APART:
             yield Verdict(

@@ -39,5 +39,5 @@ def find(case: JointCase) -> Iterator[Verdict]:
         )
     else:
         yield Verdict(
-            "note", f"Over which way friction builds up before the joint slips is unknown: {found.why}.", RECORD
+            "note", f"It is unknown over which way friction builds up before the joint slips: {found.why}.", RECORD
         )
