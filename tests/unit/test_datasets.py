@@ -99,6 +99,7 @@ def test_every_template_is_a_study_of_the_registered_files():
         assert study.citation
         files = {file for entry in study.recordings for file in (entry.file, *entry.streams.values())}
         files |= {study.emg_torque.muscle_file} if study.emg_torque and study.emg_torque.muscle_file else set()
+        files |= {study.tree.urdf} if study.tree and study.tree.urdf else set()
         assert {file.removeprefix("recordings/") for file in files} == set(datasets.info(name).files)
         # A fit that leaves trials or repetitions out in turn needs no recording set apart.
         asks = study.transfer_function or study.hinge or study.emg_torque or study.isolated_muscle

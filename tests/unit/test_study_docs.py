@@ -15,6 +15,7 @@ TABLES = [
     study_file.StudyFile,
     study_file.OneJoint,
     study_file.RigJoint,
+    study_file.Body,
     study_file.Drive,
     study_file.Loop,
     study_file.JointLimits,
@@ -73,6 +74,15 @@ def test_the_example_of_a_joined_stream_is_valid(tmp_path):
     study = open_study(tmp_path).config
     assert list(study.joined_channels("drive")) == ["current"]
     assert study.recordings[-1].offsets == {"drive": 0.3512}
+
+
+def test_the_example_of_a_robot_is_valid(tmp_path):
+    robot = next(text for text in EXAMPLES if "[tree]" in text)
+    (tmp_path / "study.toml").write_text(robot, encoding="utf-8")
+    study = open_study(tmp_path).config
+    assert study.rig.joints[1].turns == {"shoulder": 30.0, "elbow": 30.0}
+    assert study.rig.joints[0].place == (0.0, 0.0, 0.32)
+    assert study.recordings[1].payload.mass == 2.8
 
 
 @pytest.mark.parametrize("table", TABLES, ids=lambda table: table.__name__)

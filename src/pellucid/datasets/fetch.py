@@ -36,7 +36,9 @@ def fetch(name: str, base_url: str | None = None, progress: bool = False) -> Pat
     if shipped(name) is not None:
         return path(name)
     folder = _cache(dataset)
-    store = pooch.create(folder, (base_url or dataset.origin).rstrip("/") + "/", registry=dict(dataset.files))
+    origin = (base_url or dataset.origin).rstrip("/") + "/"
+    elsewhere = {file: origin + place for file, place in dataset.paths.items()}
+    store = pooch.create(folder, origin, registry=dict(dataset.files), urls=elsewhere)
     # Pooch announces each file; the progress bar and the messages below say all there is to say.
     pooch.get_logger().setLevel(logging.ERROR)
     for file in dataset.files:

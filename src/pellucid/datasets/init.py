@@ -56,7 +56,8 @@ def _files(config: StudyFile) -> list[str]:
     """Every file that a study.toml names, once."""
     files = [file for entry in config.recordings for file in (entry.file, *entry.streams.values())]
     constants = config.emg_torque.muscle_file if config.emg_torque else None
-    return list(dict.fromkeys(files + ([constants] if constants else [])))
+    robot = config.tree.urdf if config.tree else None
+    return list(dict.fromkeys(files + [file for file in (constants, robot) if file]))
 
 
 def _in_the_data_set(file: str) -> PurePosixPath:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -26,6 +26,8 @@ class Dataset:
     # Path below the origin, with its subfolders -> SHA-256, hexadecimal. A study has each at the same path below its
     # folder of recordings
     files: Mapping[str, str]
+    # Of files that lie elsewhere below the origin: where
+    paths: Mapping[str, str] = field(default_factory=dict)
     motion: Mapping[str, Any] | None = None  # How its files hold people's motions; of a set that is no study
 
 

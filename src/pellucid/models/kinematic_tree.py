@@ -51,7 +51,7 @@ class Link:
         turned: Vector = (0.0, 0.0, 0.0),
     ) -> Link:
         """A link whose six moments are about its centre of mass, in axes `turned` (roll, pitch, yaw) from its own."""
-        c, turn = np.asarray(centre, float), _core_rotation(turned)
+        c, turn = np.asarray(centre, float), rotation(turned)
         xx, xy, xz, yy, yz, zz = inertia
         own = turn @ np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]) @ turn.T
         about = own + mass * (c @ c * np.eye(3) - np.outer(c, c))
@@ -98,58 +98,15 @@ class Tree:
 
     def _outwards(self) -> tuple[TreeJoint, ...]:
         """The joints, each after the one that carries its parent."""
-        where = self.source
-        if not self.joints:
-            raise IdentificationError(f"{where}: found no joint, expected at least one")
-        for what, names in (("joint", [j.name for j in self.joints]), ("link", [link.name for link in self.links])):
-            twice = sorted({name for name in names if names.count(name) > 1})
-            if twice:
-                raise IdentificationError(f"{where}: found two {what}s named {twice[0]!r}, expected a name for each")
-        known = {link.name for link in self.links}
-        carried_by: dict[str, TreeJoint] = {}
-        for joint in self.joints:
-            _check_joint(joint, where)
-            if joint.child not in known:
-                raise IdentificationError(
-                    f"{where}: joint {joint.name!r}: found no link {joint.child!r}, expected one of "
-                    f"{', '.join(sorted(known))}"
-                )
-            if joint.child in carried_by:
-                other = carried_by[joint.child].name
-                raise IdentificationError(
-                    f"{where}: link {joint.child!r} hangs on two joints, {other!r} and {joint.name!r}: a loop, "
-                    "expected a tree; cut the loop at one joint and leave that joint out"
-                )
-            carried_by[joint.child] = joint
-        bases = sorted({j.parent for j in self.joints} - set(carried_by))
-        if len(bases) != 1:
-            found = ", ".join(map(repr, bases)) if bases else "none: every link hangs on another, in a loop"
-            raise IdentificationError(
-                f"{where}: links that hang on nothing: {found}; expected one, the base: join the others to it, or "
-                "leave one joint of a loop out"
-            )
-        loose = sorted(known - set(carried_by) - set(bases))
-        if loose:
-            raise IdentificationError(f"{where}: link {loose[0]!r} has no joint, expected one that it hangs on")
-        placed, order = {bases[0]}, []
-        waiting = list(self.joints)
-        while waiting:
-            ready = [joint for joint in waiting if joint.parent in placed]
-            if not ready:
-                names = ", ".join(repr(joint.name) for joint in waiting)
-                raise IdentificationError(f"{where}: joints {names} carry one another in a loop, expected a tree")
-            order.append(ready[0])
-            placed.add(ready[0].child)
-            waiting.remove(ready[0])
+        where, order = self.source, outwards(self.joints, self.links, self.source)
         if len(order) > MOST_LINKS:
             raise IdentificationError(
                 f"{where}: found {len(order)} links, expected at most {MOST_LINKS}; weld what does not move into one"
             )
         if all(joint.kind == "fixed" for joint in order):
             raise IdentificationError(f"{where}: found no joint that moves, expected at least one")
-        by_name = {link.name: link for link in self.links}
-        _check_masses(order, by_name, where)
-        return tuple(order)
+        _check_masses(order, {link.name: link for link in self.links}, where)
+        return order
 
     @property
     def base(self) -> str:
@@ -192,7 +149,55 @@ class Tree:
         return tuple(f"{joint.child}.{name}" for joint in self.order for name in BODY)
 
 
-def _core_rotation(turned: Vector) -> np.ndarray:
+def outwards(joints: Sequence[TreeJoint], links: Sequence[Link], where: str) -> tuple[TreeJoint, ...]:
+    """The joints, each after the one that carries its parent; an IdentificationError, which begins with `where`, of
+    what hangs together otherwise."""
+    if not joints:
+        raise IdentificationError(f"{where}: found no joint, expected at least one")
+    for what, names in (("joint", [j.name for j in joints]), ("link", [link.name for link in links])):
+        twice = sorted({name for name in names if names.count(name) > 1})
+        if twice:
+            raise IdentificationError(f"{where}: found two {what}s named {twice[0]!r}, expected a name for each")
+    known = {link.name for link in links}
+    carried_by: dict[str, TreeJoint] = {}
+    for joint in joints:
+        _check_joint(joint, where)
+        if joint.child not in known:
+            raise IdentificationError(
+                f"{where}: joint {joint.name!r}: found no link {joint.child!r}, expected one of "
+                f"{', '.join(sorted(known))}"
+            )
+        if joint.child in carried_by:
+            other = carried_by[joint.child].name
+            raise IdentificationError(
+                f"{where}: link {joint.child!r} hangs on two joints, {other!r} and {joint.name!r}: a loop, "
+                "expected a tree; cut the loop at one joint and leave that joint out"
+            )
+        carried_by[joint.child] = joint
+    bases = sorted({j.parent for j in joints} - set(carried_by))
+    if len(bases) != 1:
+        found = ", ".join(map(repr, bases)) if bases else "none: every link hangs on another, in a loop"
+        raise IdentificationError(
+            f"{where}: links that hang on nothing: {found}; expected one, the base: join the others to it, or "
+            "leave one joint of a loop out"
+        )
+    loose = sorted(known - set(carried_by) - set(bases))
+    if loose:
+        raise IdentificationError(f"{where}: link {loose[0]!r} has no joint, expected one that it hangs on")
+    placed, order = {bases[0]}, []
+    waiting = list(joints)
+    while waiting:
+        ready = [joint for joint in waiting if joint.parent in placed]
+        if not ready:
+            names = ", ".join(repr(joint.name) for joint in waiting)
+            raise IdentificationError(f"{where}: joints {names} carry one another in a loop, expected a tree")
+        order.append(ready[0])
+        placed.add(ready[0].child)
+        waiting.remove(ready[0])
+    return tuple(order)
+
+
+def rotation(turned: Vector) -> np.ndarray:
     """The core's matrix of roll, pitch and yaw, shape (3, 3)."""
     row = np.zeros((1, len(_core.LINK_PARAMETER_NAMES)))
     row[0, 1], row[0, 5:8], row[0, 10] = 1.0, turned, 1.0

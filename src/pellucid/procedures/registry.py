@@ -16,6 +16,7 @@ from .loaded_swing.procedure import LoadedSwingProcedure
 from .procedure import Procedure
 from .slider.procedure import SliderProcedure
 from .transfer_function.procedure import TransferFunctionProcedure
+from .tree.procedure import TreeProcedure
 
 if TYPE_CHECKING:
     from ..recordings.study import Study
@@ -24,6 +25,7 @@ if TYPE_CHECKING:
 PROCEDURES: tuple[Procedure, ...] = (
     JointProcedure(),
     SliderProcedure(),
+    TreeProcedure(),
     TransferFunctionProcedure(),
     HingeProcedure(),
     CouplingProcedure(),

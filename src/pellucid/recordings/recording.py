@@ -272,21 +272,26 @@ class Recording:
     def stamped_evenly(self) -> bool:
         """Whether positions lie more smoothly over an even clock than over the recorded times: these then say when a
         sample was written down, not when it was taken."""
-        if "position" not in self or len(self) < 3:
+        names = [name for name in self.channels if name.partition(".")[0] == "position"]
+        if not names or len(self) < 3:
             return False
-        time, q = self.time, self["position"]
+        time, q = self.time, np.column_stack([self[name] for name in names])
         near = np.diff(time) <= self.longest_step
         inner = near[1:] & near[:-1] & self.sound[1:-1]
         share = (time[1:-1] - time[:-2]) / (time[2:] - time[:-2])
         recorded, even = (
-            np.abs(q[1:-1] - q[:-2] - s * (q[2:] - q[:-2]))[inner] for s in (share, np.full(len(q) - 2, 0.5))
+            np.abs(q[1:-1] - q[:-2] - s[:, None] * (q[2:] - q[:-2]))[inner] for s in (share, np.full(len(q) - 2, 0.5))
         )
         return bool(np.nanmean(even) < np.nanmean(recorded)) if np.isfinite(recorded).any() else False
 
     @cached_property
     def enabled(self) -> np.ndarray:
-        """Samples in which the drive was on, shape (n,) bool; all where no channel ``enabled`` is recorded."""
-        on = self["enabled"] != 0.0 if "enabled" in self else np.ones(len(self), dtype=bool)
+        """Samples in which the drive was on, shape (n,) bool; all where no channel ``enabled`` is recorded; of
+        several joints, where each was."""
+        on = np.ones(len(self), dtype=bool)
+        for name in self.channels:
+            if name.partition(".")[0] == "enabled":
+                on &= self[name] != 0.0
         on.flags.writeable = False
         return on
 

@@ -70,6 +70,9 @@ class ProcedureTable(StudyTable):
     alone: ClassVar[bool] = False
     """Whether no other such table may stand beside it: each is a study of its own."""
 
+    several: ClassVar[bool] = False
+    """Whether all joints of a machine are identified at once."""
+
     bridges: ClassVar[bool] = True
     """Whether it deals with gaps and missing samples by itself; otherwise they are cut out."""
 

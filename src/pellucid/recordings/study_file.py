@@ -135,6 +135,10 @@ class Loop(StudyTable):
         return self
 
 
+InMetres = tuple[quantity("m"), quantity("m"), quantity("m")]
+"""Three coordinates."""
+
+
 class JointLimits(StudyTable):
     """What the joint may not pass: ``[rig.limits]``, each [rad] or [m], [rad/s] or [m/s], [N*m] or [N]."""
 
@@ -219,15 +223,78 @@ class OneJoint(JointTable):
     joint: Word = "joint"
 
 
+class Body(StudyTable):
+    """What hangs on a joint: mass [kg], its centre in the joint's frame [m], and moments about that centre in the
+    frame's axes, I_xx I_xy I_xz I_yy I_yz I_zz [kg m^2]."""
+
+    mass: quantity("kg", gt=0)
+    centre: InMetres = (0.0, 0.0, 0.0)
+    inertia: tuple[(quantity("kg*m^2"),) * 6] = (0.0,) * 6
+
+
 class RigJoint(JointTable):
-    """One of the machine's joints: ``[[rig.joints]]``. `name` is what its channels end in: ``position.elbow``."""
+    """One of the machine's joints: ``[[rig.joints]]``.
+
+    Attributes
+    ----------
+    name : str
+        What its channels end in: ``position.elbow``; where a robot's file is given, the joint's name in it.
+    parent : str or None
+        The joint on whose body it is, ``"base"`` for none; None for the one before it in the list.
+    place, turned, axis : tuple of float or None
+        Where the joint's frame is in its parent's [m], roll, pitch and yaw of it [rad], and the axis in it; None where
+        a robot's file says so.
+    body : Body or None
+        What hangs on it; None where a robot's file says so.
+    rotor_inertia : float
+        Of the motor's rotor, at the joint [kg m^2; kg].
+    turns : dict[str, float]
+        How often its motor turns with each joint; what the drive reports is then the motor's.
+    zero : float
+        Position where motors are at 0, of joints that are known by their motors [rad; m].
+    dead_band : float or None
+        Slower, it counts as at rest [rad/s; m/s]; None for that of ``[processing]``.
+    """
 
     name: str = Field(pattern=NAME)
+    parent: Word | None = None
+    place: InMetres | None = None
+    turned: tuple[quantity("rad"), quantity("rad"), quantity("rad")] | None = None
+    axis: tuple[float, float, float] | None = None
+    body: Body | None = None
+    rotor_inertia: quantity("<rotor>", ge=0) = 0.0
+    turns: dict[str, Annotated[float, Field(ge=-1e5, le=1e5)]] = Field({})
+    zero: quantity("<coordinate>") = 0.0
+    dead_band: quantity("<velocity>", ge=0) | None = None
 
     @property
     def joint(self) -> str:
         """What it is called."""
         return self.name
+
+    @property
+    def of_a_tree(self) -> tuple[str, ...]:
+        """Its keys that mean something only where all joints are identified at once."""
+        others = {*JointTable.model_fields, "name"}
+        return tuple(key for key in RigJoint.model_fields if key in self.model_fields_set - others)
+
+    @field_validator("axis")
+    @classmethod
+    def _unit_length(cls, axis: tuple[float, float, float] | None) -> tuple[float, float, float] | None:
+        if axis is None:
+            return None
+        length = math.hypot(*axis)
+        if length == 0.0:
+            raise ValueError("found [0, 0, 0], which points nowhere")
+        return (axis[0] / length, axis[1] / length, axis[2] / length)
+
+    @model_validator(mode="after")
+    def _motor_turns_with_it(self) -> RigJoint:
+        if self.turns and not self.turns.get(self.name):
+            raise ValueError(f"turns: found {self.turns}, expected how often the motor turns with {self.name} itself")
+        if self.turns and self.drive is not None and self.drive.gear_ratio != 1.0:
+            raise ValueError("found turns and a gear_ratio, expected one of them: turns say the gears")
+        return self
 
     @model_validator(mode="wrap")
     @classmethod
@@ -268,13 +335,23 @@ class SeveralJoints(StudyTable):
             raise ValueError(f"found a slider in a machine of {len(self.joints)} joints, expected it with one alone")
         return self
 
+    @model_validator(mode="after")
+    def _turn_with_joints(self) -> SeveralJoints:
+        names = [joint.name for joint in self.joints]
+        for joint in self.joints:
+            unknown = [name for name in joint.turns if name not in names]
+            if unknown:
+                raise ValueError(f'{joint.name}: turns: found "{unknown[0]}", expected joints: {", ".join(names)}')
+        return self
+
     @property
     def refusal(self) -> str:
         """What is said where only one joint is supported."""
         names = ", ".join(joint.name for joint in self.joints)
         return (
-            f"study.toml: found {len(self.joints)} joints in [[rig.joints]] ({names}), expected one: joints are "
-            "identified one at a time; make a study of each, whose [channels] name its columns of the same files"
+            f"study.toml: found {len(self.joints)} joints in [[rig.joints]] ({names}), expected one: without a table "
+            "[tree] joints are identified one at a time; add [tree], or make a study of each, whose [channels] name "
+            "its columns of the same files"
         )
 
     def __getattr__(self, name: str) -> Any:
@@ -677,10 +754,13 @@ class Model(StudyTable):
 
 
 class PayloadSpec(StudyTable):
-    """A known mass on the moving segment: mass [kg], distance from the axis [m]."""
+    """A known mass on the moving segment: mass [kg], distance from the axis [m]. Of a robot of several joints: the link
+    that carries it, None for the last one, and the mass's centre there [m], None if unknown."""
 
     mass: quantity("kg", gt=0)
     distance: quantity("m", ge=0) = 0.0
+    link: Said | None = None
+    centre: InMetres | None = None
 
 
 class RecordingEntry(StudyTable):
@@ -873,6 +953,13 @@ class StudyFile(StudyTable):
             raise ValueError("[rig.drive] no such table found, expected one that says how the effort is known")
         for table in self.procedures.values():
             table.require_in(self)
+        if not any(table.several for table in self.procedures.values()):
+            for joint in self.rig.joints:
+                if isinstance(joint, RigJoint) and joint.of_a_tree:
+                    raise ValueError(
+                        f"[[rig.joints]] {joint.name}: found {joint.of_a_tree[0]}, which is used only where all joints "
+                        "are identified at once; expected a table [tree]"
+                    )
         open_clocks = [n for n, s in self.streams.items() if s.join and "auto" in (s.offset, s.drift)]
         if open_clocks and (alone or self.rail is not None or any(joint.drive is None for joint in self.rig.joints)):
             raise ValueError(
@@ -952,7 +1039,7 @@ _PARTS = {
 
 OF_A_JOINT = frozenset(
     ("position", "reference", "velocity", "acceleration", "current", "voltage", "duty", "supply", "torque", "force",
-     "enabled", "temperature", "motor_position", "target", "interaction")
+     "enabled", "temperature", "motor_position", "target", "interaction", "desired_current", "desired_torque")
 )  # fmt: skip
 """Channels that are a joint's: where a machine has several, their names end in its name."""
 
@@ -962,8 +1049,8 @@ def channel_unit(name: str, units: Mapping[str, Any], given: str | None = None) 
     fixed = {
         "time": "s", "position": "<coordinate>", "reference": "<reference>", "velocity": "<velocity>",
         "acceleration": "<acceleration>", "current": "A", "voltage": "V", "duty": "1", "supply": "V", "torque": "N*m",
-        "force": "N", "enabled": "1", "temperature": "K", "motor_position": "<coordinate>",
-        "target": "<coordinate>", "interaction": "<effort>",
+        "force": "N", "enabled": "1", "temperature": "K", "motor_position": "<motor>",
+        "target": "<coordinate>", "interaction": "<effort>", "desired_current": "A", "desired_torque": "<effort>",
     }  # fmt: skip
     head, _, joint = name.rpartition(".")
     own = units.get("joints", {}).get(joint)
@@ -1023,8 +1110,11 @@ def rig_units(raw: Mapping[str, Any]) -> dict[str, Any]:
     for name, table in tables.items():
         own = flat if len(names) == 1 else {n for n in flat if n.endswith(f".{name}")}
         units[name] = _joint_units(table, {n.removesuffix(f".{name}") for n in own})
-    # What is of no joint alone, such as a dead band, has no unit that all would share.
-    return {**(units[names[0]] if len(names) == 1 else _joint_units({}, set())), "joints": units}
+    # What is of no joint alone, such as a dead band, has the unit that all share, if they do.
+    alike = units[names[0]]
+    for other in list(units.values())[1:]:
+        alike = {key: value if other[key] == value else None for key, value in alike.items()}
+    return {**alike, "joints": units}
 
 
 def _joint_units(rig: Mapping[str, Any], channels: Collection[str]) -> dict[str, str | None]:
@@ -1041,6 +1131,8 @@ def _joint_units(rig: Mapping[str, Any], channels: Collection[str]) -> dict[str,
         "motion": motion,
         "injected": loop.get("injected"),
         "<coordinate>": coordinate,
+        "<motor>": "rad" if rig.get("turns") else coordinate,
+        "<rotor>": {"rad": "kg*m^2", "m": "kg"}.get(coordinate),
         "<reference>": coordinate and (f"{coordinate}/s" if loop.get("kind") == "velocity_pi" else coordinate),
         "<velocity>": coordinate and f"{coordinate}/s",
         "<acceleration>": coordinate and f"{coordinate}/s^2",

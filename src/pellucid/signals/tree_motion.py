@@ -37,10 +37,11 @@ class TreeMotion:
     effort: np.ndarray  # (n, m) at the joints, after gears and through the transposed transmission [N m; N]
     moving: np.ndarray  # (n, m) bool: rows that count for a joint, and for the motors that turn with it
     segment: np.ndarray  # (n,) int: stretch between common stops, or equal parts; -1: belongs to none
+    still: np.ndarray | None = None  # (n, m) bool: rows in which a joint is within its dead band
     protocol: str | None = None
     payload: PayloadSpec | None = None
-    # drive (n, m): what each motor's drive reports, in its own unit; gain (m,): effort at the joint, gears taken out,
-    # per that unit, 1 where it is not known: effort = (gain * drive) @ turns
+    # drive (n, m): what each motor's drive reports, in its own unit, less what back-EMF takes; gain (m,): effort at the
+    # joint per that unit, 1 or -1 where it is not known: effort = (gain * drive) @ turns
     drive: np.ndarray | None = None
     gain: np.ndarray | None = None
     drive_units: tuple[str, ...] = ()  # "A", "V", "N*m" or "N", of each motor
@@ -61,6 +62,7 @@ def tree_motion_of(
     *,
     fs: float | None = None,
     gain: np.ndarray | None = None,
+    back_emf: np.ndarray | None = None,
     turns: np.ndarray | None = None,
     velocity: np.ndarray | None = None,
     desired: np.ndarray | None = None,
@@ -75,6 +77,7 @@ def tree_motion_of(
     """Rows from evenly sampled arrays: `time` (n,) [s], `position` and `drive` (n, m).
 
     A `velocity` (n, m) that was recorded takes the place of the position's. `effort_lowpass` [Hz]: of effort alone.
+    `back_emf` (m,) is what a motor's own speed takes off its effort [N m s/rad; N s/m].
     `dead_band` [rad/s; m/s] of each joint, of all, or the filtering's. `segments`: ends of each [s], how many equal
     parts, or None: between common stops.
     """
@@ -100,6 +103,8 @@ def tree_motion_of(
     reduced = [None if x is None else _thinned(x[inner], rate, filtering) for x in (q, v, a, u, wanted, asked)]
     kept = time[inner][:: filtering.decimate]
     q, v, a, u, wanted, asked = reduced
+    if back_emf is not None and np.any(back_emf):
+        u = u - back_emf / gain * (v @ turns.T)
     moving = moving_rows(v, slow, turns)
     return TreeMotion(
         recording=recording,
@@ -110,6 +115,7 @@ def tree_motion_of(
         acceleration=a,
         effort=(gain * u) @ turns,
         moving=moving,
+        still=np.abs(v) <= slow,
         segment=segments_of(kept, moving, np.abs(v) <= slow, segments),
         drive=u,
         gain=gain,

@@ -173,7 +173,10 @@ def stretches_of(recording: Recording, processing: Processing) -> Iterator[Stret
     """Every stretch of a recording in which nothing was cut out and the drive was enabled."""
     for span in recording.spans:
         fs, channels = evenly_sampled(recording, span, processing)
-        enabled = channels["enabled"] != 0.0 if "enabled" in channels else np.ones(len(channels["time"]), bool)
+        enabled = np.ones(len(channels["time"]), bool)
+        for name in channels:
+            if name.partition(".")[0] == "enabled":
+                enabled &= channels[name] != 0.0
         for part in runs(enabled):
             cut = {n: replace(recording.channels[n], samples=x[part]) for n, x in channels.items()}
             # Where it was cut the machine moves, wherever the recording itself begins.
@@ -192,7 +195,7 @@ def evenly_sampled(recording: Recording, span: slice, processing: Processing) ->
         step, first = np.polyfit(np.arange(len(time)), time, 1) if len(time) > 2 else (1.0 / fs, time[0])
         return 1.0 / step, {**values, "time": first + step * np.arange(len(time))}
     grid = even_times(time, fs)
-    held = {"enabled"}
+    held = {name for name in values if name.partition(".")[0] == "enabled"}
     nearest = np.clip(np.searchsorted(time, grid, side="right") - 1, 0, len(time) - 1)
     # Where nobody asked for straight lines there are cubics through neighbours, which lose less.
     curved = processing.resample is None

@@ -1,0 +1,1 @@
+"""A robot of several joints, identified at once."""

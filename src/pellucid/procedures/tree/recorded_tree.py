@@ -1,0 +1,275 @@
+"""A study's robot and its recordings as motions of all joints."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from ..._errors import RecordingError, StudyError
+from ...models.joint import GRAVITY
+from ...models.kinematic_tree import Link, Tree, TreeJoint
+from ...models.robot import Robot
+from ...models.welded import Pose
+from ...recordings.drive_channel import DRIVE_CHANNELS, command_channel
+from ...recordings.readers.urdf import Urdf, read_urdf
+from ...recordings.recording import Recording
+from ...recordings.study import Study
+from ...recordings.study_file import RigJoint
+from ...signals.effort import command_of, drive_model
+from ...signals.motion import shortest
+from ...signals.tree_motion import TreeMotion, segments_of, tree_motion_of
+from ..joint.recorded_motions import filtering_of, stretches_of
+
+BASE = "base"
+"""What the link is called that does not move, where no file names it."""
+
+
+def recorded_tree(study: Study) -> tuple[Robot, list[TreeMotion]]:
+    """The robot, and every stretch of every recording; segments are numbered through."""
+    robot = robot_of(study)
+    return robot, motions_of(study, robot)
+
+
+def file_of(study: Study) -> Urdf | None:
+    """What the robot's file says; None where study.toml says it all."""
+    said = study.config.tree.urdf
+    if said is None:
+        return None
+    if "urdf" not in study.found:
+        study.found["urdf"] = read_urdf(study.inside(said, "[tree] urdf"))
+    return study.found["urdf"]
+
+
+def robot_of(study: Study) -> Robot:
+    """The robot that study.toml, or the file that it names, describes."""
+    return _with_frames(study)[0]
+
+
+def frames_of(study: Study) -> dict[str, tuple[str, Pose]]:
+    """Of every link, welded ones too: the link that carries it, and where on that it is."""
+    return dict(_with_frames(study)[1])
+
+
+def _with_frames(study: Study) -> tuple[Robot, dict[str, tuple[str, Pose]]]:
+    gravity = tuple(GRAVITY * x for x in study.config.tree.gravity)
+    joints: dict[str, RigJoint] = {joint.joint: joint for joint in study.rig.joints}
+    urdf = file_of(study)
+    if urdf is None:
+        tree, frames = _tree_of(joints, gravity, study), {}
+    else:
+        tree, frames = urdf.tree(study.config.tree.held, gravity)
+        _require_same(tree, joints, urdf.path)
+        rotors = {name: joint.rotor_inertia for name, joint in joints.items()}
+        moving = [replace(j, rotor_inertia=rotors[j.name]) for j in tree.joints]
+        tree = replace(tree, joints=tuple(moving))
+    return Robot(tree, _turns(tree, joints)), dict(frames)
+
+
+def _tree_of(joints: dict[str, RigJoint], gravity: tuple[float, float, float], study: Study) -> Tree:
+    made, links, before = [], [], BASE
+    for name, joint in joints.items():
+        parent = before if joint.parent is None else joint.parent
+        kind = {"rotary": "revolute", "prismatic": "prismatic"}[joint.motion]
+        carrier = BASE if parent == BASE else f"{parent}_link"
+        turned = joint.turned or (0.0, 0.0, 0.0)
+        made.append(
+            TreeJoint(name, carrier, f"{name}_link", kind, joint.axis, joint.place, turned, joint.rotor_inertia)
+        )
+        links.append(Link.about_centre(f"{name}_link", joint.body.mass, joint.body.centre, joint.body.inertia))
+        before = name
+    return Tree(made, links, gravity, f"{study.folder.name}/study.toml")
+
+
+def _require_same(tree: Tree, joints: dict[str, RigJoint], path: Path) -> None:
+    """That study.toml lists the joints that move in the file, each as what it is there."""
+    found = {joint.name: joint.kind for joint in tree.moving}
+    unknown = [name for name in joints if name not in found]
+    if unknown:
+        raise StudyError(
+            f"study.toml: [[rig.joints]]: found {unknown[0]!r}, expected joints that move in {path.name}: "
+            f"{', '.join(found)}"
+        )
+    missing = [name for name in found if name not in joints]
+    if missing:
+        raise StudyError(
+            f"study.toml: found no [[rig.joints]] for {missing[0]!r}, which moves in {path.name}; expected one, or, "
+            f'where it did not move, [tree] held = {{ {missing[0]} = "0 rad" }}'
+        )
+    for name, kind in found.items():
+        if (kind == "prismatic") != (joints[name].motion == "prismatic"):
+            raise StudyError(
+                f'study.toml: [[rig.joints]] {name}: found motion = "{joints[name].motion}", expected that of '
+                f"{path.name}, where it is {kind}"
+            )
+
+
+def _gearing(tree: Tree, joints: dict[str, RigJoint]) -> np.ndarray:
+    """Turns (m, m) of motors by joints, gears with them; a row of the unit matrix where motors are not spoken of."""
+    names = [joint.name for joint in tree.moving]
+    gearing = np.eye(len(names))
+    for i, name in enumerate(names):
+        if joints[name].turns:
+            gearing[i] = [joints[name].turns.get(other, 0.0) for other in names]
+    return gearing
+
+
+def _turns(tree: Tree, joints: dict[str, RigJoint]) -> tuple[tuple[float, ...], ...]:
+    gearing = _gearing(tree, joints)
+    return tuple(tuple(row) for row in (gearing / np.diag(gearing)[:, None]).tolist())
+
+
+@dataclass(frozen=True)
+class Drives:
+    """Of each motor: effort at the joint per unit of the drive, what its own motion takes off, and in which unit."""
+
+    gain: np.ndarray  # (m,) [N m; N per drive's unit]; 1 or -1 where it is not known
+    back_emf: np.ndarray  # (m,) [N m s/rad; N s/m]
+    known: tuple[bool, ...]
+    units: tuple[str, ...]
+
+
+def drives_of(study: Study, robot: Robot) -> Drives:
+    """What study.toml says of the drives, in the order of the robot's joints."""
+    joints: dict[str, RigJoint] = {joint.joint: joint for joint in study.rig.joints}
+    gears = np.diag(_gearing(robot.tree, joints))
+    models = [drive_model(joints[name]) for name in robot.names]
+    known = tuple(
+        joints[name].drive.kind == "torque" or joints[name].drive.constant is not None for name in robot.names
+    )
+    turned = robot.turns_array != 0.0
+    for i in robot.shared:
+        unknown = [k for k in np.flatnonzero(turned[i]) if not known[k]]
+        if unknown:
+            raise StudyError(
+                f"study.toml: [[rig.joints]] {robot.names[unknown[0]]}: found no torque constant, expected one: its "
+                "motor or another one moves several joints, whose efforts add up"
+            )
+    units = {"torque": "", "current": "A", "voltage": "V"}
+    kinds = [joints[name].drive.kind for name in robot.names]
+    return Drives(
+        np.array([m.gain * (g if k else np.sign(g)) for m, g, k in zip(models, gears, known, strict=True)]),
+        np.array([m.back_emf * g * g for m, g in zip(models, gears, strict=True)]),
+        known,
+        tuple(units[kind] or unit[1] for kind, unit in zip(kinds, robot.units, strict=True)),
+    )
+
+
+def positions_of(recording: Recording, study: Study, robot: Robot) -> np.ndarray:
+    """Position of each joint, shape (n, m) [rad; m], whether joints or their motors were recorded."""
+    joints: dict[str, RigJoint] = {joint.joint: joint for joint in study.rig.joints}
+    gearing = _gearing(robot.tree, joints)
+    rows, values = np.eye(len(robot.names)), np.empty((len(recording), len(robot.names)))
+    zeros = np.array([joints[name].zero for name in robot.names])
+    for i, name in enumerate(robot.names):
+        channel = position_channel(recording, joints[name], len(joints) == 1)
+        values[:, i] = recording[channel]
+        if channel.startswith("motor_position"):
+            rows[i] = gearing[i]
+            values[:, i] += gearing[i] @ zeros
+    return values if np.array_equal(rows, np.eye(len(rows))) else np.linalg.solve(rows, values.T).T
+
+
+def position_channel(recording: Recording, joint: RigJoint, alone: bool = False) -> str:
+    """Of a joint: the motor's where study.toml says how that turns, and it was recorded."""
+    for head in ("position", "motor_position") if not joint.turns else ("motor_position", "position"):
+        name = head if alone and head in recording else f"{head}.{joint.joint}"
+        if name in recording and (head == "position" or joint.turns):
+            return name
+    wanted = f"motor_position.{joint.joint}" if joint.turns else f"position.{joint.joint}"
+    raise RecordingError(
+        f"{recording.path.name} (recording {recording.name}): found no channel {wanted}, expected one in [channels]; "
+        f"there are {', '.join(recording.channels)}"
+    )
+
+
+def motions_of(study: Study, robot: Robot, use: str | None = None) -> list[TreeMotion]:
+    """Every stretch of the recordings in which nothing was cut out, in order; segments are numbered through."""
+    made, first = [], 0
+    for recording in study.recordings(use):
+        motions = list(_motions_of(recording, study, robot))
+        # A cut does not make segments: they are those of the whole recording.
+        time, moving, still = (
+            np.concatenate([getattr(m, name) for m in motions]) for name in ("time", "moving", "still")
+        )
+        segment = segments_of(time, moving, still, _segments_asked(recording, study))
+        segment = np.where(segment < 0, -1, segment + first)
+        first = max(first, int(segment.max(initial=-1)) + 1)
+        ends = np.cumsum([len(m) for m in motions])[:-1]
+        made += [replace(m, segment=part) for m, part in zip(motions, np.split(segment, ends), strict=True)]
+    return made
+
+
+def _segments_asked(recording: Recording, study: Study) -> int | tuple[float, ...] | None:
+    asked = study.config.tree.segments
+    if isinstance(asked, dict):
+        entry = study.config.entry_of(recording.name)
+        return asked.get(entry.name if entry is not None else recording.name)
+    return None if asked == "automatic" else asked
+
+
+def _motions_of(recording: Recording, study: Study, robot: Robot) -> Iterator[TreeMotion]:
+    table, processing = study.config.tree, study.processing_of(recording)
+    joints: dict[str, RigJoint] = {joint.joint: joint for joint in study.rig.joints}
+    drives, filtering = drives_of(study, robot), filtering_of(processing)
+    stretches = [s for s in stretches_of(recording, processing) if len(s.time) >= shortest(filtering)]
+    if not stretches:
+        raise RecordingError(
+            f"{recording.path}: {len(recording)} samples, no enabled stretch of at least {shortest(filtering)}; "
+            "expected a longer recording, a smaller [processing] decimate or trim"
+        )
+    entry = study.config.entry_of(recording.name)
+    bands = [joints[name].dead_band for name in robot.names]
+    for stretch in stretches:
+        try:
+            yield tree_motion_of(
+                stretch.time,
+                positions_of(stretch.recording, study, robot),
+                np.column_stack([_command(stretch.recording, joints[name], len(joints)) for name in robot.names]),
+                filtering,
+                fs=stretch.fs,
+                gain=drives.gain,
+                back_emf=drives.back_emf,
+                turns=robot.turns_array,
+                velocity=_of_all(stretch.recording, "velocity", robot) if processing.velocity == "recorded" else None,
+                desired=_of_all(stretch.recording, "desired_torque", robot, needed=False),
+                desired_drive=_of_all(stretch.recording, "desired_current", robot, needed=False),
+                effort_lowpass=table.effort_lowpass,
+                dead_band=[processing.dead_band if band is None else band for band in bands],
+                recording=recording.name,
+                use=recording.use,
+                protocol=recording.protocol,
+                payload=entry.payload if entry is not None else None,
+                drive_units=drives.units,
+                gain_known=drives.known,
+            )
+        except RecordingError as error:
+            raise RecordingError(f"{recording.path}: {error}") from None
+
+
+def _command(recording: Recording, joint: RigJoint, joints: int) -> np.ndarray:
+    """What a joint's drive reports, shape (n,)."""
+    if joints == 1 and command_channel(recording, joint.drive.kind):
+        return command_of(recording, joint)
+    ending = f".{joint.joint}"
+    own = {n.removesuffix(ending): c for n, c in recording.channels.items() if n.endswith(ending) or n == "time"}
+    try:
+        return command_of(replace(recording, channels=own, cuts=(), streams={}), joint)
+    except RecordingError:
+        wanted = " or ".join(f"{name}{ending}" for name in DRIVE_CHANNELS[joint.drive.kind])
+        raise RecordingError(
+            f"found no channel {wanted} for a {joint.drive.kind} drive, expected one; there are "
+            f"{', '.join(recording.channels)}"
+        ) from None
+
+
+def _of_all(recording: Recording, quantity: str, robot: Robot, needed: bool = True) -> np.ndarray | None:
+    """A quantity of every joint, shape (n, m); None where it is not `needed` and of any it was not recorded."""
+    names = [f"{quantity}.{name}" for name in robot.names]
+    if len(names) == 1 and quantity in recording:
+        names = [quantity]
+    if not needed and not all(name in recording for name in names):
+        return None
+    return np.column_stack([recording[name] for name in names])

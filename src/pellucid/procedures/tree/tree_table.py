@@ -1,0 +1,163 @@
+"""What study.toml may say of a robot whose joints are identified at once: ``[tree]``."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from itertools import pairwise
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
+
+from pydantic import Field, field_validator, model_validator
+
+from ...recordings.study_fields import Place, ProcedureTable, Word, quantity
+from ...recordings.study_file import RigJoint
+from ...units import parse_quantity
+
+if TYPE_CHECKING:
+    from ...recordings.study_file import StudyFile
+
+READ = frozenset(
+    ("position", "motor_position", "velocity", "torque", "force", "current", "voltage", "duty", "supply", "enabled")
+)
+"""Channels that efforts and motions are made of, where their names end in a joint's."""
+
+RICHER = ("load", "square_root", "stribeck", "directional")
+"""Friction terms that a joint may have beside viscous and dry friction and an offset."""
+
+
+class TreeTable(ProcedureTable):
+    """A robot whose joints are identified at once: ``[tree]``.
+
+    Attributes
+    ----------
+    urdf : str or None
+        Path of the robot's file, from the study's folder; None where ``[[rig.joints]]`` say places, axes and bodies.
+    gravity : tuple of float
+        Direction of gravity in the base's frame, of length 1.
+    held : dict[str, float]
+        Joints of the file that did not move, and where they were [rad; m].
+    effort_lowpass : float or None
+        Cut-off of the low-pass on effort, where it is not that of the motion [Hz].
+    velocity_width : float
+        Friction takes tanh(velocity / this) for the velocity's sign; 0: the sign itself [rad/s; m/s].
+    segments : str, int or dict
+        What is left out together when intervals and families are judged: stretches between common stops
+        (``"automatic"``), so many equal parts of each recording, or the ends of each by recording [s].
+    families : tuple of str
+        Friction terms that are offered to each joint beside viscous and dry friction and an offset.
+    ripple : bool
+        Whether a ripple of unknown order is looked for in each drive.
+    inertia_prior : bool
+        Whether the bodies that the robot's file states are a prior of the consistent ones.
+    gains : str
+        Where the drives' gains come from: as ``"stated"`` in ``[[rig.joints]]``, from the controller's ``"desired"``
+        torque and current, or from recordings with and without a known ``"payload"``.
+    confidence : float
+        Of the intervals, in (0, 1).
+    published : dict[str, dict[str, float]]
+        What others found, by joint and parameter, in SI; shown beside what is found here, and used for nothing.
+    """
+
+    alone: ClassVar[bool] = True
+    several: ClassVar[bool] = True
+    bridges: ClassVar[bool] = False
+
+    urdf: Place | None = None
+    gravity: tuple[float, float, float] = (0.0, 0.0, -1.0)
+    held: dict[str, Annotated[float, Field(json_schema_extra={"type": "string"})]] = Field({})
+    effort_lowpass: quantity("Hz", gt=0) | None = None
+    velocity_width: quantity("<velocity>", ge=0) = 0.0
+    segments: Literal["automatic"] | Annotated[int, Field(ge=2, le=1000)] | dict[Word, tuple[quantity("s"), ...]] = (
+        "automatic"
+    )
+    families: tuple[Literal[RICHER], ...] = RICHER
+    ripple: bool = True
+    inertia_prior: bool = False
+    gains: Literal["stated", "desired", "payload"] = "stated"
+    confidence: float = Field(0.95, gt=0, lt=1)
+    published: dict[str, dict[str, Annotated[float, Field(json_schema_extra={"type": "string"})]]] = Field({})
+
+    @field_validator("gravity")
+    @classmethod
+    def _unit_length(cls, gravity: tuple[float, float, float]) -> tuple[float, float, float]:
+        length = math.hypot(*gravity)
+        if length == 0.0:
+            raise ValueError("found [0, 0, 0], which points nowhere")
+        return (gravity[0] / length, gravity[1] / length, gravity[2] / length)
+
+    @field_validator("held", mode="before")
+    @classmethod
+    def _coordinates(cls, held: Any) -> Any:
+        if not isinstance(held, dict):
+            return held
+        return {name: parse_quantity(text, ("rad", "m"), name) for name, text in held.items()}
+
+    @field_validator("published", mode="before")
+    @classmethod
+    def _in_si(cls, published: Any) -> Any:
+        if not isinstance(published, dict) or not all(isinstance(table, dict) for table in published.values()):
+            return published
+        return {
+            joint: {name: parse_quantity(text, None, f"{joint}.{name}") for name, text in table.items()}
+            for joint, table in published.items()
+        }
+
+    @field_validator("segments")
+    @classmethod
+    def _ends_in_order(cls, segments: Any) -> Any:
+        for name, ends in segments.items() if isinstance(segments, dict) else ():
+            if len(ends) < 2 or any(b <= a for a, b in pairwise(ends)):
+                raise ValueError(f"{name}: found ends {list(ends)}, expected at least two times that increase")
+        return segments
+
+    @model_validator(mode="after")
+    def _families_once(self) -> TreeTable:
+        if len(set(self.families)) < len(self.families):
+            raise ValueError(f"families: found {list(self.families)}, expected each once")
+        return self
+
+    def reads(self, channel: str, stream: str) -> bool:
+        """How joints and motors move, and what drives them; of a joined stream too."""
+        head, _, joint = channel.rpartition(".")
+        return (head or joint) in READ
+
+    def require_in(self, config: StudyFile) -> None:
+        """That the machine is a robot whose bodies are said once."""
+        for message in self._missing(config):
+            raise ValueError(message)
+
+    def _missing(self, config: StudyFile) -> Iterator[str]:
+        joints = config.rig.joints
+        names = [joint.joint for joint in joints]
+        for joint in joints:
+            where = f"[[rig.joints]] {joint.joint}"
+            if not isinstance(joint, RigJoint):
+                yield "[tree] found [rig] of one joint, expected [[rig.joints]]: a table for each, also of one alone"
+            if joint.drive is None:
+                yield f"{where}: found no [rig.joints.drive], expected one that says how its effort is known"
+            own = [key for key in ("parent", "place", "turned", "axis", "body") if key in joint.model_fields_set]
+            if self.urdf is not None and own:
+                yield f"{where}: found {own[0]} beside [tree] urdf, expected one of them: the file says it"
+            if self.urdf is None and (joint.place is None or joint.axis is None or joint.body is None):
+                lacks = next(key for key in ("place", "axis", "body") if getattr(joint, key) is None)
+                yield f'{where}: found no {lacks}, expected place, axis and body of each joint, or [tree] urdf = "FILE"'
+            if self.urdf is None and joint.parent not in (None, "base", *names):
+                yield f'{where}: found parent = "{joint.parent}", expected "base" or one of {", ".join(names)}'
+        unlike = len({joint.motion for joint in joints}) > 1
+        if unlike and config.processing.dead_band and any(joint.dead_band is None for joint in joints):
+            yield (
+                "[processing] dead_band: found one for joints that turn and joints that slide, expected dead_band of "
+                "each in [[rig.joints]]"
+            )
+        if self.urdf is None and self.held:
+            yield "[tree] held: found joints of a robot's file, expected [tree] urdf beside it"
+        entries = [entry.name for entry in config.recordings]
+        for name in self.segments if isinstance(self.segments, dict) else ():
+            if name not in entries:
+                yield f'[tree] segments: found "{name}", expected names of [[recordings]]: {", ".join(entries)}'
+        for name in self.published:
+            if name not in names:
+                yield f'[tree.published] found "{name}", expected joints: {", ".join(names)}'
+        for entry in config.recordings:
+            if config.processing_of(entry.name).lowpass is None:
+                yield '[processing] lowpass: found none, expected a cut-off such as "10 Hz": look at the spectrum'
