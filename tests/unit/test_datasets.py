@@ -101,8 +101,8 @@ def test_every_template_is_a_study_of_the_registered_files():
         files |= {study.emg_torque.muscle_file} if study.emg_torque and study.emg_torque.muscle_file else set()
         files |= {study.tree.urdf} if study.tree and study.tree.urdf else set()
         assert {file.removeprefix("recordings/") for file in files} == set(datasets.info(name).files)
-        # A fit that leaves trials or repetitions out in turn needs no recording set apart.
-        asks = study.transfer_function or study.hinge or study.emg_torque or study.isolated_muscle
+        # A fit that leaves trials, repetitions or segments out in turn needs no recording set apart.
+        asks = study.transfer_function or study.hinge or study.emg_torque or study.isolated_muscle or study.tree
         assert asks or {entry.use for entry in study.recordings} == {"fit", "validate"}
         assert asks or study.processing.lowpass is not None
 
