@@ -5,7 +5,7 @@ theta, the pseudo-inertia of link i (`models/pseudo_inertia.py`),
 
 .. math::
    \min_\theta\ \tfrac12\theta^\top N\theta - b^\top\theta
-   \quad\text{s.t.}\quad P_i(\theta) \succeq \epsilon\,1,\quad \theta_j \ge l_j,\quad G\theta \ge 0
+   \quad\text{s.t.}\quad P_i(\theta) \succeq \epsilon\,1,\quad l_j \le \theta_j \le u_j
 
 is convex [1]_. First it is asked whether bodies exist that make just the effort of least squares; if they do they are
 taken, and nothing is lost. What efforts do not show (directions in which N is flat) goes to the `nearest` bodies.
@@ -32,7 +32,6 @@ PULL = 1e-9
 
 TOLERANCE = 1e-9  # of the solver
 SOLVED = ("Solved", "AlmostSolved")
-IMPOSSIBLE = ("PrimalInfeasible", "AlmostPrimalInfeasible")
 
 
 @dataclass(frozen=True)
@@ -91,7 +90,7 @@ def consistent_inertias(
     links: int,
     *,
     lowest: np.ndarray | None = None,
-    rows: np.ndarray | None = None,
+    highest: np.ndarray | None = None,
     nearest: np.ndarray | None = None,
     weight: float = 0.0,
 ) -> ConsistentFit:
@@ -103,10 +102,8 @@ def consistent_inertias(
         Y'WY; the first 10 `links` columns are those of `KinematicTree.regressor`.
     projected : ndarray, shape (c,)
         Y'W effort.
-    lowest : ndarray, shape (c,), optional
-        What parameters behind the links' are at least; -inf where anything goes, which is the default.
-    rows : ndarray, shape (r, c), optional
-        What is not negative, such as friction over the speeds of the recordings.
+    lowest, highest : ndarray, shape (c,), optional
+        Bounds of what stands behind the links' numbers; left out, none.
     nearest : ndarray, shape (links, 10), optional
         Bodies that are preferred among those that make the same effort; left out, the smallest are.
     weight : float
@@ -116,36 +113,25 @@ def consistent_inertias(
     normal, projected = np.asarray(normal, float), np.asarray(projected, float)
     c = len(projected)
     lowest = np.full(c, -np.inf) if lowest is None else np.asarray(lowest, float)
-    rows = np.zeros((0, c)) if rows is None else np.asarray(rows, float)
+    highest = np.full(c, np.inf) if highest is None else np.asarray(highest, float)
     start = np.zeros((links, BODY)) if nearest is None else np.asarray(nearest, float)
     told = Quadratic.of(normal, projected)
-    to_pseudo = np.zeros((links * BODY, c))
-    for i in range(links):
-        to_pseudo[i * BODY : (i + 1) * BODY, i * BODY : (i + 1) * BODY] = triangle()
-    wanted = (start @ triangle().T).ravel()
-    bounds = np.vstack([np.eye(c)[np.isfinite(lowest)], rows])
-    least = np.concatenate([lowest[np.isfinite(lowest)], np.zeros(len(rows))])
-    problem = _Problem(to_pseudo, wanted, bounds, least, links)
-    found = None
-    if not weight > 0.0:
-        found = problem.on_the_way(told.unseen, told.seen @ told.best)
+    problem = _Problem(links, (start @ triangle().T).ravel(), lowest, highest)
+    found = None if weight > 0.0 else problem.on_the_way(told)
     free = found is not None
     if found is None:
-        both = np.hstack([told.seen, told.unseen])
-        pull = weight or PULL * (told.best @ told.best) / max(_square(to_pseudo @ (told.seen @ told.best)), _square(wanted))
-        found = problem.compromise(both, told.best, pull)
-    values = _repaired(found, links)
-    slack = values - lowest
-    values = np.where(slack < 0.0, lowest, values)
+        found = problem.compromise(told, weight)
+    values = np.clip(_repaired(found, links), lowest, highest)
+    room = np.minimum(values - lowest, highest - values)
     bodies = values[: links * BODY].reshape(links, BODY)
-    scale = np.sqrt(np.maximum(np.diag(normal), np.finfo(float).tiny))
-    tiny = 1e-6 * np.sqrt(told.best @ told.best) / scale
+    # What 1e-6 of the effort makes of a column alone is nothing.
+    nothing = 1e-6 * np.sqrt((told.best @ told.best) / np.maximum(np.diag(normal), 1e-12 * np.max(np.diag(normal))))
     return ConsistentFit(
         values,
         told.loss(values, normal, projected),
         free,
-        least_eigenvalue(bodies) < 1e-5 * np.linalg.norm(scaled(bodies), axis=(1, 2)) + 2.0 * LEAST,
-        slack < np.where(np.isfinite(lowest), tiny, -np.inf),
+        least_eigenvalue(bodies) < 2.0 * LEAST + 1e-5 * np.linalg.norm(scaled(bodies), axis=(1, 2)),
+        room < nothing,
     )
 
 
@@ -164,61 +150,68 @@ def _repaired(values: np.ndarray, links: int) -> np.ndarray:
 
 @dataclass(frozen=True)
 class _Problem:
-    """Bounds on theta = base + directions y, and how to be near."""
+    """Bodies and bounds, and which bodies are preferred."""
 
-    to_pseudo: np.ndarray  # (10 links, c)
-    wanted: np.ndarray  # (10 links,)
-    bounds: np.ndarray  # (r, c)
-    least: np.ndarray  # (r,)
     links: int
+    wanted: np.ndarray  # (10 links,) triangles
+    lowest: np.ndarray  # (c,)
+    highest: np.ndarray  # (c,)
 
-    def on_the_way(self, unseen: np.ndarray, base: np.ndarray) -> np.ndarray | None:
-        """Of base + unseen z the consistent one nearest to what is wanted; None where there is none."""
-        if not np.all(self.bounds @ base >= self.least) and not np.abs(self.bounds @ unseen).max(initial=0.0) > 0.0:
-            return None
-        near = self.to_pseudo @ unseen
-        found = self._solve(unseen, base, near.T @ near, near.T @ (self.to_pseudo @ base - self.wanted))
-        return None if found is None else base + unseen @ found
+    def _pseudo(self, ways: np.ndarray) -> np.ndarray:
+        """Triangles of links, (10 links, k), of theta's columns (c, k)."""
+        blocks = ways[: self.links * BODY].reshape(self.links, BODY, -1)
+        return (triangle() @ blocks).reshape(self.links * BODY, -1)
 
-    def compromise(self, both: np.ndarray, best: np.ndarray, pull: float) -> np.ndarray:
-        """The consistent theta = both (y, z) with the least |y - best|^2 / 2 + pull |P - wanted|^2 / 2."""
-        near = self.to_pseudo @ both
-        hessian = pull * (near.T @ near)
-        hessian[np.arange(len(best)), np.arange(len(best))] += 1.0
-        slope = -pull * (near.T @ self.wanted)
-        slope[: len(best)] -= best
-        found = self._solve(both, np.zeros(len(both)), hessian, slope)
+    def on_the_way(self, told: Quadratic) -> np.ndarray | None:
+        """Of least squares the consistent theta nearest to what is wanted; None where there is none."""
+        base = told.seen @ told.best
+        near = self._pseudo(told.unseen)
+        found = self._solve(told.unseen, base, near.T @ near, near.T @ (self._pseudo(base)[:, 0] - self.wanted))
+        return None if found is None else base + told.unseen @ found
+
+    def compromise(self, told: Quadratic, weight: float) -> np.ndarray:
+        """The consistent theta whose loss and weighted distance to what is wanted are least together."""
+        ways = np.hstack([told.seen, told.unseen])
+        near, s = self._pseudo(ways), len(told.best)
+        if not weight > 0.0:
+            whole = _square(told.best)
+            weight = PULL * whole / max(_square(near[:, :s] @ told.best), _square(self.wanted))
+        hessian = weight * (near.T @ near)
+        hessian[np.arange(s), np.arange(s)] += 1.0
+        slope = -weight * (near.T @ self.wanted)
+        slope[:s] -= told.best
+        found = self._solve(ways, np.zeros(len(ways)), hessian, slope)
         if found is None:
             raise IdentificationError(
-                "no bodies and friction within their bounds were found by the solver; check signs and gears of the "
-                "drives, whose columns may ask for friction that pushes"
+                "found no bodies and friction within their bounds that come near the efforts, expected some: check the "
+                "signs of drives and gears, and that every recorded joint moves"
             )
-        return both @ found
+        return ways @ found
 
     def _solve(self, ways: np.ndarray, base: np.ndarray, hessian: np.ndarray, slope: np.ndarray) -> np.ndarray | None:
-        """The least of x'Hx/2 + slope'x with base + ways x consistent; None where nothing is."""
+        """x with the least x'Hx / 2 + slope'x of consistent base + ways x; None where there is none."""
         import clarabel
         from scipy import sparse
 
+        low, high = np.isfinite(self.lowest), np.isfinite(self.highest)
+        bounds = np.vstack([ways[low], -ways[high]])
+        slack = np.concatenate([(base - self.lowest)[low], (self.highest - base)[high]])
+        size = np.linalg.norm(bounds, axis=1)
+        fixed = size < 1e-12 * max(size.max(initial=0.0), 1e-300)
+        if np.any(slack[fixed] < 0.0):
+            return None
+        bounds, slack = bounds[~fixed] / size[~fixed, None], slack[~fixed] / size[~fixed]
         column, row = np.tril_indices(4)
-        eye = np.tile(np.where(column == row, LEAST, 0.0), self.links)
-        scale = 1.0 / np.maximum(np.linalg.norm(self.bounds @ ways, axis=1), 1e-12)
-        a = np.vstack([-(self.bounds @ ways) * scale[:, None], -(self.to_pseudo @ ways)])
-        b = np.concatenate([(self.bounds @ base - self.least) * scale, self.to_pseudo @ base - eye])
-        cones = [clarabel.NonnegativeConeT(len(self.bounds))] if len(self.bounds) else []
+        margin = np.tile(np.where(column == row, LEAST, 0.0), self.links)
+        a = np.vstack([-bounds, -self._pseudo(ways)])
+        b = np.concatenate([slack, self._pseudo(base)[:, 0] - margin])
+        cones = [clarabel.NonnegativeConeT(len(slack))] if len(slack) else []
         cones += [clarabel.PSDTriangleConeT(4)] * self.links
         settings = clarabel.DefaultSettings()
         settings.verbose = False
         settings.max_threads = 1
         settings.tol_gap_abs = settings.tol_gap_rel = settings.tol_feas = TOLERANCE
-        size = max(np.abs(hessian).max(), 1e-300)
-        solver = clarabel.DefaultSolver(
-            sparse.csc_matrix(np.triu(hessian / size)), slope / size, sparse.csc_matrix(a), b, cones, settings
-        )
-        solution = solver.solve()
-        status = str(solution.status)
-        if status in IMPOSSIBLE:
-            return None
-        if status not in SOLVED:
-            return None
-        return np.array(solution.x)
+        size = np.abs(hessian).max(initial=1e-300)
+        quadratic, constraints = sparse.csc_matrix(np.triu(hessian / size)), sparse.csc_matrix(a)
+        solution = clarabel.DefaultSolver(quadratic, slope / size, constraints, b, cones, settings).solve()
+        return np.array(solution.x) if str(solution.status) in SOLVED else None
