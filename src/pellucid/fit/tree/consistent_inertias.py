@@ -27,6 +27,9 @@ BODY = 10
 SEEN = 1e-10
 """Eigenvalue of N with unit diagonal, over its largest, below which a direction is not shown."""
 
+UNTOLD = 1e-6
+"""Share of a parameter in directions that are not shown, squared, from which on it has no value of its own."""
+
 PULL = 1e-9
 """Weight of nearness to `nearest` while a bound acts, as a share of the objective."""
 
@@ -44,6 +47,7 @@ class Quadratic:
     best: np.ndarray  # (s,)
     seen: np.ndarray  # (c, s)
     unseen: np.ndarray  # (c, c - s)
+    told: np.ndarray  # (c,) bool: parameters that have a value of their own
 
     @classmethod
     def of(cls, normal: np.ndarray, projected: np.ndarray, least: float = SEEN) -> Quadratic:
@@ -53,7 +57,8 @@ class Quadratic:
         values, vectors = np.linalg.eigh(normal * np.outer(scale, scale))
         shown = values > least * values[-1]
         seen = scale[:, None] * vectors[:, shown] / np.sqrt(values[shown])
-        return cls(seen.T @ projected, seen, scale[:, None] * vectors[:, ~shown])
+        told = np.sum(vectors[:, ~shown] ** 2, axis=1) < UNTOLD
+        return cls(seen.T @ projected, seen, scale[:, None] * vectors[:, ~shown], told)
 
     def loss(self, values: np.ndarray, normal: np.ndarray, projected: np.ndarray) -> float:
         """How far the sum of squares at `values` is above its least."""
@@ -69,6 +74,8 @@ class ConsistentFit:
     values : ndarray, shape (c,)
     loss : float
         By how much the weighted sum of squares is above that of least squares.
+    told : ndarray of bool, shape (c,)
+        Parameters that the efforts tell; others have the values that bodies near the preferred ones have.
     free : bool
         Whether least squares itself was consistent: `loss` is then 0 to rounding.
     held : ndarray of bool, shape (links,)
@@ -79,6 +86,7 @@ class ConsistentFit:
 
     values: np.ndarray
     loss: float
+    told: np.ndarray
     free: bool
     held: np.ndarray
     at_bound: np.ndarray
@@ -129,6 +137,7 @@ def consistent_inertias(
     return ConsistentFit(
         values,
         told.loss(values, normal, projected),
+        told.told,
         free,
         least_eigenvalue(bodies) < 2.0 * LEAST + 1e-5 * np.linalg.norm(scaled(bodies), axis=(1, 2)),
         room < nothing,

@@ -151,7 +151,7 @@ class TreeModel:
         """SI units of them."""
         slides = self.robot.prismatic
         of_joint = dict(zip(self.robot.names, slides, strict=True))
-        rigid = [_rigid_unit(name, of_joint) for name in self.base.names]
+        rigid = [rigid_unit(name, of_joint) for name in self.base.names]
         friction = [NUMBERS[number].unit[slides[k]] for k, _, number in self.parts]
         return (*rigid, *friction, *(self.robot.units[x.motor][1] for x in self.ripples for _ in range(2)))
 
@@ -181,7 +181,8 @@ class TreeModel:
         return found
 
 
-def _rigid_unit(name: str, slides: Mapping[str, bool]) -> str:
+def rigid_unit(name: str, slides: Mapping[str, bool]) -> str:
+    """SI unit of a number of a body, a rotor or a motor, whose joint `slides` or turns."""
     owner, _, number = name.removesuffix(".regrouped").rpartition(".")
     if owner in slides and number.endswith("_inertia"):
         return INERTIA[slides[owner]]

@@ -1,0 +1,163 @@
+"""Inertias that bodies can have: what the least of squares is among them, and that nothing is lost where none need be."""
+
+import numpy as np
+import pytest
+from scipy.optimize import minimize
+
+from pellucid._errors import IdentificationError
+from pellucid.fit.tree.base_parameters import base_parameters
+from pellucid.fit.tree.consistent_fit import FROM_PRIOR, Spread, fit_consistent, solve_consistent
+from pellucid.fit.tree.consistent_inertias import consistent_inertias
+from pellucid.fit.tree.friction_terms import PLAIN
+from pellucid.fit.tree.tree_regression import TreeModel, fit_rows, tree_rows
+from pellucid.models.kinematic_tree import Link, Tree, TreeJoint
+from pellucid.models.pseudo_inertia import (
+    LEAST,
+    bodies_of,
+    consistency,
+    least_eigenvalue,
+    pseudo_inertia,
+    scaled,
+    triangle,
+)
+from pellucid.models.robot import Robot
+from pellucid.signals.tree_motion import TreeMotion
+
+BAR = Link.about_centre("bar", 2.0, (0.1, 0.0, -0.2), (0.03, 0.0, 0.0, 0.03, 0.001, 0.004))
+
+
+def test_the_pseudo_inertia_tells_bodies_from_numbers():
+    np.testing.assert_allclose(bodies_of(pseudo_inertia(BAR.numbers)), BAR.numbers, atol=1e-15)
+    triangles = triangle() @ BAR.numbers
+    assert triangles @ triangles == pytest.approx(np.sum(scaled(BAR.numbers) ** 2))
+    # A point's pseudo-inertia has rank 1, a body's as many ways as it has mass in.
+    point = Link.about_centre("point", 3.0, (0.2, 0.1, 0.0), (0.0,) * 6)
+    assert abs(least_eigenvalue(point.numbers)) < 1e-15
+    # One moment larger than the other two together: no body, though all moments are positive.
+    odd = Link.about_centre("odd", 1.0, (0.0, 0.0, 0.0), (0.01, 0.0, 0.0, 0.01, 0.0, 0.03))
+    said = consistency(("bar", "point", "odd"), np.array([BAR.numbers, point.numbers, odd.numbers]))
+    assert said.wrong == ("odd",)
+    assert not said.consistent
+
+
+def drawn_sums(rng, truth, rows=40, noise=0.0):
+    """Normal equations of drawn columns that show six directions of the ten."""
+    ways = rng.normal(size=(rows, 6)) @ rng.normal(size=(6, 10))
+    target = ways @ truth + noise * rng.normal(size=rows)
+    return ways.T @ ways, ways.T @ target
+
+
+def test_where_least_squares_is_consistent_nothing_is_lost(rng):
+    normal, projected = drawn_sums(rng, BAR.numbers)
+    found = consistent_inertias(normal, projected, 1, nearest=BAR.numbers[None])
+    assert found.free
+    assert found.loss <= 1e-12 * float(projected @ found.values)
+    np.testing.assert_allclose(found.values, BAR.numbers, atol=1e-7)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_the_least_is_that_of_a_search_over_bodies_alone(seed):
+    rng = np.random.default_rng(seed)
+    truth = np.append(rng.normal(size=10), -1.0)  # No body, and friction that pushes
+    ways = rng.normal(size=(50, 11))
+    target = ways @ truth + 0.1 * rng.normal(size=50)
+    lowest = np.append(np.full(10, -np.inf), 0.0)
+    found = consistent_inertias(ways.T @ ways, ways.T @ target, 1, lowest=lowest)
+    assert not found.free
+    assert found.held[0] and found.at_bound[10]
+    assert least_eigenvalue(found.values[:10]) >= LEAST
+
+    def squares(x):
+        # Cholesky factors are exactly the pseudo-inertias; a root of friction.
+        low = np.zeros((4, 4))
+        low[np.tril_indices(4)] = x[:10]
+        theta = np.append(bodies_of(low @ low.T), x[10] ** 2)
+        return float(np.sum((target - ways @ theta) ** 2))
+
+    searched = min(
+        minimize(squares, rng.normal(size=11), method="BFGS", options={"maxiter": 3000, "gtol": 1e-7}).fun
+        for _ in range(6)
+    )
+    mine = float(np.sum((target - ways @ found.values) ** 2))
+    assert mine == pytest.approx(searched, rel=2e-5)
+    best = ways @ np.linalg.lstsq(ways, target, rcond=None)[0]
+    assert found.loss == pytest.approx(mine - np.sum((target - best) ** 2), rel=1e-6)
+
+
+def test_a_weight_draws_towards_the_preferred_bodies(rng):
+    normal, projected = drawn_sums(rng, BAR.numbers, noise=0.05)
+    other = Link.about_centre("other", 1.0, (0.0, 0.0, -0.1), (0.01, 0.0, 0.0, 0.01, 0.0, 0.01)).numbers
+    apart = [
+        np.linalg.norm(
+            scaled(consistent_inertias(normal, projected, 1, nearest=other[None], weight=w).values[:10] - other)
+        )
+        for w in (1.0, 1e3, 1e9)
+    ]
+    assert apart[0] > apart[1] > apart[2]
+    assert apart[2] < 1e-5
+
+
+def test_bounds_that_contradict_each_other_are_refused():
+    with pytest.raises(IdentificationError, match="check the signs of drives and gears"):
+        consistent_inertias(
+            np.eye(11), np.ones(11), 1, lowest=np.append(np.full(10, -np.inf), 1.0), highest=np.full(11, 0.5)
+        )
+
+
+def two_joints():
+    joints = [
+        TreeJoint("shoulder", "base", "upper", axis=(0.0, 1.0, 0.0)),
+        TreeJoint("elbow", "upper", "lower", axis=(0.0, 1.0, 0.0), place=(0.3, 0.0, 0.0)),
+    ]
+    upper = Link.about_centre("upper", 2.0, (0.15, 0.0, 0.0), (0.003, 0.0, 0.0, 0.02, 0.0, 0.02))
+    lower = Link.about_centre("lower", 1.0, (0.12, 0.0, 0.0), (0.001, 0.0, 0.0, 0.008, 0.0, 0.008))
+    return Robot(Tree(joints, [upper, lower]))
+
+
+def played(robot, rng, noise=0.02, n=1200):
+    """Motion of a robot without rotors, its friction and white noise of its effort."""
+    t = np.arange(n) * 0.02
+    ways = np.array([[0.5, 0.9, 1.7], [0.7, 1.3, 2.1]]) * 2 * np.pi / 6
+    phase, size = rng.uniform(0, 2 * np.pi, (2, 3)), np.array([0.6, 0.4, 0.2])
+    q, v, a = (
+        np.sum(size * ways**k * np.sin(ways * t[:, None, None] + phase + k * np.pi / 2), axis=-1) for k in range(3)
+    )
+    effort = robot.tree.core.inverse_dynamics(q, v, a) + 0.4 * np.sign(v) + 0.2 * v + noise * rng.normal(size=v.shape)
+    return TreeMotion("played", "fit", t, q, v, a, effort, np.abs(v) > 0.02, np.arange(n) * 8 // n)
+
+
+@pytest.fixture(scope="module")
+def identified():
+    robot = two_joints()
+    rows = tree_rows(robot, [played(robot, np.random.default_rng(5))])
+    model = TreeModel(robot, base_parameters(robot), (PLAIN, PLAIN))
+    return robot, rows, model
+
+
+def test_a_robot_of_true_bodies_is_found_again(identified):
+    robot, rows, model = identified
+    made = Spread.of(model)
+    start, _ = fit_rows(model, rows)
+    found = solve_consistent(model, rows, start=start, nearest=made.maker)
+    np.testing.assert_allclose(made.matrix[: len(model.base.names), : len(model.base.members)] @ np.append(
+        robot.tree.parameters, [0.0, 0.0]), found.parameters[: len(model.base.names)], atol=0.02)  # fmt: skip
+    estimate = fit_consistent(model, rows, start=start, nearest=made.maker)
+    assert least_eigenvalue(estimate.links()[:, 12:]).min() >= LEAST
+    motion = played(robot, np.random.default_rng(6), noise=0.0)
+    rms = np.sqrt(np.mean((motion.effort - estimate.effort(motion))[motion.moving] ** 2))
+    assert rms < 0.01
+    # What this plane does not show is the maker's, and says so; friction is told.
+    assert estimate.parameters["lower.inertia_xx"].refused == FROM_PRIOR
+    assert estimate.parameters["lower.inertia_xx"].value == pytest.approx(0.001, abs=5e-4)
+    low, high = estimate.interval("elbow.coulomb")
+    assert low < 0.4 < high
+
+
+def test_every_leave_one_out_is_consistent(identified):
+    robot, rows, model = identified
+    found = solve_consistent(model, rows)
+    whole = found.equations.total()
+    for s in range(len(found.equations.count)):
+        fit = found.spread.solved(whole.minus(found.equations.segment(s)), found.sd)
+        assert least_eigenvalue(fit.values[:20].reshape(2, 10)).min() >= LEAST
+        assert np.all(fit.values[20:22] >= 0.0)
