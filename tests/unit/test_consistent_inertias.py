@@ -1,4 +1,4 @@
-"""Inertias that bodies can have: what the least of squares is among them, and that nothing is lost where none need be."""
+"""Inertias that bodies can have: the least of squares among them, and nothing lost where none need be."""
 
 import numpy as np
 import pytest
@@ -64,7 +64,8 @@ def test_the_least_is_that_of_a_search_over_bodies_alone(seed):
     lowest = np.append(np.full(10, -np.inf), 0.0)
     found = consistent_inertias(ways.T @ ways, ways.T @ target, 1, lowest=lowest)
     assert not found.free
-    assert found.held[0] and found.at_bound[10]
+    assert found.held[0]
+    assert found.at_bound[10]
     assert least_eigenvalue(found.values[:10]) >= LEAST
 
     def squares(x):
@@ -154,7 +155,7 @@ def test_a_robot_of_true_bodies_is_found_again(identified):
 
 
 def test_every_leave_one_out_is_consistent(identified):
-    robot, rows, model = identified
+    _, rows, model = identified
     found = solve_consistent(model, rows)
     whole = found.equations.total()
     for s in range(len(found.equations.count)):
