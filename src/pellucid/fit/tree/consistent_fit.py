@@ -1,8 +1,8 @@
 r"""A robot whose links are bodies that can exist, and whose joints only lose power.
 
 The model of `tree_regression`, in the ten numbers of every link instead of base parameters: with base = K numbers, the
-sums N become K'NK, and nothing is summed again. Joints weigh as in the fit without bounds. What the efforts do not show comes
-from the maker's bodies or from the smallest, and each parameter says so.
+sums N become K'NK, and nothing is summed again. Joints weigh as in the fit without bounds. What the efforts do not show
+comes from the maker's bodies or from the smallest, and each parameter says so.
 
 Bounds bend a fit, so that no covariance of least squares holds: intervals are the jackknife's over segments [1]_, each
 left out in turn and the rest fitted again within the same bounds.
