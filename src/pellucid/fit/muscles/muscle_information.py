@@ -11,6 +11,7 @@ in standard deviations among people squared: 1 is what is known without a record
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -24,6 +25,9 @@ from .muscle_freedom import FREEDOMS
 
 KNOWN = 0.7
 """A parameter whose standard error is more than this share of the spread among people is not identified."""
+
+MOST_NAMED = 6
+"""Parameters that a verdict lists where there are more than twice as many."""
 
 _UNITS = {"time_constant": "s", "delay": "s", "max_velocity": "1/s"}
 
@@ -96,17 +100,23 @@ def muscle_verdicts(fit: MuscleFit, what: str) -> tuple[Verdict, ...]:
             )
         )
     if unknown:
-        names = ", ".join(p.name for p in unknown)
         said.append(
             Verdict(
                 "note",
-                f"{what}, muscles: the recording does not identify {names}: each stays within what people differ by "
-                "about its anatomical value.",
+                f"{what}, muscles: the recording does not identify {_listed([p.name for p in unknown])}: each stays "
+                "within what people differ by about its anatomical value.",
             )
         )
     if not said:
         said.append(Verdict("good", f"{what}, muscles: all {len(found)} parameters are identified, none on a bound."))
     return tuple(said)
+
+
+def _listed(names: Sequence[str]) -> str:
+    """Parameters by name, the first of them where they are too many to be read."""
+    if len(names) <= 2 * MOST_NAMED:
+        return ", ".join(names)
+    return f"{', '.join(names[:MOST_NAMED])} and {len(names) - MOST_NAMED} more"
 
 
 def _data(fit: MuscleFit) -> tuple[np.ndarray, np.ndarray]:
