@@ -58,5 +58,12 @@ def test_words_wrap_and_leave_figures_their_place():
     assert all(word in text for word in said.split())
 
 
+def test_a_long_name_cuts_no_figure():
+    long = Parameter("optimal_fibre_length.gastrocnemius_lateralis", "1", 0.98402, 0.0612)
+    text = printed(80, ParameterTable("P", (long,)))
+    assert max(map(len, text.splitlines())) <= 80
+    assert {"0.984", "0.120", "6.22"} <= set(text.split())
+
+
 def test_a_table_without_a_row_is_a_head():
     assert "Method" in printed(80, FigureTable("F", ("Method", "RMS"), ()))

@@ -88,7 +88,7 @@ def fitting_tables(heads: Sequence[str], rows: Sequence[Sequence[str]], width: i
     words = max(next((i for i, column in enumerate(zip(*rows, strict=True)) if any(map(_FIGURE.match, column))), 1), 1)
     columns = [(head, [row[i] for row in rows]) for i, head in enumerate(heads)]
     least = [_widths(head, cells)[0] + GAP for head, cells in columns]
-    own = min(sum(least[:words]), width // 2)
+    own = min(sum(least[:words]), max(width // 2, width - max(least[words:], default=0)))
     parts: list[list[int]] = [[]]
     for i in range(words, len(columns)):
         if parts[-1] and own + sum(least[j] for j in parts[-1]) + least[i] > width:

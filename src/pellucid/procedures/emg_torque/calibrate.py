@@ -261,7 +261,7 @@ def _headline(evaluated: Sequence[Evaluated]) -> str:
                 f"{min(e.score.rmse for e in judged):.3g} to {max(e.score.rmse for e in judged):.3g} {first.unit} (R² "
                 f"{max(e.score.r2 for e in judged):.3f} to {min(e.score.r2 for e in judged):.3f})"
             ]
-        said.append(f"{what}: {ESTIMATORS[first.estimator].words} errs by {' and '.join(errors)}")
+        said.append(f"{what}: off by {' and '.join(errors)} by {ESTIMATORS[first.estimator].words}")
     recordings = {each.recording for each in evaluated} - {""}
     where = f", on the {len(recordings)} recordings that were not fitted" if len(recordings) > 1 else ""
     return "; ".join(said) + (where or ", on what was not fitted") + "."
