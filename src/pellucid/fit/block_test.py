@@ -63,16 +63,22 @@ def contest(residuals: Mapping[str, Sequence[np.ndarray]]) -> Contest:
 
 def p_of_worse(loss: Sequence[np.ndarray], other: Sequence[np.ndarray]) -> tuple[float, int]:
     """The p value of a `loss`, (n_i,) per recording, being no larger than the `other`; and over how many blocks."""
-    from scipy.special import ndtr
-
     apart = [a - b for a, b in zip(loss, other, strict=True)]
     sums = np.concatenate([np.add.reduceat(d, _starts(len(d), _blocks_in(d))) for d in apart if len(d)])
+    return p_of_signs(sums), len(sums)
+
+
+def p_of_signs(sums: np.ndarray) -> float:
+    """The share of all choices of signs of independent `sums`, (b,), whose total is no smaller than theirs: the p value
+    of their being no more than 0."""
+    from scipy.special import ndtr
+
     total, count = float(sums.sum()), len(sums)
     if count > COUNTED:
         spread = float(np.linalg.norm(sums))
-        return (float(ndtr(-total / spread)) if spread else 1.0), count
+        return float(ndtr(-total / spread)) if spread else 1.0
     signs = 1.0 - 2.0 * ((np.arange(2**count)[:, None] >> np.arange(count)) & 1)
-    return float(np.mean(signs @ sums >= total - 1e-9 * np.abs(sums).sum())), count
+    return float(np.mean(signs @ sums >= total - 1e-9 * np.abs(sums).sum()))
 
 
 def independent_samples(residuals: Sequence[np.ndarray]) -> float:

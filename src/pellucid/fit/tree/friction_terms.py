@@ -26,34 +26,43 @@ RICHER_SHARED = ("motor_square_root",)
 MOST_LOAD = 0.9
 """Of a load coefficient: with more, what drives backwards would never move."""
 
-Columns = Callable[[np.ndarray, np.ndarray, float], np.ndarray]
+Column = Callable[[np.ndarray, float, float], np.ndarray]
 
 
 @dataclass(frozen=True)
 class Number:
-    """A coefficient of friction: its column of velocity v and direction s, (n,), and of a speed where it has one; what
-    one unit of it is; the range that is physical."""
+    """A coefficient of friction: its column of velocities, (n,), of the width of the smooth sign and of a Stribeck
+    speed; what one unit of it is; the range that is physical."""
 
-    column: Columns
+    column: Column
     unit: tuple[str, str]  # Of a rotary and of a prismatic joint
     lower: float = 0.0
     upper: float = np.inf
 
 
+def direction(velocity: np.ndarray, width: float = 0.0) -> np.ndarray:
+    """The sign of a velocity; smooth, tanh(v / w), with a width w [rad/s; m/s]."""
+    return np.tanh(velocity / width) if width > 0.0 else np.sign(velocity)
+
+
+def signed_root(velocity: np.ndarray, width: float = 0.0) -> np.ndarray:
+    """sqrt|v| sign v; smooth, v / (v^2 + w^2)^(1/4), with a width w."""
+    return velocity / np.maximum(velocity**2 + width**2, 1e-36) ** 0.25
+
+
 EFFORT, VISCOUS = ("N*m", "N"), ("N*m*s/rad", "N*s/m")
 ROOT = ("N*m*(s/rad)^0.5", "N*(s/m)^0.5")
-VELOCITY = ("rad/s", "m/s")
 INERTIA = ("kg*m^2", "kg")
 
 NUMBERS: Mapping[str, Number] = {
-    "viscous": Number(lambda v, s, _: v, VISCOUS),
-    "viscous_positive": Number(lambda v, s, _: np.maximum(v, 0.0), VISCOUS),
-    "viscous_negative": Number(lambda v, s, _: np.minimum(v, 0.0), VISCOUS),
-    "coulomb": Number(lambda v, s, _: s, EFFORT),
-    "offset": Number(lambda v, s, _: np.ones_like(v), EFFORT, lower=-np.inf),
-    "square_root": Number(lambda v, s, _: np.sqrt(np.abs(v)) * s, ROOT),
-    "stribeck": Number(lambda v, s, speed: np.exp(-((v / speed) ** 2)) * s, EFFORT),
-    "load": Number(lambda v, s, _: s, ("1", "1"), upper=MOST_LOAD),
+    "viscous": Number(lambda v, w, _: v, VISCOUS),
+    "viscous_positive": Number(lambda v, w, _: np.maximum(v, 0.0), VISCOUS),
+    "viscous_negative": Number(lambda v, w, _: np.minimum(v, 0.0), VISCOUS),
+    "coulomb": Number(lambda v, w, _: direction(v, w), EFFORT),
+    "offset": Number(lambda v, w, _: np.ones_like(v), EFFORT, lower=-np.inf),
+    "square_root": Number(lambda v, w, _: signed_root(v, w), ROOT),
+    "stribeck": Number(lambda v, w, speed: np.exp(-((v / speed) ** 2)) * direction(v, w), EFFORT),
+    "load": Number(lambda v, w, _: direction(v, w), ("1", "1"), upper=MOST_LOAD),
 }  # The load's column is |y| times this one
 TERMS: Mapping[str, tuple[str, ...]] = {
     **{name: (name,) for name in ("viscous", "coulomb", "offset", "square_root", "stribeck", "load")},
@@ -62,11 +71,6 @@ TERMS: Mapping[str, tuple[str, ...]] = {
 """Linear coefficients of each term; ``directional`` takes the place of ``viscous``."""
 SPEED = "stribeck_velocity"
 MOTOR = "motor_"
-
-
-def direction(velocity: np.ndarray, width: float = 0.0) -> np.ndarray:
-    """The sign of a velocity; smooth, tanh(v / w), with a width w [rad/s; m/s]."""
-    return np.tanh(velocity / width) if width > 0.0 else np.sign(velocity)
 
 
 def numbers_of(family: Sequence[str], of_motor: bool = False) -> tuple[str, ...]:
@@ -106,13 +110,11 @@ def friction(
     numbers: Mapping[str, float], velocity: np.ndarray, load: np.ndarray | None, width: float = 0.0
 ) -> np.ndarray:
     """Friction of named coefficients at velocities, and loads, of shape (n,)."""
-    s = direction(velocity, width)
     total = np.zeros_like(velocity)
     for name, value in numbers.items():
-        if name == SPEED:
-            continue
-        column = NUMBERS[name].column(velocity, s, numbers.get(SPEED, np.nan))
-        total += value * column * (np.abs(load) if name == "load" else 1.0)
+        if name != SPEED:
+            column = NUMBERS[name].column(velocity, width, numbers.get(SPEED, np.nan))
+            total += value * column * (np.abs(load) if name == "load" else 1.0)
     return total
 
 

@@ -17,6 +17,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 
@@ -31,6 +32,7 @@ from .tree_estimate import Ripple
 SINGULAR = 1e-9
 """Of a squared column of length 1, what others must leave of it so that recordings tell it."""
 ROUNDS = 4  # of weights by residuals
+ACTIVE_SETS = 60  # tried before a search takes over
 STEPS = 12  # of Gauss and Newton, at most
 SETTLED = 1e-4  # Of the RMS effort, the change at which they stop
 LEAST_WEIGHT = 0.02
@@ -119,6 +121,15 @@ def tree_rows(
     )
 
 
+class Part(NamedTuple):
+    """A coefficient of friction: of a joint, or of the motor of its number; its Stribeck speed, if it has one."""
+
+    joint: int
+    of_motor: bool
+    number: str
+    speed: float = float("nan")
+
+
 @dataclass(frozen=True)
 class TreeModel:
     """What is fitted: friction families of each joint, the speeds of their Stribeck terms, ripples of their orders."""
@@ -133,16 +144,21 @@ class TreeModel:
         check_families(self.families, self.robot.names, self.robot.shared)
 
     @cached_property
-    def parts(self) -> tuple[tuple[int, bool, str], ...]:
-        """Joint, whether of its motor, and number, of every coefficient of friction."""
-        own = [(k, False, n) for k, family in enumerate(self.families) for n in numbers_of(family)]
-        return (*own, *((i, True, n) for i in self.robot.shared for n in numbers_of(self.families[i], True)))
+    def parts(self) -> tuple[Part, ...]:
+        """Every coefficient of friction."""
+        speeds = self.speeds or {}
+        own = [
+            Part(k, False, n, speeds[k] if n == "stribeck" else np.nan)
+            for k, family in enumerate(self.families)
+            for n in numbers_of(family)
+        ]
+        return (*own, *(Part(i, True, n) for i in self.robot.shared for n in numbers_of(self.families[i], True)))
 
     @cached_property
     def names(self) -> tuple[str, ...]:
         """Of all parameters: base, friction, ripples."""
         joint = self.robot.names
-        friction = (f"{joint[k]}.{MOTOR if of_motor else ''}{number}" for k, of_motor, number in self.parts)
+        friction = (f"{joint[x.joint]}.{MOTOR if x.of_motor else ''}{x.number}" for x in self.parts)
         ripples = (f"{joint[x.motor]}.ripple_{part}" for x in self.ripples for part in ("sine", "cosine"))
         return (*self.base.names, *friction, *ripples)
 
@@ -152,7 +168,7 @@ class TreeModel:
         slides = self.robot.prismatic
         of_joint = dict(zip(self.robot.names, slides, strict=True))
         rigid = [rigid_unit(name, of_joint) for name in self.base.names]
-        friction = [NUMBERS[number].unit[slides[k]] for k, _, number in self.parts]
+        friction = [NUMBERS[x.number].unit[slides[x.joint]] for x in self.parts]
         return (*rigid, *friction, *(self.robot.units[x.motor][1] for x in self.ripples for _ in range(2)))
 
     @cached_property
@@ -163,15 +179,15 @@ class TreeModel:
         for i, name in enumerate(self.base.names):
             if name.endswith((".rotor_inertia", ".motor_inertia")):
                 lower[i] = 0.0
-        for i, (_, _, number) in enumerate(self.parts, r):
-            lower[i], upper[i] = NUMBERS[number].lower, NUMBERS[number].upper
+        for i, part in enumerate(self.parts, r):
+            lower[i], upper[i] = NUMBERS[part.number].lower, NUMBERS[part.number].upper
         return lower, upper
 
     @cached_property
     def loads(self) -> dict[int, int]:
         """Where the load coefficient of a joint stands."""
         r = len(self.base.names)
-        return {k: r + i for i, (k, of_motor, number) in enumerate(self.parts) if number == "load" and not of_motor}
+        return {x.joint: r + i for i, x in enumerate(self.parts) if x.number == "load"}
 
     def alpha(self, values: np.ndarray) -> np.ndarray:
         """Load coefficients of all joints, (m,), of `values`, (p,)."""
@@ -225,14 +241,12 @@ def linearised(
             rigid = rigid * (1.0 + alpha[j] * s * np.sign(y))[:, None]
             target = target + alpha[j] * np.abs(y) * s
         place, made = list(range(r)), [rigid]
-        for i, (k, of_motor, number) in enumerate(model.parts, r):
+        for i, (k, of_motor, number, own) in enumerate(model.parts, r):
             ratio = turns[k, j] if of_motor else float(k == j)
             if not ratio:
                 continue
-            speed = rows.turning[lines, k] if of_motor else v
-            signs = direction(speed, rows.width) if of_motor else s
-            own = (model.speeds or {}).get(k, np.nan)
-            column = NUMBERS[number].column(speed, signs, own) * (np.abs(y) if number == "load" else ratio)
+            column = NUMBERS[number].column(rows.turning[lines, k] if of_motor else v, rows.width, own)
+            column = column * (np.abs(y) if number == "load" else ratio)
             place.append(i)
             made.append(column[:, None])
         for i, ripple in enumerate(model.ripples):
@@ -258,18 +272,13 @@ class NormalEquations:
     square: np.ndarray
     count: np.ndarray
 
-    def total(self, segments: np.ndarray | None = None) -> NormalEquations:
-        """Over the segments marked, (S,) bool, or all: one segment."""
-        kept = slice(None) if segments is None else segments
-        return NormalEquations(*(x[kept].sum(axis=0, keepdims=True) for x in self._all))
+    def total(self) -> NormalEquations:
+        """Over all segments, as if they were one."""
+        return NormalEquations(*(x.sum(axis=0, keepdims=True) for x in self._all))
 
-    def minus(self, other: NormalEquations) -> NormalEquations:
-        """What is left of a sum without one of its parts."""
-        return NormalEquations(*(x - y for x, y in zip(self._all, other._all, strict=True)))
-
-    def segment(self, number: int) -> NormalEquations:
-        """Of one segment alone."""
-        return NormalEquations(*(x[number : number + 1] for x in self._all))
+    def of_segments(self, numbers: np.ndarray) -> NormalEquations:
+        """Of some segments alone."""
+        return NormalEquations(*(x[numbers] for x in self._all))
 
     def of(self, places: np.ndarray) -> NormalEquations:
         """For some of the parameters alone."""
@@ -353,16 +362,63 @@ def _weighted(
     seen = told(gram)
     at = np.flatnonzero(seen)
     scale = 1.0 / size[at]
-    root = np.linalg.cholesky(gram[np.ix_(at, at)] * np.outer(scale, scale))
+    unit = gram[np.ix_(at, at)] * np.outer(scale, scale)
     values, held = np.zeros(len(gram)), np.zeros(len(gram), bool)
-    wanted = np.linalg.solve(root, moment[at] * scale)
-    found = np.linalg.solve(root.T, wanted)
-    lower, upper = (b[at] / scale for b in bounds)
-    if np.any(found < lower) or np.any(found > upper):
-        found = least_squares_within(root.T, wanted, lower, upper, method="bvls")
-        held[at] = (found <= lower + 1e-9) | (found >= upper - 1e-9)
+    found, held[at] = _bounded(unit, moment[at] * scale, *(b[at] / scale for b in bounds))
     values[at] = found * scale
     return values, seen, held
+
+
+def _bounded(
+    gram: np.ndarray, moment: np.ndarray, lower: np.ndarray, upper: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """The x, (p,), where x'Gx/2 - m'x is least within bounds, and which of them hold it; by an active set."""
+    held = np.zeros(len(moment), bool)
+    for _ in range(ACTIVE_SETS):
+        x = np.zeros(len(moment))
+        x[held] = np.where(np.isfinite(lower), lower, upper)[held]
+        free = np.flatnonzero(~held)
+        x[free] = np.linalg.solve(gram[np.ix_(free, free)], moment[free] - gram[np.ix_(free, held)] @ x[held])
+        out = (x < lower - 1e-12) | (x > upper + 1e-12)
+        if out.any():
+            if np.any(out & (x > upper)):
+                break  # two bounds of one number: rare, and left to a search that knows both
+            held |= out
+            continue
+        pull = moment - gram @ x
+        inwards = held & (pull > 1e-10 * (1.0 + np.abs(moment)))
+        if not inwards.any():
+            return x, held
+        held[np.argmax(np.where(inwards, pull, -np.inf))] = False
+    root = np.linalg.cholesky(gram)
+    x = least_squares_within(root.T, np.linalg.solve(root, moment), lower, upper, method="bvls")
+    return x, (x <= lower + 1e-9) | (x >= upper - 1e-9)
+
+
+def weighed(equations: NormalEquations, sd: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Of each segment, all joints together, each by 1 / `sd`^2, (m,): (S, p, p), (S, p), (S,)."""
+    weight = 1.0 / sd**2
+    gram = np.einsum("j,sjpq->spq", weight, equations.gram)
+    return gram, np.einsum("j,sjp->sp", weight, equations.moment), equations.square @ weight
+
+
+def plain_solution(gram: np.ndarray, moment: np.ndarray) -> np.ndarray:
+    """Least squares of normal equations without bounds, (p, k) for `moment` (p, k); what nothing tells is 0."""
+    size = np.sqrt(np.maximum(np.diag(gram), 1e-300))
+    unit = gram / np.outer(size, size) + 1e-12 * np.eye(len(gram))
+    return (np.linalg.solve(unit, (moment.T / size).T).T / size).T
+
+
+def left_out_losses(equations: NormalEquations, sd: np.ndarray) -> np.ndarray:
+    """Sum of squares on each segment, (S,), by least squares over the others; joints weighed by `sd`, (m,)."""
+    gram, moment, square = weighed(equations, sd)
+    whole, target = gram.sum(axis=0), moment.sum(axis=0)
+    losses = np.zeros(len(gram))
+    for s, (g, m, q) in enumerate(zip(gram, moment, square, strict=True)):
+        if q > 0.0:
+            x = plain_solution(whole - g, target - m)
+            losses[s] = q - 2.0 * m @ x + x @ g @ x
+    return losses
 
 
 def told(gram: np.ndarray) -> np.ndarray:
@@ -373,8 +429,11 @@ def told(gram: np.ndarray) -> np.ndarray:
     some = size > 1e-12 * size.max()
     at = np.flatnonzero(some)
     unit = gram[np.ix_(at, at)] / np.outer(size[at], size[at])
-    if np.linalg.eigvalsh(unit)[0] > SINGULAR:
+    try:
+        np.linalg.cholesky(unit - SINGULAR * np.eye(len(at)))
         return some
+    except np.linalg.LinAlgError:
+        pass
     _, pivot, rank, _ = lapack.dpstrf(unit, tol=SINGULAR, lower=1)
     seen = np.zeros(len(gram), bool)
     seen[at[pivot[:rank] - 1]] = True
@@ -414,7 +473,7 @@ def fit_rows(
         moved = np.sqrt(np.mean((load - before) ** 2, axis=0)) + np.abs(
             model.alpha(found.values) - (0.0 if alpha is None else alpha)
         ) * np.sqrt(np.mean(load**2, axis=0))
-        alpha, sd = model.alpha(found.values), found.sd
+        alpha, sd, rounds = model.alpha(found.values), found.sd, min(rounds, 1)
         converged = step > 1 and bool(np.all(moved <= SETTLED * np.maximum(rows.size, 1e-12)))
         if converged:
             break
