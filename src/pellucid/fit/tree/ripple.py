@@ -9,9 +9,9 @@ somewhere with probability
 .. math::
    p = 1 - (1 - e^{-x})^m .
 
-What is left of a rigid body's or a friction's misfit fills neighbouring orders alike and is no line. A line below 1 % is
-then fitted, sine and cosine in one regression with everything else, and kept where it also predicts segments left out
-better, by the test that friction terms pass.
+What is left of a rigid body's or a friction's misfit fills neighbouring orders alike and is no line. A line below 1 %
+is then fitted, sine and cosine in one regression with everything else, and kept where it also predicts segments left
+out better, by the test that friction terms pass.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ NEIGHBOURS = 30  # independent orders, half on either side, that a line is held 
 
 @dataclass(frozen=True)
 class Line:
-    """A line of a motor's residual over its angle: its order, how many times the mean of its neighbours, its p value."""
+    """A line of a motor's residual over its angle: its order, how many times the mean of its neighbours, its p."""
 
     motor: int
     order: float
@@ -55,8 +55,8 @@ class Line:
 
 
 def strongest_line(motor: int, angle: np.ndarray, speed: np.ndarray, residual: np.ndarray, rate: float) -> Line | None:
-    """Of a `residual` (n,) over an `angle` (n,) that moves at `speed` (n,), rows at `rate` [Hz]; None where no order can
-    be seen."""
+    """Of a `residual` (n,) over an `angle` (n,) that moves at `speed` (n,), rows at `rate` [Hz]; None where no order
+    can be seen."""
     low, high = float(angle.min()), float(angle.max())
     turns = (high - low) / (2.0 * np.pi)
     if turns <= 0.0 or not np.isfinite(rate):
@@ -131,5 +131,3 @@ def chosen_ripples(at: Linearised, found: TreeSolution, rate: float) -> tuple[tu
             kept.append(Ripple(line.motor, line.order, 0.0, 0.0))
             best = losses
     return tuple(kept), lines
-
-

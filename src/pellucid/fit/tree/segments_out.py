@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from ..._errors import IdentificationError
+from ...signals.tree_motion import TreeMotion
+from .tree_estimate import TreeEstimate
 from .tree_regression import TreeModel, TreeRows, TreeSolution, linearised, loads_of
 
 Fit = Callable[[TreeRows], tuple[TreeModel, TreeSolution]]
@@ -69,3 +71,16 @@ def segments_out(rows: TreeRows, fit: Fit) -> SegmentsOut:
         each.append(errors_of(residuals, rows.size))
     errors = 100.0 * np.sqrt(squares / np.maximum(counts, 1)) / rows.size
     return SegmentsOut(errors, np.array(each), tuple(models), tuple(values))
+
+
+def heldout_errors(estimate: TreeEstimate, motions: Sequence[TreeMotion]) -> np.ndarray:
+    """Of recordings that took no part, together: RMS of what an estimate misses over the RMS effort, over rows that
+    count, (m,) [%]."""
+    off = np.concatenate([m.effort - estimate.effort(m) for m in motions])
+    effort, moving = (np.concatenate([getattr(m, name) for m in motions]) for name in ("effort", "moving"))
+    count = moving.sum(axis=0)
+    if not count.all():
+        still = estimate.robot.names[int(np.argmin(count))]
+        names = ", ".join(sorted({m.recording for m in motions}))
+        raise IdentificationError(f"joint {still!r} never moves in {names}: expected motion to judge by")
+    return 100.0 * np.sqrt(np.sum(moving * off**2, axis=0) / np.sum(moving * effort**2, axis=0))

@@ -1,8 +1,8 @@
 r"""How sure the numbers of a robot are: residuals remember, joints are disturbed together, and the fit bends to both.
 
-The textbook counts every row of every joint as news. Here rows are cut into blocks of ten correlation times of the
-joint that remembers longest, all joints of a block together; blocks are as good as independent of each other, rows
-within one are not [1]_. With W_b the weighted rows of block b, H_b its part of the projection, and r_b its residuals,
+The textbook counts every row of every joint as news. Here rows are cut into blocks of ten correlation times, the mean
+of the joints', all joints of a block together; blocks are as good as independent of each other, rows within one are not
+[1]_. With W_b the weighted rows of block b, H_b its part of the projection, and r_b its residuals,
 
 .. math::
    C = k^2 B \Big(\sum_b W_b^T (I - H_b)^{-1/2} r_b\, r_b^T (I - H_b)^{-1/2} W_b\Big) B,
@@ -73,7 +73,7 @@ def tree_uncertainty(at: Linearised, found: TreeSolution) -> TreeUncertainty:
     place_of[free] = np.arange(len(free))
     residuals = at.residuals(found.values)
     memory = memories(rows, residuals)
-    block = blocks_of(rows, float(memory.max()))
+    block = blocks_of(rows, float(memory.mean()))
     parts, gram = [], np.zeros((len(free), len(free)))
     for j, (place, x, r) in enumerate(zip(at.places, at.columns, residuals, strict=True)):
         known = place_of[place] >= 0
