@@ -2,8 +2,8 @@ r"""Other ways to the same numbers: ordinary and robust least squares, and instr
 
 Ordinary least squares lets the strongest joint drown the weakest. Weighted least squares, the house's choice, gives
 each joint the weight of its residual. Robust least squares lowers, within each joint, what lies beyond Huber's 1.345
-robust deviations. All three take the recorded motion for exact. Where it is not, columns carry noise, and estimates shrink;
-instruments Z that follow the motion but not its noise do not,
+robust deviations. All three take the recorded motion for exact. Where it is not, columns carry noise, and estimates
+shrink; instruments Z that follow the motion but not its noise do not,
 
 .. math::
    \beta \leftarrow \beta + \Big(\sum_j w_j Z_j^T W_j\Big)^{-1} \sum_j w_j Z_j^T \rho_j .
