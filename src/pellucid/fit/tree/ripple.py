@@ -21,8 +21,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..block_test import LEVEL, p_of_signs
+from ..block_test import p_of_signs
 from .tree_estimate import Ripple
+from .tree_families import RARE
 from .tree_regression import (
     Linearised,
     TreeSolution,
@@ -32,7 +33,7 @@ from .tree_regression import (
     normal_equations,
 )
 
-RARE = 0.01
+LINE = 0.01
 """p of a line that is worth a fit."""
 FEWEST_PERIODS = 4.0
 """Within the range that an angle travels: slower lines are what bodies and gravity make."""
@@ -122,12 +123,12 @@ def chosen_ripples(at: Linearised, found: TreeSolution, rate: float) -> tuple[tu
     kept: list[Ripple] = []
     best = left_out_losses(normal_equations(at), found.sd)
     for line in sorted(lines, key=lambda x: x.p_value):
-        if line.p_value >= RARE:
+        if line.p_value >= LINE:
             continue
         tried = replace(model, ripples=(*model.ripples, *kept, Ripple(line.motor, line.order, 0.0, 0.0)))
         equations = normal_equations(linearised(tried, rows, load, model.alpha(found.values)))
         losses = left_out_losses(equations, found.sd)
-        if p_of_signs(best - losses) < LEVEL:
+        if p_of_signs(best - losses) < RARE:
             kept.append(Ripple(line.motor, line.order, 0.0, 0.0))
             best = losses
     return tuple(kept), lines

@@ -3,7 +3,7 @@ r"""Which friction terms each joint needs, as its own recording tells: chosen fo
 From plain friction on, every term that some joint lacks is tried: each segment is predicted by a fit to the others, and
 what a term saves, :math:`D_s = \sum_j (e_{js}^2 - e'^2_{js})/\sigma_j^2` of segment s, is compared over segments. Were
 the term worthless each D_s might as well have the other sign; a term stays in question while the share of signs that
-total no less is below 5 % (`block_test.LEVEL`). Of these the one that saves most is taken, and the search goes on. A
+total no less is below `RARE`. Of these the one that saves most is taken, and the search goes on. A
 term whose coefficient would be unphysical is none. Nothing of a segment that judges an estimate takes part: a choice is
 made anew within whatever rows are given.
 
@@ -19,7 +19,7 @@ from functools import cached_property
 
 import numpy as np
 
-from ..block_test import LEVEL, p_of_signs
+from ..block_test import p_of_signs
 from .friction_terms import NUMBERS, RICHER, RICHER_SHARED, TERMS, plain_families
 from .tree_regression import (
     NormalEquations,
@@ -35,6 +35,9 @@ from .tree_regression import (
     weighed,
 )
 
+RARE = 0.157
+"""The level at which Akaike's criterion takes one more number. On 17 drawn robots of four joints it errs 2 % less on
+segments left out than 5 % does; on ten of them it finds 32 of 53 terms instead of 21, and invents 10 instead of 2."""
 STRIBECK_SPEEDS = (0.25, 0.125, 0.0625, 0.03125)
 """Tried, of the largest speed of a joint; above a quarter the whole curve would bend."""
 FEWEST_SEGMENTS = 5
@@ -100,7 +103,7 @@ def chosen_families(rows: TreeRows, terms: Sequence[str] = RICHER + RICHER_SHARE
         worth = []
         for place, each, fine in zip(at, saved.T, physical, strict=True):
             p = p_of_signs(each)
-            if fine and p < LEVEL:
+            if fine and p < RARE:
                 worth.append((float(each.sum()), p, int(place)))
         if not worth:
             break

@@ -276,9 +276,17 @@ class NormalEquations:
         """Over all segments, as if they were one."""
         return NormalEquations(*(x.sum(axis=0, keepdims=True) for x in self._all))
 
+    def minus(self, other: NormalEquations) -> NormalEquations:
+        """What is left of a sum without one of its parts."""
+        return NormalEquations(*(x - y for x, y in zip(self._all, other._all, strict=True)))
+
     def of_segments(self, numbers: np.ndarray) -> NormalEquations:
         """Of some segments alone."""
         return NormalEquations(*(x[numbers] for x in self._all))
+
+    def segment(self, number: int) -> NormalEquations:
+        """Of one segment alone."""
+        return self.of_segments(np.array([number]))
 
     def of(self, places: np.ndarray) -> NormalEquations:
         """For some of the parameters alone."""
