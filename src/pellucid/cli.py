@@ -10,7 +10,7 @@ import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -324,17 +324,32 @@ def export(
 
 @app.command()
 def protocol(
-    name: Annotated[str, typer.Argument(metavar="NAME", help="Of the motion: random_phase_multisine, reversals.")],
+    name: Annotated[
+        str,
+        typer.Argument(
+            metavar="NAME",
+            help="Of the motion: random_phase_multisine, reversals; of all joints: optimised_fourier, step_by_step.",
+        ),
+    ],
     folder: Annotated[Path, typer.Argument(metavar="DIR", help="Folder for its files.")],
     rate: Annotated[float, typer.Option(metavar="HZ", help="At which the controller takes references.")],
     low: Annotated[float | None, typer.Option(metavar="HZ", help="Where the multisine's band begins.")] = None,
     high: Annotated[float | None, typer.Option(metavar="HZ", help="Where its band ends.")] = None,
     resolution: Annotated[float | None, typer.Option(metavar="HZ", help="One over its period.")] = None,
+    study: Annotated[Path | None, typer.Option(metavar="STUDY", help="Whose joints move, within their limits.")] = None,
+    criterion: Annotated[str, typer.Option(metavar="D|A", help="What an optimised motion is to lessen.")] = "D",
+    harmonics: Annotated[int, typer.Option(metavar="N", min=2, help="Of an optimised motion.")] = 5,
+    acceleration: Annotated[
+        float | None, typer.Option(metavar="SIZE", min=0, help="Limit of every joint of a study, SI.")
+    ] = None,
+    radius: Annotated[float, typer.Option(metavar="M", min=0, help="Of links, not to touch; 0: they cannot.")] = 0.05,
     rms: Annotated[float | None, typer.Option(metavar="SIZE", help="RMS excursion, in --unit.")] = None,
     peak: Annotated[float | None, typer.Option(metavar="SIZE", help="Largest excursion; lowers the RMS.")] = None,
     centre: Annotated[float, typer.Option(metavar="PLACE", help="About which it moves.")] = 0.0,
     lines: Annotated[str, typer.Option(metavar="KIND", help="odd_random, odd or full.")] = "odd_random",
-    realisations: Annotated[int, typer.Option(metavar="N", help="Files, with phases of their own.")] = 7,
+    realisations: Annotated[
+        int | None, typer.Option(metavar="N", help="Files, with phases of their own; 7, of several joints 1.")
+    ] = None,
     periods: Annotated[int, typer.Option(metavar="N", help="Periods to be measured in each.")] = 4,
     settle: Annotated[int, typer.Option(metavar="N", help="Periods before, to ease in.")] = 1,
     fall: Annotated[float, typer.Option(metavar="POWER", help="Of frequency, by which amplitudes fall.")] = 0.0,
@@ -347,6 +362,14 @@ def protocol(
     seed: Annotated[int, typer.Option(metavar="N", min=0, help="Of lines left out and phases.")] = 1,
 ) -> None:
     """Write a motion that shows what usual ones hide."""
+    if study is not None or name in ("optimised_fourier", "step_by_step"):
+        _tree_protocol(
+            name, study, folder, rate=rate, resolution=resolution, harmonics=harmonics, criterion=criterion,
+            periods=periods, realisations=1 if realisations is None else realisations, acceleration=acceleration,
+            radius=radius, seed=seed,
+        )  # fmt: skip
+        return
+    realisations = 7 if realisations is None else realisations
     from .protocols.protocol import protocol as run
 
     motion, files = run(
@@ -370,6 +393,31 @@ def protocol(
         f'In study.toml: protocol = "{name}" on each recording, and period = "{motion.period:g} s" in '
         "[transfer_function].",
     )
+
+
+def _tree_protocol(name: str, study: Path | None, folder: Path, **asked: Any) -> None:
+    """Write a motion of all joints of a study's robot, and say what it shows."""
+    from .procedures.tree_excitation import tree_protocol
+
+    if study is None:
+        raise PellucidError(f"{name}: found no --study, expected one with [tree] and limits of each joint")
+    made = tree_protocol(name, _opened(study, None, False), folder, **asked)
+    out = _console()
+    limits = made.limits
+    held = ["position", "velocity", "acceleration"]
+    held += ["effort"] if limits.effort_of is not None else []
+    held += [f"{1e3 * limits.clearance:.0f} mm between links"] if limits.distance is not None else []
+    files, joints = _count(len(made.files), "file"), len(limits.names)
+    _say(out, f"{folder}: {files} of {made.duration:.0f} s, {joints} joints, within limits of {', '.join(held)}.")
+    if made.gain is not None:
+        _say(
+            out,
+            f"Intervals of its {made.parameters} parameters are to be {made.gain:.1f} times smaller than those of a "
+            "random motion of that length.",
+        )
+    for said in getattr(made.made, "left_out", ()):
+        _say(out, f"Left out: {said}.")
+    _say(out, f'In study.toml: protocol = "{name}" on each recording.')
 
 
 @app.command()

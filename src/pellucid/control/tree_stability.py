@@ -25,6 +25,7 @@ from itertools import pairwise
 
 import numpy as np
 
+from .. import _core
 from .._errors import PellucidError
 from .coupling import friction_slope
 from .stability import LinearSystem, crossings, radius
@@ -361,6 +362,103 @@ def _refined(fails: Callable[[float], bool], guess: float, most: float, step: fl
         middle = 0.5 * (low + high)
         low, high = (low, middle) if fails(middle) else (middle, high)
     return float(low)
+
+
+def gravity_slope(tree: _core.KinematicTree, posture: np.ndarray) -> np.ndarray:
+    """How the effort that holds a robot changes with each joint, (m, m). `posture` (m,) [rad; m]."""
+    apart = 1e-5
+    steps = posture + apart * np.concatenate([np.eye(len(posture)), -np.eye(len(posture))])
+    held = tree.gravity(np.ascontiguousarray(steps))
+    m = len(posture)
+    slope = (held[:m] - held[m:]).T / (2.0 * apart)
+    return 0.5 * (slope + slope.T)  # a potential's second derivative is symmetric
+
+
+def at_joints(
+    tree: _core.KinematicTree, posture: np.ndarray, cuffs: Sequence[tuple[int, Sequence[float], Sequence[float]]]
+) -> np.ndarray:
+    """What cuffs' springs, or dampers, are at the joints, (m, m): J' K J summed. `cuffs`: link from 0, point of it [m],
+    three of translation and three of rotation in the base's axes [N/m; N m/rad]."""
+    made = np.zeros((len(posture), len(posture)))
+    for link, point, stiffness in cuffs:
+        jacobian = tree.jacobian(np.asarray(posture, float)[None, :], link, np.asarray(point, float))[0]
+        made += jacobian.T @ np.diag(np.asarray(stiffness, float)) @ jacobian
+    return made
+
+
+@dataclass(frozen=True, eq=False)
+class LinearShares:
+    """What a compensation of n joints does near a posture, its limits and gate aside; (m,) each or one for all.
+
+    The filters are those of `include/pellucid/motion_estimator.hpp` and `torque_feedback.hpp`.
+    """
+
+    gravity: np.ndarray | float = 1.0
+    friction: np.ndarray | float = 0.8
+    inertia: np.ndarray | float = 0.0
+    friction_lead: np.ndarray | float = 0.0  # s
+    bandwidth: np.ndarray | float = 100.0  # of the motion's estimator [rad/s]
+    proportional: np.ndarray | float = 0.0  # on the interaction
+    integral: np.ndarray | float = 0.0  # 1/s
+    leak: np.ndarray | float = 0.0  # 1/s
+    lowpass: np.ndarray | float = 100.0  # rad/s
+    drift: np.ndarray | float = 0.0  # rad/s
+
+
+def linear_law(
+    coupling: TreeCoupling, shares: LinearShares, period: float, *, width: np.ndarray | float, speed: float = 1.0
+) -> LinearSystem:
+    """Such a compensation built from what is known of `coupling`'s robot: from encoders, drives and cuffs, (3 m), to
+    efforts wanted. `period` [s]; `width` (m,) of friction's smooth sign, `speed` [rad/s]."""
+    m = coupling.joints
+    n = {name: np.broadcast_to(np.asarray(value, float), m) for name, value in vars(shares).items()}
+    width = np.broadcast_to(np.asarray(width, float), m)
+    drag = n["friction"] * (
+        coupling.viscous + [friction_slope(speed, f, w) for f, w in zip(coupling.coulomb, width, strict=True)]
+    )
+    sensed = (n["proportional"] > 0.0).any() or (n["integral"] > 0.0).any()
+    a, b = np.zeros((6 * m, 6 * m)), np.zeros((6 * m, 3 * m))
+    for k in range(m):
+        gains = _estimator_gains(float(n["bandwidth"][k]), period)
+        foresees = np.array([[1.0, period, 0.5 * period**2], [0.0, 1.0, period], [0.0, 0.0, 1.0]])
+        here = [k, m + k, 2 * m + k]
+        a[np.ix_(here, here)] = foresees - np.outer(gains, foresees[0])
+        b[here, k] = gains
+        smooth, slow = 1.0 - np.exp(-n["lowpass"][k] * period), 1.0 - np.exp(-n["drift"][k] * period)
+        s, d, i = 3 * m + k, 4 * m + k, 5 * m + k
+        a[s, s], b[s, 2 * m + k] = 1.0 - smooth, smooth
+        a[d], b[d] = slow * a[s], slow * b[s]
+        a[d, d] += 1.0 - slow
+        a[i], b[i] = n["integral"][k] * period * (a[s] - a[d]), n["integral"][k] * period * (b[s] - b[d])
+        a[i, i] += np.exp(-n["leak"][k] * period)
+    out = np.hstack([
+        n["gravity"][:, None] * coupling.slope,
+        np.diag(drag),
+        np.diag(drag * n["friction_lead"]) + n["inertia"][:, None] * coupling.mass,
+        np.diag(n["proportional"]), -np.diag(n["proportional"]), np.eye(m),
+    ])  # fmt: skip
+    # The law answers with what it has just learnt; a state that nothing uses would stand on the unit circle.
+    used = [*range(3 * m)]
+    for k in range(m):
+        if n["proportional"][k] > 0.0 or n["integral"][k] > 0.0:
+            used += [3 * m + k]
+            used += [4 * m + k] if n["drift"][k] > 0.0 else []
+            used += [5 * m + k] if n["integral"][k] > 0.0 else []
+    inputs = 3 * m if sensed else m
+    a, b = a[np.ix_(used, used)], b[used, :inputs]
+    out = out[:, used]
+    return LinearSystem(a, b, out @ a, out @ b)
+
+
+def _estimator_gains(bandwidth: float, period: float) -> np.ndarray:
+    """On the innovation of position, velocity and acceleration: a Butterworth filter's poles, sampled, (3,)."""
+    turn = bandwidth * period
+    real, radius_ = np.exp(-turn), np.exp(-0.5 * turn)
+    pair = 2.0 * radius_ * np.cos(np.sqrt(0.75) * turn)
+    s1, s2, s3 = real + pair, real * pair + radius_**2, real * radius_**2
+    first = 1.0 - s3
+    third = 2.0 * (s2 - s1 + first)
+    return np.array([first, (3.0 - s1 - first - 0.25 * third) / period, 0.5 * third / period**2])
 
 
 @dataclass(frozen=True)

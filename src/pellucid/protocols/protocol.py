@@ -56,17 +56,21 @@ def protocol(
         raise PellucidError(f"{name}: found no {', '.join(missing)}, expected {', '.join(NEEDED[name])}")
     if name == REVERSALS:
         path = reversals(duration, rate, smallest=smallest, largest=largest, frequency=frequency, centres=around)
-        return path, [_written(Path(folder) / f"{name}.csv", rate, path, unit)]
+        return path, [write_references(Path(folder) / f"{name}.csv", rate, {"reference": (path, unit)})]
     motion = random_phase_multisine(
         rate, low=low, high=high, resolution=resolution, rms=rms, peak=peak, lines=lines, realisations=realisations,
         periods=periods, settle=settle, fall=fall, seed=seed,
     )  # fmt: skip
     made = []
     for m in range(motion.realisations):
-        made.append(_written(Path(folder) / f"{name}_{m + 1}.csv", rate, motion.reference(m, centre), unit))
+        columns = {"reference": (motion.reference(m, centre), unit)}
+        made.append(write_references(Path(folder) / f"{name}_{m + 1}.csv", rate, columns))
     return motion, made
 
 
-def _written(path: Path, rate: float, reference: np.ndarray, unit: str) -> Path:
-    rows = "".join(f"{i / rate:.6f},{x:.9g}\n" for i, x in enumerate(reference.tolist()))
-    return write_text_atomically(path, f"# units: time [s], reference [{unit}]\ntime,reference\n{rows}")
+def write_references(path: Path, rate: float, columns: Mapping[str, tuple[np.ndarray, str]]) -> Path:
+    """Write references (n,) with their units, by name, as CSV behind a column of time. `rate` [Hz]."""
+    units = ", ".join(f"{name} [{unit}]" for name, (_, unit) in columns.items())
+    samples = np.stack([values for values, _ in columns.values()], axis=1)
+    rows = "".join(f"{i / rate:.6f},{','.join(f'{x:.9g}' for x in row)}\n" for i, row in enumerate(samples.tolist()))
+    return write_text_atomically(path, f"# units: time [s], {units}\ntime,{','.join(columns)}\n{rows}")

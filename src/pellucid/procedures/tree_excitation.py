@@ -1,0 +1,186 @@
+"""What a robot of several joints should be asked to do to be identified, within what its study says it may do."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from .._errors import PellucidError, StudyError
+from ..fit.tree.base_parameters import base_parameters
+from ..models.robot import Robot
+from ..protocols.capsules import Capsules, along_links
+from ..protocols.protocol import write_references
+from ..protocols.step_by_step import StepByStep, step_by_step
+from ..protocols.tree_fourier import Excitation, Information, optimised_tree_fourier
+from ..protocols.tree_limits import TreeLimits
+
+if TYPE_CHECKING:
+    from ..recordings.study import Study
+
+OPTIMISED, STEPWISE = "optimised_fourier", "step_by_step"
+MOTIONS = (OPTIMISED, STEPWISE)
+"""What `pellucid protocol` calls motions of several joints, and study.toml the `protocol` of a recording."""
+
+AT_REST = 0.05  # of a joint's velocity limit: slower, it counts as at rest
+SOON = 0.5  # s; in which a joint reaches its velocity limit, where nobody says how fast it may
+UNKNOWN = 0.5  # of the effort limit, left to friction and to what a stated body does not say
+
+
+def tree_information(robot: Robot, limits: TreeLimits) -> Information:
+    """Of base parameters, and of each joint's viscous and dry friction and offset: rows at rest tell nothing of what
+    moves, and efforts count in shares of what the drive gives."""
+    m, links = len(robot.names), len(robot.tree.order)
+    bodies, own = 10 * links, 4 * m
+    # Of all columns of the core: bodies, then rotor, speed, sign and one of each joint, then what motors share.
+    chosen = [
+        i if i < bodies else bodies + 4 * (i - bodies) if i < bodies + m else i + own - m
+        for i in base_parameters(robot).chosen
+    ]
+    chosen += [bodies + 4 * k + j for k in range(m) for j in (1, 2, 3)]
+    band = AT_REST * limits.velocity
+    size = np.ones(m) if limits.effort is None else np.where(np.isfinite(limits.effort), limits.effort, 1.0)
+    turns = robot.turns_array[list(robot.shared)]
+
+    def information(position: np.ndarray, velocity: np.ndarray, acceleration: np.ndarray) -> np.ndarray:
+        q, v, a = (np.ascontiguousarray(x, float) for x in (position, velocity, acceleration))
+        normal, _, _ = robot.tree.core.normal_equations(
+            q, v, a, np.zeros_like(q),
+            # Smooth where a row begins to count: a search follows slopes.
+            weight=np.square(np.tanh((v / band) ** 2) / size),
+            own=np.stack([a, v, np.tanh(v / band), np.ones_like(v)], axis=2),
+            shared=(a @ turns.T)[:, None, :] * turns.T if robot.shared else None,
+        )  # fmt: skip
+        return normal[np.ix_(chosen, chosen)]
+
+    return information
+
+
+def limits_of(
+    study: Study, robot: Robot, *, acceleration: float | None = None, radius: float = 0.05, clearance: float = 0.02
+) -> TreeLimits:
+    """What study.toml says that a robot may do, ``[rig.limits]`` of each joint.
+
+    `acceleration` [rad/s^2; m/s^2], of every joint, half a second to the velocity limit if not given; `radius` of links
+    and `clearance` between them [m], a radius of 0 for an arm that cannot meet itself.
+    """
+    said = {joint.joint: joint.limits for joint in study.rig.joints}
+    for name in robot.names:
+        missing = [key for key in ("position_min", "position_max", "velocity") if getattr(said[name], key) is None]
+        if missing:
+            raise StudyError(
+                f"study.toml: [[rig.joints]] {name}: limits: found no {', '.join(missing)}, expected what a motion "
+                'must keep to, such as limits = { position_min = "-90 deg", position_max = "90 deg", '
+                'velocity = "2 rad/s" }'
+            )
+    low, high, velocity = (
+        np.array([getattr(said[name], key) for name in robot.names])
+        for key in ("position_min", "position_max", "velocity")
+    )
+    effort = np.array([np.inf if said[name].effort is None else said[name].effort for name in robot.names])
+    bodies = any(link.mass > 0.0 for link in robot.tree.links)
+    bound = {}
+    if bodies and np.isfinite(effort).any():
+        core = robot.tree.core
+
+        def needed(q: np.ndarray, v: np.ndarray, a: np.ndarray) -> np.ndarray:
+            return core.inverse_dynamics(*(np.ascontiguousarray(x, float) for x in (q, v, a)))
+
+        bound = {"effort": (1.0 - UNKNOWN) * effort, "effort_of": needed}
+    shape = shape_of(robot, radius) if radius > 0.0 else None
+    if shape is not None and shape.pairs:
+        core_of = robot.tree.core
+        bound["distance"] = lambda q: shape.distance(core_of.placements(np.ascontiguousarray(q, float)))
+    change = velocity / SOON if acceleration is None else np.full(len(velocity), acceleration)
+    return TreeLimits(robot.names, low, high, velocity, change, clearance=clearance, **bound)
+
+
+def shape_of(robot: Robot, radius: float) -> Capsules:
+    """Capsules along the links, from joint to joint; the last ones to twice their centre of mass. `radius` [m]."""
+    order = robot.tree.order
+    number = {joint.child: i for i, joint in enumerate(order)}
+    bodies = {link.name: link for link in robot.tree.links}
+    tips = np.array([
+        2.0 * np.array(bodies[j.child].moment) / bodies[j.child].mass if bodies[j.child].mass > 0.0 else np.zeros(3)
+        for j in order
+    ])  # fmt: skip
+    parents = [number.get(joint.parent, -1) for joint in order]
+    return along_links(parents, np.array([joint.place for joint in order], float), tips, radius)
+
+
+@dataclass(frozen=True, eq=False)
+class TreeProtocol:
+    """Motions written for a robot, and what was asked of them."""
+
+    files: tuple[Path, ...]
+    limits: TreeLimits
+    duration: float  # s
+    made: Excitation | StepByStep
+    parameters: int  # that the motion is to show
+
+    @property
+    def gain(self) -> float | None:
+        """By how much intervals are smaller than those of a random motion within the same limits, the median of those
+        drawn, in the mean over parameters [1]; None of a motion that is not optimised."""
+        if not isinstance(self.made, Excitation):
+            return None
+        return float(np.exp((np.median(self.made.drawn) - self.made.cost) / (2.0 * self.parameters)))
+
+
+def tree_protocol(
+    name: str,
+    study: Study,
+    folder: str | os.PathLike,
+    *,
+    rate: float,
+    resolution: float | None = None,
+    harmonics: int = 5,
+    criterion: str = "D",
+    periods: int = 4,
+    realisations: int = 1,
+    acceleration: float | None = None,
+    radius: float = 0.05,
+    clearance: float = 0.02,
+    posture: Sequence[float] = (),
+    seed: int = 1,
+) -> TreeProtocol:
+    """Write a motion of all joints of a study's robot to a `folder`, CSV of time and of a reference for each joint.
+
+    `rate` [Hz]; `resolution` one over an optimised motion's period [Hz], 0.1 if not given; `posture` (m,) about which
+    joints are isolated [rad; m].
+    """
+    from .tree.recorded_tree import robot_of
+
+    if name not in MOTIONS:
+        raise PellucidError(f"unknown motion {name!r}; known: {', '.join(MOTIONS)}")
+    robot = robot_of(study)
+    limits = limits_of(study, robot, acceleration=acceleration, radius=radius, clearance=clearance)
+    units = [unit for unit, _ in robot.units]
+    information = tree_information(robot, limits)
+    parameters = len(base_parameters(robot).names) + 3 * len(robot.names)
+    if name == STEPWISE:
+        steps = step_by_step(limits, rate, posture=posture or None)
+        columns = _columns(robot, steps.position, units)
+        file = write_references(Path(folder) / f"{STEPWISE}.csv", rate, columns)
+        return TreeProtocol((file,), limits, steps.duration, steps, parameters)
+    made, files = None, []
+    for i in range(realisations):
+        one = optimised_tree_fourier(
+            information, limits, np.random.default_rng([seed, i]), fundamental=resolution or 0.1, harmonics=harmonics,
+            criterion=criterion,
+        )  # fmt: skip
+        made = one if made is None or one.cost < made.cost else made
+        time = np.arange(round(periods * one.series.period * rate) + 1) / rate
+        columns = _columns(robot, one.series.motion(time)[0], units)
+        files.append(write_references(Path(folder) / f"{OPTIMISED}_{i + 1}.csv", rate, columns))
+    if made is None:
+        raise PellucidError(f"realisations: found {realisations}, expected at least 1")
+    return TreeProtocol(tuple(files), limits, periods * made.series.period, made, parameters)
+
+
+def _columns(robot: Robot, position: np.ndarray, units: Sequence[str]) -> Mapping[str, tuple[np.ndarray, str]]:
+    return {name: (position[:, k], units[k]) for k, name in enumerate(robot.names)}
