@@ -3,8 +3,10 @@
 import numpy as np
 import pytest
 
+import pellucid
 from pellucid._errors import PellucidError
 from pellucid.models.kinematic_tree import Link, Tree, TreeJoint
+from pellucid.procedures.tree_excitation import tree_protocol
 from pellucid.protocols.capsules import BASE, Capsule, Capsules, along_links, segment_distance
 from pellucid.protocols.step_by_step import step_by_step
 from pellucid.protocols.tree_fourier import information_cost, optimised_tree_fourier, random_tree_fourier
@@ -160,3 +162,66 @@ def test_step_by_step_isolates_joints_then_couples_pairs_within_all_limits(limit
 def test_step_by_step_refuses_a_posture_beyond_a_limit_by_name(limits):
     with pytest.raises(PellucidError, match=r"joint 'j1': place 0\.9"):
         step_by_step(limits, 100.0, posture=[0.0, 0.9, 0.0])
+
+
+STUDY = """
+name = "pair"
+[tree]
+[processing]
+lowpass = "10 Hz"
+[channels]
+time = { column = "t", unit = "s" }
+"""
+JOINT = """
+position.{name} = {{ column = "{name}", unit = "rad" }}
+torque.{name} = {{ column = "{name}_torque", unit = "N*m" }}
+"""
+RIG = """
+[[rig.joints]]
+name = "{name}"
+motion = "rotary"
+place = ["0 m", "0 m", "{down} m"]
+axis = [{axis}]
+[rig.joints.body]
+mass = "1 kg"
+centre = ["0.01 m", "0.02 m", "-0.15 m"]
+inertia = ["0.01 kg*m^2", "0 kg*m^2", "0 kg*m^2", "0.01 kg*m^2", "0 kg*m^2", "0.002 kg*m^2"]
+[rig.joints.drive]
+kind = "torque"
+[rig.joints.limits]
+position_min = "-1 rad"
+position_max = "1 rad"
+velocity = "2 rad/s"
+{more}
+"""
+
+
+@pytest.fixture
+def pair(tmp_path):
+    """A study of two joints, nothing recorded yet."""
+    channels = JOINT.format(name="shoulder") + JOINT.format(name="elbow")
+    joints = RIG.format(name="shoulder", down=0, axis="0, 1, 0", more='effort = "20 N*m"')
+    joints += RIG.format(name="elbow", down=-0.3, axis="1, 0, 0", more='effort = "10 N*m"')
+    entry = '[[recordings]]\nname = "first"\nfile = "first.csv"\nuse = "fit"\n'
+    (tmp_path / "study.toml").write_text(STUDY + channels + joints + entry, encoding="utf-8")
+    return tmp_path
+
+
+def test_a_study_s_robot_is_asked_for_a_motion_of_all_its_joints(pair, tmp_path):
+    study = pellucid.open(pair)
+    made = tree_protocol("optimised_fourier", study, tmp_path / "out", rate=50.0, harmonics=2, periods=2, seed=4)
+    assert made.files[0].read_text(encoding="utf-8").splitlines()[1] == "time,shoulder,elbow"
+    table = np.loadtxt(made.files[0], delimiter=",", skiprows=2)
+    assert table.shape == (1001, 3)
+    assert (np.abs(table[:, 1:]) < 1.0).all()
+    np.testing.assert_allclose(table[0, 1:], table[-1, 1:], atol=1e-7)
+    assert made.gain > 1.0
+    steps = tree_protocol("step_by_step", study, tmp_path / "out", rate=50.0)
+    assert np.loadtxt(steps.files[0], delimiter=",", skiprows=2).shape[1] == 3
+
+
+def test_a_joint_without_limits_is_named(pair):
+    file = pair / "study.toml"
+    file.write_text(file.read_text(encoding="utf-8").replace('velocity = "2 rad/s"\n', "", 1), encoding="utf-8")
+    with pytest.raises(PellucidError, match="shoulder: limits: found no velocity"):
+        tree_protocol("step_by_step", pellucid.open(pair), pair / "out", rate=50.0)

@@ -91,7 +91,7 @@ def limits_of(
             return core.inverse_dynamics(*(np.ascontiguousarray(x, float) for x in (q, v, a)))
 
         bound = {"effort": (1.0 - UNKNOWN) * effort, "effort_of": needed}
-    shape = shape_of(robot, radius) if radius > 0.0 else None
+    shape = shape_of(robot, radius, clearance) if radius > 0.0 else None
     if shape is not None and shape.pairs:
         core_of = robot.tree.core
         bound["distance"] = lambda q: shape.distance(core_of.placements(np.ascontiguousarray(q, float)))
@@ -99,8 +99,9 @@ def limits_of(
     return TreeLimits(robot.names, low, high, velocity, change, clearance=clearance, **bound)
 
 
-def shape_of(robot: Robot, radius: float) -> Capsules:
-    """Capsules along the links, from joint to joint; the last ones to twice their centre of mass. `radius` [m]."""
+def shape_of(robot: Robot, radius: float, clearance: float = 0.0) -> Capsules:
+    """Capsules along the links, from joint to joint; the last ones to twice their centre of mass. `radius` and
+    `clearance` [m]."""
     order = robot.tree.order
     number = {joint.child: i for i, joint in enumerate(order)}
     bodies = {link.name: link for link in robot.tree.links}
@@ -109,7 +110,7 @@ def shape_of(robot: Robot, radius: float) -> Capsules:
         for j in order
     ])  # fmt: skip
     parents = [number.get(joint.parent, -1) for joint in order]
-    return along_links(parents, np.array([joint.place for joint in order], float), tips, radius)
+    return along_links(parents, np.array([joint.place for joint in order], float), tips, radius, clearance)
 
 
 @dataclass(frozen=True, eq=False)

@@ -84,12 +84,16 @@ def segment_distance(p0: np.ndarray, p1: np.ndarray, q0: np.ndarray, q1: np.ndar
 
 
 def along_links(
-    parents: Sequence[int], places: np.ndarray, tips: np.ndarray, radius: float | Sequence[float]
+    parents: Sequence[int],
+    places: np.ndarray,
+    tips: np.ndarray,
+    radius: float | Sequence[float],
+    clearance: float = 0.0,
 ) -> Capsules:
     """A capsule from each joint to each that hangs on its link, and to the tip of a link on which none hangs.
 
-    Two that could not part whatever the joints do, as the way between them along the arm is shorter than both radii,
-    are not compared.
+    Two that could not part further than a `clearance` [m] whatever the joints do, as the way between them along the arm
+    is no longer than that and both radii, are not compared.
 
     `parents` (l,), BASE where a link hangs on what does not move; `places` (l, 3) of each link's frame in its parent's
     [m]; `tips` (l, 3) in the link's own [m]; `radius` [m], one or (l,).
@@ -107,10 +111,10 @@ def along_links(
             for end in ends
             if np.linalg.norm(end) > _SHORT or (link != BASE and not any(p.link == link for p in parts))
         ]
-    pairs = []
+    pairs, apart = [], clearance + 1e-9
     for one, other in combinations(range(len(parts)), 2):
         first, second = parts[one], parts[other]
-        if first.link != second.link and _way(first, second, parents, places) > first.radius + second.radius:
+        if first.link != second.link and _way(first, second, parents, places) > apart + first.radius + second.radius:
             pairs.append((one, other))
     return Capsules(tuple(parts), tuple(pairs))
 
