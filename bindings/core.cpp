@@ -394,6 +394,8 @@ nb::dict model_fields() {
   models["coupled_plant"] = fields_of<p::CoupledPlantParams<double>>();
   models["reaching"] = fields_of<p::ReachingParams<double>>();
   models["link"] = fields_of<p::LinkParams<double>>();
+  models["cuff"] = fields_of<p::CuffParams<double>>();
+  models["posture_servo"] = fields_of<p::PostureServoParams<double>>();
   models["muscle"] = fields_of<p::EmgMuscleParams<double>>();
   models["strap_estimator"] = fields_of<p::StrapEstimatorParams<double>>();
   models["gate"] = fields_of<p::SafetyParams<double>>();
@@ -494,6 +496,7 @@ NB_MODULE(_core, m) {
   b::add_strap_response(m);
   b::add_tree(m);
   b::add_driven_tree(m);
+  b::add_worn_tree(m);
   b::add_zero_phase(m);
 
   nb::module_ math = m.def_submodule("math", "The core's elementary functions, on float64 or float32 arrays.");

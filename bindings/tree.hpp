@@ -1,4 +1,4 @@
-// KinematicTree and DrivenTree of pellucid._core.
+// KinematicTree, DrivenTree and WornTree of pellucid._core.
 #pragma once
 
 #include "arrays.hpp"
@@ -27,5 +27,6 @@ struct TreeArguments {
 
 void add_tree(nb::module_& m);
 void add_driven_tree(nb::module_& m);
+void add_worn_tree(nb::module_& m);
 
 }  // namespace bindings

@@ -13,6 +13,8 @@ MODELS = {
     "coupled_plant": "A series-elastic orthosis, its strap and the limb in it",
     "reaching": "A person who reaches",
     "link": "A link of a tree, and the joint by which it hangs",
+    "cuff": "A cuff between a robot's link and a limb's",
+    "posture_servo": "Muscles that follow a motion, and their reflex",
     "muscle": "A muscle from its EMG envelope on",
     "strap_estimator": "A strap learnt while it is worn",
 }
