@@ -159,7 +159,9 @@ template <class S, std::size_t N> void step(const WornTreePlantCoefficients<S, N
     S place[N];
     motor_motion(c.robot.drives, n, state.robot.position, place);
     for (std::size_t k = 0; k < n; ++k) {
-      state.torque[k] = state.torque[k] + c.follows * (c.drive[k].params.gain * input.effort[k] - state.torque[k]);
+      const S asked = c.drive[k].params.gain * input.effort[k];
+      const S way = c.follows * (asked - state.torque[k]);
+      state.torque[k] = select(c.follows < S(1), state.torque[k] + way, asked);
       const S at = c.robot.elastic[k].any_gives ? state.robot.motor[k].position : place[k];
       robot.effort[k] = state.torque[k] + ripple(c.drive[k], at);
       robot.outside[k] = action.robot[k];

@@ -234,7 +234,7 @@ def test_init_refuses_what_it_cannot_make(tmp_path):
     (tmp_path / "full" / "mine").write_text("")
     with pytest.raises(StudyError, match="holds mine"):
         pellucid.init(tmp_path / "full", rig="able-elbow")
-    with pytest.raises(StudyError, match="unknown rig 'shoulder'; known: able-elbow"):
+    with pytest.raises(StudyError, match="unknown rig 'shoulder'; known: able-arm, able-elbow"):
         pellucid.init(tmp_path / "new", rig="shoulder")
     with pytest.raises(StudyError, match="one of them"):
         pellucid.init(tmp_path / "new", dataset="any", rig="able-elbow")

@@ -38,6 +38,16 @@ FOREARM_CENTRE = 0.682
 """Its centre from the elbow, share of the length from elbow to wrist."""
 FOREARM_GYRATION = 0.468
 """Its radius of gyration about that centre, share of the same length."""
+SHOULDER_TO_ELBOW = 0.186
+"""Share of the standing height."""
+UPPER_ARM_MASS = 0.028
+"""Share of the body's mass."""
+UPPER_ARM_CENTRE = 0.436
+"""Its centre from the shoulder, share of its length."""
+UPPER_ARM_GYRATION = 0.322
+"""Its radius of gyration about that centre, share of its length."""
+ARM_GYRATION_ALONG = (0.158, 0.121)
+"""Radii of gyration of upper arm and forearm about their own long axes, shares of their lengths (de Leva, male)."""
 HEEL_TO_ANKLE = 0.25
 """Where the ankle stands over the foot, share of the foot's length from the heel: our assumption, in neither table."""
 

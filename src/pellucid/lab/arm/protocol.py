@@ -1,0 +1,118 @@
+"""What the virtual arm is asked to do: Fourier motions of all joints, slow ones of each, and reaching as people do."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ...protocols.step_by_step import step_by_step
+from ...protocols.tree_fourier import TreeFourier, random_tree_fourier, within
+from ...protocols.tree_limits import TreeLimits
+from ..rig import Trial
+from .human_motion import JOINTS, HumanMotion, generated_motion
+
+if TYPE_CHECKING:
+    from .rig import ArmRig
+
+FUNDAMENTAL, HARMONICS = 0.1, 8  # Hz; of Fourier motions, which repeat after 10 s
+DRAWN = 40  # motions, of which the one is kept that shows most
+REST = 1.0  # s, before and after everything
+MARGIN = 0.06  # rad: between protocols and the stops
+REACHED_FOR = 40.0  # s of reaching
+
+
+@dataclass(frozen=True)
+class ArmTrial(Trial):
+    """One recording of the robot alone. `name`, `protocol`, `use`, `reference` (n, 4) [rad]."""
+
+    slider: float = 0.0  # Where the carriage is clamped [m]
+
+
+def limits_of(rig: ArmRig, *, share: float = 0.85) -> TreeLimits:
+    """What protocols keep to: the stops with a margin, and a `share` of what drives allow."""
+    said = [rig["joint"][name] for name in JOINTS]
+    low, high = (np.array([s[key] for s in said]) for key in ("low", "high"))
+    velocity, acceleration = (share * np.array([s[key] for s in said]) for key in ("velocity", "acceleration"))
+    effort = share * np.array([s["torque_constant"] * s["gear_ratio"] * s["current_limit"] for s in said])
+    tree = rig.drawing.core
+
+    def needed(q: np.ndarray, v: np.ndarray, a: np.ndarray) -> np.ndarray:
+        # What the drawing knows, and as much again of what it does not: friction, cables.
+        return 1.4 * np.abs(tree.inverse_dynamics(*map(np.ascontiguousarray, (q, v, a)))) + 1.0
+
+    return TreeLimits(JOINTS, low + MARGIN, high - MARGIN, velocity, acceleration, effort, needed)
+
+
+def fourier(rig: ArmRig, seed: int) -> TreeFourier:
+    """The motion that shows a drawing's bodies and their friction best, of some that are drawn within the limits."""
+    limits, rng = limits_of(rig), np.random.default_rng([seed, 16])
+    time = np.arange(round(1.0 / FUNDAMENTAL * 20.0)) / 20.0
+    tree = rig.drawing.core
+
+    def worth(series: TreeFourier) -> float:
+        q, v, a = series.motion(time)
+        rows = tree.regressor(*map(np.ascontiguousarray, (q, v, a))).reshape(len(time) * len(JOINTS), -1)
+        # Columns that are sums of others have no singular value of their own: what the rest holds is counted.
+        singular = np.linalg.svd(rows / np.maximum(np.linalg.norm(rows, axis=0), 1e-9), compute_uv=False)
+        shown = singular[singular > 1e-8 * singular[0]]
+        return float(np.log(shown).sum() / len(shown) + 0.2 * np.log(np.abs(v).mean(axis=0)).sum())
+
+    made = [random_tree_fourier(limits, rng, fundamental=FUNDAMENTAL, harmonics=HARMONICS) for _ in range(DRAWN)]
+    return within(max(made, key=worth), limits)
+
+
+def _led(path: np.ndarray, rate: float) -> np.ndarray:
+    """With rest before and after, shape (n, 4) [rad]."""
+    rest = round(REST * rate)
+    return np.concatenate([np.repeat(path[:1], rest, axis=0), path, np.repeat(path[-1:], rest, axis=0)])
+
+
+def fourier_path(rig: ArmRig, seed: int) -> np.ndarray:
+    """Whole periods of `fourier`, shape (n, 4) [rad]."""
+    rate = rig["sampling"]["rate"]
+    periods = max(round(rig["protocol"]["duration"] * FUNDAMENTAL), 1)
+    time = np.arange(round(periods / FUNDAMENTAL * rate)) / rate
+    return _led(fourier(rig, seed).motion(time)[0], rate)
+
+
+def slow_path(rig: ArmRig) -> np.ndarray:
+    """One joint after another up and down at constant velocities, shape (n, 4) [rad]."""
+    limits, rate = limits_of(rig, share=rig["protocol"]["slow_share"]), rig["sampling"]["rate"]
+    posture = 0.5 * (limits.low + limits.high)
+    made = step_by_step(limits, rate, posture=posture, angles=0, velocities=2, ratio=3.0, slow=0, sweep=0.5)
+    kept = [made.position[s.first : s.last] for s in made.steps if s.kind == "constant"]
+    return _led(np.concatenate(kept), rate)
+
+
+def followed(motion: HumanMotion, *, slider: float, use: str = "validate") -> ArmTrial:
+    """The robot alone on a person's motion."""
+    return ArmTrial(f"reaching_{motion.name}", "reaching", use, reference=motion.position, slider=slider)
+
+
+def trials(rig: ArmRig, seed: int) -> tuple[ArmTrial, ...]:
+    """Fourier motions and slow ones that are fitted; another Fourier motion and reaching that are not."""
+    slider, rate = rig["slider"]["clamped"], rig["sampling"]["rate"]
+    made: list[ArmTrial] = []
+    count = rig["protocol"]["repetitions"]
+
+    def add(name: str, protocol: str, use: str, path: np.ndarray) -> None:
+        made.append(ArmTrial(name, protocol, use, reference=path, slider=slider))
+
+    for i in range(count + 1):
+        name, use = (f"fourier_{i + 1}", "fit") if i < count else ("fourier_unseen", "validate")
+        add(name, "fourier", use, fourier_path(rig, 10 * seed + i))
+    add("slow", "constant_velocity", "fit", slow_path(rig))
+    made.append(followed(generated_motion(seed, rate, REACHED_FOR), slider=slider))
+    return tuple(made)
+
+
+def gains_of(rig: ArmRig) -> Sequence[Sequence[float]]:
+    """Of the robot's own loops: kp, ki, kd, kv and limit of each joint."""
+    rows = []
+    for name in JOINTS:
+        loop = rig["loop"][name]
+        rows.append([loop["kp"], loop["ki"], 0.0, loop["kv"], rig["joint"][name]["current_limit"]])
+    return rows
