@@ -34,7 +34,7 @@ substeps : int
 elastic : (m, 12)
     Of each motor behind a spring, in the order of SERIES_ELASTIC_PARAMETER_NAMES; a row of zeros: no spring.
 drives : (m, 4)
-    Effort per command, then amplitude, wave number and phase of a ripple at the motor; left out, commands are efforts.
+    Effort per command, then amplitude, wave number and phase of a ripple at the motor; left out: efforts.
 lag : float
     Time constant of the drives' torque [s].
 limb_links : (k, 22)
@@ -52,6 +52,8 @@ constexpr const char* init_sig =
     "elastic: ArrayLike | None = None, drives: ArrayLike | None = None, lag: float = 0.0, "
     "limb_links: ArrayLike | None = None, limb_joints: ArrayLike | None = None, servos: ArrayLike | None = None, "
     "reflex_delay: int = 0, cuffs: ArrayLike | None = None) -> None";
+constexpr const char* reset_sig =
+    "def reset(self, position: ArrayLike | None = None, limb_position: ArrayLike | None = None) -> None";
 constexpr const char* run_sig =
     "def run(self, command: ArrayLike, wanted: ArrayLike | None = None, wanted_velocity: ArrayLike | None = None, "
     "learnt: ArrayLike | None = None) -> tuple[NDArray[float64], ...]";
@@ -62,7 +64,7 @@ Parameters
 command : (n, m)
     Of each drive, or (m,) for one period.
 wanted, wanted_velocity, learnt : (n, j)
-    Where the limb's joints are meant to be [rad], how fast [rad/s], and the torque learnt for it [N m]; left out, 0.
+    Where the limb's joints are meant to be [rad], how fast [rad/s], the torque learnt for it [N m]; left out, 0.
 
 Returns
 -------
@@ -312,7 +314,7 @@ void add_worn_tree(nb::module_& m) {
            nb::arg("limb_joints") = nb::none(), nb::arg("servos") = nb::none(), nb::arg("reflex_delay") = 0,
            nb::arg("cuffs") = nb::none(), nb::sig(init_sig))
       .def("reset", &WornTree::reset, nb::arg("position") = nb::none(), nb::arg("limb_position") = nb::none(),
-           nb::sig("def reset(self, position: ArrayLike | None = None, limb_position: ArrayLike | None = None) -> None"),
+           nb::sig(reset_sig),
            "Both at rest there; left out, 0. Drives and springs then carry the robot's weight.")
       .def("run", &WornTree::run, nb::arg("command").none(), nb::arg("wanted") = nb::none(),
            nb::arg("wanted_velocity") = nb::none(), nb::arg("learnt") = nb::none(), nb::sig(run_sig), run_doc)

@@ -1,10 +1,10 @@
 // A cuff: what holds a link of a limb to a link of a robot where both would touch, a spring and a damper in space.
 //
-// Cuffs give, and the axes that they hold together never meet: with d the way from the robot's point to the limb's and R
-// the turn of the limb's link against the robot's, all in the robot's link,
+// Cuffs give, and the axes that they hold together never meet: with d the way from the robot's point to the limb's and
+// R the turn of the limb's link against the robot's, all in the robot's link,
 //   f = K d + D dd/dt  at the limb's point,   n = k (R - R')^ / 2 + b (w_limb - w_robot)
-// on the robot, and the opposite on the limb at the same point. Its energy d'K d / 2 + k (3 - tr R) / 2 is bounded, so is
-// n, and no angle is taken apart.
+// on the robot, and the opposite on the limb at the same point. Its energy d'K d / 2 + k (3 - tr R) / 2 has no corner,
+// n is bounded, and no angle is taken apart.
 #pragma once
 
 #include "kinematic_tree.hpp"

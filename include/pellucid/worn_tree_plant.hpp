@@ -2,9 +2,9 @@
 //
 //   robot:  M a + h = drives' torque - friction + sum J' f_cuff,      motors behind their springs, as in tree_plant.hpp
 //   limb:   M a + h = muscles' torque - sum J' f_cuff
-// Both move in the same substeps of semi-implicit Euler; cuffs and springs must be resolved by them: h sqrt(K / m) below
-// about 1. A drive's torque follows its command with a lag, and has the ripple of drive.hpp at the motor. Without a limb
-// it is the robot alone.
+// Both move in the same substeps of semi-implicit Euler, which must resolve cuffs and springs: h sqrt(K / m) below
+// about 1. A drive's torque follows its command with a lag, and has the ripple of drive.hpp at the motor. Without a
+// limb it is the robot alone.
 #pragma once
 
 #include "cuff.hpp"

@@ -1689,6 +1689,134 @@ class DrivenTree:
     def velocity(self) -> NDArray[float64]:
         """Of each joint that moves, now [rad/s; m/s]."""
 
+CUFF_PARAMETER_NAMES: tuple[str, ...]
+
+POSTURE_SERVO_PARAMETER_NAMES: tuple[str, ...]
+
+class WornTree:
+    """
+    A robot of many joints and the limb that wears it, held together by cuffs; without a limb the robot alone.
+
+    Parameters
+    ----------
+    links : (l, 22)
+    gravity : (3,)
+    joints : (m, 11)
+        The robot's, as of DrivenTree; at most 12 links.
+    period : float
+        In which commands are held [s].
+    substeps : int
+        Steps of integration in a period; they must resolve the springs.
+    elastic : (m, 12)
+        Of each motor behind a spring, in the order of SERIES_ELASTIC_PARAMETER_NAMES; a row of zeros: no spring.
+    drives : (m, 4)
+        Effort per command, then amplitude, wave number and phase of a ripple at the motor; left out, commands are efforts.
+    lag : float
+        Time constant of the drives' torque [s].
+    limb_links : (k, 22)
+        Of the limb, in the same base.
+    limb_joints : (j, 11)
+        What loses effort at its joints; left out, nothing.
+    servos : (j, 5)
+        Muscles of its joints, in the order of POSTURE_SERVO_PARAMETER_NAMES.
+    reflex_delay : int
+        Of the late part [periods].
+    cuffs : (c, 16)
+        In the order of CUFF_PARAMETER_NAMES; at most 4.
+    """
+
+    def __init__(
+        self,
+        links: ArrayLike,
+        gravity: ArrayLike,
+        joints: ArrayLike,
+        *,
+        period: float,
+        substeps: int = 4,
+        elastic: ArrayLike | None = None,
+        drives: ArrayLike | None = None,
+        lag: float = 0.0,
+        limb_links: ArrayLike | None = None,
+        limb_joints: ArrayLike | None = None,
+        servos: ArrayLike | None = None,
+        reflex_delay: int = 0,
+        cuffs: ArrayLike | None = None,
+    ) -> None: ...
+    def reset(self, position: ArrayLike | None = None, limb_position: ArrayLike | None = None) -> None:
+        """
+        Both at rest there; left out, 0. Drives and springs then carry the robot's weight.
+        """
+
+    def run(
+        self,
+        command: ArrayLike,
+        wanted: ArrayLike | None = None,
+        wanted_velocity: ArrayLike | None = None,
+        learnt: ArrayLike | None = None,
+    ) -> tuple[NDArray[float64], ...]:
+        """
+        Go on for n periods.
+
+        Parameters
+        ----------
+        command : (n, m)
+            Of each drive, or (m,) for one period.
+        wanted, wanted_velocity, learnt : (n, j)
+            Where the limb's joints are meant to be [rad], how fast [rad/s], and the torque learnt for it [N m]; left out, 0.
+
+        Returns
+        -------
+        position, velocity, motor : (n, m)
+        limb_position, limb_velocity : (n, j)
+        on_robot : (n, m)
+            What the cuffs do to the robot's joints [N m; N].
+        on_limb : (n, j)
+            What they do to the limb's [N m].
+        pull : (n, c, 6)
+            Force [N] and moment [N m] of each cuff on the robot, in the axes of the robot's link.
+            All at the start of each period.
+        """
+
+    def follow(
+        self,
+        reference: ArrayLike,
+        gains: ArrayLike,
+        *,
+        loop: str,
+        velocity_span: int,
+        quantum: ArrayLike,
+        noise: ArrayLike,
+    ) -> tuple[NDArray[float64], ...]:
+        """
+        The robot's own controllers for n periods, a loop at each motor.
+
+        Parameters
+        ----------
+        reference : (n, m)
+            [rad; m], of velocity_pi [rad/s; m/s].
+        gains : (m, 5)
+            kp, ki, kd, kv and limit of each loop, as of `simulate`.
+        loop : str
+            As of `simulate`.
+        velocity_span : int
+            Samples that a measured velocity spans.
+        quantum : (m,)
+            What each encoder, on the motor, resolves.
+        noise : (n, m)
+            Added to what it reads.
+
+        Returns
+        -------
+        command, measured, position, velocity : (n, m)
+            At the start of each period; position and velocity are those of the links.
+        """
+
+    @property
+    def energy(self) -> float:
+        """
+        Of both trees and the cuffs, without what springs of the transmission store [J].
+        """
+
 def zero_phase(sos: ArrayLike, settled: ArrayLike, samples: ArrayLike, padding: int) -> NDArray[float64]:
     """
     A cascade of second-order sections run forwards and backwards over each column: no delay.

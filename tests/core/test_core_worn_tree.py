@@ -101,8 +101,9 @@ def test_a_robot_alone_is_the_driven_tree_to_the_bit():
     joints = np.zeros((4, len(JOINT)))
     joints[:, [JOINT["coulomb_positive"], JOINT["coulomb_negative"]]] = 0.3
     joints[:, [JOINT["load_motoring"], JOINT["load_generating"]]] = 0.1
-    elastic = np.zeros((4, 12))
-    elastic[:, 0], elastic[:, -3], elastic[:, -2], elastic[:, -1] = 0.02, 700.0, 0.4, 0.002
+    elastic = np.zeros((4, len(_core.SERIES_ELASTIC_PARAMETER_NAMES)))
+    for name, value in {"motor_inertia": 0.02, "stiffness": 700.0, "damping": 0.4, "backlash": 0.002}.items():
+        elastic[:, _core.SERIES_ELASTIC_PARAMETER_NAMES.index(name)] = value
     effort = np.random.default_rng(3).normal(size=(200, 4))
     alone = _core.WornTree(arm(), GRAVITY, joints, period=1e-3, substeps=4, elastic=elastic)
     driven = _core.DrivenTree(arm(), GRAVITY, joints, period=1e-3, substeps=4, elastic=elastic)
@@ -110,18 +111,17 @@ def test_a_robot_alone_is_the_driven_tree_to_the_bit():
     driven.reset(START)
     position, velocity, motor, *_ = alone.run(effort)
     wanted = driven.run(effort)
-    # A lag of 0 still divides h by h; the torque is the command's to the bit.
     np.testing.assert_array_equal(position, wanted[0])
     np.testing.assert_array_equal(velocity, wanted[1])
     assert np.abs(motor - position).max() > 1e-3
 
 
 def test_a_limb_that_learnt_its_motion_does_it_alone():
-    """Feed-forward of the arm's own dynamics; muscles correct what steps leave, and cuffs that hold nothing do nothing."""
+    """Feed-forward of the arm's own dynamics; muscles correct what steps leave; no cuff, no pull."""
     n = 800
     time = 1e-3 * np.arange(n)
     wanted = START + 0.3 * np.sin(2.0 * np.pi * time)[:, None] ** 2
-    (speed,) = (np.gradient(wanted, 1e-3, axis=0),)
+    speed = np.gradient(wanted, 1e-3, axis=0)
     limb = _core.KinematicTree(arm(0.9, 0.28), GRAVITY)
     learnt = limb.inverse_dynamics(wanted, speed, np.gradient(speed, 1e-3, axis=0))
     servos = np.tile([10.0, 1.0, 4.0, 0.5, 60.0], (4, 1))
@@ -165,11 +165,11 @@ def test_whatever_comes_in_it_ends_and_periods_do_not_hang_on_how_they_are_asked
 
 def test_follow_is_a_loop_at_each_motor():
     gains = np.tile([6.0, 4.0, 0.0, 3.0, 30.0], (4, 1))
-    quantum, reference = np.full(4, 1e-4), np.tile(START, (1500, 1))
+    quantum, reference = np.full(4, 1e-4), np.tile(START, (4000, 1))
     plant = _core.WornTree(arm(), GRAVITY, np.zeros((4, len(JOINT))), period=1e-3)
     plant.reset(START)
     command, measured, position, _ = plant.follow(
-        reference, gains, loop="cascade", velocity_span=4, quantum=quantum, noise=np.zeros((1500, 4))
+        reference, gains, loop="cascade", velocity_span=4, quantum=quantum, noise=np.zeros((4000, 4))
     )
     np.testing.assert_allclose(measured / quantum, np.round(measured / quantum), atol=1e-6)
     weight = _core.KinematicTree(arm(), GRAVITY).gravity(position[-1])

@@ -98,7 +98,7 @@ def joined(link: Link, other: Link, place: tuple[float, float, float]) -> Link:
 
 
 def friction_rows(tables: Mapping, *, free: bool) -> np.ndarray:
-    """Of the joints themselves, behind their transmissions, in the order of `JOINT_NUMBERS`; a free slider's is last."""
+    """Of the joints themselves, behind transmissions, in the order of `JOINT_NUMBERS`; a free slider's is last."""
     rows = np.zeros((len(JOINTS) + free, len(JOINT_NUMBERS)))
 
     def put(row: int, **numbers: float) -> None:
@@ -123,7 +123,7 @@ def transmission_rows(tables: Mapping, *, free: bool) -> np.ndarray:
     for i, name in enumerate(JOINTS):
         said = tables["joint"][name]
         own = {**said, "motor_inertia": said["rotor_inertia"] * said["gear_ratio"] ** 2}
-        rows[i] = [own[key] for key in ELASTIC_NUMBERS]
+        rows[i] = [own.get(key, 0.0) for key in ELASTIC_NUMBERS]
     return rows
 
 

@@ -1,4 +1,4 @@
-"""Who wears the virtual arm: the weight and lengths of an arm, its muscles and reflexes, and cuffs that do not fit quite.
+"""Who wears the virtual arm: weight and lengths of an arm, its muscles and reflexes, and cuffs that do not quite fit.
 
 A person is a tree of the robot's four joints about another centre, and muscles that follow a motion. The motion and the
 torques for it are those of the arm alone, as it was learnt without a robot: so what passes through the cuffs is what
@@ -21,9 +21,9 @@ from .human_motion import JOINTS, HumanMotion
 TRUNK = "trunk"
 
 MUSCLES = {
-    # K, D of tense muscles, K_r, D_r of the late reflex, strength: N m/rad, N m s/rad, and N m. The elbow's are those of
-    # elbow-participants.toml; the shoulder's are larger by the ratio that hands pushed aside while they move show: stiffness
-    # of 10 to 30 N m/rad at the shoulder and 5 to 15 at the elbow (Gomi and Kawato, Science 272, 1996).
+    # K, D of tense muscles, K_r, D_r of the late reflex, strength: N m/rad, N m s/rad, and N m. The elbow's are those
+    # of elbow-participants.toml; the shoulder's are larger by what hands show that are pushed aside while they move: 10
+    # to 30 N m/rad at the shoulder where the elbow has 5 to 15 (Gomi and Kawato, Science 272, 1996).
     "abduction": (14.0, 1.4, 5.0, 0.7, 60.0),
     "flexion": (14.0, 1.4, 5.0, 0.7, 60.0),
     "internal_rotation": (6.0, 0.6, 2.0, 0.3, 40.0),
@@ -34,9 +34,9 @@ REFLEX_DELAY = 0.055  # s: stretch reflex and muscle, as in elbow-participants.t
 
 UPPER_CUFF, HANDLE = "upper_arm", "handle"
 CUFFS = {
-    # Stiffness and damping along x, y, z of the robot's link, against turning: a splint sits on 2 kN/m of padded skin, a
-    # cuff round an upper arm on half of it, and both slide along the arm more easily; damping is half of critical for
-    # what they hold (elbow-participants.toml)
+    # Stiffness and damping along x, y, z of the robot's link, and against turning: a splint sits on 2 kN/m of padded
+    # skin, a cuff round an upper arm on half of it, and both slide along the arm more easily; damping is half of
+    # critical for what they hold (elbow-participants.toml).
     UPPER_CUFF: ((1000.0, 1000.0, 300.0), (25.0, 25.0, 10.0), 4.0, 0.10),
     HANDLE: ((2000.0, 2000.0, 1200.0), (25.0, 25.0, 20.0), 6.0, 0.06),
 }

@@ -97,7 +97,7 @@ def run(
     seed: int = 1,
     watched: Callable[[float], None] | None = None,
 ) -> WornTrial:
-    """A `person` does a `motion` in a robot under a `law`; `seed` draws what sensors add, `watched` is told the time."""
+    """A `person` does a `motion` in a robot under a `law`; `seed` draws sensors' noise, `watched` is told the time."""
     rate, n = rig["sampling"]["rate"], len(motion.position)
     rng = np.random.default_rng([seed, 41])
     tree = built_tree(rig.tables, rotors=False)

@@ -1,0 +1,165 @@
+"""The virtual arm: what it is made of, what it records, who wears it."""
+
+import json
+
+import numpy as np
+import pytest
+
+from pellucid._errors import StudyError
+from pellucid.lab.arm.bodies import built_tree
+from pellucid.lab.arm.human_motion import JOINTS, generated_motion
+from pellucid.lab.arm.protocol import ArmTrial, limits_of
+from pellucid.lab.arm.rig import able_arm, drawn_arms
+from pellucid.lab.arm.wearer import DONNED, HANDLE_AT, Person, drawn_people, worn_arguments
+from pellucid.lab.arm.worn_trial import run
+from pellucid.lab.known_rigs import parse_rig, shipped_rig
+from pellucid.models.kinematic_tree import BODY
+
+
+class Carried:
+    """A law that gives the weight of the robot as it was built, and nothing else."""
+
+    def __init__(self, rig):
+        self.weight = rig.built.core.gravity
+
+    def reset(self):
+        self.heard = []
+
+    def step(self, time, position, wrench):
+        self.heard.append((time, *wrench))
+        return self.weight(position)
+
+
+class Nothing:
+    """A law that lets the wearer carry it all."""
+
+    def reset(self):
+        pass
+
+    def step(self, time, position, wrench):
+        return np.zeros(4)
+
+
+def short(rig, seconds=2.0):
+    """A path within the limits."""
+    limits, rate = limits_of(rig), rig["sampling"]["rate"]
+    time = np.arange(round(seconds * rate)) / rate
+    middle = 0.5 * (limits.low + limits.high)
+    path = middle + 0.3 * (1.0 - np.cos(2.0 * np.pi * time / seconds))[:, None] * np.array([0.5, -0.5, 1.0, 1.0])
+    return ArmTrial("short", reference=path, slider=rig["slider"]["clamped"])
+
+
+@pytest.fixture(scope="module")
+def rig():
+    return able_arm()
+
+
+def test_the_built_arm_is_nearly_the_drawn_one(rig):
+    built, drawn = rig.built, rig.drawing
+    assert rig.robot.names == JOINTS
+    rng = np.random.default_rng(1)
+    q = rng.uniform(-0.2, 1.5, (50, 4))
+    at, meant = (tree.core.placements(q)[:, 3, :, 3] for tree in (built, drawn))
+    off = np.linalg.norm(at - meant, axis=1)
+    assert 2e-4 < off.max() < 5e-3
+    # A body that a drawing knows too little of weighs less, and hangs elsewhere.
+    share = np.abs(drawn.core.gravity(q)).max() / np.abs(rig.gravity(q)).max()
+    assert 0.75 < share < 1.0
+    # Positive is as named: an arm that is lifted is higher, to the front, to the right, and turned inwards.
+    hand = np.array([0.0, 0.0, -0.2])
+
+    def hand_at(*angles):
+        frame = drawn.core.placements(np.array(angles))[3]
+        return frame[:, :3] @ hand + frame[:, 3]
+
+    hanging = hand_at(0.0, 0.0, 0.0, 0.0)
+    assert hand_at(0.0, 1.0, 0.0, 0.0)[0] > hanging[0] + 0.3
+    assert hand_at(1.0, 0.0, 0.0, 0.0)[1] < hanging[1] - 0.3
+    assert hand_at(0.0, 0.0, 0.0, 1.5)[0] > hanging[0] + 0.15
+    assert hand_at(0.0, 0.0, 0.5, 1.5)[1] > hand_at(0.0, 0.0, 0.0, 1.5)[1] + 0.05
+    assert rig.gravity(np.array([0.8, 0.0, 0.0, 0.3]))[0] > 3.0
+
+
+def test_bodies_are_bodies_in_every_drawn_arm(rig):
+    for arm in (rig, *drawn_arms(rig, 4)):
+        for tree in (arm.built, arm.drawing):
+            for link in tree.links:
+                mass, *rest = link.numbers
+                h, (xx, xy, xz, yy, yz, zz) = np.array(rest[:3]), rest[3:]
+                inertia = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+                about = 0.5 * np.trace(inertia) * np.eye(3) - inertia
+                pseudo = np.block([[about, h[:, None]], [h[None], np.array([[mass]])]])
+                assert np.linalg.eigvalsh(pseudo).min() > 0.0, (arm.name, link.name)
+    assert len(BODY) == 10
+    first, again = drawn_arms(rig, 2), drawn_arms(rig, 2)
+    assert [a.tables for a in first] == [a.tables for a in again]
+    assert first[0].tables != first[1].tables
+
+
+def test_what_is_recorded_hangs_on_its_seed_alone(rig):
+    trial = short(rig)
+    taken = [rig.record(trial, np.random.default_rng(seed)) for seed in (1, 1, 2)]
+    values = [one.files["short"]["main"].values for one in taken]
+    np.testing.assert_array_equal(values[0], values[1])
+    assert np.any(values[0] != values[2])
+    # Encoders sit on motors, behind springs; loops follow; nothing is at its limit.
+    inside = taken[0].inside
+    assert np.abs(inside["position"] - trial.reference).max() < 0.5
+    read = values[0][:, 1:5] * rig.quanta
+    assert 1e-3 < np.abs(read - inside["position"]).max() < 0.05
+    assert np.abs(inside["command"]).max() < 0.9 * min(rig["joint"][name]["current_limit"] for name in JOINTS)
+
+
+def test_the_protocol_keeps_to_its_limits_and_is_drawn_by_its_seed(rig):
+    quick = rig.changed({"protocol.repetitions": 1, "protocol.duration": 10.0})
+    trials = quick.trials(3)
+    assert {t.use for t in trials} == {"fit", "validate"}
+    assert len({t.name for t in trials}) == len(trials)
+    said = [rig["joint"][name] for name in JOINTS]
+    for trial in trials:
+        assert np.all(trial.reference > [s["low"] for s in said])
+        assert np.all(trial.reference < [s["high"] for s in said])
+    again, other = quick.trials(3), quick.trials(4)
+    np.testing.assert_array_equal(trials[0].reference, again[0].reference)
+    assert np.any(trials[0].reference[:1000] != other[0].reference[:1000])
+    assert json.loads(json.dumps(rig.truth(1)))["names"] == list(JOINTS)
+
+
+def test_cuffs_are_closed_without_force_where_they_were_put_on(rig):
+    person = drawn_people(1)[0]
+    tree = built_tree(rig.tables, rotors=False)
+    given = worn_arguments(person, tree, 1e-3)
+    plant = rig.plant(**given)
+    plant.reset(np.append(DONNED, HANDLE_AT * person.forearm), np.array(DONNED))
+    *_, pull = plant.run(np.zeros(5))
+    assert np.abs(pull[:, :3]).max() < 1e-9
+    # Axes that miss each other by a centimetre pull elsewhere.
+    plant.reset(np.array([0.9, 1.2, 0.6, 0.5, 0.2]), np.array([0.9, 1.2, 0.6, 0.5]))
+    *_, pull = plant.run(np.zeros(5))
+    assert np.abs(pull[:, :3]).max() > 5.0
+
+
+def test_a_robot_that_is_carried_costs_less_than_one_that_hangs_on_the_arm(rig):
+    person = Person("one", offset=(0.01, -0.008, 0.01))
+    motion = generated_motion(2, rig["sampling"]["rate"], 5.0)
+    carried, hung = (run(rig, person, law, motion) for law in (Carried(rig), Nothing()))
+    again = run(rig, person, Carried(rig), motion)
+    np.testing.assert_array_equal(carried.on_limb, again.on_limb)
+    assert not carried.stopped
+    assert carried.interaction_rms < 0.5 * hung.interaction_rms
+    assert np.all(carried.error < hung.error)
+    # The wearer works against friction; the handle's sensor reads the cuff.
+    assert carried.work > 0.0
+    noise = carried.wrench - carried.pull[:, 1]
+    assert 0.1 < np.std(noise[:, :3]) < 0.2
+    # What cuffs do at the robot's joints is what they do at the arm's, but for where the axes are.
+    size = np.sqrt(np.mean(carried.on_limb**2))
+    assert np.sqrt(np.mean((carried.on_limb + carried.on_robot) ** 2)) < 0.5 * size
+
+
+def test_what_lacks_is_named():
+    text = shipped_rig("able-arm")
+    with pytest.raises(StudyError, match=r"\[joint.flexion\] lacks stiffness"):
+        parse_rig(text.replace("stiffness = 1600.0\n", ""), "mine")
+    with pytest.raises(StudyError, match=r"\[assembly\] lacks tilt"):
+        parse_rig(text.replace("tilt = [0.003, -0.004]", ""), "mine")
