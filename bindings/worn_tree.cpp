@@ -64,7 +64,7 @@ Parameters
 command : (n, m)
     Of each drive, or (m,) for one period.
 wanted, wanted_velocity, learnt : (n, j)
-    Where the limb's joints are meant to be [rad], how fast [rad/s], the torque learnt for it [N m]; left out, 0.
+    Where the limb's joints are meant to be [rad], how fast [rad/s], the torque learnt for it [N m]; or 0.
 
 Returns
 -------

@@ -1710,7 +1710,7 @@ class WornTree:
     elastic : (m, 12)
         Of each motor behind a spring, in the order of SERIES_ELASTIC_PARAMETER_NAMES; a row of zeros: no spring.
     drives : (m, 4)
-        Effort per command, then amplitude, wave number and phase of a ripple at the motor; left out, commands are efforts.
+        Effort per command, then amplitude, wave number and phase of a ripple at the motor; left out: efforts.
     lag : float
         Time constant of the drives' torque [s].
     limb_links : (k, 22)
@@ -1762,7 +1762,7 @@ class WornTree:
         command : (n, m)
             Of each drive, or (m,) for one period.
         wanted, wanted_velocity, learnt : (n, j)
-            Where the limb's joints are meant to be [rad], how fast [rad/s], and the torque learnt for it [N m]; left out, 0.
+            Where the limb's joints are meant to be [rad], how fast [rad/s], the torque learnt for it [N m]; or 0.
 
         Returns
         -------
