@@ -85,8 +85,10 @@ def identify_payload(
 
     Parameters
     ----------
+    robot : Robot
     empty, loaded : sequence of TreeMotion
-    families : friction terms of each joint, plain ones if not given.
+    families : sequence of sequence of str, optional
+        Friction terms of each joint; left out, plain ones.
     width : float
         Of the smooth sign of friction; 0: the true sign [rad/s; m/s].
     link : str, optional
