@@ -9,12 +9,12 @@ import pytest
 from pellucid import _core
 from pellucid._errors import IdentificationError
 from pellucid.fit.tree.base_parameters import base_parameters
-from pellucid.fit.tree.fit_tree import fit_tree
+from pellucid.fit.tree.fit_tree import estimate_of, fit_tree
 from pellucid.fit.tree.friction_terms import plain_families
 from pellucid.fit.tree.identify_tree import identify_tree, plain_model
 from pellucid.fit.tree.segments_out import heldout_errors
 from pellucid.fit.tree.tree_estimators import METHODS, solved_by
-from pellucid.fit.tree.tree_regression import tree_rows
+from pellucid.fit.tree.tree_regression import TreeModel, fit_rows, tree_rows
 from pellucid.fit.tree.tree_verdicts import state_of
 from pellucid.models.kinematic_tree import Link, Tree, TreeJoint
 from pellucid.models.robot import Robot
@@ -250,3 +250,25 @@ def test_a_joint_that_rests_is_named():
     moving[:, 1] = False
     with pytest.raises(IdentificationError, match="joint 'shoulder' never moves in sines 0"):
         fit_tree(robot, [replace(motion, moving=moving)])
+
+
+@pytest.mark.parametrize("width", [0.0, 0.02])
+def test_the_core_knows_every_term(coupled, width):
+    """Whatever terms a joint is given, its numbers for the core predict what the estimate predicts."""
+    robot, motion = coupled.robot, coupled.motion
+    rows = tree_rows(robot, [motion], width=width)
+    families = (
+        ("viscous", "coulomb", "offset", "square_root", "load"),
+        ("viscous", "coulomb", "offset", "directional"),
+        ("viscous", "coulomb", "offset", "stribeck"),
+        ("viscous", "coulomb", "offset", "motor_viscous", "motor_coulomb", "motor_square_root"),
+    )
+    model = TreeModel(robot, rows.base, families, speeds={2: 0.2})
+    fit = estimate_of("all", rows, *fit_rows(model, rows))
+    assert fit["elbow.stribeck_velocity"].value == 0.2
+    turns = np.asarray(robot.turns)
+    plant = _core.DrivenTree(
+        fit.links(), robot.tree.gravity, fit.joints(), period=0.005, turns=turns, motors=fit.motors()
+    )
+    by_core = plant.motor_effort(motion.position, motion.velocity, motion.acceleration) @ turns
+    np.testing.assert_allclose(fit.effort(motion), by_core, rtol=0, atol=1e-9)
