@@ -13,9 +13,10 @@ DRIVE_CHANNELS = {"torque": ("torque", "force"), "current": ("current",), "volta
 """Kind of drive -> channels that may carry its command, the first one present counting."""
 
 
-def command_channel(channels: Container[str], kind: str) -> str | None:
-    """Name of the one of `channels` that carries the command of a drive of a `kind`; None if there is none."""
-    return next((name for name in DRIVE_CHANNELS[kind] if name in channels), None)
+def command_channel(channels: Container[str], kind: str, ending: str = "") -> str | None:
+    """Name of the one of `channels` that carries the command of a drive of a `kind`; None if there is none. `ending` is
+    what a joint's channels end in, where there are several: ``".elbow"``."""
+    return next((name + ending for name in DRIVE_CHANNELS[kind] if name + ending in channels), None)
 
 
 def drive_channel(recording: Recording, study: Study) -> str | None:

@@ -19,7 +19,9 @@ class Fault:
         ``"too_few_samples"``, ``"spike"``, ``"dropout"``, ``"clipped"``, ``"frozen_encoder"``, ``"excluded"``,
         ``"too_much_cut"``, ``"duplicate"``, ``"wrap"`` or ``"magnitude"``; of a joint's drive ``"delay"``, of a joined
         file ``"clock"``, of a recorded velocity ``"velocity_mismatch"``, ``"velocity_sign"``, ``"velocity_scale"`` or
-        ``"velocity_delay"``; of markers also ``"lost_marker"`` and ``"overlap"``.
+        ``"velocity_delay"``; of a robot of several joints ``"robot"``, ``"payload"``, ``"gains"``, ``"lengths"``,
+        ``"velocity"``, ``"resting_joint"``, ``"joined_joints"``, ``"sign"`` or ``"limits"``; of markers also
+        ``"lost_marker"`` and ``"overlap"``.
     file, channel : str
         Where; of a motion capture's file, the marker or ``"time"``.
     found, expected : str

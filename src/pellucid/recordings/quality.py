@@ -16,7 +16,7 @@ from .defects.find import MOST_CLIPPED, bridgeable, find, kinds, watched
 from .defects.magnitude import implausible
 from .defects.watched import Watched
 from .delay import MOVED
-from .drive_channel import DRIVE_CHANNELS, drive_channel
+from .drive_channel import DRIVE_CHANNELS, command_channel
 from .fault import Fault
 from .optical_faults import optical_faults
 from .recording import Recording
@@ -24,7 +24,7 @@ from .rollover import rollover, to_write
 
 if TYPE_CHECKING:
     from .study import Study
-    from .study_file import ChannelSpec
+    from .study_file import ChannelSpec, JointTable
 
 Add = Callable[[str, str, str, str, str], None]
 
@@ -33,6 +33,8 @@ _MAY_REST = {"time", "reference", "enabled", "supply", "temperature"}
 
 # Angles and ways; what else is measured in these units does not turn.
 _ROLLS = {"position", "motor_position", "reference", "angle"}
+
+COLUMN = "with its column and unit"
 
 MIN_ROWS = 50
 """Samples that must be left after trimming and decimation: ten for each of a joint's five parameters."""
@@ -50,8 +52,8 @@ def inspect(recording: Recording, study: Study) -> list[Fault]:
         message = f"{where}: found {found}, expected {expected}"
         faults.append(Fault(severity, kind, recording.path.name, channel, found, expected, message))
 
-    drive = drive_channel(recording, study)
-    _check_channels(recording, study, drive, add)
+    for joint in study.rig.joints:
+        _check_channels(recording, joint, f".{joint.joint}" if len(study.rig.joints) > 1 else "", add)
     processing = study.processing_of(recording)
     looked = watched(recording, study.config, study.specs_of(recording), processing)
     _check_missing(looked, add)
@@ -140,22 +142,20 @@ def require_sound(recording: Recording, study: Study) -> None:
         raise RecordingError("\n".join(refused))
 
 
-def _check_channels(recording, study, drive, add) -> None:
+def _check_channels(recording: Recording, joint: JointTable, ending: str, add: Add) -> None:
+    """Of a joint whose channels end so: its position, or its motor's where that is known to tell it, and its drive."""
     present = ", ".join(recording.channels)
-    if "position" not in recording:
-        add("refuse", "missing_channel", "position", f"only {present}", "a channel position with its column and unit")
+    places = [f"{'motor_' if getattr(joint, 'turns', None) else ''}position{ending}", f"position{ending}"]
+    if not any(name in recording for name in places):
+        add("refuse", "missing_channel", places[0], f"only {present}", f"a channel {places[0]} {COLUMN}")
+    kind = joint.drive.kind
+    drive = command_channel(recording, kind, ending)
     if drive is None:
-        kind = study.rig.drive.kind
-        wanted = " or ".join(DRIVE_CHANNELS[kind])
+        wanted = " or ".join(f"{name}{ending}" for name in DRIVE_CHANNELS[kind])
         add("refuse", "missing_channel", wanted, f"only {present}", f'a channel {wanted} for a drive of kind "{kind}"')
-    if drive == "duty" and study.rig.drive.supply is None and "supply" not in recording:
-        add(
-            "refuse",
-            "missing_channel",
-            "supply",
-            "a duty but no supply voltage",
-            "[rig.drive] supply or such a channel",
-        )
+    if drive == f"duty{ending}" and joint.drive.supply is None and f"supply{ending}" not in recording:
+        supply = f"supply{ending}"
+        add("refuse", "missing_channel", supply, "a duty but no supply voltage", "[rig.drive] supply or such a channel")
 
 
 def _check_missing(looked: Watched, add: Add) -> None:
@@ -232,7 +232,7 @@ def _check_clipped(looked: Watched, add: Add) -> None:
     """Flat tops that were not cut out: known and accepted limits are told, the others refuse."""
     cut = {(c.channel, c.kind) for c in looked.recording.cuts}
     for name, channel in looked.recording.channels.items():
-        if name in _MAY_REST or (name, clipped.KIND) in cut:
+        if name.partition(".")[0] in _MAY_REST or (name, clipped.KIND) in cut:
             continue
         x = looked.samples(name)
         for sign, end in ((1.0, "largest"), (-1.0, "smallest")):
@@ -252,7 +252,7 @@ def _check_clipped(looked: Watched, add: Add) -> None:
                     f"flat tops in at most {100 * MOST_CLIPPED:g} % of the samples, which are cut out; if it is a "
                     f'limit that is meant to act, say so: {name} = {{ clip = "accept" }}'
                 )
-                add("refuse", clipped.KIND, name, found, wanted + (" or [rig.drive] limit" * (name == looked.drive)))
+                add("refuse", clipped.KIND, name, found, wanted + (" or [rig.drive] limit" * looked.is_drive(name)))
 
 
 def _check_wrap(looked: Watched, specs: Mapping[str, ChannelSpec], add: Add) -> None:
@@ -268,11 +268,11 @@ def _check_wrap(looked: Watched, specs: Mapping[str, ChannelSpec], add: Add) -> 
             what = f"a value that rolls over by {found.period:.4g} {channel.unit} {times}, first at {first:.6g} s"
             wanted = f"a continuous one: {name} = {{ {write} }} in [channels]"
             add("refuse" if name in looked.channels else "note", "wrap", name, what, wanted)
-        elif name == "position" and name in looked.channels:
-            _check_jump(x, add)
+        elif name.partition(".")[0] == "position" and name in looked.channels:
+            _check_jump(name, x, add)
 
 
-def _check_jump(q: np.ndarray, add: Add) -> None:
+def _check_jump(name: str, q: np.ndarray, add: Add) -> None:
     moved = np.diff(q)
     np.abs(moved, out=moved)
     known = np.isfinite(q)
@@ -285,16 +285,16 @@ def _check_jump(q: np.ndarray, add: Add) -> None:
         return
     i = int(jumps[0])
     found = f"a leap from {q[i]:.4g} to {q[i + 1]:.4g} at index {i + 1}, {jumps.size} in all"
-    add(
-        "refuse", "wrap", "position", found, "a continuous position: an encoder that rolls over needs wrap_bits or wrap"
-    )
+    add("refuse", "wrap", name, found, "a continuous position: an encoder that rolls over needs wrap_bits or wrap")
 
 
 def _check_magnitude(looked: Watched, study: Study, add: Add) -> None:
     recording = looked.recording
-    known = {looked.drive: max(looked.limits, default=0.0)} if looked.drive else {}
-    limits = [abs(x) for joint in study.rig.joints for x in (joint.limits.position_min, joint.limits.position_max) if x]
-    known |= dict.fromkeys(("position", "reference"), max(limits, default=0.0))
+    known = {drive: max(limits, default=0.0) for drive, limits in looked.limits.items()}
+    for joint in study.rig.joints:
+        limits = [abs(x) for x in (joint.limits.position_min, joint.limits.position_max) if x]
+        ending = f".{joint.joint}" if len(study.rig.joints) > 1 else ""
+        known |= dict.fromkeys((f"position{ending}", f"reference{ending}"), max(limits, default=0.0))
     for name, channel in recording.channels.items():
         sound = channel if recording.sound.all() else replace(channel, samples=channel.samples[recording.sound])
         wrong = implausible(sound, known.get(name, 0.0))
@@ -305,15 +305,15 @@ def _check_magnitude(looked: Watched, study: Study, add: Add) -> None:
         wanted = f"at most {wrong.limit:.4g} {channel.unit}"
         if name in looked.channels:
             wanted += f': the unit; write unit = "{wrong.looks}"' if wrong.looks and wrong.usual else ""
-            wanted += _override(name, looked.drive)
+            wanted += _override(name, looked.is_drive(name))
         add("refuse" if name in looked.channels else "note", "magnitude", name, found, wanted)
     if recording.advances and recording.fs < 5.0:
         found = f"a step of {1 / recording.fs:.4g} s, which looks like ms taken for s"
         add("note", "magnitude", "time", found, 'at most 0.2 s: the unit; write unit = "ms"')
 
 
-def _override(name: str, drive: str | None) -> str:
+def _override(name: str, is_drive: bool) -> str:
     """How a study says that a machine does have such values."""
-    if name in ("position", "reference"):
+    if name.partition(".")[0] in ("position", "reference"):
         return ", or [rig.limits] position_min and position_max where it moves that far"
-    return ", or [rig.drive] limit where the drive is that strong" if name == drive else ""
+    return ", or [rig.drive] limit where the drive is that strong" if is_drive else ""

@@ -28,6 +28,12 @@ class TreeProcedure(Procedure):
         urdf = study.config.tree.urdf
         return () if urdf is None else (study.inside(urdf, "[tree] urdf"),)
 
+    def cut(self, study: Study) -> list[Fault]:
+        """Cuts, and what was made of clocks that jitter."""
+        from .tree_faults import evened
+
+        return [*super().cut(study), *evened(study)]
+
     def unfit(self, study: Study) -> dict[str, Fault]:
         """None: a recording of which too much is cut refuses the study."""
         return {}

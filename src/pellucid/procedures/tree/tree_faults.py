@@ -2,16 +2,230 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
+from itertools import combinations
+
+import numpy as np
+
 from ..._errors import PellucidError
+from ...models.robot import Robot
 from ...recordings.fault import Fault
+from ...recordings.quality import inspect, jitter_fault
 from ...recordings.study import Study
-from .recorded_tree import recorded_tree
+from ...recordings.study_file import RigJoint
+from ...signals.tree_motion import TreeMotion
+from ..joint.recorded_motions import left_out
+from .recorded_tree import file_of, frames_of, motions_of, position_channel, robot_of
+from .sign_search import GIVES, giving, turned_around
+
+FEWEST_ROWS = 50
+"""In which a joint moves; with fewer it never does."""
+
+RESTS = {False: 2e-3, True: 2e-4}
+"""What a joint that turns [rad], or slides [m], stays within that never moves."""
+
+ALIKE = 0.9995
+"""Correlation of two joints' speeds from which on they move only together."""
+
+VELOCITY = 0.2
+"""Share by which a recorded velocity may differ from what the position does."""
+
+SHORTER = 0.01
+"""Share of a recording that another file of it may lack at its ends."""
+
+BEYOND = 0.05
+"""Share of a joint's range by which it may pass its limits."""
 
 
 def tree_faults(study: Study) -> list[Fault]:
-    """Faults of the robot's file and of every recording."""
+    """Faults of the robot's file and of every recording; where none refuses, those of the motion."""
     try:
-        recorded_tree(study)
+        robot = robot_of(study)
     except PellucidError as error:
-        return [Fault("refuse", "robot", "study.toml", "", str(error), "a robot and its motions", str(error))]
-    return []
+        return [_fault("refuse", "robot", "", "", str(error), "a robot", str(error))]
+    urdf = file_of(study)
+    faults = [_fault("note", "robot", urdf.path.name, "", text, "a body", text) for text in urdf.notes] if urdf else []
+    faults += list(_said(study, robot))
+    faults += [fault for recording in study.recordings() for fault in inspect(recording, study)]
+    if any(fault.severity == "refuse" for fault in faults):
+        return faults
+    faults += left_out(study)
+    try:
+        motions = motions_of(study, robot)
+    except PellucidError as error:
+        return [*faults, _fault("refuse", "motion", "", "", str(error), "motions", str(error))]
+    for find in (_lengths, _velocities, _resting, _together, _signs, _limits):
+        faults += find(study, robot, motions)
+        if any(fault.severity == "refuse" for fault in faults):
+            break
+    return faults
+
+
+def evened(study: Study) -> list[Fault]:
+    """What was made of clocks that jitter."""
+    found = (jitter_fault(recording, study) for recording in study.recordings())
+    return [fault for fault in found if fault is not None]
+
+
+def _fault(severity: str, kind: str, file: str, channel: str, found: str, expected: str, message: str = "") -> Fault:
+    file = file or "study.toml"
+    said = message or f"{file}{', channel ' if channel else ''}{channel}: found {found}, expected {expected}"
+    return Fault(severity, kind, file, channel, found, expected, said)
+
+
+def _said(study: Study, robot: Robot) -> Iterator[Fault]:
+    """What study.toml asks for that is not there."""
+    table, entries = study.config.tree, study.config.recordings
+    links = {joint.child for joint in robot.tree.order} | set(frames_of(study))
+    for entry in entries:
+        link = entry.payload.link if entry.payload is not None else None
+        if link is not None and link not in links:
+            found = f'[[recordings]] {entry.name}: a payload on the link "{link}"'
+            yield _fault("refuse", "payload", "", "", found, f"one of {', '.join(sorted(links))}")
+    if not any(entry.use == "fit" for entry in entries):
+        yield _fault("refuse", "no_fit", "", "", 'no recording with use = "fit"', "at least one")
+    if table.gains == "payload" and not any(entry.payload is not None for entry in entries):
+        found = '[tree] gains = "payload" and no recording with a payload'
+        yield _fault("refuse", "gains", "", "", found, 'one, and the same motion without it, or gains = "stated"')
+    if table.gains == "desired":
+        wanted = [f"{head}.{name}" for head in ("desired_current", "desired_torque") for name in robot.names]
+        missing = [name for name in wanted if not any(name in r for r in study.recordings())]
+        if missing and len(robot.names) > 1:
+            found = f'[tree] gains = "desired" and no channel {missing[0]}'
+            yield _fault("refuse", "gains", "", missing[0], found, 'one for each joint, or gains = "stated"')
+
+
+def _fitted(motions: Sequence[TreeMotion]) -> list[TreeMotion]:
+    return [motion for motion in motions if motion.use == "fit"]
+
+
+def _files(study: Study) -> str:
+    return ", ".join(dict.fromkeys(recording.path.name for recording in study.recordings("fit")))
+
+
+def _channel(study: Study, robot: Robot, k: int) -> str:
+    joints: dict[str, RigJoint] = {joint.joint: joint for joint in study.rig.joints}
+    return position_channel(study.recordings()[0], joints[robot.names[k]], len(joints) == 1)
+
+
+def _lengths(study: Study, robot: Robot, motions: Sequence[TreeMotion]) -> Iterator[Fault]:
+    """Files of one recording that are not equally long: only what all of them saw is used."""
+    for recording in study.recordings():
+        before = len(study.apart(recording.name))
+        if recording.streams and len(recording) < (1.0 - SHORTER) * before:
+            files = ", ".join(stream.path.name for stream in recording.streams.values())
+            found = f"{before} samples, of which {files} has {len(recording)} (recording {recording.name})"
+            yield _fault(
+                "note", "lengths", recording.path.name, "time", found, "files of one length; the rest is left out"
+            )
+
+
+def _velocities(study: Study, robot: Robot, motions: Sequence[TreeMotion]) -> Iterator[Fault]:
+    """Recorded velocities of another sign or size than positions have."""
+    for motion in motions:
+        if study.config.processing_of(motion.recording).velocity != "recorded" or len(motion) < 3:
+            continue
+        file = study.recording(motion.recording).path.name
+        moved = np.gradient(motion.position, 1.0 / motion.rate, axis=0)
+        for k, name in enumerate(robot.names):
+            size = float(moved[:, k] @ moved[:, k])
+            slope = float(moved[:, k] @ motion.velocity[:, k]) / size if size > 0.0 else 1.0
+            if np.ptp(motion.position[:, k]) > RESTS[robot.prismatic[k]] and not abs(slope - 1.0) <= VELOCITY:
+                degrees = "; is one of them in degrees?" if 50.0 < max(slope, 1.0 / slope) < 65.0 else ""
+                looks = "; turn one of them around" if slope < 0.0 else degrees
+                found = f"a velocity {slope:.3g} times what position does in recording {motion.recording}"
+                yield _fault("refuse", "velocity", file, f"velocity.{name}", found, f"1 time{looks}")
+
+
+def _resting(study: Study, robot: Robot, motions: Sequence[TreeMotion]) -> Iterator[Fault]:
+    """Joints that never move while fitting."""
+    fitted = _fitted(motions)
+    for k, name in enumerate(robot.names):
+        places = np.concatenate([m.position[:, k] for m in fitted])
+        rows = sum(int(m.moving[:, k].sum()) for m in fitted)
+        if rows >= FEWEST_ROWS and np.ptp(places) > RESTS[robot.prismatic[k]]:
+            continue
+        unit = robot.units[k][0]
+        found = f"joint {name} within {np.ptp(places):.3g} {unit} in all that is fitted ({rows} rows that move)"
+        where = f"{np.median(places):.4g} {unit}"
+        hold = (
+            f'leave its [[rig.joints]] out and say [tree] held = {{ {name} = "{where}" }}'
+            if study.config.tree.urdf is not None
+            else "add its body to that of the joint before"
+        )
+        wanted = f"a joint that moves: record it moving, make dead_band smaller if it is slow, or {hold}"
+        yield _fault("refuse", "resting_joint", _files(study), _channel(study, robot, k), found, wanted)
+
+
+def _together(study: Study, robot: Robot, motions: Sequence[TreeMotion]) -> Iterator[Fault]:
+    """Pairs of joints whose speeds are one another's all along."""
+    v = np.concatenate([m.velocity[m.moving.any(axis=1)] for m in _fitted(motions)])
+    size = np.linalg.norm(v, axis=0)
+    for i, k in combinations(range(len(robot.names)), 2):
+        alike = float(v[:, i] @ v[:, k]) / (size[i] * size[k])
+        if abs(alike) > ALIKE:
+            pair = f"joints {robot.names[i]} and {robot.names[k]}"
+            ratio = float(v[:, i] @ v[:, k]) / size[i] ** 2
+            found = f"{pair} moving only together (speeds {ratio:.3g} to 1, correlation {alike:.5f})"
+            wanted = (
+                "a motion in which each moves by itself; if one motor moves both, say its turns, and if the channels "
+                "are the same column, name the right one"
+            )
+            yield _fault("refuse", "joined_joints", _files(study), _channel(study, robot, k), found, wanted)
+
+
+def _signs(study: Study, robot: Robot, motions: Sequence[TreeMotion]) -> Iterator[Fault]:
+    """Efforts against their motion, and joints that are turned around."""
+    fitted = _fitted(motions)
+    shares = giving(robot, fitted)
+    joints: dict[str, RigJoint] = {joint.joint: joint for joint in study.rig.joints}
+    wrong = np.flatnonzero(shares < -GIVES)
+    for k in wrong:
+        name = robot.names[k]
+        found = f"friction of joint {name} that gives energy, {-100 * shares[k]:.2g} % of its effort times its speed"
+        turns = f", or, of turns.{name}," if joints[name].turns else ", or"
+        wanted = (
+            f"one that takes it: the effort has the other sign than the motion; write sign = -1 for the drive's "
+            f"channel{turns} for the position's, whichever is wrong"
+            + (", or of a joint that shares its motor" if any(robot.turns_array[i, k] for i in robot.shared) else "")
+        )
+        yield _fault("refuse", "sign", _files(study), _channel(study, robot, k), found, wanted)
+    if wrong.size:
+        return
+    zeros = np.array([joints[name].zero if joints[name].turns else _offset(study, robot, name) for name in robot.names])
+    for turned in turned_around(robot, fitted, zeros):
+        name = robot.names[turned.joint]
+        of = f"turns.{name}" if joints[name].turns else f"position.{name} and of its drive's channel"
+        either = " or ".join([name, *(robot.names[i] for i in turned.others)])
+        found = f"{turned.ratio:.3g} times as much of the efforts unexplained as with joint {either} turned around"
+        wanted = (
+            f"less: a joint's sign and its gear's are those of the robot's file; try the other sign of {of}"
+            + (", or of the other's" if turned.others else "")
+            + ", and zeros"
+        )
+        severity = "refuse" if turned.sure else "note"
+        yield _fault(severity, "sign", _files(study), _channel(study, robot, turned.joint), found, wanted)
+
+
+def _offset(study: Study, robot: Robot, name: str) -> float:
+    """What is added to a position's stored numbers [rad; m]: where they turn around."""
+    specs = study.specs_of(study.recordings()[0])
+    spec = specs.get(f"position.{name}", specs.get("position"))
+    return spec.offset * spec.si_factor if spec is not None else 0.0
+
+
+def _limits(study: Study, robot: Robot, motions: Sequence[TreeMotion]) -> Iterator[Fault]:
+    """Positions beyond the limits that study.toml, or the robot's file, states."""
+    urdf, joints = file_of(study), {joint.joint: joint for joint in study.rig.joints}
+    for k, name in enumerate(robot.names):
+        said, unit = joints[name].limits, robot.units[k][0]
+        of_file = urdf.limits.get(name) if urdf is not None else None
+        low = said.position_min if said.position_min is not None else of_file.lower if of_file else None
+        high = said.position_max if said.position_max is not None else of_file.upper if of_file else None
+        if low is None or high is None:
+            continue
+        seen = [min(m.position[:, k].min() for m in motions), max(m.position[:, k].max() for m in motions)]
+        if seen[0] < low - BEYOND * (high - low) or seen[1] > high + BEYOND * (high - low):
+            found = f"joint {name} from {seen[0]:.4g} to {seen[1]:.4g} {unit}"
+            wanted = f"{low:.4g} to {high:.4g} {unit}, its limits: are zero, sign and unit right?"
+            yield _fault("note", "limits", _files(study), _channel(study, robot, k), found, wanted)

@@ -43,7 +43,7 @@ def find(watched: Watched) -> Iterator[Cut]:
 
 def at_limit(watched: Watched, name: str, value: float) -> bool:
     """Whether a command rests at a limit that is known."""
-    return name == watched.drive and any(abs(value) >= 0.98 * limit for limit in watched.limits)
+    return any(abs(value) >= 0.98 * limit for limit in watched.limits.get(name, ()))
 
 
 def flat_tops(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -8,7 +8,7 @@ import numpy as np
 
 from ..cut import Cut, cut_of
 from .clipped import at_limit
-from .watched import MOTION, Watched, runs, stays
+from .watched import MOTION, Watched, ending_of, runs, stays
 
 KIND = "dropout"
 
@@ -46,9 +46,10 @@ MOVES = 0.1
 def find(watched: Watched) -> Iterator[Cut]:
     """Runs of one value that stand out by their length, and that leap at both ends, are held at no zero, or during
     which the body moves."""
-    moved = watched.samples("position") if "position" in watched.channels else None
     for name in watched.channels:
-        x = watched.samples(name)
+        x, own = watched.samples(name), f"position{ending_of(name)}"
+        position = own if own in watched.channels else "position"
+        moved = watched.samples(position) if position in watched.channels else None
         first, length = runs(stays(x))
         length = length + 1
         far = set(_outstanding(length, len(x), APART).tolist())

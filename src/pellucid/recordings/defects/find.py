@@ -13,7 +13,7 @@ from . import clipped, dropouts, frozen, gaps, missing, spikes
 from .watched import Watched
 
 if TYPE_CHECKING:
-    from ..study_file import ChannelSpec, Processing, StudyFile
+    from ..study_file import ChannelSpec, JointTable, Processing, StudyFile
 
 KINDS: tuple[ModuleType, ...] = (missing, gaps, dropouts, spikes, clipped, frozen)
 """Each has ``KIND`` and ``find(watched)``; those that come later see nothing of what was found before."""
@@ -33,34 +33,44 @@ def watched(
     stream: str = "",
 ) -> Watched:
     """What the procedures of a study read of a recording, or of one of its streams."""
-    rig = config.rig.joints[0] if len(config.rig.joints) == 1 else None
-    own = reads_joint(config) and (not stream or config.streams[stream].join)
-    drive = command_channel(recording, rig.drive.kind) if own else None
+    own = read_joints(config) if not stream or config.streams[stream].join else ()
     names = {n for n in recording.channels for t in config.procedures.values() if t.reads(n, stream)}
-    limits: list[float | None] = []
-    if own:
-        loop = rig.loop
-        names |= {"position", drive or "position"} | ({"supply"} if drive == "duty" else set())
-        names |= {"velocity"} if processing.velocity == "recorded" else set()
-        names |= {"reference", loop.injected or "reference"} if loop is not None else set()
-        limits = [rig.drive.limit, loop.limit if loop else None]
     accepted = {name for name, spec in specs.items() if spec.clip == "accept"}
-    if own and rig.loop is not None and rig.loop.injected:
-        accepted.add(rig.loop.injected)
+    drives, limits = {}, {}
+    for joint in own:
+        ending = f".{joint.joint}" if len(own) > 1 else ""
+        places = (f"position{ending}", f"motor_position{ending}")
+        position = next((name for name in places if name in recording), places[0])
+        drive = command_channel(recording, joint.drive.kind, ending)
+        names |= {position, drive or position} | ({f"supply{ending}"} if drive == f"duty{ending}" else set())
+        names |= {f"velocity{ending}"} if processing.velocity == "recorded" else set()
+        known = [joint.drive.limit]
+        if joint.loop is not None:
+            injected = f"{joint.loop.injected}{ending}" if joint.loop.injected else f"reference{ending}"
+            names |= {f"reference{ending}", injected}
+            accepted |= {injected} if joint.loop.injected else set()
+            known.append(joint.loop.limit)
+        if drive is not None:
+            drives[position] = drive
+            limits[drive] = tuple(limit for limit in known if limit is not None)
     return Watched(
         recording,
         tuple(n for n in recording.channels if n in names and n != "time"),
-        drive,
-        tuple(limit for limit in limits if limit is not None),
+        drives,
+        limits,
         frozenset(accepted),
         bridgeable(processing, recording.fs) if processing.resample is not None else 0.0,
     )
 
 
-def reads_joint(config: StudyFile) -> bool:
-    """Whether the position and the drive's command of a joint are read, by a regression over its samples."""
-    alone = any(table.alone for table in config.procedures.values())
-    return not alone and len(config.rig.joints) == 1 and config.rig.joints[0].drive is not None
+def read_joints(config: StudyFile) -> tuple[JointTable, ...]:
+    """Joints whose position and drive's command are read, by a regression over its samples."""
+    joints, tables = config.rig.joints, config.procedures.values()
+    if any(joint.drive is None for joint in joints):
+        return ()
+    if any(table.several for table in tables):
+        return tuple(joints)
+    return tuple(joints) if len(joints) == 1 and not any(table.alone for table in tables) else ()
 
 
 def bridgeable(processing: Processing, fs: float) -> float:
@@ -70,7 +80,7 @@ def bridgeable(processing: Processing, fs: float) -> float:
 
 def kinds(config: StudyFile) -> tuple[ModuleType, ...]:
     """What is to be looked for in the recordings of a study."""
-    every = reads_joint(config) or any(not table.bridges for table in config.procedures.values())
+    every = bool(read_joints(config)) or any(not table.bridges for table in config.procedures.values())
     return KINDS if every else OF_A_SIGNAL
 
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from ..cut import Cut, cut_of
 from .scale import Scale
-from .watched import Watched, runs, stays
+from .watched import Watched, ending_of, runs, stays
 
 KIND = "frozen_encoder"
 
@@ -22,20 +22,24 @@ difference between both ways. A joint sticks while it reverses, and more so unde
 
 
 def find(watched: Watched) -> Iterator[Cut]:
-    """Rests of the joint's position that cannot be the joint's own."""
-    if watched.drive is None or "position" not in watched.channels:
-        return
-    q = watched.samples("position")
+    """Rests of a joint's position that cannot be the joint's own."""
+    for position, drive in watched.drives.items():
+        if {position, drive} <= set(watched.channels):
+            yield from _of_a_joint(watched, position, drive)
+
+
+def _of_a_joint(watched: Watched, position: str, drive: str) -> Iterator[Cut]:
+    q = watched.samples(position)
     finite = np.isfinite(q)
     if not finite.any():
         return
-    effort, reference = watched.samples(watched.drive), _reference(watched)
+    effort, reference = watched.samples(drive), _reference(watched, position)
     known = q[finite]
     if known.min() == known.max():
         moves = [s for s in (effort, reference) if s is not None and np.nanmax(s, initial=-np.inf) > np.nanmin(s)]
         if moves:
             found = f"a frozen encoder, the one value {known[0]:.6g} in every sample"
-            yield cut_of(watched.recording, KIND, "position", 0, len(q) - 1, found)
+            yield cut_of(watched.recording, KIND, position, 0, len(q) - 1, found)
         return
     first, length = runs(stays(q))
     length = length + 1
@@ -48,15 +52,15 @@ def find(watched: Watched) -> Iterator[Cut]:
         why = machine.why_frozen(a, b)
         if why:
             found = f"a frozen encoder, the one value {q[a]:.6g} for {length[i]} samples while {why}"
-            yield cut_of(watched.recording, KIND, "position", a, b, found)
+            yield cut_of(watched.recording, KIND, position, a, b, found)
 
 
-def _reference(watched: Watched) -> np.ndarray | None:
+def _reference(watched: Watched, position: str) -> np.ndarray | None:
     """Where the position should be; a velocity loop's reference says nothing of that."""
-    channels = watched.recording.channels
-    if "reference" not in channels or channels["reference"].unit != channels["position"].unit:
+    channels, name = watched.recording.channels, f"reference{ending_of(position)}"
+    if name not in channels or channels[name].unit != channels[position].unit:
         return None
-    return watched.samples("reference")
+    return watched.samples(name)
 
 
 class _Machine:

@@ -43,7 +43,7 @@ class Implausible:
 
 def implausible(channel: Channel, known: float = 0.0) -> Implausible | None:
     """What of a channel is beyond what machines have, or beyond a `known` limit where that is larger [SI]."""
-    limit, looks = _PLAUSIBLE.get((channel.name, channel.unit), (NONSENSE, ""))
+    limit, looks = _PLAUSIBLE.get((channel.name.partition(".")[0], channel.unit), (NONSENSE, ""))
     if channel.name.startswith("emg."):
         limit, looks = _EMG_PLAUSIBLE
     limit = max(limit, known)

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from dataclasses import dataclass, replace
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -21,11 +21,15 @@ class Watched:
 
     recording: Recording
     channels: tuple[str, ...]  # That are read, time left out
-    drive: str | None = None  # Of them, the drive's command
-    limits: tuple[float, ...] = ()  # Known ones of the command, in its SI unit
+    drives: Mapping[str, str] = field(default_factory=dict)  # Of them, the drive's command by its joint's position
+    limits: Mapping[str, tuple[float, ...]] = field(default_factory=dict)  # Known ones of a command, in its SI unit
     accepted: frozenset[str] = frozenset()  # May rest at their largest value
     bridged: float = 0.0  # A gap up to this long is interpolated over, as the study asks [s]
     cuts: tuple[Cut, ...] = ()  # Found so far, beside those of the recording
+
+    def is_drive(self, name: str) -> bool:
+        """Whether a channel is a drive's command."""
+        return name in self.drives.values()
 
     @cached_property
     def usable(self) -> np.ndarray:
@@ -40,6 +44,11 @@ class Watched:
     def without(self, cuts: Iterable[Cut]) -> Watched:
         """The same with these cut out too."""
         return replace(self, cuts=(*self.cuts, *cuts))
+
+
+def ending_of(name: str) -> str:
+    """What a joint's channels end in, from the name of one of them: ``".elbow"``; "" where there is one joint alone."""
+    return name[len(name.partition(".")[0]) :]
 
 
 def stays(x: np.ndarray) -> np.ndarray:
