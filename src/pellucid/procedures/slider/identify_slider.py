@@ -218,6 +218,11 @@ def travel_in_words(travel: Parameter | None) -> str:
             f'offered: record slow motions that turn round, of protocol = "{REVERSALS}" (at least {FEWEST} turns).'
         )
     low, high = (1e3 * max(x, 0.0) for x in travel.interval())
+    if travel.at_bound:
+        return (
+            f"The joint slips at once: if its friction builds up before it does, then over less than {high:.2g} mrad, "
+            "about the shortest way that is tried."
+        )
     return (
         f"Before the joint slips its friction builds up over {1e3 * travel.value:.2g} mrad ({low:.2g} to {high:.2g}) "
         "from rest."
