@@ -66,11 +66,11 @@ FEATURES: Mapping[str, tuple[Coefficient, ...]] = {
     ),
 }
 """What straps do besides, and the parameters that it takes."""
-SENTENCES: Mapping[str, str] = {
-    "hardening": "it hardens",
-    "slack": "it has slack",
-    "relaxing": "it relaxes, as a standard linear solid",
-    "askew": "it sits askew of the joint's axis",
+DOES: Mapping[str, str] = {
+    "hardening": "hardens",
+    "slack": "has slack",
+    "relaxing": "relaxes (a standard linear solid)",
+    "askew": "sits askew of the joint's axis",
 }
 PLAIN = "kelvin_voigt"
 
@@ -94,7 +94,10 @@ class StrapModel:
     @property
     def words(self) -> str:
         """For a sentence."""
-        return " and ".join(SENTENCES[f] for f in self.features) or "a spring and a damper hold it all"
+        does = [DOES[f] for f in self.features]
+        if not does:
+            return "a spring and a damper hold it all"
+        return f"it {' and '.join(filter(None, [', '.join(does[:-1]), does[-1]]))}"
 
     @property
     def coefficients(self) -> tuple[Coefficient, ...]:

@@ -32,7 +32,7 @@ from .published_coupling import (
     solve_balance,
     torque_mismatch,
 )
-from .strap_model import KELVIN_VOIGT, SENTENCES
+from .strap_model import KELVIN_VOIGT
 from .strap_search import clock_shift
 from .strap_slip import Slip, find_slip, unexplained
 from .strap_torque import Limb, Orthosis, StrappedSwing, from_limb, from_orthosis
@@ -208,8 +208,7 @@ def strap_verdicts(found: WearerCoupling) -> list[Verdict]:
         return [Verdict("warning", f"{who}: no model of the strap but a spring and a damper could be fitted.")]
     low, high = (np.degrees(v) for v in strap.range)
     at_low, at_high = (p.value for p in strap.ends)
-    features = [SENTENCES[f] for f in strap.model.features]
-    what = ", ".join(features) if features else "a spring and a damper predict it best"
+    what = strap.model.words if strap.model.features else "a spring and a damper predict it best"
     said = [
         Verdict(
             "note",

@@ -16,7 +16,7 @@ from ...fit.strap.limb_imu import ImuCalibration
 from ...fit.strap.limb_muscles import MuscleTorque
 from ...fit.strap.orthosis_alone import ORDER, OrthosisFit
 from ...fit.strap.published_coupling import PublishedCoupling
-from ...fit.strap.strap_model import FEATURES
+from ...fit.strap.strap_model import FEATURES, StrapModel
 from ...fit.strap.wearer_coupling import SIDES, WearerCoupling
 from ...models.parameter_card import ParameterCard
 from ...recordings.results import ResultRow, checksum_of_all
@@ -113,7 +113,12 @@ def _tables(orthosis: OrthosisFit, wearers: Mapping[str, WearerStages]) -> Itera
             known = tuple(p for p in (stages.limb.gravity, stages.limb.inertia) if np.isfinite(p.value))
             yield ParameterTable(f"{who}: limb", known)
     tried = [
-        (who, name.replace("_", " "), 1e3 * error, "yes" if name == strap.model.name else "")
+        (
+            who,
+            ", ".join(StrapModel.named(name).features) or "a spring and a damper",
+            1e3 * error,
+            "yes" if name == strap.model.name else "",
+        )
         for who, stages in wearers.items()
         if (strap := stages.coupling.strap) is not None
         for name, error in sorted(strap.errors.items(), key=lambda pair: pair[1])

@@ -294,14 +294,17 @@ def verdicts_of(study: Study, evaluated: Sequence[Evaluated], trials: Sequence[T
             )
     judged = {each.recording for each in evaluated} | {trial.name for trial in trials}
     idle = [
-        r.name for r in study.recordings("validate") if not any(f"{name}_".startswith(f"{r.name}_") for name in judged)
+        r.name
+        for r in study.recordings("validate")
+        if any(name.startswith("emg.") for s in (r, *r.streams.values()) for name in s.channels)
+        and not any(f"{name}_".startswith(f"{r.name}_") for name in judged)
     ]
     if idle:
         said.append(
             Verdict(
                 "warning",
-                f"{', '.join(idle)}: to be judged on, and nothing was: no torque is known there. No figure here says "
-                "anything of such movements.",
+                f"{', '.join(idle)}: to be judged on, and nothing was: no torque is known there. No figure of these "
+                "maps says anything of such movements.",
             )
         )
     late = smoothing_delay(0.05, trials[0].fs)
