@@ -61,12 +61,17 @@ def init(
     folder: Annotated[Path, typer.Argument(metavar="DIR", help="Folder to make.")],
     dataset: Annotated[str | None, typer.Option(metavar="NAME", help="Public data set to fill it from.")] = None,
     rig: Annotated[str | None, typer.Option(metavar="NAME", help="Virtual rig that is to fill it.")] = None,
+    urdf: Annotated[Path | None, typer.Option(metavar="FILE", help="Robot of several joints that it is about.")] = None,
 ) -> None:
     """Make a study: recordings, and a study.toml about them."""
     from .lab.init import init as run
 
-    made = run(folder, dataset=dataset, rig=rig, progress=sys.stderr.isatty())
+    made = run(folder, dataset=dataset, rig=rig, urdf=urdf, progress=sys.stderr.isatty())
     out = _console()
+    if urdf is not None:
+        _say(out, f"{made}: the joints of {urdf.name}. Put recordings into {folder / 'recordings'},")
+        _say(out, f"and say in study.toml what their columns mean. Next: pellucid check {folder}")
+        return
     if isinstance(made, Path):
         _say(out, f"{made}: the rig {rig}, to be used as it is or edited.")
         _say(out, f"Next: pellucid simulate {folder}")

@@ -207,7 +207,7 @@ def test_init_needs_a_data_set(monkeypatch, capsys, tmp_path):
     code, out, err = as_program(monkeypatch, capsys, "init", tmp_path / "new")
     assert code == 2
     assert out == ""
-    assert err.startswith("pellucid: init needs --dataset NAME or --rig NAME")
+    assert err.startswith("pellucid: init needs --dataset NAME or --rig NAME or --urdf FILE")
     code, _, err = as_program(monkeypatch, capsys, "init", tmp_path / "new", "--rig", "elbow")
     assert code == 2
     known = "able-arm, able-elbow, bench-joint, elbow-participants, knee-orthosis, knee-seated"

@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from pellucid._errors import IdentificationError, RecordingError
+import pellucid
+from pellucid._errors import IdentificationError, PellucidError, RecordingError, StudyError
 from pellucid.models.welded import turned_as
 from pellucid.recordings.readers.urdf import read_urdf
 
@@ -207,3 +208,31 @@ def test_crude_bodies_are_told_and_used(written):
     text = TWO.format("").replace('ixx="0.01" iyy="0.01" izz="0.01"', 'ixx="0" iyy="0.01" izz="0.01"', 1)
     (note,) = read_urdf(written(text)).notes
     assert "link 'a': found a moment of inertia of 0 kg m^2 about its centre, expected > 0" in note
+
+
+def test_a_study_is_written_for_a_robot(written, tmp_path):
+    pair = ("\n" + LINK.format("c", 1)).join(BRANCHED.split("</robot>"))
+    follower = (
+        '<joint name="finger" type="prismatic"><parent link="tool"/><child link="c"/><axis xyz="1 0 0"/>'
+        '<limit lower="0" upper="0.04" velocity="1" effort="9"/><mimic joint="lift" offset="0.01"/></joint></robot>'
+    )
+    made = pellucid.init(tmp_path / "my arm", urdf=written(pair + follower))
+    assert made == tmp_path / "my arm" / "study.toml"
+    study = pellucid.open(made.parent)
+    assert (study.name, study.config.tree.urdf) == ("my-arm", "robot.urdf")
+    assert study.config.tree.held == {"finger": 0.01}
+    assert [joint.motion for joint in study.rig.joints] == ["rotary", "prismatic", "rotary", "rotary"]
+    turn, lift, *_ = study.rig.joints
+    assert (turn.limits.position_min, turn.limits.position_max, turn.limits.velocity) == (-1.0, 1.5, None)
+    assert (turn.limits.effort, lift.limits.position_max, lift.dead_band) == (20.0, 0.3, 0.002)
+    assert {"position.lift", "force.lift", "torque.turn"} <= set(study.config.channels)
+    # What is missing is said next.
+    with pytest.raises(RecordingError, match=r"first\.csv: no such file, expected by"):
+        pellucid.check(study)
+    with pytest.raises(StudyError, match=r"expected a new or empty folder"):
+        pellucid.init(tmp_path / "my arm", urdf=written(BRANCHED))
+    with pytest.raises(PellucidError, match=r"nothing\.urdf"):
+        pellucid.init(tmp_path / "other", urdf=tmp_path / "nothing.urdf")
+    assert not (tmp_path / "other").exists()
+    with pytest.raises(StudyError, match=r"found a joint 'a/b', expected letters"):
+        pellucid.init(tmp_path / "other", urdf=written(TWO.format("").replace('name="two"', 'name="a/b"')))

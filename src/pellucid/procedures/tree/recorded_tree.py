@@ -189,7 +189,9 @@ def motions_of(study: Study, robot: Robot, use: str | None = None) -> list[TreeM
     """Every stretch of the recordings in which nothing was cut out, in order; segments are numbered through."""
     made, first = [], 0
     for recording in study.recordings(use):
-        motions = list(_motions_of(recording, study, robot))
+        every = list(_motions_of(recording, study, robot))
+        # Stretches in which everything rests say nothing, beside others.
+        motions = [motion for motion in every if motion.moving.any()] or every
         # A cut does not make segments: they are those of the whole recording.
         time, moving, still = (
             np.concatenate([getattr(m, name) for m in motions]) for name in ("time", "moving", "still")

@@ -25,7 +25,7 @@ _KINDS = {"revolute": "revolute", "continuous": "revolute", "prismatic": "prisma
 FARTHEST = 3.0
 """Times the robot's length, beyond which a body's radius of gyration is that of another unit."""
 
-_LEGIBLE = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.:/ -]{0,99}")
+_LEGIBLE = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.:/ -]{0,99}")
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,157 @@
+"""A study.toml for a robot's file: its joints and limits, and what is to be filled in."""
+
+from __future__ import annotations
+
+import math
+import re
+
+from ..._errors import StudyError
+from ...models.kinematic_tree import TreeJoint
+from ...recordings.readers.urdf import Limits, Urdf
+from ...recordings.study_fields import NAME
+
+ROBOT_FILE = "robot.urdf"
+"""What the copy of the robot's file is called."""
+
+HEAD = """# {robot}: {count} joints, all identified at once.
+# Every quantity is a text with its unit. docs/study-file.md explains each key; `pellucid check` says what is missing.
+
+name = "{name}"
+
+[tree]
+urdf = "robot.urdf"                 # copied from {file}; its bodies are a start and a comparison, not what is found
+# gravity = [0, 0, -1]              # in the base's frame; change it for a robot on a wall or a ceiling
+# velocity_width = "0.02 rad/s"     # friction takes tanh(velocity / this) for the velocity's sign
+# effort_lowpass = "10 Hz"          # where efforts need another low-pass than motion
+
+[rig]
+
+"""
+
+JOINT = """[[rig.joints]]
+name = "{name}"
+motion = "{motion}"
+{band}[rig.joints.drive]
+kind = "torque"
+"""
+
+FIRST_JOINT = """# Names are those of the robot's file; channels end in them. Where channels are the motors', say how
+# these turn for each turn of a joint, with a minus against it, and where the joint is while its motor is at 0; a motor
+# may move with two:
+# turns = {{ {name} = 100.0 }}
+# turns = {{ a = 32.0, b = 32.0 }}
+# zero = "90 deg"
+[[rig.joints]]
+name = "{name}"
+motion = "{motion}"
+{band}[rig.joints.drive]
+kind = "torque"                     # or "current" with torque_constant = "12 N*m/A", or without one: results per ampere
+"""
+
+CHANNELS = """
+[channels]                          # a column's name, or its number from 0 in files without a header
+time = {{ column = 0, unit = "s" }}   # also "ms" or "ns"; time = {{ rate = "1 kHz" }} where there is no such column
+{channels}
+# Where the controller says them, the drives' gains can be told from these, with [tree] gains = "desired":
+# desired_current.{name} = {{ column = {next}, unit = "A" }}
+# desired_torque.{name} = {{ column = {after}, unit = "N*m" }}
+
+# Of efforts in a file of their own: move their lines to [streams.drives.channels], and name the file in [[recordings]].
+# [streams.drives]
+# join = true
+# offset = "0 s"
+# drift = 0
+
+[processing]
+lowpass = "10 Hz"                   # the same zero-phase filter for effort and motion: look at the spectrum
+# decimate = 10
+trim = 20                           # samples at each border, where the filter has not settled
+{dead_band}# velocity = "recorded"             # with channels velocity.{name}, ...; else position is differentiated
+
+[[recordings]]
+name = "first"
+file = "recordings/first.csv"
+use = "fit"
+
+# [[recordings]]
+# name = "second"                   # another motion
+# file = "recordings/second.csv"
+# use = "validate"                  # never fitted: it judges the model
+
+# [[recordings]]
+# name = "loaded"
+# file = "recordings/loaded.csv"
+# use = "validate"
+# payload = {{ mass = "2 kg" }}       # on the last link, or link = "NAME"
+"""
+
+
+def new_study(robot: Urdf, folder: str) -> str:
+    """The text of a study.toml for a robot, in a `folder` of that name; an error where it cannot be identified so."""
+    # Whatever follows another joint is held at first, and told.
+    held = {name: mimic.offset for name, mimic in robot.mimics.items()}
+    tree, _ = robot.tree(held)
+    joints = tree.moving
+    for joint in joints:
+        if re.fullmatch(NAME, joint.name) is None:
+            raise StudyError(
+                f"{robot.path.name}: found a joint {joint.name!r}, expected letters, digits, - and _ in its name, "
+                "which channels end in: rename it in the file"
+            )
+    mixed = len({joint.kind for joint in joints}) > 1
+    name = re.sub(r"[^A-Za-z0-9_-]+", "-", folder).strip("-_") or "robot"
+    said = HEAD.format(robot=_comment(robot.name), count=len(joints), name=name, file=_comment(robot.path.name))
+    if held:
+        places = ", ".join(f'"{key}" = "{x:.6g} {_unit(robot, key)}"' for key, x in held.items())
+        line = f"held = {{ {places} }}  # they follow other joints; hold those too, if they do not move\n"
+        said = said.replace("# gravity", f"{line}# gravity", 1)
+    tables = []
+    for i, joint in enumerate(joints):
+        band = f'dead_band = "{_band(joint)}"\n' if mixed else ""
+        motion = "prismatic" if joint.kind == "prismatic" else "rotary"
+        text = (JOINT if i else FIRST_JOINT).format(name=joint.name, motion=motion, band=band)
+        tables.append(text + _limits(joint, robot.limits[joint.name]))
+    n = len(joints)
+    channels = [
+        f'position.{joint.name} = {{ column = {1 + i}, unit = "{"m" if joint.kind == "prismatic" else "rad"}" }}'
+        for i, joint in enumerate(joints)
+    ] + [
+        f'force.{joint.name} = {{ column = {1 + n + i}, unit = "N" }}'
+        if joint.kind == "prismatic"
+        else f'torque.{joint.name} = {{ column = {1 + n + i}, unit = "N*m" }}'
+        for i, joint in enumerate(joints)
+    ]
+    alike = f'dead_band = "{_band(joints[0])}"'
+    dead_band = "" if mixed else f"{alike:<35} # slower, friction may be anything up to its level\n"
+    tail = CHANNELS.format(
+        channels="\n".join(channels), name=joints[0].name, next=1 + 2 * n, after=1 + 3 * n, dead_band=dead_band
+    )
+    return said + "\n".join(tables) + tail
+
+
+def _band(joint: TreeJoint) -> str:
+    return "0.002 m/s" if joint.kind == "prismatic" else "0.02 rad/s"
+
+
+def _limits(joint: TreeJoint, limits: Limits) -> str:
+    slides = joint.kind == "prismatic"
+    units = {"lower": "m" if slides else "rad", "velocity": "m/s" if slides else "rad/s"}
+    units |= {"upper": units["lower"], "effort": "N" if slides else "N*m"}
+    keys = {"lower": "position_min", "upper": "position_max", "velocity": "velocity", "effort": "effort"}
+    found = {key: getattr(limits, name) for name, key in keys.items()}
+    # Files say very large numbers, or less than 0, of what they do not know.
+    lines = [
+        f'{key} = "{x:.6g} {units[name]}"\n'
+        for (name, key), x in zip(keys.items(), found.values(), strict=True)
+        if x is not None and math.isfinite(x) and abs(x) < 1e6 and (name in ("lower", "upper") or x > 0.0)
+    ]
+    return "[rig.joints.limits]\n" + "".join(lines) if lines else ""
+
+
+def _unit(robot: Urdf, name: str) -> str:
+    return next("m" if joint.kind == "prismatic" else "rad" for joint in robot.joints if joint.name == name)
+
+
+def _comment(text: str) -> str:
+    """A name as part of a comment: nothing that could end it."""
+    return re.sub(r"[^\w .()+-]", "_", text)[:100]
