@@ -75,6 +75,11 @@ class TreeRows:
         return tuple(np.flatnonzero(column) for column in self.used.T)
 
     @cached_property
+    def bodies(self) -> tuple[np.ndarray, ...]:
+        """Of each joint, base parameters' columns of these rows, (r, n_j)."""
+        return tuple(np.ascontiguousarray(self.rigid[rows, j].T) for j, rows in enumerate(self.lines))
+
+    @cached_property
     def size(self) -> np.ndarray:
         """RMS effort of each joint over its rows, (m,)."""
         each = zip(self.effort.T, self.lines, strict=True)
@@ -232,32 +237,30 @@ def linearised(
     """The model about loads (N, m) and load coefficients (m,); without these, 0."""
     r, turns = len(model.base.names), np.asarray(rows.robot.turns)
     places, columns, targets = [], [], []
-    for j, lines in enumerate(rows.lines):
+    for j, (lines, bodies) in enumerate(zip(rows.lines, rows.bodies, strict=True)):
         v, target = rows.velocity[lines, j], rows.effort[lines, j]
-        s = direction(v, rows.width)
-        rigid = rows.rigid[lines, j]
         y = np.zeros(len(lines)) if load is None else load[lines, j]
         if alpha is not None and alpha[j]:
-            rigid = rigid * (1.0 + alpha[j] * s * np.sign(y))[:, None]
+            s = direction(v, rows.width)
+            bodies = bodies * (1.0 + alpha[j] * s * np.sign(y))
             target = target + alpha[j] * np.abs(y) * s
-        place, made = list(range(r)), [rigid]
+        place, made = list(range(r)), []
         for i, (k, of_motor, number, own) in enumerate(model.parts, r):
             ratio = turns[k, j] if of_motor else float(k == j)
             if not ratio:
                 continue
             column = NUMBERS[number].column(rows.turning[lines, k] if of_motor else v, rows.width, own)
-            column = column * (np.abs(y) if number == "load" else ratio)
             place.append(i)
-            made.append(column[:, None])
+            made.append(column * (np.abs(y) if number == "load" else ratio))
         for i, ripple in enumerate(model.ripples):
             ratio = turns[ripple.motor, j]
             if ratio:
                 phase = ripple.order * rows.turned[lines, ripple.motor]
                 at = r + len(model.parts) + 2 * i
                 place += [at, at + 1]
-                made.append(ratio * np.column_stack([np.sin(phase), np.cos(phase)]))
+                made += [ratio * np.sin(phase), ratio * np.cos(phase)]
         places.append(np.array(place))
-        columns.append(np.hstack(made))
+        columns.append(np.vstack([bodies, *made]).T)
         targets.append(target)
     return Linearised(model, rows, tuple(places), tuple(columns), tuple(targets))
 
