@@ -219,7 +219,9 @@ def test_estimators_agree_where_nothing_spoils_them():
     for method in METHODS:
         values = solved_by(method, plain_model(rows), rows, 200.0)[0].values
         first = values if first is None else first
-        np.testing.assert_allclose(values, first, rtol=1e-4, atol=1e-6, err_msg=method)
+        # Windows hold an effort through a period, where least squares compare instants.
+        close = {"rtol": 0.02, "atol": 2e-3} if method == "output_error" else {"rtol": 1e-4, "atol": 1e-6}
+        np.testing.assert_allclose(values, first, err_msg=method, **close)
     with pytest.raises(IdentificationError, match="found method 'magic', expected one of ordinary"):
         solved_by("magic", plain_model(rows), rows, 200.0)
 

@@ -1,4 +1,5 @@
-r"""Other ways to the same numbers: ordinary and robust least squares, and instruments against noise in the motion.
+r"""Other ways to the same numbers: ordinary and robust least squares, instruments against noise in the motion; and by
+name, output error.
 
 Ordinary least squares lets the strongest joint drown the weakest. Weighted least squares, the house's choice, gives
 each joint the weight of its residual. Robust least squares lowers, within each joint, what lies beyond Huber's 1.345
@@ -20,9 +21,10 @@ import numpy as np
 
 from ..._errors import IdentificationError
 from ..joint.reweighting import MAX_REWEIGHTINGS, robust_weights
+from .output_error import solve_output_error
 from .tree_regression import Linearised, TreeModel, TreeRows, TreeSolution, fit_rows, linearised, loads_of
 
-METHODS = ("ordinary", "weighted", "robust", "instrumental")
+METHODS = ("ordinary", "weighted", "robust", "instrumental", "output_error")
 """Plainest first."""
 LAG = 0.02  # s; twice what a 50 Hz low-pass remembers
 STAYS = 1e-4  # Of the RMS effort, the change at which iterations stop
@@ -38,6 +40,8 @@ def solved_by(method: str, model: TreeModel, rows: TreeRows, rate: float) -> tup
         return solve_robust(model, rows)
     if method == "instrumental":
         return solve_instrumental(model, rows, max(1, round(LAG * rate)))
+    if method == "output_error":
+        return solve_output_error(model, rows, rate)
     raise IdentificationError(f"found method {method!r}, expected one of {', '.join(METHODS)}")
 
 
