@@ -30,17 +30,21 @@ def study_text(said: Mapping[str, Any], comments: Mapping[str, str]) -> str:
     return "\n".join(lines) + "\n"
 
 
-def _table(path: str, table: Mapping[str, Any], comments: Mapping[str, str]) -> Iterator[str]:
-    """Lines of one table, then of those below it; a channel is a table in one line."""
+def _table(path: str, table: Mapping[str, Any], comments: Mapping[str, str], head: str = "[{}]") -> Iterator[str]:
+    """Lines of one table, then of those below it, and of lists of them; a channel is a table in one line."""
+    lists = {k: v for k, v in table.items() if isinstance(v, list) and v and all(isinstance(x, Mapping) for x in v)}
     below = {k: v for k, v in table.items() if isinstance(v, Mapping) and "column" not in v}
-    own = {k: v for k, v in table.items() if k not in below}
-    if own or not below:
+    own = {k: v for k, v in table.items() if k not in below and k not in lists}
+    if own or not (below or lists):
         yield ""
-        yield _commented(f"[{path}]", comments.get(path))
+        yield _commented(head.format(path), comments.get(path))
     for key, value in own.items():
         yield _line(key, value, f"{path}.{key}", comments)
     for key, value in below.items():
         yield from _table(f"{path}.{key}", value, comments)
+    for key, value in lists.items():
+        for one in value:
+            yield from _table(f"{path}.{key}", one, comments, "[[{}]]")
 
 
 def _line(key: str, value: Any, path: str, comments: Mapping[str, str]) -> str:

@@ -128,7 +128,9 @@ class ArmRig(Rig):
 
     def streams(self) -> Mapping[str, Sequence[Column]]:
         """The robot's file."""
-        counts = (Column(f"position.{n}", f"counts_{n}", "rad", q) for n, q in zip(JOINTS, self.quanta, strict=True))
+        counts = (
+            Column(f"position.{n}", f"counts_{n}", "rad", float(q)) for n, q in zip(JOINTS, self.quanta, strict=True)
+        )
         currents = (Column(f"current.{name}", f"current_{name}", "mA") for name in JOINTS)
         return {MAIN: (Column("time", "time", "s", text="%.3f"), *counts, *currents)}
 
@@ -178,7 +180,7 @@ class ArmRig(Rig):
                     "lifts": joint.name.replace("_", " "),
                     "parent": "base" if joint.parent == self.drawing.base else joint.parent,
                     "place": [f"{x:g} m" for x in joint.place],
-                    "axis": list(joint.axis),
+                    "axis": [float(x) for x in joint.axis],
                     "rotor_inertia": f"{joint.rotor_inertia:.4g} kg*m^2",
                     "body": {
                         "mass": f"{link.mass:.4g} kg",
