@@ -1,18 +1,23 @@
 """The virtual arm: what it is made of, what it records, who wears it."""
 
 import json
+import tomllib
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from pellucid._errors import StudyError
 from pellucid.lab.arm.bodies import built_tree
+from pellucid.lab.arm.free_shoulder import LAWS, ElbowAndShoulder, elbow_constants, figures_of, pointing
 from pellucid.lab.arm.human_motion import JOINTS, generated_motion
 from pellucid.lab.arm.protocol import ArmTrial, limits_of
 from pellucid.lab.arm.rig import able_arm, drawn_arms
 from pellucid.lab.arm.wearer import DONNED, HANDLE_AT, Person, drawn_people, worn_arguments
 from pellucid.lab.arm.worn_trial import run
 from pellucid.lab.known_rigs import parse_rig, shipped_rig
+from pellucid.lab.study import record_in_memory, study_config
+from pellucid.lab.study_text import study_text
 from pellucid.models.kinematic_tree import BODY
 
 
@@ -155,6 +160,39 @@ def test_a_robot_that_is_carried_costs_less_than_one_that_hangs_on_the_arm(rig):
     # What cuffs do at the robot's joints is what they do at the arm's, but for where the axes are.
     size = np.sqrt(np.mean(carried.on_limb**2))
     assert np.sqrt(np.mean((carried.on_limb + carried.on_robot) ** 2)) < 0.5 * size
+
+
+def test_a_free_shoulder_that_is_kept_still_changes_little_at_the_elbow(rig):
+    person = Person("one", offset=(0.01, -0.008, 0.01))
+    slider = HANDLE_AT * person.forearm
+    constants = elbow_constants(rig, slider)
+    # Gravity of the whole forearm, with its carriage there, and dry friction of the size of the rig's.
+    forearm = rig["link"]["elbow_flexion"]["mass"] * 0.105 + rig["link"]["carriage"]["mass"] * slider
+    assert constants.pooled[0] == pytest.approx(9.81 * forearm, rel=0.06)
+    assert constants.up[0] > constants.down[0]
+    assert 0.1 < constants.up[2] < 0.6
+    whole = pointing(rig["sampling"]["rate"])
+    motion = replace(whole, position=whole.position[:4500])
+    found = {}
+    for held in (True, False):
+        law = ElbowAndShoulder(rig, LAWS["clpc"](rig, constants), held=held)
+        found[held] = figures_of(run(rig, person, law, motion), "clpc", "held" if held else "free")
+    assert not found[True].stopped
+    assert found[False].elbow_interaction == pytest.approx(found[True].elbow_interaction, rel=0.15)
+    assert found[False].shoulder_peak < 0.1
+
+
+def test_its_study_is_one_of_several_joints(rig):
+    quick = rig.changed({"protocol.repetitions": 1, "protocol.duration": 10.0})
+    trials = [t for t in quick.trials(1) if t.protocol == "fourier"]
+    config, recordings, made = record_in_memory(quick, trials, seed=1)
+    assert tuple(joint.name for joint in config.rig.joints) == JOINTS
+    assert config.tree is not None
+    text = study_text({**quick.study(made), "name": "arm"}, quick.comments)
+    assert text.count("[[rig.joints]]") == 4
+    assert study_config(tomllib.loads(text)).rig == config.rig
+    assert [r.use for r in recordings] == ["fit", "validate"]
+    assert recordings[0]["current.elbow_flexion"].std() > 0.1
 
 
 def test_what_lacks_is_named():
