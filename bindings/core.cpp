@@ -400,6 +400,10 @@ nb::dict model_fields() {
   models["strap_estimator"] = fields_of<p::StrapEstimatorParams<double>>();
   models["gate"] = fields_of<p::SafetyParams<double>>();
   models["supervisor"] = fields_of<p::SupervisorParams<double>>();
+  models["tree_law_joint"] = fields_of<p::JointShareParams<double>>();
+  models["tree_law_whole"] = fields_of<p::WholeTreeParams<double>>();
+  models["tree_watch_joint"] = fields_of<p::JointWatchParams<double>>();
+  models["tree_watch_whole"] = fields_of<p::WholeWatchParams<double>>();
   return models;
 }
 
@@ -497,6 +501,7 @@ NB_MODULE(_core, m) {
   b::add_tree(m);
   b::add_driven_tree(m);
   b::add_worn_tree(m);
+  b::add_tree_laws(m);
   b::add_zero_phase(m);
 
   nb::module_ math = m.def_submodule("math", "The core's elementary functions, on float64 or float32 arrays.");

@@ -28,5 +28,6 @@ struct TreeArguments {
 void add_tree(nb::module_& m);
 void add_driven_tree(nb::module_& m);
 void add_worn_tree(nb::module_& m);
+void add_tree_laws(nb::module_& m);
 
 }  // namespace bindings

@@ -17,6 +17,10 @@ MODELS = {
     "posture_servo": "Muscles that follow a motion, and their reflex",
     "muscle": "A muscle from its EMG envelope on",
     "strap_estimator": "A strap learnt while it is worn",
+    "tree_law_joint": "What a law of several joints does at each",
+    "tree_law_whole": "And with all",
+    "tree_watch_joint": "What its supervisor watches of each joint",
+    "tree_watch_whole": "And of all",
 }
 OUT = Path(__file__).parents[1] / "docs" / "parameters.md"
 

@@ -1,0 +1,436 @@
+// Between sensors, a law of several joints and its drives: the watches of one joint for each, and of the whole.
+//
+// What supervisor.hpp is to a law of one joint. A fault of one joint stops all of them together: joints whose encoder and
+// drive are above suspicion are held back viscously, so that the arm sinks instead of falling; the joint in doubt loses
+// its effort and its power, and so does every motor that turns with it. What is in doubt of the whole, memory above all,
+// takes the power from all.
+#pragma once
+
+#include "supervisor.hpp"
+#include "tree_compensation.hpp"
+
+namespace pellucid {
+inline namespace PELLUCID_ABI {
+
+/// What is watched of one joint, and how it is held.
+template <class S> struct JointWatchParams {
+  EncoderWatchParams<S> encoder{};
+  DriveWatchParams<S> drive{};  ///< of the joint's motor
+  EnergyBudgetParams<S> budget{};
+  RingingWatchParams<S> ringing{};
+  DampedStopParams<S> hold{};
+  S outside_limit = S(std::numeric_limits<S>::infinity()), rest_speed = S(0.3);
+
+  template <class P, class V> static constexpr void walk(P& p, V& visit) noexcept {
+    pellucid::walk(p.encoder, visit);
+    pellucid::walk(p.drive, visit);
+    pellucid::walk(p.budget, visit);
+    pellucid::walk(p.ringing, visit);
+    pellucid::walk(p.hold, visit);
+    visit(p.outside_limit, {"outside_limit", unit::effort, above(0).or_infinite(),
+                            "the most that a wearer gives there beyond friction; infinite: not checked"});
+    visit(p.rest_speed, {"rest_speed", unit::velocity, above(0).or_infinite(), "slower, a reset may be granted"});
+  }
+};
+
+/// What is watched of all.
+template <class S> struct WholeWatchParams {
+  S power = S(std::numeric_limits<S>::infinity()), speed = power, reset_delay = S(1);
+  std::uint32_t healthy_samples = 500;
+
+  template <class P, class V> static constexpr void walk(P& p, V& visit) noexcept {
+    visit(p.power, {"raw_power_limit", Unit{0, 0, 0, "W"}, above(0).or_infinite(),
+                    "of the sum of efforts times raw velocities; infinite: none"});
+    visit(p.speed, {"raw_end_speed_limit", Unit{0, 0, 0, "m/s"}, above(0).or_infinite(),
+                    "of the law's end point, by raw velocities; infinite: none"});
+    visit(p.reset_delay, {"reset_delay", unit::time, between(0, 60), "from a fault to the earliest reset"});
+    visit(p.healthy_samples, {"healthy_samples", unit::one, at_least(1), "in a row before a reset is granted"});
+  }
+};
+
+template <class S, std::size_t N> struct TreeSupervisorParams {
+  JointWatchParams<S> joint[N]{};  ///< of each
+  WholeWatchParams<S> whole{};     ///< of all
+};
+
+/// What follows from JointWatchParams, the joint's gate and its friction once.
+template <class S> struct JointWatchCoefficients {
+  JointWatchParams<S> params{};           ///< as they are
+  EncoderWatchCoefficients<S> encoder{};  ///< of the raw angle
+  RingingWatchCoefficients<S> ringing{};  ///< of the command
+  S level{};                              ///< of friction at rest without a load [N m; N]
+  S load{};                               ///< more of it, per load [1]
+};
+
+template <class S, std::size_t N> struct TreeSupervisorCoefficients {
+  JointWatchCoefficients<S> joint[N]{};  ///< of each
+  WholeWatchParams<S> whole{};           ///< as they are
+  S period{};                            ///< [s]
+  std::uint32_t reset_periods = 0;       ///< of the delay
+  std::uint32_t valid = 0;               ///< 1: the parameters make sense
+};
+
+template <class S, std::size_t N>
+TreeSupervisorCoefficients<S, N> coefficients(const TreeSupervisorParams<S, N>& p,
+                                              const TreeCompensationCoefficients<S, N>& law) noexcept {
+  TreeSupervisorCoefficients<S, N> c;
+  c.whole = p.whole;
+  c.period = law.gate.joint[0].params.period;
+  bool valid = law.gate.valid && is_sound(p.whole);
+  for (std::size_t k = 0; k < law.gate.joints; ++k) {
+    JointWatchCoefficients<S>& one = c.joint[k];
+    const FrictionCoefficients<S>& f = law.drives.joint[k].friction;
+    one.params = p.joint[k];
+    one.encoder = coefficients(p.joint[k].encoder, c.period);
+    one.ringing = coefficients(p.joint[k].ringing, S(4) * c.period);
+    one.level = max(f.coulomb_positive, f.coulomb_negative) + f.stribeck;
+    one.load = max(f.load_motoring, f.load_generating);
+    valid = valid && is_sound(p.joint[k]) && one.encoder.valid && one.ringing.valid != 0;
+  }
+  c.valid = valid ? 1 : 0;
+  c.reset_periods = valid && p.whole.reset_delay < S(1e6) * c.period
+                        ? static_cast<std::uint32_t>(p.whole.reset_delay / c.period)
+                        : 1000000u;
+  return c;
+}
+
+/// What comes back from drives and operator, beside what the law reads.
+template <class S, std::size_t N> struct TreeFeedback {
+  Sample<S> drive[N]{};     ///< the effort that each motor's drive measures [N m; N]
+  std::uint32_t token = 0;  ///< the challenge of a fault, sent back by an operator who asks for a reset
+};
+
+/// What goes to the drives, and what an operator may see.
+template <class S, std::size_t N> struct TreeSupervisorOutput {
+  TreeCommand<S, N> command{};
+  bool enable[N]{};                ///< of each motor; false: its drive must take its power off
+  std::uint32_t beat = 0;          ///< counts periods, for the drives' watchdogs
+  std::uint32_t challenge = 0;     ///< what a reset needs as its token; 0 while all is well
+  TreeFault fault{};               ///< the first, latched
+  Mode mode = Mode::latched;       ///< what is being done
+};
+
+/// One entry of the log.
+struct LoggedTreeFault {
+  std::uint32_t step = 0;     ///< period in which it was found
+  TreeFault fault{};          ///< what, and where
+  Mode mode = Mode::latched;  ///< what was then done
+};
+
+template <class S> struct JointWatchState {
+  EncoderWatchState<S> encoder{};  ///< of the raw angle
+  DriveWatchState<S> drive{};      ///< of command beside measurement
+  EnergyBudgetState<S> budget{};   ///< of the command
+  RingingWatchState<S> ringing{};  ///< of it too
+  DampedStopState<S> hold{};       ///< of the viscous hold
+  std::uint32_t drive_seen = ~std::uint32_t(0);  ///< its sequence number
+  std::uint32_t doubted = 0;                     ///< 1: what a hold needs of it is in doubt
+};
+
+template <class S, std::size_t N> struct TreeSupervisorState {
+  TwinWord alive{};                  ///< that it was configured
+  TwinWord doing{};                  ///< mode, the fault and its joint above it
+  TwinWord challenge{};              ///< of the last fault
+  S output[N]{};                     ///< the last efforts [N m; N]
+  JointWatchState<S> joint[N]{};     ///< of each
+  ChecksumState law_sum{}, own_sum{};  ///< of the law's numbers, of the supervisor's
+  std::uint32_t steps = 0;           ///< since it was configured
+  std::uint32_t stopped = 0;         ///< periods since the last fault
+  std::uint32_t healthy = 0;         ///< periods in a row since
+  std::uint32_t faults = 0;          ///< in the log, ever
+  LoggedTreeFault log[log_length]{};  ///< the latest ones
+};
+
+/// A law of several joints behind its front, under its supervisor. It may be moved in memory only before `seal`.
+template <class L> struct TreeSupervised {
+  using Law = L;
+  using S = typename L::Scalar;
+  TreeController<L> controller{};
+  TreeSupervisorCoefficients<S, L::most> supervisor{};
+  TreeSupervisorState<S, L::most> state{};
+};
+
+template <class S, std::size_t N> Mode mode_of(const TreeSupervisorState<S, N>& s) noexcept {
+  return static_cast<Mode>(s.doing.word & 0xffu);
+}
+template <class S, std::size_t N> TreeFault fault_of(const TreeSupervisorState<S, N>& s) noexcept {
+  return {static_cast<SafetyFault>((s.doing.word >> 8) & 0xffu), (s.doing.word >> 16) & 0xffu};
+}
+template <class S, std::size_t N> void go(TreeSupervisorState<S, N>& s, Mode mode, TreeFault fault) noexcept {
+  put(s.doing, static_cast<std::uint32_t>(mode) | static_cast<std::uint32_t>(fault.fault) << 8 |
+                   (fault.joint & 0xffu) << 16);
+}
+
+/// A fault of the log; 0 is the last. None where there were not so many.
+template <class S, std::size_t N>
+LoggedTreeFault logged(const TreeSupervisorState<S, N>& s, std::uint32_t ago) noexcept {
+  return ago < s.faults && ago < log_length ? s.log[(s.faults - 1 - ago) % log_length] : LoggedTreeFault{};
+}
+
+/// Takes the checksums where everything now lies.
+template <class L> void seal(TreeSupervised<L>& s) noexcept {
+  s.state.law_sum = {checksum(s.controller.law), checksum_start, 0};
+  s.state.own_sum = {checksum(s.supervisor), checksum_start, 0};
+}
+
+/// Starts with efforts of 0; a fault that is latched stays so. False where the parameters make no sense.
+template <class L> bool configure(TreeSupervised<L>& s, const typename L::Params& params,
+                                  const TreeSupervisorParams<typename L::Scalar, L::most>& supervisor) noexcept {
+  const bool was = is_whole(s.state.alive) && s.state.alive.word == supervisor_alive;
+  const bool whole = is_whole(s.state.doing);
+  const TreeFault before = fault_of(s.state);
+  const bool shut =
+      was && (!whole || (is_stopped(mode_of(s.state)) && before.fault != SafetyFault::configuration));
+  const TwinWord challenge = s.state.challenge;
+  const std::uint32_t steps = s.state.steps, faults = s.state.faults;
+  LoggedTreeFault log[log_length];
+  for (std::uint32_t i = 0; i < log_length; ++i) log[i] = s.state.log[i];
+  configure(s.controller, params);
+  s.supervisor = coefficients(supervisor, s.controller.law);
+  const TreeSupervisorState<typename L::Scalar, L::most> fresh;
+  s.state = fresh;
+  put(s.state.alive, supervisor_alive);
+  if (was) {
+    s.state.challenge = challenge;
+    s.state.steps = steps;
+    s.state.faults = faults;
+    for (std::uint32_t i = 0; i < log_length; ++i) s.state.log[i] = log[i];
+  }
+  const std::uint32_t all = static_cast<std::uint32_t>(s.controller.law.gate.joints);
+  if (shut) go(s.state, Mode::latched, whole ? before : TreeFault{SafetyFault::integrity, all});
+  else if (s.supervisor.valid == 0) go(s.state, Mode::latched, {SafetyFault::configuration, all});
+  else go(s.state, Mode::running, {});
+  seal(s);
+  return s.supervisor.valid != 0;
+}
+
+/// Whether a fault leaves encoder and drive of its joint above suspicion, so that the joint can be held.
+constexpr bool can_hold(SafetyFault fault) noexcept {
+  return fault == SafetyFault::velocity || fault == SafetyFault::stopped || fault == SafetyFault::overspeed ||
+         fault == SafetyFault::push || fault == SafetyFault::power || fault == SafetyFault::energy;
+}
+
+/// What a fault asks for: joints that can be held are, unless what is in doubt is of the whole.
+template <class S, std::size_t N>
+Mode response(const TreeSupervisorCoefficients<S, N>& c, TreeFault fault, std::size_t joints) noexcept {
+  const bool whole = fault.joint >= joints && !can_hold(fault.fault);
+  bool holds = false;
+  for (std::size_t k = 0; k < joints; ++k)
+    holds = holds || (c.joint[k].params.hold.damping > S(0) && (k != fault.joint || can_hold(fault.fault)));
+  return holds && !whole ? Mode::damped_stop : Mode::zero;
+}
+
+/// Writes a fault down and does what it asks for; what is stopped already is only ever stopped harder.
+template <class S, std::size_t N>
+void enter(TreeSupervisorState<S, N>& s, TreeFault fault, Mode wanted) noexcept {
+  const Mode now = mode_of(s);
+  const bool again = is_stopped(now);
+  const Mode next = again && now >= wanted ? now : wanted;
+  if (again && next == now) return;
+  s.log[s.faults % log_length] = {s.steps, fault, next};
+  ++s.faults;
+  go(s, next, again ? fault_of(s) : fault);
+  put(s.challenge, checksum_of(checksum_of(s.challenge.word ^ s.steps, s.faults), 0x9e3779b9u) | 1u);
+  s.stopped = 0;
+  s.healthy = 0;
+  for (JointWatchState<S>& one : s.joint) {
+    one.hold = {};
+    const S asked = one.drive.asked;
+    one.drive = {};
+    one.drive.asked = one.drive.asked_before = asked;
+  }
+}
+
+/// Takes note of a fault of a joint that could be of its encoder or drive.
+template <class S, std::size_t N> void doubt(TreeSupervisorState<S, N>& s, TreeFault fault, std::size_t joints) noexcept {
+  if (fault.fault != SafetyFault::none && fault.joint < joints && !can_hold(fault.fault)) s.joint[fault.joint].doubted = 1;
+}
+
+/// What is wrong in this period with encoders, drives and commands: the first fault. Every joint in doubt is noted.
+template <class L, class S, std::size_t N>
+TreeFault observe(TreeSupervised<L>& s, const TreeSamples<S, N>& samples, const TreeFeedback<S, N>& back) noexcept {
+  const TreeSupervisorCoefficients<S, N>& c = s.supervisor;
+  const auto& law = s.controller.law;
+  TreeSupervisorState<S, N>& state = s.state;
+  const std::size_t n = law.gate.joints;
+  TreeFault first;
+  const auto say = [&](SafetyFault fault, std::size_t joint) {
+    if (fault == SafetyFault::none) return;
+    const TreeFault found{fault, static_cast<std::uint32_t>(joint)};
+    if (first.fault == SafetyFault::none) first = found;
+    doubt(state, found, n);
+  };
+  S velocity[N]{}, turned[N]{}, power = S(0);
+  for (std::size_t k = 0; k < n; ++k) {
+    say(step(c.joint[k].encoder, state.joint[k].encoder, samples.position[k]), k);
+    velocity[k] = state.joint[k].encoder.velocity;
+    power = power + state.output[k] * velocity[k];
+  }
+  motor_motion(law.drives, n, velocity, turned);
+  for (std::size_t k = 0; k < n; ++k) {
+    const DriveWatchParams<S>& drive = c.joint[k].params.drive;
+    if (drive.expected == 0) continue;
+    const bool heard = is_new(state.joint[k].drive_seen, back.drive[k]);
+    say(step(drive, state.joint[k].drive, back.drive[k].value, c.period * turned[k], heard), k);
+  }
+  if (!(abs(power) <= c.whole.power)) say(SafetyFault::power, n);
+  if ((state.steps & 1u) == 0) return first;
+  // Energy, people and the end point every second period, ringing every fourth: they are slow.
+  for (std::size_t k = 0; k < n; ++k) {
+    const S weight = s.controller.state.weight[k];
+    const S level = c.joint[k].level + c.joint[k].load * abs(weight);
+    say(step(c.joint[k].params.budget, state.joint[k].budget, S(2) * c.period, state.output[k], velocity[k],
+             weight + law.drives.joint[k].offset, level),
+        k);
+    if (!(abs(s.controller.state.observer.residual[k]) <= c.joint[k].params.outside_limit + level))
+      say(SafetyFault::unexplained, k);
+    if ((state.steps & 2u) != 0) say(step(c.joint[k].ringing, state.joint[k].ringing, state.output[k]), k);
+  }
+  const auto& whole = law.whole;
+  if (whole.end_link > 0 && c.whole.speed < S(std::numeric_limits<S>::max())) {
+    S at[N];
+    TreePose<S, N> pose;
+    for (std::size_t k = 0; k < n; ++k) at[k] = state.joint[k].encoder.position;
+    place(law.tree, at, pose);
+    const S speed =
+        point_speed(law.tree, pose, whole.end_link - 1, {whole.end_x, whole.end_y, whole.end_z}, velocity);
+    if (!(speed <= c.whole.speed)) say(SafetyFault::overspeed, n);
+  }
+  return first;
+}
+
+/// Back to where it began, after a fault; the log stays.
+template <class L> void start_again(TreeSupervised<L>& s) noexcept {
+  using S = typename L::Scalar;
+  reset(s.controller);
+  for (S& output : s.controller.state.gate.output) output = S(0);
+  auto& state = s.state;
+  for (std::size_t k = 0; k < L::most; ++k) {
+    state.joint[k] = {};
+    state.output[k] = S(0);
+  }
+  state.stopped = state.healthy = 0;
+  go(state, Mode::running, {});
+  seal(s);
+}
+
+/// Efforts while stopped, and whether an operator's token may end it.
+template <class L>
+void stay_stopped(TreeSupervised<L>& s, bool good, std::uint32_t token) noexcept {
+  using S = typename L::Scalar;
+  const auto& c = s.supervisor;
+  auto& state = s.state;
+  const auto& gate = s.controller.law.gate;
+  const std::size_t n = gate.joints;
+  S faded[L::most];
+  for (std::size_t k = 0; k < n; ++k) {
+    if (!is_finite(state.output[k])) state.output[k] = S(0);
+    faded[k] = state.output[k];
+  }
+  fade(gate, faded);
+  bool rests = true, moves = false;
+  const bool holds = mode_of(state) == Mode::damped_stop;
+  for (std::size_t k = 0; k < n; ++k) {
+    JointWatchState<S>& one = state.joint[k];
+    const S limit = gate.joint[k].params.effort_limit, change = gate.joint[k].max_change;
+    S next = faded[k];
+    if (holds && one.doubted == 0) {
+      const S wanted = step(c.joint[k].params.hold, one.hold, c.period, one.encoder.velocity);
+      next = clamp(wanted, state.output[k] - change, state.output[k] + change);
+    }
+    next = clamp(next, -limit, limit);
+    state.output[k] = mode_of(state) == Mode::latched || !is_finite(next) ? S(0) : next;
+    rests = rests && abs(one.encoder.velocity) <= c.joint[k].params.rest_speed;
+    moves = moves || state.output[k] != S(0);
+  }
+  if (mode_of(state) == Mode::zero && !moves) go(state, Mode::latched, fault_of(state));
+  state.healthy = good && rests ? (state.healthy < 0xffffffffu ? state.healthy + 1 : state.healthy) : 0;
+  if (state.stopped < 0xffffffffu) ++state.stopped;
+  const bool asked = token != 0 && is_whole(state.challenge) && token == state.challenge.word;
+  if (asked && c.valid != 0 && state.healthy >= c.whole.healthy_samples && state.stopped >= c.reset_periods)
+    start_again(s);
+}
+
+/// Samples that are all read just now: a sensor that says nothing starts anew when it speaks again.
+template <class L, class S, std::size_t N>
+TreeSamples<S, N> stamped(TreeSupervised<L>& s, const TreeSamples<S, N>& read, std::int64_t now) noexcept {
+  return stamped(s.controller, read, now, s.state.steps);
+}
+
+/// From the next step on it stops.
+template <class L> void stop(TreeSupervised<L>& s) noexcept { stop(s.controller); }
+
+/// One control period of a law of several joints under its supervisor, whatever comes in.
+template <class L, class S, std::size_t N>
+TreeSupervisorOutput<S, N> step(TreeSupervised<L>& s, const TreeSamples<S, N>& read, const TreeFeedback<S, N>& back,
+                                std::int64_t now) noexcept {
+  const TreeSupervisorCoefficients<S, N>& c = s.supervisor;
+  TreeSupervisorState<S, N>& state = s.state;
+  const auto& law = s.controller.law;
+  const std::size_t n = law.gate.joints < N ? law.gate.joints : 0;
+  const std::uint32_t all = static_cast<std::uint32_t>(n);
+  TreeSupervisorOutput<S, N> out;
+  out.beat = ++state.steps;
+  const bool alive = state.alive.word == supervisor_alive || state.alive.twin == ~supervisor_alive;
+  if (!alive || c.valid == 0) {
+    out.fault = {alive ? SafetyFault::configuration : SafetyFault::not_started, all};
+    return out;
+  }
+  if (!is_whole(state.alive) || !is_whole(state.doing) || mode_of(state) > Mode::latched) {
+    put(state.alive, supervisor_alive);
+    go(state, Mode::running, {});  // so that the fault is written down
+    enter(state, {SafetyFault::integrity, all}, Mode::zero);
+  }
+  const bool kept = (state.steps & 1u) != 0 || ((state.steps & 2u) != 0 ? step(state.law_sum, s.controller.law)
+                                                                       : step(state.own_sum, c));
+  if (!kept) enter(state, {SafetyFault::integrity, all}, Mode::zero);
+
+  const bool was_stopped = is_stopped(mode_of(state));
+  if (was_stopped) s.controller.fault = {};  // what was wrong is written down; what is wrong now?
+  const TreeSamples<S, N> samples = believed(s.controller, read, now);
+  const TreeFault front = s.controller.fault;
+  const TreeFault seen = observe(s, was_stopped ? read : samples, back);
+  const TreeFault found = front.fault != SafetyFault::none ? front : seen;
+  doubt(state, front, n);
+  for (std::size_t k = 0; k < n; ++k)
+    if (!is_heard(read.position[k])) doubt(state, {SafetyFault::not_finite, static_cast<std::uint32_t>(k)}, n);
+  if (!was_stopped) {
+    if (found.fault != SafetyFault::none) enter(state, found, response(c, found, n));
+  } else {
+    const bool whole = found.fault == SafetyFault::integrity;
+    const bool runs_away = state.stopped > 20 && found.fault == SafetyFault::overspeed;
+    if (mode_of(state) == Mode::damped_stop && (whole || runs_away)) enter(state, found, Mode::zero);
+    if (front.fault != SafetyFault::none) forget_samples(s.controller);
+  }
+  if (!is_stopped(mode_of(state))) {
+    const TreeCommand<S, N> command = step(law, s.controller.state, samples);
+    latch(s.controller, s.controller.state.gate.fault);
+    ++s.controller.steps;
+    if (s.controller.fault.fault == SafetyFault::none) {
+      for (std::size_t k = 0; k < n; ++k) state.output[k] = command.effort[k];
+    } else {
+      doubt(state, s.controller.fault, n);
+      enter(state, s.controller.fault, response(c, s.controller.fault, n));
+    }
+  }
+  if (is_stopped(mode_of(state))) stay_stopped(s, found.fault == SafetyFault::none, back.token);
+  const Mode mode = mode_of(state);
+  for (std::size_t k = 0; k < n; ++k) out.command.effort[k] = state.output[k];
+  motor_effort(law.drives, n, out.command.effort, out.command.drive);
+  for (std::size_t i = 0; i < n; ++i) {
+    ask(state.joint[i].drive, out.command.drive[i]);
+    out.enable[i] = mode <= Mode::damped_stop;
+    for (std::size_t k = 0; k < n; ++k) {
+      const bool turns = law.drives.coupled ? law.drives.turns[i][k] != S(0) : i == k;
+      if (turns && state.joint[k].doubted != 0) out.enable[i] = false;
+    }
+    if (!out.enable[i] && mode <= Mode::damped_stop) out.command.drive[i] = S(0);
+  }
+  out.mode = mode;
+  out.fault = fault_of(state);
+  out.challenge = is_stopped(mode) ? state.challenge.word : 0;
+  return out;
+}
+
+}  // namespace PELLUCID_ABI
+}  // namespace pellucid
