@@ -367,7 +367,7 @@ TreeSupervisorOutput<S, N> step(TreeSupervised<L>& s, const TreeSamples<S, N>& r
   const TreeSupervisorCoefficients<S, N>& c = s.supervisor;
   TreeSupervisorState<S, N>& state = s.state;
   const auto& law = s.controller.law;
-  const std::size_t n = law.gate.joints < N ? law.gate.joints : 0;
+  const std::size_t n = law.gate.joints <= N ? law.gate.joints : 0;
   const std::uint32_t all = static_cast<std::uint32_t>(n);
   TreeSupervisorOutput<S, N> out;
   out.beat = ++state.steps;
