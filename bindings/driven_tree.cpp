@@ -19,7 +19,7 @@ Parameters
 links : (l, 22)
 gravity : (3,)
     As of KinematicTree.
-joints : (m, 11)
+joints : (m, 12)
     What loses effort at each joint that moves, in the order of TREE_JOINT_PARAMETER_NAMES.
 period : float
     In which efforts are held [s].
@@ -27,9 +27,9 @@ substeps : int
     Steps of integration in a period.
 turns : (m, m)
     How fast each motor (row) turns by each joint's velocity; left out, each motor turns with its own joint.
-motors : (m, 10)
+motors : (m, 11)
     Of motors, where turns are given, in the order of TREE_MOTOR_PARAMETER_NAMES; left out, zeros.
-elastic : (m, 12)
+elastic : (m, 13)
     Of each motor behind a spring, in the order of SERIES_ELASTIC_PARAMETER_NAMES; a row of zeros: no spring.)";
 constexpr const char* init_sig =
     "def __init__(self, links: ArrayLike, gravity: ArrayLike, joints: ArrayLike, *, period: float, substeps: int = 4, "

@@ -23,8 +23,8 @@ template <class S> using Law = p::TreeCompensation<S, most_law_links>;
 
 constexpr const char* law_doc = R"(A control law of several joints behind the front that it has on a robot too.
 
-What goes out has passed every joint's gate and that of the whole: finite and within the limits, whatever comes in. A
-fault latches, and all efforts go to 0 together.
+What goes out has passed every joint's gate and that of the whole: finite and within the limits, whatever comes in.
+A fault latches, and all efforts go to 0 together.
 
 Parameters
 ----------
@@ -56,7 +56,7 @@ time : float
 position : (m,)
     Of each joint [rad; m]; NaN: its encoder says nothing.
 interaction, muscle : (m,)
-    The wearer's effort on each joint by sensors there, and at each by EMG [N m; N]; NaN or left out: nothing is said.
+    The wearer's effort on each joint by sensors there, and at each by EMG [N m; N]; NaN or left out: nothing.
 wrench : (6,)
     The wearer's force and moment on the link that bears the sensor, in its axes [N, N m].)";
 constexpr const char* run_sig =

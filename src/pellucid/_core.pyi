@@ -1624,7 +1624,7 @@ class DrivenTree:
     links : (l, 22)
     gravity : (3,)
         As of KinematicTree.
-    joints : (m, 11)
+    joints : (m, 12)
         What loses effort at each joint that moves, in the order of TREE_JOINT_PARAMETER_NAMES.
     period : float
         In which efforts are held [s].
@@ -1632,9 +1632,9 @@ class DrivenTree:
         Steps of integration in a period.
     turns : (m, m)
         How fast each motor (row) turns by each joint's velocity; left out, each motor turns with its own joint.
-    motors : (m, 10)
+    motors : (m, 11)
         Of motors, where turns are given, in the order of TREE_MOTOR_PARAMETER_NAMES; left out, zeros.
-    elastic : (m, 12)
+    elastic : (m, 13)
         Of each motor behind a spring, in the order of SERIES_ELASTIC_PARAMETER_NAMES; a row of zeros: no spring.
     """
 
@@ -1815,6 +1815,222 @@ class WornTree:
     def energy(self) -> float:
         """
         Of both trees and the cuffs, without what springs of the transmission store [J].
+        """
+
+class TreeLaw:
+    """
+    A control law of several joints behind the front that it has on a robot too.
+
+    What goes out has passed every joint's gate and that of the whole: finite and within the limits, whatever comes in.
+    A fault latches, and all efforts go to 0 together.
+
+    Parameters
+    ----------
+    links : (l, 22)
+    gravity : (3,)
+    joints : (m, k)
+        As of DrivenTree; at most 12 links.
+    shares : (m, s)
+        What is done at each joint, in the order of model_fields()["tree_law_joint"].
+    whole : (w,)
+        What is done with all, in the order of model_fields()["tree_law_whole"].
+    turns : (m, m)
+    motors : (m, k)
+        As of DrivenTree.
+    single : bool
+        In float32, as on a microcontroller.
+    """
+
+    def __init__(
+        self,
+        links: ArrayLike,
+        gravity: ArrayLike,
+        joints: ArrayLike,
+        shares: ArrayLike,
+        whole: ArrayLike,
+        *,
+        turns: ArrayLike | None = None,
+        motors: ArrayLike | None = None,
+        single: bool = False,
+    ) -> None: ...
+    def step(
+        self,
+        time: float,
+        position: ArrayLike,
+        interaction: ArrayLike | None = None,
+        muscle: ArrayLike | None = None,
+        wrench: ArrayLike | None = None,
+    ) -> NDArray[float64]:
+        """
+        One control period: the effort of each joint, (m,) [N m; N].
+
+        Parameters
+        ----------
+        time : float
+            When everything was measured [s].
+        position : (m,)
+            Of each joint [rad; m]; NaN: its encoder says nothing.
+        interaction, muscle : (m,)
+            The wearer's effort on each joint by sensors there, and at each by EMG [N m; N]; NaN or left out: nothing.
+        wrench : (6,)
+            The wearer's force and moment on the link that bears the sensor, in its axes [N, N m].
+        """
+
+    def run(
+        self,
+        time: ArrayLike,
+        position: ArrayLike,
+        interaction: ArrayLike | None = None,
+        muscle: ArrayLike | None = None,
+        wrench: ArrayLike | None = None,
+    ) -> NDArray[float64]:
+        """
+        step, one period after another.
+
+        Parameters
+        ----------
+        time : (n,)
+        position, interaction, muscle : (n, m)
+        wrench : (n, 6)
+            As `step` takes them.
+
+        Returns
+        -------
+        (n, m)
+            Efforts of joints [N m; N].
+        """
+
+    def reset(self) -> None:
+        """Open the gate again; efforts go on from where they are."""
+
+    def stop(self) -> None:
+        """From the next step on all efforts go to 0, and stay there."""
+
+    @property
+    def joints(self) -> int:
+        """How many move."""
+
+    @property
+    def fault(self) -> str:
+        """
+        Why efforts are 0, or on their way there; 'none' while the gate is open.
+        """
+
+    @property
+    def fault_joint(self) -> int:
+        """
+        Of which joint the fault is, from 0; their number where it is of the whole.
+        """
+
+    @property
+    def drive(self, /) -> NDArray[float64]:
+        """The last efforts at motors, (m,) [N m; N]."""
+
+    @property
+    def outside(self, /) -> NDArray[float64]:
+        """
+        What people and obstacles do to each joint, as the momentum's observer has it, (m,) [N m; N].
+        """
+
+    @property
+    def weight(self, /) -> NDArray[float64]:
+        """Gravity of each joint, now, (m,) [N m; N]."""
+
+    @property
+    def end_speed(self) -> float:
+        """Of the end point, as the law has it [m/s]."""
+
+    def time(self, cycles: int) -> NDArray[float64]:
+        """
+        Nanoseconds of single control steps on a smooth motion, each timed by itself, (cycles,).
+        """
+
+class SupervisedTreeLaw:
+    """
+    The same law under its supervisor: a fault of one joint stops all of them.
+
+    Parameters
+    ----------
+    links, gravity, joints, shares, whole, turns, motors, single
+        As of TreeLaw.
+    watches : (m, s)
+        What is watched of each joint, in the order of model_fields()["tree_watch_joint"].
+    whole_watch : (w,)
+        What is watched of all, in the order of model_fields()["tree_watch_whole"].
+    """
+
+    def __init__(
+        self,
+        links: ArrayLike,
+        gravity: ArrayLike,
+        joints: ArrayLike,
+        shares: ArrayLike,
+        whole: ArrayLike,
+        watches: ArrayLike,
+        whole_watch: ArrayLike,
+        *,
+        turns: ArrayLike | None = None,
+        motors: ArrayLike | None = None,
+        single: bool = False,
+    ) -> None: ...
+    def step(
+        self,
+        time: float,
+        position: ArrayLike,
+        interaction: ArrayLike | None = None,
+        muscle: ArrayLike | None = None,
+        wrench: ArrayLike | None = None,
+        *,
+        drive: ArrayLike | None = None,
+        token: int = 0,
+    ) -> NDArray[float64]:
+        """
+        One control period: the effort of each motor, (m,) [N m; N].
+
+        Parameters
+        ----------
+        time, position, interaction, muscle, wrench
+            As TreeLaw.step takes them.
+        drive : (m,)
+            What each motor's drive measures of its effort; NaN or left out: nothing.
+        token : int
+            The challenge of a fault, from an operator who asks for a reset.
+        """
+
+    def stop(self) -> None:
+        """From the next step on it stops."""
+
+    @property
+    def fault(self) -> str:
+        """The first one, latched; 'none' while all is well."""
+
+    @property
+    def fault_joint(self) -> int:
+        """Of which joint it is, from 0; their number where it is of the whole."""
+
+    @property
+    def mode(self) -> str:
+        """What is being done."""
+
+    @property
+    def challenge(self) -> int:
+        """What a reset needs as its token; 0 while all is well."""
+
+    @property
+    def enable(self, /) -> tuple[bool, ...]:
+        """Of each motor whether its power may be on."""
+
+    @property
+    def effort(self, /) -> NDArray[float64]:
+        """The last efforts at joints, (m,) [N m; N]."""
+
+    @property
+    def log(self, /) -> list[tuple[int, str, int, str]]:
+        """Step, fault, joint and mode of the latest faults, the last first."""
+
+    def flip(self, bit: int) -> None:
+        """
+        Lose a bit of the law's numbers in memory, to test that it is found out.
         """
 
 def zero_phase(sos: ArrayLike, settled: ArrayLike, samples: ArrayLike, padding: int) -> NDArray[float64]:

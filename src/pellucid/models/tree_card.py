@@ -73,9 +73,9 @@ class TreeCard:
     bodies: tuple[str, ...]  # Of the l links, each after the one that carries it
     links: Rows  # (l, 22)
     gravity: tuple[float, float, float]  # In the base's frame [m/s^2]
-    joints: Rows  # (m, 11 or more)
+    joints: Rows  # (m, 12)
     turns: Rows  # (m, m): turn of motor i by joint k, gears taken out
-    motors: Rows  # (m, 10); () where each motor turns with its own joint alone
+    motors: Rows  # (m, 11); () where each motor turns with its own joint alone
     gains: tuple[float, ...]  # (m,) effort at the joint, gears taken out, per unit of the drive
     gains_known: tuple[bool, ...]  # (m,) where not, effort is in the drive's unit
     drive_units: tuple[str, ...]  # (m,)

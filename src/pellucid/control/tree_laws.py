@@ -1,0 +1,355 @@
+"""Control laws of all joints of a robot, built from its card alone.
+
+`full_compensation` carries weight and friction as they were identified; `carried` less of friction, so that nothing is
+driven; `transparent` also a share of inertia, by each joint's energy; `with_force_sensor`, `with_emg` and `with_dither`
+add to it. What a card does not say is refused by name: a joint whose efforts are in its drive's unit, a joint of which
+no speed is known.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from .. import _core
+from .._errors import PellucidError
+from ..models.anthropometry import Segment
+from ..models.fields import model_fields
+from ..models.tree_card import COLUMNS, TreeCard
+from .control_law import gate_values
+from .joint_compensation import PERIOD, RISE, WIDTH_SHARE
+from .limits import Limits
+from .supervised import (
+    ALONE,
+    BUDGET_POWER,
+    DRIVE_SURPLUS,
+    DRIVE_TOLERANCE,
+    HARDEST_STOP,
+    HOLD,
+    RANGE_MARGIN,
+    RINGING,
+    STORE_SPEED,
+)
+from .transparent_laws import DITHER_TRAVEL
+
+MOST_LINKS = 12
+"""That a law may have."""
+
+POSTURES, SEED = 400, 20261122
+"""Drawn within the ranges of joints, to know the most that a weight asks and the least that an inertia is."""
+
+STORE_SPEED_OF_OWN = 2.0
+"""Up to which the energy observer lets a joint's own inertia be sped up at once [rad/s or m/s]."""
+
+
+def _defaults(model: str) -> dict[str, float]:
+    return {field.name: field.default for field in model_fields(model)}
+
+
+@dataclass(frozen=True)
+class Reach:
+    """What a robot's joints ask and do within their ranges: (m,) each, SI."""
+
+    weight: np.ndarray  # Largest |gravity| [N m; N]
+    friction: np.ndarray  # At known speed, under that weight
+    inertia: np.ndarray  # Smallest of the joint alone, others held [kg m^2; kg]
+    speed: np.ndarray  # Largest while fitting, else what is allowed [rad/s; m/s]
+    end_speed: float  # Of the end point with every joint at that speed, at most [m/s]
+
+
+@dataclass(frozen=True)
+class TreeLaw:
+    """A law of several joints with its numbers, by name and joint; what the builders of this file give.
+
+    Attributes
+    ----------
+    card : TreeCard
+        Whose robot it is.
+    kind : str
+        What it is, in a word.
+    joints : mapping of str to float, one for each joint
+        What of each is lost, as the law has it: the card's, with a smooth sign.
+    shares : mapping of str to float, one for each joint
+        What is done there; the names are those of ``model_fields("tree_law_joint")``.
+    whole : mapping of str to float
+        What is done with all.
+    watches : mapping of str to float, one for each joint
+        What the supervisor watches there.
+    whole_watch : mapping of str to float
+        And of all.
+    """
+
+    card: TreeCard
+    kind: str
+    joints: tuple[Mapping[str, float], ...]
+    shares: tuple[Mapping[str, float], ...]
+    whole: Mapping[str, float]
+    watches: tuple[Mapping[str, float], ...]
+    whole_watch: Mapping[str, float]
+
+    @cached_property
+    def numbers(self) -> dict[str, np.ndarray]:
+        """What the core takes, by the names of its arguments."""
+        made = {
+            "links": np.array(self.card.links),
+            "gravity": np.array(self.card.gravity),
+            "joints": _rows(self.joints, COLUMNS["joints"]),
+            "shares": _rows(self.shares, tuple(_defaults("tree_law_joint"))),
+            "whole": _rows((self.whole,), tuple(_defaults("tree_law_whole")))[0],
+        }
+        if self.card.motors:
+            motors, width = np.array(self.card.motors), COLUMNS["motors"].index("velocity_width")
+            motors[:, width] = [joint["velocity_width"] for joint in self.joints]
+            made |= {"turns": np.array(self.card.turns), "motors": motors}
+        return made
+
+    def start(self, *, single: bool = False) -> _core.TreeLaw:
+        """One of it at rest, behind its front; `single` in float32, as on a microcontroller."""
+        return _core.TreeLaw(**self.numbers, single=single)
+
+    def supervised(self, *, single: bool = False) -> _core.SupervisedTreeLaw:
+        """The same under its supervisor."""
+        return _core.SupervisedTreeLaw(
+            **self.numbers,
+            watches=_rows(self.watches, tuple(_defaults("tree_watch_joint"))),
+            whole_watch=_rows((self.whole_watch,), tuple(_defaults("tree_watch_whole")))[0],
+            single=single,
+        )
+
+    def changed(self, joint: str | None = None, **values: float) -> TreeLaw:
+        """The same with some numbers of one joint, of every joint or of the whole changed, SI."""
+        known = (*self.shares[0], *self.whole)
+        unknown = [name for name in values if name not in known]
+        if unknown:
+            raise PellucidError(f"law of several joints: found no parameter {', '.join(unknown)}")
+        if joint is not None and joint not in self.card.names:
+            raise PellucidError(f"found the joint {joint!r}, expected one of {', '.join(self.card.names)}")
+        shares = tuple(
+            {**share, **{k: float(x) for k, x in values.items() if k in share}} if joint in (None, name) else share
+            for name, share in zip(self.card.names, self.shares, strict=True)
+        )
+        whole = {**self.whole, **{k: float(x) for k, x in values.items() if k in self.whole}}
+        return replace(self, shares=shares, whole=whole)
+
+
+def full_compensation(card: TreeCard, **settings) -> TreeLaw:
+    """Weight and friction as they were identified: what is published, and the rival of all others here.
+
+    `settings` as of `carried`.
+    """
+    return replace(carried(card, friction_share=1.0, **settings), kind="full")
+
+
+def carried(
+    card: TreeCard,
+    *,
+    friction_share: float = 0.8,
+    limits: Sequence[Limits] | None = None,
+    period: float = PERIOD,
+    end: str | None = None,
+    end_point: tuple[float, float, float] = (0.0, 0.0, 0.0),
+    wearer: Sequence[float] | None = None,
+) -> TreeLaw:
+    """Weight of every joint, and a share of its friction, so that nothing is driven.
+
+    `limits` of each joint replace those that the card suggests; `period` in [s]; `end` names the body that bears the
+    end point, or it is the last; `end_point` lies in it [m]; `wearer` is the most that people give each joint beyond
+    friction [N m; N], which no card knows: without it only the observer sees it, and no supervisor.
+    """
+    _require_efforts(card)
+    if len(card.links) > MOST_LINKS:
+        raise PellucidError(f"card {card.family}: found {len(card.links)} links, expected at most {MOST_LINKS}")
+    end = card.bodies[-1] if end is None else end
+    if end not in card.bodies:
+        raise PellucidError(f"found the body {end!r}, expected one of {', '.join(card.bodies)}")
+    link = card.bodies.index(end)
+    reach = reach_of(card, link, end_point)
+    limits = suggested_limits(card, reach) if limits is None else tuple(limits)
+    if len(limits) != len(card.names):
+        raise PellucidError(f"limits: found {len(limits)}, expected {len(card.names)}, one for each joint")
+    joints = tuple(
+        dict(zip(COLUMNS["joints"], map(float, row), strict=True)) | {"velocity_width": WIDTH_SHARE * speed}
+        for row, speed in zip(card.joints, reach.speed, strict=True)
+    )
+    share = _defaults("tree_law_joint") | {
+        "gravity_share": 1.0, "friction_share": friction_share, "bandwidth": min(100.0, 0.5 / period),
+        "innovation_gate": math.inf,
+    }  # fmt: skip
+    shares = tuple(share | gate_values(one, period) for one in limits)
+    whole = _defaults("tree_law_whole") | {
+        "observer_bandwidth": min(30.0, 0.2 / period),
+        "power_limit": float(sum(one.effort * one.velocity for one in limits) / 2.0),
+        "speed_limit": 1.5 * reach.end_speed if reach.end_speed > 0.0 else math.inf,
+        "end_link": link + 1.0, **dict(zip(("end_x", "end_y", "end_z"), map(float, end_point), strict=True)),
+    }  # fmt: skip
+    whole_watch = _defaults("tree_watch_whole") | {
+        "raw_power_limit": whole["power_limit"], "raw_end_speed_limit": whole["speed_limit"],
+    }  # fmt: skip
+    watches = tuple(_watch(one, reach, k, period) for k, one in enumerate(limits))
+    if wearer is not None:
+        watches = tuple({**w, "outside_limit": float(x)} for w, x in zip(watches, wearer, strict=True))
+    return TreeLaw(card, "carried", joints, shares, whole, watches, whole_watch)
+
+
+def transparent(
+    card: TreeCard, *, friction_share: float = 0.95, inertia_share: float = 0.4, acceleration: float = 25.0, **settings
+) -> TreeLaw:
+    """Weight, friction and a share of inertia, what drives held to each joint's own energy; no force sensor needed.
+
+    `acceleration` [rad/s^2 or m/s^2]; `settings` as of `carried`.
+    """
+    law = carried(card, friction_share=friction_share, **settings)
+    own = reach_of(card).inertia
+    shares = tuple(
+        {**share, "inertia_share": inertia_share, "acceleration_limit": acceleration,
+         "energy_store": 0.5 * float(inertia) * STORE_SPEED_OF_OWN**2}
+        for share, inertia in zip(law.shares, own, strict=True)
+    )  # fmt: skip
+    return replace(law, kind="transparent", shares=shares)
+
+
+def with_force_sensor(
+    law: TreeLaw,
+    *,
+    body: str | None = None,
+    point: tuple[float, float, float] = (0.0, 0.0, 0.0),
+    proportional: float = 1.5,
+    lowpass: float = 200.0,
+    drift: float = 0.1,
+    limit_share: float = 0.2,
+) -> TreeLaw:
+    """A law that also drives what the wearer gives to zero, by sensors at joints or by one on a `body`, at a `point` in
+    it [m], whose force and moment are taken to joints by the Jacobian. `lowpass`, `drift` [rad/s]; `limit_share` of
+    each joint's limit of effort may be fed back."""
+    if body is not None and body not in law.card.bodies:
+        raise PellucidError(f"found the body {body!r}, expected one of {', '.join(law.card.bodies)}")
+    shares = tuple(
+        {**share, "proportional": proportional, "sensor_lowpass": lowpass, "sensor_drift": drift,
+         "feedback_limit": limit_share * share["effort_limit"],
+         "energy_store": share["energy_store"] * (2.0 + proportional)}
+        for share in law.shares
+    )  # fmt: skip
+    place = {} if body is None else {"sensor_link": law.card.bodies.index(body) + 1.0}
+    place |= dict(zip(("sensor_x", "sensor_y", "sensor_z"), map(float, point), strict=True))
+    return replace(law, kind=f"{law.kind} with a force sensor", shares=shares, whole={**law.whole, **place})
+
+
+def with_emg(law: TreeLaw, joint: str, limb: Segment, *, share: float = 0.5, viscous: float = 0.1) -> TreeLaw:
+    """A law whose acceleration of one joint is led by EMG, where the wearer's `limb` is a pendulum about it: an elbow
+    with the upper arm hanging, a knee. `viscous` [N m s/rad]."""
+    if joint not in law.card.names:
+        raise PellucidError(f"found the joint {joint!r}, expected one of {', '.join(law.card.names)}")
+    k = law.card.names.index(joint)
+    if law.card.motion[k] != "r":
+        raise PellucidError(f"{joint}: found a slide, expected a joint that turns for a limb that hangs from it")
+    left = (1.0 - law.shares[k]["inertia_share"]) * float(reach_of(law.card).inertia[k])
+    return law.changed(
+        joint, limb_inertia=limb.inertia + left, limb_gravity=limb.gravity(), limb_viscous=viscous,
+        emg_limit=law.shares[k]["acceleration_limit"], emg_share=share,
+    )  # fmt: skip
+
+
+def with_dither(law: TreeLaw, *, share: float = 2.0, frequency: float = 1000.0) -> TreeLaw:
+    """A law whose motors tremble against sticking; refused of a joint whose travel below slip was not measured, or is
+    longer than dither frees a joint from. `frequency` [rad/s]."""
+    reach, shares = reach_of(law.card), []
+    for k, (name, joint, one) in enumerate(zip(law.card.names, law.joints, law.shares, strict=True)):
+        travel = joint["presliding_travel"]
+        if not travel > 0.0:
+            raise PellucidError(
+                f"{name}: found no presliding_travel, expected one for dither: it hangs on the way over which friction "
+                "builds up; record slow motions that turn round, or take the law without"
+            )
+        if travel > DITHER_TRAVEL:
+            raise PellucidError(
+                f"{name}: found a presliding_travel of {1e3 * travel:.2g} mrad, expected at most "
+                f"{1e3 * DITHER_TRAVEL:g} for dither: over more it does not free a joint"
+            )
+        level = max(joint["coulomb_positive"], joint["coulomb_negative"]) + joint["stribeck"]
+        level += max(joint["load_motoring"], joint["load_generating"]) * float(reach.weight[k])
+        period = one["period"]
+        steepest = one["rate_limit"] * period / (2.0 * math.sin(0.5 * frequency * period))
+        shares.append({**one, "dither": min(share * level, steepest), "dither_frequency": frequency})
+    return replace(law, kind=f"{law.kind} with dither", shares=tuple(shares))
+
+
+def reach_of(card: TreeCard, link: int | None = None, point: Sequence[float] = (0.0, 0.0, 0.0)) -> Reach:
+    """Weights, friction, inertias and speeds over postures drawn within the ranges of joints, the same every time."""
+    tree, m = card.tree, len(card.names)
+    low, high, speed = np.zeros(m), np.zeros(m), np.zeros(m)
+    for k, (name, known) in enumerate(zip(card.names, card.ranges, strict=True)):
+        ends = [x for x in (known.low, known.high) if x is not None]
+        seen = [x for x in (known.seen_low, known.seen_high) if x is not None]
+        turn = math.pi if card.motion[k] == "r" else 0.0
+        low[k], high[k] = ends if len(ends) == 2 else seen if len(seen) == 2 else (-turn, turn)
+        found = known.seen_velocity or known.velocity
+        if not found:
+            raise PellucidError(f"card {card.family}: found no speed of {name}, expected seen_velocity or velocity")
+        speed[k] = found
+    postures = np.random.default_rng(SEED).uniform(low, high, (POSTURES, m))
+    weight = np.abs(tree.gravity(postures)).max(axis=0)
+    matrices = tree.mass_matrix(postures)
+    inertia = np.maximum(np.einsum("nkk->nk", matrices).min(axis=0), 1e-6)
+    column = {name: np.array([row[i] for row in card.joints]) for i, name in enumerate(COLUMNS["joints"])}
+    friction = (
+        np.maximum(column["coulomb_positive"], column["coulomb_negative"]) + column["stribeck"]
+        + np.maximum(column["viscous_positive"], column["viscous_negative"]) * speed
+        + column["square_root"] * np.sqrt(speed)
+        + np.maximum(column["load_motoring"], column["load_generating"]) * weight + np.abs(column["offset"])
+    )  # fmt: skip
+    jacobian = tree.jacobian(postures, len(card.links) - 1 if link is None else link, point)[:, :3]
+    end_speed = float(np.linalg.norm(np.abs(jacobian) @ speed, axis=1).max())
+    return Reach(weight, friction, inertia, speed, end_speed)
+
+
+def suggested_limits(card: TreeCard, reach: Reach) -> tuple[Limits, ...]:
+    """Of each joint what the card allows, else the most that compensation asks at a speed it knows, half more than that
+    speed, and no stops."""
+    made = []
+    for k, known in enumerate(card.ranges):
+        effort = known.effort or float(reach.weight[k] + reach.friction[k])
+        if not effort > 0.0:
+            raise PellucidError(f"{card.names[k]}: found neither weight nor friction, expected an effort of its range")
+        stops = (-math.inf if known.low is None else known.low, math.inf if known.high is None else known.high)
+        margin = 0.02 * (stops[1] - stops[0]) if math.isfinite(stops[1] - stops[0]) else 0.0
+        made.append(Limits(effort, effort / RISE, known.velocity or 1.5 * float(reach.speed[k]), stops, margin))
+    return tuple(made)
+
+
+def _watch(limits: Limits, reach: Reach, k: int, period: float) -> dict[str, float]:
+    """The supervisor's numbers of one joint, by the rules of one joint's."""
+    known = _defaults("tree_watch_joint")
+    effort, speed, inertia = limits.effort, limits.velocity, float(reach.inertia[k])
+    return known | {
+        "raw_speed_limit": speed,
+        "raw_acceleration_limit": effort / (ALONE * inertia),
+        "range_min": limits.position[0] - RANGE_MARGIN,
+        "range_max": limits.position[1] + RANGE_MARGIN,
+        "freeze_speed": HARDEST_STOP * period,
+        "drive_tolerance": DRIVE_TOLERANCE * effort,
+        "drive_surplus": DRIVE_SURPLUS * effort,
+        "push_limit": effort,
+        "power_limit": effort * speed,
+        "budget_store": inertia * (STORE_SPEED * speed) ** 2 + float(reach.weight[k]),
+        "budget_power": BUDGET_POWER * effort * speed,
+        "ringing_limit": RINGING * effort,
+        "hold_damping": HOLD * inertia / period,
+        "hold_limit": min(effort, 1.5 * float(reach.weight[k]) + float(reach.friction[k])),
+    }
+
+
+def _require_efforts(card: TreeCard) -> None:
+    for name, unit in zip(card.names, card.effort_units, strict=True):
+        if unit not in ("N*m", "N"):
+            raise PellucidError(
+                f"card {card.family}: found efforts of {name} in {unit}, expected N*m or N: a law of several joints "
+                "adds them up; give the drive's gain in study.toml, or identify it with a known payload"
+            )
+
+
+def _rows(tables: Sequence[Mapping[str, float]], names: Sequence[str]) -> np.ndarray:
+    return np.array([[table[name] for name in names] for table in tables])
