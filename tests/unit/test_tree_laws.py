@@ -41,7 +41,7 @@ def arm(**changes):
         gravity=(0.0, 0.0, -9.81), joints=tuple(map(tuple, joints.tolist())),
         turns=tuple(map(tuple, np.eye(M).tolist())), motors=(), gains=(1.0,) * M, gains_known=(True,) * M,
         drive_units=("A",) * M, effort_units=("N*m",) * M,
-        ranges=(JointRange(-1.5, 1.5, seen_velocity=2.5),) * M, families=(("coulomb", "viscous"),) * M,
+        ranges=(JointRange(-1.5, 1.5, effort=12.0, seen_velocity=2.5),) * M, families=(("coulomb", "viscous"),) * M,
         consistent=True, parameters=(), covariance=(), heldout_error=(), processing="", confidence=0.95, notes=(),
         checksums={}, pellucid="0",
     )  # fmt: skip
@@ -190,7 +190,7 @@ def test_a_healthy_arm_is_not_stopped_and_one_joint_stops_all():
     plant.reset(np.full(M, 0.3), np.zeros(M))
     for i in range(1500):
         drive = running.step(PERIOD * i, plant.position)
-        plant.run(drive, 0.8 * np.sin(4.0 * PERIOD * i) * np.array([1.0, 0.8, 0.6, 0.4]))
+        plant.run(drive, 0.6 * np.sin(6.0 * PERIOD * i) * np.array([1.0, 0.8, 0.6, 0.4]))
     assert (running.mode, running.fault) == ("running", "none"), running.log
     moved = plant.position
     for i in range(1500, 1900):
