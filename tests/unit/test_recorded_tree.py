@@ -6,10 +6,12 @@ import numpy as np
 import pytest
 
 from pellucid._errors import PellucidError, RecordingError, StudyError
+from pellucid.fit.tree import friction_terms
 from pellucid.models.kinematic_tree import Link, Tree, TreeJoint
 from pellucid.procedures.registry import asked, open_study
 from pellucid.procedures.run import check
 from pellucid.procedures.tree.recorded_tree import recorded_tree, robot_of
+from pellucid.procedures.tree.tree_table import RICHER
 
 STUDY = """name = "arm"
 [tree]
@@ -135,6 +137,26 @@ def test_motors_are_turned_into_joints(study):
 def test_it_is_asked_and_fit(study):
     assert [procedure.name for procedure in asked(study)] == ["tree"]
     assert [fault.message for fault in check(study) if fault.severity == "refuse"] == []
+
+
+def test_terms_that_a_study_names_are_those_of_the_fit():
+    assert RICHER == friction_terms.RICHER
+
+
+def test_a_clock_may_count_from_1970(tmp_path):
+    clock = changed(('[channels]\ntime = { rate = "250 Hz" }', '[channels]\ntime = { column = 2, unit = "ns" }'))
+    clock = clock.replace('["0 s", "12 s"]', '["0 s", "1700000012 s"]').replace('window = ["12 s", "20 s"]\n', "")
+    clock = clock.replace('[streams.drives.channels]\ntime = { rate = "250 Hz" }',
+                          '[streams.drives.channels]\ntime = { column = 2, unit = "ns" }')  # fmt: skip
+    written(tmp_path, text=clock)
+    stamps = (1_700_000_000_000_000_000 + np.arange(5000) * 4_000_000).astype(str)
+    for name in ("motors.csv", "drives.csv"):
+        lines = (tmp_path / name).read_text(encoding="utf-8").splitlines()
+        lines = [f"{line},{stamp}" for line, stamp in zip(lines, stamps, strict=True)]
+        (tmp_path / name).write_text("\n".join(lines), encoding="utf-8")
+    study = open_study(tmp_path)
+    assert [fault.message for fault in check(study) if fault.channel == "time"] == []
+    assert recorded_tree(study)[1][0].rate == pytest.approx(125.0)
 
 
 def changed(*pairs):

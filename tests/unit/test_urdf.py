@@ -1,5 +1,8 @@
 """URDF files: read as Pinocchio reads them, and what cannot be a robot is named."""
 
+import contextlib
+import re
+
 import numpy as np
 import pytest
 
@@ -148,6 +151,7 @@ TWO = f"""<robot name="r"><link name="base"/>{LINK.format("a", 1)}{LINK.format("
         (('ixx="0.01"', 'ixx="10000"'), "link 'a': found moments of inertia as of a body .* are these kg mm"),
         (("<robot", "<!DOCTYPE r [<!ENTITY a 'b'>]><robot"), "found a document type"),
         (('<joint name="two"', '<joint name="one"'), "found two joints named 'one'"),
+        (('<link name="base"/>', '<link name="base"/>' * 600), "found 602 times <link>, expected at most 500"),
     ],
 )
 def test_what_cannot_be_a_robot_is_named(written, change, message):
@@ -236,3 +240,23 @@ def test_a_study_is_written_for_a_robot(written, tmp_path):
     assert not (tmp_path / "other").exists()
     with pytest.raises(StudyError, match=r"found a joint 'a/b', expected letters"):
         pellucid.init(tmp_path / "other", urdf=written(TWO.format("").replace('name="two"', 'name="a/b"')))
+
+
+def test_a_file_without_bodies_gets_stand_ins(written):
+    shapes = re.sub("<inertial>.*?</inertial>", "", BRANCHED, flags=re.DOTALL)
+    robot = read_urdf(written(shapes))
+    (note,) = robot.notes
+    assert "found no link with a mass, expected <inertial> of each; bodies of 1 kg stand in" in note
+    assert {link.mass for link in robot.tree()[0].links} == {1.0}
+
+
+def test_damaged_files_are_refused_in_words(written):
+    """Cut off, or with a byte changed, a file is a robot's or not, and nothing else."""
+    rng, whole = np.random.default_rng(5), BRANCHED.encode()
+    for n in range(150):
+        at = int(rng.integers(len(whole)))
+        damaged = whole[:at] if n % 3 == 0 else whole[:at] + bytes([rng.integers(256)]) + whole[at + 1 :]
+        path = written("")
+        path.write_bytes(damaged)
+        with contextlib.suppress(PellucidError):
+            read_urdf(path).tree()

@@ -84,6 +84,10 @@ def _said(study: Study, robot: Robot) -> Iterator[Fault]:
             yield _fault("refuse", "payload", "", "", found, f"one of {', '.join(sorted(links))}")
     if not any(entry.use == "fit" for entry in entries):
         yield _fault("refuse", "no_fit", "", "", 'no recording with use = "fit"', "at least one")
+    urdf = file_of(study)
+    if table.inertia_prior and urdf is not None and not urdf.has_bodies:
+        found = f"[tree] inertia_prior = true and no link with a mass in {urdf.path.name}"
+        yield _fault("refuse", "robot", "", "", found, "inertia_prior = false, or <inertial> of each link")
     if table.gains == "payload" and not any(entry.payload is not None for entry in entries):
         found = '[tree] gains = "payload" and no recording with a payload'
         yield _fault("refuse", "gains", "", "", found, 'one, and the same motion without it, or gains = "stated"')

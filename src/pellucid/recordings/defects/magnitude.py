@@ -11,6 +11,7 @@ from ..recording import Channel
 
 # Largest SI magnitude of a wearable joint, and the unit whose numbers pass it when they are taken for SI.
 _PLAUSIBLE = {
+    ("time", "s"): (1e11, "ms"),  # Clocks may count from 1970
     ("position", "rad"): (4 * math.pi, "deg"),
     ("reference", "rad"): (4 * math.pi, "deg"),
     ("position", "m"): (10.0, "mm"),

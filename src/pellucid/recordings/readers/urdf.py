@@ -25,6 +25,12 @@ _KINDS = {"revolute": "revolute", "continuous": "revolute", "prismatic": "prisma
 FARTHEST = 3.0
 """Times the robot's length, beyond which a body's radius of gyration is that of another unit."""
 
+MOST = 500
+"""Links, and joints, of a file, welded ones with them."""
+
+STAND_IN = Link("", 1.0, (0.0, 0.0, 0.0), (0.01, 0.0, 0.0, 0.01, 0.0, 0.01))
+"""Of each link, where a file says nothing of any."""
+
 _LEGIBLE = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.:/ -]{0,99}")
 
 
@@ -60,6 +66,11 @@ class Urdf:
     notes: tuple[str, ...]  # What is remarkable, and does not keep it from being used
 
     @property
+    def has_bodies(self) -> bool:
+        """Whether any link has a mass; a file of shapes alone has none, and stand-ins take their place."""
+        return any(link.mass > 0.0 for link in self.links)
+
+    @property
     def moving(self) -> tuple[TreeJoint, ...]:
         """Joints that move by themselves, in the file's order."""
         return tuple(joint for joint in self.joints if joint.kind != "fixed" and joint.name not in self.mimics)
@@ -88,6 +99,8 @@ class Urdf:
                 )
         joints = [held(j, holding[j.name]) if j.name in holding else j for j in self.joints]
         kept, links, on = welded(joints, self.links, self.path.name)
+        if not self.has_bodies:
+            links = [replace(STAND_IN, name=link.name) for link in links]
         return Tree(kept, links, gravity, self.path.name), on
 
 
@@ -103,6 +116,10 @@ def read_urdf(path: Path) -> Urdf:
             f"{path.name}: found <{xacro.rpartition('}')[2]}> of xacro, expected URDF; make it first: "
             f"xacro {path.name} > robot.urdf"
         )
+    for tag in ("link", "joint"):
+        found = len(root.findall(tag))
+        if found > MOST:
+            raise RecordingError(f"{path.name}: found {found} times <{tag}>, expected at most {MOST}")
     links = [_link(path, element) for element in root.findall("link")]
     known = {link.name for link in links}
     joints, limits, mimics = [], {}, {}
@@ -263,6 +280,11 @@ def _require_metres(robot: Urdf) -> None:
 
 def _crude(robot: Urdf):
     """Bodies that cannot be, which a fit does not need."""
+    if not robot.has_bodies:
+        yield (
+            f"{robot.path.name}: found no link with a mass, expected <inertial> of each; bodies of 1 kg stand in: "
+            "recordings tell what they are, and nothing is compared with them"
+        )
     for link in robot.links:
         low, middle, high = _about_centre(link)
         if link.mass > 0.0 and low <= 0.0:
