@@ -12,6 +12,7 @@ from .._errors import IdentificationError
 from ..fit.parameter import Verdict
 from ..models.card import Card, read_card
 from ..models.slider_card import read_slider_card
+from ..models.tree_card import TreeCard, read_tree_card
 
 SURE = 2.8  # standard errors: a change of this size is found in 80 % of comparisons at the 5 % level
 
@@ -75,11 +76,12 @@ def compare(a: Path | str, b: Path | str, *, family: str | None = None, level: f
     """
     one = _card(Path(a), family)
     two = _card(Path(b), family or one.family)
-    for what in ("motion", "effort_unit", "family"):
-        if getattr(one, what) != getattr(two, what):
+    for what in ("names", "motion", "effort_unit", "family"):
+        first, second = (getattr(card, what, None) for card in (one, two))
+        if first != second:
             raise IdentificationError(
-                f"{a} and {b} cannot be compared: {what.replace('_', ' ')} is {getattr(one, what)!r} in the first and "
-                f"{getattr(two, what)!r} in the second"
+                f"{a} and {b} cannot be compared: {what.replace('_', ' ')} is {first!r} in the first and {second!r} in "
+                "the second"
             )
     shared = [p.name for p in one.parameters if p.name in {q.name for q in two.parameters}]
     if not shared:
@@ -101,7 +103,13 @@ def compare(a: Path | str, b: Path | str, *, family: str | None = None, level: f
     return Comparison(one.family, rows, statistic, joint_p, _sentences(rows, joint_p, level))
 
 
-def _card(path: Path, family: str | None) -> Card:
+def _card(path: Path, family: str | None) -> Card | TreeCard:
+    if path.is_file() and path.name.startswith("tree."):
+        return read_tree_card(path)
+    # Base parameters with plain friction are the same ones in every study of a robot.
+    tree = path / "models" / f"tree.{family or 'base'}.json"
+    if tree.is_file():
+        return read_tree_card(tree)
     if path.is_file():
         return read_slider_card(path) if path.name.startswith("slider.") else read_card(path)
     slider = path / "models" / f"slider.{family or 'load'}.json"
@@ -112,7 +120,7 @@ def _card(path: Path, family: str | None) -> Card:
     return read_card(path / "models" / f"joint.{family}.json")
 
 
-def _part(card: Card, names: list[str]) -> np.ndarray:
+def _part(card: Card | TreeCard, names: list[str]) -> np.ndarray:
     index = [i for n in names for i, p in enumerate(card.parameters) if p.name == n]
     # What the model leaves out is the same joint's both times, and no change.
     return np.array(card.statistical or card.covariance)[np.ix_(index, index)]

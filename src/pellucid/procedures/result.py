@@ -15,6 +15,7 @@ from .._errors import PellucidError
 from ..fit.parameter import Parameter, Verdict, ranked
 from ..models.card import Card, write_card
 from ..models.parameter_card import ParameterCard, write_parameter_card
+from ..models.tree_card import TreeCard, write_tree_card
 from ..recordings.kept import keep, read_kept
 from ..recordings.lock import locked
 from ..recordings.results import ResultRow, replace_rows
@@ -59,7 +60,7 @@ class Result:
         What the recordings do and do not show, worst first.
     rows : tuple of ResultRow
         Every figure, all of one command.
-    cards : Mapping[str, Card or ParameterCard]
+    cards : Mapping[str, Card or ParameterCard or TreeCard]
         By the name of their file in ``models/``, without its ending.
     checksums : Mapping[str, str]
         SHA-256 of the files it came from, by recording.
@@ -76,7 +77,7 @@ class Result:
     tables: tuple[ParameterTable | FigureTable, ...]
     verdicts: tuple[Verdict, ...]
     rows: tuple[ResultRow, ...] = field(repr=False)
-    cards: Mapping[str, Card | ParameterCard] = field(repr=False)
+    cards: Mapping[str, Card | ParameterCard | TreeCard] = field(repr=False)
     checksums: Mapping[str, str] = field(repr=False)
     confidence: float = 0.95
     procedure: str = ""
@@ -166,8 +167,7 @@ class Result:
             remove_leftovers(study.made, study.models_dir, study.made / "kept", study.made / "tables")
             study.models_dir.mkdir(exist_ok=True)
             for name, card in self.cards.items():
-                write = write_card if isinstance(card, Card) else write_parameter_card
-                write(study.models_dir / f"{name}.json", card)
+                _write(study.models_dir / f"{name}.json", card)
             replace_rows(study.results_path, self.command, self.rows)
             self.save_more(study)
             if self.made_from:
@@ -217,6 +217,13 @@ class Result:
         paths = dict.fromkeys(each.kept_path(procedure.name) for each in (study, replace(study, out=None)))
         found = next((found for path in paths if (found := read_kept(path, made_from)) is not None), None)
         return found if isinstance(found, cls) else None
+
+
+def _write(path: Path, card: Card | ParameterCard | TreeCard) -> None:
+    if isinstance(card, TreeCard):
+        write_tree_card(path, card)
+    else:
+        (write_card if isinstance(card, Card) else write_parameter_card)(path, card)
 
 
 def fingerprint(study: Study, procedure: Procedure) -> str:

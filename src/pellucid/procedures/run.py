@@ -257,9 +257,10 @@ def _run(procedure: Procedure, study: Study, on_progress: Progress | None, **opt
 
 def _only(study: Study, command: str) -> Procedure:
     """What the study asks of a command."""
-    if command == "identify" and len(study.rig.joints) > 1:
-        raise IdentificationError(study.rig.refusal)
     found = asked(study, command)
+    whole = any(p.table is not None and p.table.several for p in found)
+    if command == "identify" and len(study.rig.joints) > 1 and not whole:
+        raise IdentificationError(study.rig.refusal)
     if found:
         return found[0]
     tables = [f"[{p.name}]" for p in PROCEDURES if p.command == command and p.table is not None]

@@ -12,7 +12,7 @@ from ...signals.tree_motion import TreeMotion
 from ..parameter import Verdict
 from .base_parameters import BaseParameters
 from .fit_tree import estimate_of
-from .friction_terms import plain_families
+from .friction_terms import RICHER, RICHER_SHARED, plain_families
 from .ripple import Line, chosen_ripples
 from .segment_jackknife import SegmentJackknife, segment_jackknife
 from .segments_out import SegmentsOut, heldout_errors, segments_out
@@ -67,20 +67,23 @@ def identify_tree(
     *,
     width: float = 0.0,
     leave_out: bool = True,
+    terms: Sequence[str] = RICHER + RICHER_SHARED,
+    ripple: bool = True,
 ) -> TreeIdentification:
     """From recordings that are fitted, and others that are judged by alone; `width` of the smooth sign of friction
-    [rad/s; m/s]; `leave_out`: whether segments are left out in turn."""
+    [rad/s; m/s]; `leave_out`: whether segments are left out in turn; `terms` that joints may be given; `ripple`:
+    whether drives are searched for one."""
     rows = tree_rows(robot, motions, width=width)
     rate = motions[0].rate
     plain = plain_model(rows)
     base = estimate_of("base", rows, *fit_rows(plain, rows))
-    choice, lines, found, at = best_fit(rows, rate)
+    choice, lines, found, at = best_fit(rows, rate, terms, ripple)
     sure = tree_uncertainty(at, found)
     best = estimate_of("best", rows, found, at, uncertainty=sure, notes=_notes(rows, choice, at.model))
     base_out = best_out = maker_out = jackknife = None
     if leave_out and rows.segments > 1:
         base_out = segments_out(rows, lambda part: (plain, fit_rows(plain, part)[0]))
-        best_out = segments_out(rows, lambda part: _model_of(best_fit(part, rate)))
+        best_out = segments_out(rows, lambda part: _model_of(best_fit(part, rate, terms, ripple)))
         jackknife = segment_jackknife(at.model, rows, found, sure.covariance, sure.textbook)
         maker = maker_rows(rows, motions)
         friction = plain_model(maker)
@@ -97,12 +100,14 @@ def plain_model(rows: TreeRows) -> TreeModel:
     return TreeModel(rows.robot, rows.base, plain_families(len(rows.robot.names), rows.robot.shared))
 
 
-def best_fit(rows: TreeRows, rate: float) -> tuple[FamilyChoice, Sequence[Line], TreeSolution, Linearised]:
-    """Friction terms and ripple chosen within `rows` at `rate` [Hz], and the fit with them."""
-    choice = chosen_families(rows)
+def best_fit(
+    rows: TreeRows, rate: float, terms: Sequence[str] = RICHER + RICHER_SHARED, ripple: bool = True
+) -> tuple[FamilyChoice, Sequence[Line], TreeSolution, Linearised]:
+    """Friction `terms`, and `ripple` if it is asked for, chosen within `rows` at `rate` [Hz], and the fit with them."""
+    choice = chosen_families(rows, terms)
     model = TreeModel(rows.robot, rows.base, choice.families, choice.speeds)
     found, at = fit_rows(model, rows)
-    ripples, lines = chosen_ripples(at, found, rate)
+    ripples, lines = chosen_ripples(at, found, rate) if ripple else ((), ())
     if ripples:
         model = replace(model, ripples=ripples)
         found, at = fit_rows(model, rows, load=loads_of(rows, model, found.values))

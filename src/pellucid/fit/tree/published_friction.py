@@ -1,0 +1,22 @@
+"""What others published of a robot's friction and rotors, with bodies as its file states them: a simple rival."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from ...models.kinematic_tree import BODY
+from .tree_regression import TreeModel
+
+
+def published_numbers(model: TreeModel, published: Mapping[str, Mapping[str, float]]) -> np.ndarray | None:
+    """The model's parameters, (p,), as `published` of each joint, bodies as stated; None where that does not say every
+    joint's dry and viscous friction."""
+    base, robot = model.base, model.robot
+    said = {f"{joint}.{name}": value for joint, table in published.items() for name, value in table.items()}
+    if any(f"{joint}.{name}" not in said for joint in robot.names for name in ("coulomb", "viscous")):
+        return None
+    bodies = len(BODY) * len(robot.tree.order)
+    numbers = [*robot.tree.parameters, *(said.get(name, 0.0) for name in base.members[bodies:])]
+    return np.concatenate([base.combination @ numbers, [said.get(n, 0.0) for n in model.names[len(base.names) :]]])

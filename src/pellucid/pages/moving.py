@@ -1,0 +1,79 @@
+"""Drawings that move: lines whose points go along while a page is read, without a script.
+
+The movement is SVG's own (``<animate>``), so that the file beside the page moves too. Where a reader asked for less
+motion, on paper and in PDF the drawing stands still.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from matplotlib.artist import Artist
+from matplotlib.axes import Axes
+from matplotlib.patches import PathPatch
+from matplotlib.path import Path as Outline
+
+from .drawing import Drawing
+
+STYLE = (
+    "<style>.rests { display: none } @media (prefers-reduced-motion: reduce), print "
+    "{ .rests { display: inline } .moves { display: none } }</style>"
+)
+
+
+@dataclass(frozen=True)
+class Way:
+    """Where a line's points go, (frames, p, 2) in the coordinates of `axis`; every second one ends a stroke."""
+
+    axis: Axes
+    points: np.ndarray
+
+
+@dataclass(frozen=True)
+class MovingDrawing(Drawing):
+    """A figure some of whose lines move: `ways` by their gid, from first frame to last in so many `seconds`, again and
+    again."""
+
+    ways: Mapping[str, Way]
+    seconds: float
+
+    @cached_property
+    def svg(self) -> str:
+        """The figure as an SVG file's text, which moves where a browser shows it."""
+        text = Drawing.svg.func(self)
+        for name, way in self.ways.items():
+            text = self._moved(text, name, way)
+        return text.replace("</svg>", f"{STYLE}</svg>")
+
+    def _moved(self, text: str, name: str, way: Way) -> str:
+        """A line's copy that moves, on top of the one that stands still."""
+        height = 72.0 * self.figure.get_figheight()
+        at = way.axis.transData.transform(way.points.reshape(-1, 2)) * 72.0 / self.figure.dpi
+        at = np.column_stack([at[:, 0], height - at[:, 1]]).reshape(way.points.shape)
+        values = ";".join(map(_strokes, at))
+        found = re.search(rf'<g id="{re.escape(name)}">\s*<path d="[^"]*"([^>]*?)/>\s*</g>', text)
+        if found is None:
+            raise ValueError(f"{name}: found no line of that name in the figure")
+        clip = re.sub(r'\s*clip-path="[^"]*"', "", found[1])
+        moving = (
+            f'<g class="moves"><path d="{_strokes(at[0])}"{clip}><animate attributeName="d" dur="{self.seconds:.2f}s" '
+            f'repeatCount="indefinite" values="{values}"/></path></g>'
+        )
+        still = found[0].replace("<g ", '<g class="rests" ', 1)
+        return text[: found.start()] + still + moving + text[found.end() :]
+
+
+def strokes(axis: Axes, points: np.ndarray, name: str, **style) -> Artist:
+    """Strokes between pairs of `points` (p, 2), as one line with the gid `name`; `style` is Matplotlib's."""
+    codes = np.tile([Outline.MOVETO, Outline.LINETO], len(points) // 2)
+    patch = PathPatch(Outline(points, codes), fill=False, capstyle="round", joinstyle="round", **style)
+    patch.set_gid(name)
+    return axis.add_artist(patch)
+
+
+def _strokes(points: np.ndarray) -> str:
+    return "".join(f"{'ML'[i % 2]}{x:.1f} {y:.1f}" for i, (x, y) in enumerate(points))

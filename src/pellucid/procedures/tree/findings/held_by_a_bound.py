@@ -1,0 +1,14 @@
+"""Friction or inertia that least squares would have below 0."""
+
+from collections.abc import Iterator
+
+from ....fit.parameter import Verdict
+from ..tree_result import TreeResult
+
+
+def find(case: TreeResult) -> Iterator[Verdict]:
+    """What a physical bound holds."""
+    held = [p.name.replace(".", ": ").replace("_", " ") for p in case.best.parameters.values() if p.at_bound]
+    if held:
+        text = f"A physical bound holds {', '.join(held)}: there is none to see, or another term has taken its share."
+        yield Verdict("note", text, weight=len(held))

@@ -1,0 +1,16 @@
+"""Friction that grows with the load: what a model without it takes for gravity."""
+
+from collections.abc import Iterator
+
+from ....fit.parameter import Verdict
+from ..tree_result import TreeResult
+
+
+def find(case: TreeResult) -> Iterator[Verdict]:
+    """Where it is."""
+    shares = {
+        joint: p.value for joint in case.names if (p := case.best.parameters.get(f"{joint}.load")) and not p.refused
+    }
+    if shares:
+        said = ", ".join(f"{100.0 * share:.2g} % of the load at {joint}" for joint, share in shares.items())
+        yield Verdict("note", f"Friction grows with the load: {said}.", weight=max(shares.values()))

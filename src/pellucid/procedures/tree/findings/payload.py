@@ -1,0 +1,21 @@
+"""What the robot carried, as its efforts tell it."""
+
+from collections.abc import Iterator
+
+from ....fit.parameter import Verdict
+from ..tree_result import TreeResult
+
+NEAR = 5.0
+"""Per cent of a known mass within which it counts as found."""
+
+
+def find(case: TreeResult) -> Iterator[Verdict]:
+    """Each payload beside what was weighed."""
+    for p in case.payloads:
+        text = f"The payload of {p.recording} comes out as {p.mass.value:.4g} kg"
+        if p.known is None:
+            yield Verdict("note", f"{text}.")
+            continue
+        text += f", {p.error:.2g} % from the {p.known:.4g} kg that were stated."
+        do = "" if p.error <= NEAR else "Check the gains of the drives: [tree] gains says where they come from."
+        yield Verdict("good" if p.error <= NEAR else "warning", text, do, weight=p.error)

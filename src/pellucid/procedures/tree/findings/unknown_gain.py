@@ -1,0 +1,18 @@
+"""Drives whose gain nobody stated: everything of their joints is per ampere or per volt."""
+
+from collections.abc import Iterator
+
+from ....fit.parameter import Verdict
+from ..tree_result import TreeResult
+
+
+def find(case: TreeResult) -> Iterator[Verdict]:
+    """Which they are."""
+    unknown = [joint for joint, (_, _, known) in zip(case.names, case.gains, strict=True) if not known]
+    if unknown:
+        yield Verdict(
+            "note",
+            f"Gains of the drives of {', '.join(unknown)} are not known: numbers of these joints are per unit of the "
+            "drive, and say nothing of newton metres.",
+            'Write a torque_constant in [rig.joints.drive], or [tree] gains = "desired" or "payload".',
+        )

@@ -1,0 +1,35 @@
+"""Numbers of friction that the recordings leave open, by joint; how many of the bodies' are told."""
+
+from collections.abc import Iterator
+
+from ....fit.parameter import Verdict
+from ....fit.tree.tree_verdicts import IDENTIFIED, NOT_IDENTIFIABLE, states
+from ..tree_result import TreeResult, joint_states
+
+
+def find(case: TreeResult) -> Iterator[Verdict]:
+    """What is not told from 0, and what nothing tells from others."""
+    weak = {}
+    for k, joint in enumerate(case.names):
+        # An offset is small on a good machine: that it may be 0 is nothing to act upon.
+        own = [
+            n for n, state in joint_states(case, k).items() if state not in (IDENTIFIED, "on a bound") and n != "offset"
+        ]
+        if own:
+            weak[joint] = ", ".join(n.replace("_", " ") for n in own)
+    if weak:
+        said = "; ".join(f"{joint}: {names}" for joint, names in weak.items())
+        do = "Record these joints slowly and fast, both ways, with more load and less."
+        yield Verdict("note", f"Not sure of a joint's own numbers: {said}.", do, weight=len(weak))
+    of_joints = {f"{joint}." for joint in case.names}
+    bodies = {n: s for n, s in states(case.best).items() if not any(n.startswith(joint) for joint in of_joints)}
+    told = sum(state == IDENTIFIED for state in bodies.values())
+    lost = sum(state == NOT_IDENTIFIABLE for state in bodies.values())
+    text = f"Of {len(bodies)} combinations of the bodies' numbers, {told} are told from 0"
+    text += f", and {lost} cannot be told at all." if lost else "."
+    do = (
+        ""
+        if told > 0.5 * len(bodies)
+        else "Quicker motion of all joints at once, over more of their ranges, shows more."
+    )
+    yield Verdict("warning" if lost else "note", text, do, weight=lost)

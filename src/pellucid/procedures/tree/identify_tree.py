@@ -1,0 +1,155 @@
+"""All joints of a robot identified at once: base parameters, friction of each joint, bodies that can exist."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from ..._errors import IdentificationError, RecordingError
+from ...fit.tree import identify_tree as identification
+from ...fit.tree.consistent_fit import ConsistentSolution, consistent_estimate, solve_consistent
+from ...fit.tree.friction_terms import MOTOR
+from ...fit.tree.identify_tree import TreeIdentification, maker_rows, plain_model
+from ...fit.tree.published_friction import published_numbers
+from ...fit.tree.segments_out import errors_of, heldout_errors, missed, segments_out
+from ...fit.tree.tree_regression import TreeModel, TreeRows, TreeSolution, fit_rows, tree_rows
+from ...models.kinematic_tree import BODY
+from ...recordings.study import Study
+from ...signals.tree_motion import TreeMotion
+from ..findings import findings_of
+from ..joint.recorded_motions import filtering_of
+from ..procedure import Progress, quiet
+from . import findings
+from .carried_payloads import GAINS, carried_payloads, with_gains
+from .recorded_tree import recorded_tree
+from .tree_faults import tree_faults
+from .tree_result import Errors, TreeResult, TreeTrace, choice_of, completed
+
+
+def identify_tree(study: Study, tell: Progress = quiet) -> TreeResult:
+    """Every model of a study's robot."""
+    tell("reading recordings", 0.0)
+    refused = [fault.message for fault in tree_faults(study) if fault.severity == "refuse"]
+    if refused:
+        raise RecordingError("\n".join(refused))
+    tell("filtering", 0.05)
+    table = study.config.tree
+    robot, motions = recorded_tree(study)
+    motions, gains = with_gains(study, robot, motions)
+    fitted, judged = ([m for m in motions if m.payload is None and m.use == use] for use in ("fit", "validate"))
+    if not fitted:
+        raise IdentificationError('no recording without payload is marked use = "fit"; at least one must be')
+    tell("friction of each joint, each segment left out in turn", 0.1)
+    terms = (*table.families, *(f"{MOTOR}{term}" for term in table.families if term == "square_root"))
+    found = identification.identify_tree(
+        robot, fitted, judged, width=table.velocity_width, terms=terms, ripple=table.ripple
+    )
+    best = TreeModel(robot, found.rows.base, found.best.families, found.choice.speeds, found.best.ripples)
+    tell("bodies that can exist", 0.65)
+    nearest = robot.tree.parameters.reshape(-1, len(BODY)) if table.inertia_prior else None
+    bodies = solve_consistent(best, found.rows, nearest=nearest)
+    models = {"base": found.base, "best": found.best}
+    models["consistent"] = consistent_estimate("consistent", found.rows, bodies, nearest=nearest)
+    tell("judging", 0.75)
+    errors = [*_rivals(study, found, fitted, judged), *_of_base_and_best(found, fitted, judged)]
+    errors += _of_bodies(found, bodies, nearest, judged)
+    tell("payloads", 0.9)
+    payloads = carried_payloads(robot, motions, found.best, gains)
+    out = found.best_out
+    result = TreeResult(
+        study=study.name,
+        headline="",
+        tables=(),
+        verdicts=(),
+        rows=(),
+        cards={},
+        checksums={recording.name: recording.checksum for recording in study.recordings()},
+        confidence=table.confidence,
+        robot=robot,
+        models=models,
+        errors=tuple(errors),
+        choice=None if out is None else choice_of(robot, out.models),
+        lines=tuple(found.lines),
+        jackknife=found.jackknife,
+        payloads=payloads,
+        gains=tuple(zip(map(float, fitted[0].gain), fitted[0].drive_units, fitted[0].gain_known, strict=True)),
+        identified_gains=gains,
+        gains_note=GAINS[table.gains],
+        published=table.published,
+        filter_note=filtering_of(study.processing_of(study.recordings()[0])).sentence("rad/s"),
+        segments=len(np.unique(found.rows.segment[found.rows.used.any(axis=1)])),
+        traces=tuple(_trace(m, found) for m in motions if m.payload is None),
+    )
+    result = replace(result, verdicts=findings_of(findings, result))
+    return completed(study, result)
+
+
+def _rivals(
+    study: Study, found: TreeIdentification, fitted: Sequence[TreeMotion], judged: Sequence[TreeMotion]
+) -> Iterator[Errors]:
+    """The simplest ones: bodies as the robot's file states them, with friction as fitted and as published."""
+    kinds = {"fitted": found.rows}
+    if judged:
+        kinds["heldout"] = tree_rows(found.rows.robot, judged, width=found.rows.width, base=found.rows.base)
+    rows = {
+        kind: maker_rows(each, motions) for (kind, each), motions in zip(kinds.items(), (fitted, judged), strict=False)
+    }
+    model = plain_model(rows["fitted"])
+    values = fit_rows(model, rows["fitted"])[0].values
+    for kind, each in rows.items():
+        yield Errors("stated", kind, _plain(errors_of(missed(model, values, each), kinds[kind].size)))
+    if found.maker_out is not None:
+        yield Errors("stated", "segments_out", _plain(found.maker_out.errors))
+    plain = plain_model(found.rows)
+    published = published_numbers(plain, study.config.tree.published)
+    for kind, each in kinds.items() if published is not None else ():
+        yield Errors("published", kind, _plain(errors_of(missed(plain, published, each), each.size)))
+    if published is not None and found.base_out is not None:
+        # Nothing is fitted, so that segments left out are all there are.
+        yield Errors(
+            "published", "segments_out", _plain(errors_of(missed(plain, published, found.rows), found.rows.size))
+        )
+
+
+def _of_base_and_best(
+    found: TreeIdentification, fitted: Sequence[TreeMotion], judged: Sequence[TreeMotion]
+) -> Iterator[Errors]:
+    for model, out in ((found.base, found.base_out), (found.best, found.best_out)):
+        yield Errors(model.name, "fitted", _plain(heldout_errors(model, fitted)))
+        if out is not None:
+            yield Errors(model.name, "segments_out", _plain(out.errors))
+        if judged:
+            yield Errors(model.name, "heldout", _plain(found.heldout[model.name]))
+
+
+def _of_bodies(
+    found: TreeIdentification, bodies: ConsistentSolution, nearest: np.ndarray | None, judged: Sequence[TreeMotion]
+) -> Iterator[Errors]:
+    """Of bodies that can exist: without each segment with the friction that was chosen without it."""
+    rows, model = found.rows, bodies.spread.model
+    yield Errors("consistent", "fitted", _plain(errors_of(missed(model, bodies.parameters, rows), rows.size)))
+    if found.best_out is not None:
+        chosen = iter(found.best_out.models)
+
+        def fit(part: TreeRows) -> tuple[TreeModel, TreeSolution]:
+            each = next(chosen)
+            start = fit_rows(each, part)[0]
+            return each, replace(start, values=solve_consistent(each, part, start=start, nearest=nearest).parameters)
+
+        yield Errors("consistent", "segments_out", _plain(segments_out(rows, fit).errors))
+    if judged:
+        kept = tree_rows(rows.robot, judged, width=rows.width, base=rows.base)
+        yield Errors("consistent", "heldout", _plain(errors_of(missed(model, bodies.parameters, kept), kept.size)))
+
+
+def _trace(motion: TreeMotion, found: TreeIdentification) -> TreeTrace:
+    return TreeTrace(
+        motion.recording, motion.use, motion.time, motion.position, motion.velocity, motion.effort, motion.moving,
+        found.best.load(motion), found.best.effort(motion),
+    )  # fmt: skip
+
+
+def _plain(values: np.ndarray) -> tuple[float, ...]:
+    return tuple(float(x) for x in values)

@@ -1,0 +1,382 @@
+"""Figures of a robot of several joints: how well each joint's effort is predicted, what rubs, what the motion shows."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.patches import Rectangle
+
+from ...pages.drawing import Drawing, Head, dots, heads, key, line, tidy
+from ...pages.moving import MovingDrawing
+from ...pages.quantities import number, percent, unit_text
+from ...pages.style import FIGURE_WIDTH, colour
+from .stick_figures import stick_figure
+from .tree_result import TreeResult, TreeTrace
+
+COLUMNS = 3
+"""Joints beside each other."""
+
+WELL, BARELY = 10.0, 30.0
+"""Relative standard deviations up to which a parameter is shown well, and barely [%]."""
+
+WORST_SHARE = 0.08
+"""Of a recording: the stretch that is drawn large."""
+
+
+def efforts(
+    trace: TreeTrace, names: Sequence[str], units: Sequence[str], errors: Sequence[float], name: str = "effort"
+) -> Drawing:
+    """Measured, predicted and their difference of each joint: the whole recording, and the worst stretch of it."""
+    m = len(names)
+    figure = Figure(figsize=(FIGURE_WIDTH, 1.55 * m + 0.4), layout="constrained")
+    axes = figure.subplots(m, 2, width_ratios=(2.3, 1.0), sharey="row", squeeze=False)
+    for k, (left, right) in enumerate(axes):
+        shown = trace.moving[:, k]
+        measured = trace.effort[:, k]
+        predicted, difference = (
+            np.where(shown, x, np.nan) for x in (trace.predicted[:, k], measured - trace.predicted[:, k])
+        )
+        lines = ((measured, "measured", 2.4, 0.5), (predicted, "fitted", 1.1, 1.0), (difference, "heldout", 0.9, 1.0))
+        low, high = _worst(trace.time, difference)
+        within = (trace.time >= low) & (trace.time <= high)
+        for values, role, width, alpha in lines:
+            line(left, trace.time, values, color=colour(role), linewidth=width, alpha=alpha)
+            line(right, trace.time[within], values[within], color=colour(role), linewidth=1.5 * width, alpha=alpha)
+        left.axvspan(low, high, color=colour("panel"), zorder=0)
+        for axis in (left, right):
+            axis.axhline(0.0, color=colour("faint"), linewidth=0.8, zorder=1)
+            tidy(axis, first=axis is left, text=unit_text(units[k]), ticks=4)
+        heads([left], [Head(names[k].replace("_", " "), f"error {percent(errors[k])} %", colour("muted"))])
+        right.set_xlim(low, high)
+    key(
+        axes[0, 1],
+        [(t, colour(r)) for t, r in (("measured", "measured"), ("predicted", "fitted"), ("difference", "heldout"))],
+        room=0.25,
+    )
+    axes[-1, 0].set_xlabel("Time (s)")
+    axes[-1, 1].set_xlabel("Time (s), where it is worst")
+    return Drawing(
+        name,
+        figure,
+        f"Effort of each joint along {trace.recording.replace('_', ' ')}: measured, predicted where the joint moves, "
+        "and the difference; at the right the stretch, shaded at the left, in which the difference is largest.",
+    )
+
+
+def _worst(time: np.ndarray, difference: np.ndarray) -> tuple[float, float]:
+    """The stretch in which a difference (n,) is largest; NaN does not count."""
+    span = float(time[-1] - time[0])
+    width = min(max(WORST_SHARE * span, 12.0 * float(np.median(np.diff(time)))), span)
+    squares = np.where(np.isfinite(difference), difference, 0.0) ** 2
+    summed = np.concatenate([[0.0], np.cumsum(squares)])
+    starts = np.linspace(time[0], time[-1] - width, 400)
+    first, last = np.searchsorted(time, starts), np.searchsorted(time, starts + width)
+    start = float(starts[int(np.argmax(summed[last] - summed[first]))])
+    return start, start + width
+
+
+def short(name: str) -> str:
+    """A joint's name for a head."""
+    return name.removesuffix("_joint").replace("_", " ")
+
+
+def error_dots(
+    axis: Axes, names: Sequence[str], errors: Mapping[str, Sequence[float]], roles: Mapping[str, str]
+) -> None:
+    """Error of each joint, a row, by each model, a dot."""
+    values = np.array([list(each) for each in errors.values()], float)
+    for k in range(len(names)):
+        known = values[:, k][np.isfinite(values[:, k])]
+        if len(known):
+            axis.plot((known.min(), known.max()), (k, k), color=colour("rule"), linewidth=2.0, zorder=1)
+    for (model, each), tall in zip(errors.items(), np.linspace(6.0, 8.5, len(errors)), strict=True):
+        axis.plot(
+            list(each), range(len(names)), color=colour(roles[model]), marker="o", markersize=tall, linestyle="none",
+            markeredgewidth=0.0, zorder=3,
+        )  # fmt: skip
+    axis.set_ylim(len(names) - 0.5, -0.6)
+    axis.set_yticks(range(len(names)), [short(name) for name in names])
+    axis.set_xlim(0.0, 1.08 * float(np.nanmax(values)) if np.isfinite(values).any() else 1.0)
+    axis.tick_params(axis="y", labelcolor=colour("ink"), length=0)
+    axis.tick_params(axis="x", length=3, width=0.7, pad=3)
+    axis.grid(axis="y", visible=False)
+    axis.spines["left"].set_visible(False)
+    axis.set_xlabel("Error of the effort (%)")
+    for i, model in enumerate(errors):
+        axis.annotate(
+            model, (0.0, 1.0), xytext=(4, 8 + 14 * (len(errors) - 1 - i)), xycoords="axes fraction",
+            textcoords="offset points", color=colour(roles[model]), fontsize=9, fontweight="bold",
+        )  # fmt: skip
+    axis.set_title("\n" * len(errors), fontsize=8.5)
+
+
+@dataclass(frozen=True)
+class FrictionCurve:
+    """What rubs at a joint: `speed` and `measured` (n,) with the load (n,) at which it was; curves over `grid` (g,) by
+    load [rad/s; m/s, N m; N]."""
+
+    name: str
+    unit: str
+    speed_unit: str
+    speed: np.ndarray
+    load: np.ndarray
+    measured: np.ndarray
+    grid: np.ndarray
+    curves: Mapping[str, np.ndarray]
+    slope: float  # By how much friction grows with load
+
+
+LOAD_ROLES = ("fitted", "load", "heldout")
+"""Of little, medium and much load."""
+
+
+def friction(curves: Sequence[FrictionCurve], name: str = "friction") -> Drawing:
+    """Friction of each joint against speed: what recordings leave of a joint's effort without bodies, and the model."""
+    figure, axes = _grid(len(curves), 2.3)
+    for axis, curve in zip(axes, curves, strict=True):
+        thirds = np.quantile(np.abs(curve.load), (1 / 3, 2 / 3)) if len(curve.load) else (0.0, 0.0)
+        group = np.digitize(np.abs(curve.load), thirds)
+        for g, role in enumerate(LOAD_ROLES):
+            dots(axis, curve.speed[group == g], curve.measured[group == g], colour(role), alpha=0.22, size=2.2)
+        for (_, values), role in zip(curve.curves.items(), LOAD_ROLES, strict=True):
+            axis.plot(curve.grid, values, color=colour(role), linewidth=1.8, zorder=4)
+        axis.axhline(0.0, color=colour("faint"), linewidth=0.8, zorder=1)
+        axis.axvline(0.0, color=colour("faint"), linewidth=0.8, zorder=1)
+        tidy(axis, first=True, text=unit_text(curve.unit), ticks=5)
+        # A few wild rows would leave nothing to see of all others.
+        low, high = np.quantile(curve.measured, (0.003, 0.997)) if len(curve.measured) else (-1.0, 1.0)
+        made = np.concatenate([np.array([low, high]), *curve.curves.values()])
+        pad = 0.08 * float(np.ptp(made) or 1.0)
+        axis.set_ylim(float(made.min()) - pad, float(made.max()) + pad)
+        axis.set_xlabel(f"Velocity ({unit_text(curve.speed_unit)})")
+        axis.set_title(short(curve.name), fontweight="bold", fontsize=9.5)
+        loads = [float(label) for label in curve.curves]
+        for i, (x, role) in enumerate(zip(loads, LOAD_ROLES, strict=True)):
+            axis.annotate(
+                f"{number(x, digits=2)} {unit_text(curve.unit)}", (0.02, 0.97), xytext=(0, -11 * i),
+                xycoords="axes fraction", textcoords="offset points", va="top", color=colour(role), fontsize=8,
+            )  # fmt: skip
+    return Drawing(
+        name,
+        figure,
+        "Friction of each joint against its velocity. Dots are what is left of its measured effort without bodies and "
+        "other joints' motors, curves the model, each for little, medium and much load as the colours say: where they "
+        "part, friction grows with the load.",
+    )
+
+
+def friction_by_load(curves: Sequence[FrictionCurve], name: str = "friction-load") -> Drawing:
+    """What friction has beyond that without load, against the load that the joint carries."""
+    figure, axes = _grid(len(curves), 2.2)
+    for axis, curve in zip(axes, curves, strict=True):
+        first = next(iter(curve.curves))
+        without = np.interp(curve.speed, curve.grid, curve.curves[first]) * np.sign(curve.speed)
+        load = np.abs(curve.load)
+        beyond = curve.measured * np.sign(curve.speed) - without + curve.slope * float(first)
+        dots(axis, load, beyond, colour("measured"), alpha=0.16, size=2.2)
+        x = np.array([0.0, float(load.max(initial=1e-9))])
+        axis.plot(x, curve.slope * x, color=colour("load"), linewidth=2.0, zorder=4)
+        axis.axhline(0.0, color=colour("faint"), linewidth=0.8, zorder=1)
+        tidy(axis, first=True, text=unit_text(curve.unit), ticks=5)
+        low, high = np.quantile(beyond, (0.003, 0.997)) if len(beyond) else (-1.0, 1.0)
+        pad = 0.08 * float(high - low)
+        axis.set_ylim(float(min(low, 0.0)) - pad, float(max(high, curve.slope * x[1])) + pad)
+        axis.set_xlabel(f"Load ({unit_text(curve.unit)})")
+        said = f"{percent(100.0 * curve.slope)} % of the load" if curve.slope else "no load friction chosen"
+        heads([axis], [Head(short(curve.name), said, colour("muted"))])
+    return Drawing(
+        name,
+        figure,
+        "Friction of each joint against the load that it carries, less what the model has at that speed without load: "
+        "dots as recorded, the line as the model has it.",
+    )
+
+
+@dataclass(frozen=True)
+class Cell:
+    """Of a parameter: relative standard deviation [%], and a remark where that is no number to read."""
+
+    sd: float
+    remark: str = ""
+
+
+def shown_parameters(
+    rows: Sequence[str], columns: Sequence[str], cells: Mapping[tuple[str, str], Cell], name: str = "shown"
+) -> Drawing:
+    """A map of what the motion shows: rows of joints and links, columns of what there is to know of each."""
+    height = 0.9 + 0.34 * len(rows)
+    figure = Figure(figsize=(FIGURE_WIDTH, height), layout="constrained")
+    axis = figure.subplots()
+    for y, row in enumerate(rows):
+        for x, column in enumerate(columns):
+            cell = cells.get((row, column))
+            if cell is None:
+                continue
+            role, alpha = _shade(cell)
+            axis.add_patch(
+                Rectangle((x - 0.46, y - 0.44), 0.92, 0.88, facecolor=colour(role), alpha=alpha, linewidth=0)
+            )
+            text = cell.remark or ("> 999" if cell.sd > 999.0 else number(cell.sd, digits=2 if cell.sd < 100 else 3))
+            axis.annotate(text, (x, y), ha="center", va="center", fontsize=8, color=colour("ink"))
+    axis.set_xlim(-0.5, len(columns) - 0.5)
+    axis.set_ylim(len(rows) - 0.5, -0.5)
+    axis.set_yticks(range(len(rows)), [row.replace("_", " ") for row in rows])
+    axis.set_xticks(range(len(columns)), columns)
+    axis.xaxis.tick_top()
+    axis.tick_params(length=0, labelcolor=colour("ink"))
+    axis.tick_params(axis="x", labelsize=8)
+    axis.grid(False)
+    for spine in axis.spines.values():
+        spine.set_visible(False)
+    return Drawing(
+        name,
+        figure,
+        "How well the motion shows each parameter: its relative standard deviation in per cent. Green up to "
+        f"{WELL:g} %, blue up to {BARELY:g} %, orange above; an empty place belongs to a number that no motion of this "
+        "robot tells from the others, which its neighbours stand for.",
+    )
+
+
+def _shade(cell: Cell) -> tuple[str, float]:
+    if cell.remark:
+        return "faint", 0.35
+    if cell.sd <= WELL:
+        return "good", 0.38
+    return ("fitted", 0.28) if cell.sd <= BARELY else ("heldout", 0.28)
+
+
+def chosen_families(
+    joints: Sequence[str],
+    terms: Sequence[str],
+    shares: np.ndarray,
+    chosen: np.ndarray,
+    folds: int,
+    name: str = "families",
+) -> Drawing:
+    """Which friction terms were chosen: `shares` (m, t) of the folds, and by all of them, `chosen` (m, t)."""
+    figure = Figure(figsize=(FIGURE_WIDTH, 0.8 + 0.3 * len(joints)), layout="constrained")
+    axis = figure.subplots()
+    for y in range(len(joints)):
+        for x in range(len(terms)):
+            axis.add_patch(
+                Rectangle(
+                    (x - 0.46, y - 0.42), 0.92, 0.84, facecolor=colour("fitted"), linewidth=0,
+                    alpha=0.06 + 0.5 * float(shares[y, x]),
+                )
+            )  # fmt: skip
+            text = f"{round(folds * float(shares[y, x]))} of {folds}" + (" ✓" if chosen[y, x] else "")
+            axis.annotate(
+                text, (x, y), ha="center", va="center", fontsize=8.5, color=colour("ink"),
+                fontweight="bold" if chosen[y, x] else "normal",
+            )  # fmt: skip
+    axis.set_xlim(-0.5, len(terms) - 0.5)
+    axis.set_ylim(len(joints) - 0.5, -0.5)
+    axis.set_yticks(range(len(joints)), [short(j) for j in joints])
+    axis.set_xticks(range(len(terms)), [t.replace("_", " ") for t in terms])
+    axis.xaxis.tick_top()
+    axis.tick_params(length=0, labelcolor=colour("ink"))
+    axis.grid(False)
+    for spine in axis.spines.values():
+        spine.set_visible(False)
+    return Drawing(
+        name,
+        figure,
+        f"Friction terms beside viscous and dry friction: in how many of {folds} choices, each without one segment, a "
+        "joint got the term; ✓ marks what the whole recordings chose.",
+    )
+
+
+def intervals(stated: np.ndarray, jackknife: np.ndarray, share: float, name: str = "intervals") -> Drawing:
+    """Stated standard errors against those of the jackknife over segments, both (p,) over the parameter's value."""
+    figure = Figure(figsize=(FIGURE_WIDTH, 3.9), layout="constrained")
+    axis = figure.subplots()
+    good = (stated > 0.0) & (jackknife > 0.0) & np.isfinite(stated) & np.isfinite(jackknife)
+    x, y = jackknife[good], stated[good]
+    low, high = (float(f(np.concatenate([x, y]))) for f in (np.min, np.max)) if len(x) else (0.1, 1.0)
+    span = np.array([0.6 * low, 1.7 * high])
+    axis.fill_between(span, span / 2.0, span * 2.0, color=colour("good"), alpha=0.12, linewidth=0)
+    axis.plot(span, span, color=colour("muted"), linewidth=0.9)
+    inside = (y <= 2.0 * x) & (x <= 2.0 * y)
+    for chosen, role in ((inside, "fitted"), (~inside, "heldout")):
+        axis.plot(
+            x[chosen], y[chosen], color=colour(role), marker="o", markersize=5.0, linestyle="none", markeredgewidth=0.0,
+            alpha=0.8,
+        )  # fmt: skip
+    axis.set_xscale("log")
+    axis.set_yscale("log")
+    axis.set_xlim(*span)
+    axis.set_ylim(*span)
+    axis.tick_params(length=3, width=0.7, pad=3, which="both")
+    axis.set_xlabel("Standard deviation by leaving out each segment in turn (% of the value)")
+    axis.set_ylabel("Stated standard error (%)")
+    return Drawing(
+        name,
+        figure,
+        f"Stated standard errors against those found by leaving out each segment in turn and fitting again: "
+        f"{number(share, digits=3)} % are within a factor of two, the band.",
+    )
+
+
+def ripple(joint: str, order: np.ndarray, amplitude: np.ndarray, found: float, unit: str, name: str) -> Drawing:
+    """Amplitude of what goes round with a drive, (n,), over its order (n,), periods in a turn of the motor."""
+    figure = Figure(figsize=(FIGURE_WIDTH, 2.6), layout="constrained")
+    axis = figure.subplots()
+    line(axis, order, amplitude, color=colour("measured"), linewidth=1.2)
+    top = float(np.interp(found, order, amplitude))
+    axis.plot([found], [top], color=colour("heldout"), marker="o", markersize=7, markeredgewidth=0.0)
+    axis.annotate(
+        f"{number(found, digits=4)}", (found, top), xytext=(8, -2), textcoords="offset points", va="center",
+        color=colour("heldout"), fontsize=9, fontweight="bold",
+    )  # fmt: skip
+    tidy(axis, first=True, text=f"Amplitude ({unit_text(unit)})", ticks=5)
+    axis.set_ylim(0.0, 1.12 * float(np.nanmax(amplitude)))
+    axis.set_xlabel("Periods in a turn of the motor, gears taken out")
+    return Drawing(
+        name,
+        figure,
+        f"What the drive of {joint.replace('_', ' ')} adds as it goes round: amplitude of a wave in what the model "
+        "leaves over, its own ripple left in, against how often it comes in a turn.",
+    )
+
+
+def _grid(count: int, height: float) -> tuple[Figure, list[Axes]]:
+    rows = -(-count // COLUMNS)
+    figure = Figure(figsize=(FIGURE_WIDTH, height * rows + 0.2), layout="constrained")
+    axes = figure.subplots(rows, min(COLUMNS, count), squeeze=False).ravel()
+    for axis in axes[count:]:
+        axis.set_axis_off()
+    return figure, list(axes[:count])
+
+
+def arm(found: TreeResult, errors: Mapping[str, Sequence[float]], judged: str, name: str = "arm") -> Drawing:
+    """The arm along a recording, and beside it how well each joint is predicted by each model."""
+    trace = drawn_trace(found)
+    figure = Figure(figsize=(FIGURE_WIDTH, max(4.4, 1.6 + 0.42 * len(found.names))), layout="constrained")
+    left, right = figure.subplots(1, 2, width_ratios=(1.35, 1.0))
+    worst = found.names[found.worst]
+    ways, seconds = stick_figure(left, found.robot.tree, trace.time, trace.position, worst=worst, name=name)
+    error_dots(
+        right,
+        found.names,
+        errors,
+        dict(zip(errors, MODEL_ROLES[-len(errors) :], strict=True)),
+    )
+    said = (
+        f"Left: the arm, along {seconds:.3g} s of {trace.recording.replace('_', ' ')}: links as lines, joints as "
+        "circles, their axes as short strokes; faint is where else it was, the thin line the way of its end. Orange: "
+        f"the joint that is predicted worst. Right: how much of each joint's effort is missed on {judged}, by model."
+    )
+    return MovingDrawing(name, figure, said, ways=ways, seconds=seconds)
+
+
+MODEL_ROLES = ("faint", "symmetric", "fitted", "heldout", "good")
+"""Of models, the simplest rivals first."""
+
+
+def drawn_trace(found: TreeResult) -> TreeTrace:
+    """The recording that is drawn: the first that was held out, or else the first."""
+    return next((t for t in found.traces if t.use == "validate"), found.traces[0])

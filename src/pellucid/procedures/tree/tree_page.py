@@ -1,0 +1,370 @@
+"""The page of a robot: its arm in motion, what each joint's effort shows, what rubs, and how sure every number is."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from ...fit.parameter import Parameter
+from ...fit.tree.friction_terms import friction
+from ...fit.tree.tree_verdicts import state_of
+from ...pages.drawing import draw
+from ...pages.page import Page, Section, Tile
+from ...pages.quantities import label, number, parameter_interval, percent, prose, relative_sd, unit_text
+from ...pages.tables import Row, Table, number_table
+from ...recordings.study import Study
+from ..study_page import figure_tables, provenance, study_page
+from . import tree_figures as figures
+from .tree_figures import Cell, FrictionCurve, short
+from .tree_result import JUDGED, MODELS, TreeResult, terms_of
+
+BODY_HEADS = {
+    "mass": "m", "moment_x": "m·x", "moment_y": "m·y", "moment_z": "m·z", "inertia_xx": "Ixx", "inertia_xy": "Ixy",
+    "inertia_xz": "Ixz", "inertia_yy": "Iyy", "inertia_yz": "Iyz", "inertia_zz": "Izz",
+}  # fmt: skip
+"""What a map calls the ten numbers of a body."""
+
+_COLUMNS = ("inertia", "viscous", "positive", "negative", "coulomb", "offset", "load", "root", "stribeck", "velocity",
+            "sine", "cosine")  # fmt: skip
+
+ROWS_SHOWN = 4000
+"""Of all recordings, that figures of friction draw."""
+
+
+def page(study: Study, result: TreeResult) -> Page:
+    """Everything that was found, as a page."""
+    judged = JUDGED[result.judged]
+    errors = {MODELS[e.model]: e.each for e in _in_order(result) if e.judged == result.judged}
+    arm = draw(figures.arm, result, errors, judged)
+    trace = figures.drawn_trace(result)
+    own = [_error(trace, k) for k in range(len(result.names))]
+    curves = _curves(result)
+    sections = [
+        Section("arm", "The arm", drawings=(arm,)),
+        Section(
+            "errors",
+            "Errors",
+            ("A model knows more only if it shows on what it was not fitted to. Beside it stand the simplest rivals.",),
+            figure_tables(result, "errors"),
+        ),
+        Section(
+            "effort",
+            "Effort of each joint",
+            drawings=(draw(figures.efforts, trace, result.names, result.effort_units, own),),
+        ),
+        Section(
+            "friction",
+            "Friction",
+            (_friction_words(result),),
+            figure_tables(result, "Friction"),
+            (draw(figures.friction, curves), draw(figures.friction_by_load, curves)),
+            folded=_published(result),
+        ),
+        *_choice(result),
+        *_ripple(result),
+        Section(
+            "parameters",
+            "What the motion shows",
+            (
+                "Efforts are linear in ten numbers of every link, but tell only some combinations of them. Each is "
+                "named by the number that stands for the others.",
+            ),
+            drawings=(draw(figures.shown_parameters, *_map(result)),),
+            tables=figure_tables(result, "Joints"),
+            folded=tuple((f"Every parameter: {MODELS[name]}", _parameters(result, name)) for name in result.models),
+        ),
+        *_intervals(result),
+        *_drives(result),
+    ]
+    return study_page(
+        title=f"{result.study}: identified robot",
+        headline=prose(_headline(result)),
+        tiles=_tiles(result),
+        sections=(*sections, _provenance(study, result)),
+        verdicts=result.verdicts,
+    )
+
+
+def _in_order(found: TreeResult) -> Iterator:
+    for model in MODELS:
+        yield from (e for e in found.errors if e.model == model)
+
+
+def _error(trace: figures.TreeTrace, k: int) -> float:
+    moving = trace.moving[:, k]
+    if not moving.any():
+        return float("nan")
+    off = trace.effort[moving, k] - trace.predicted[moving, k]
+    return float(100.0 * np.sqrt(np.mean(off**2) / np.mean(trace.effort[moving, k] ** 2)))
+
+
+def _headline(found: TreeResult) -> str:
+    best, base = (found.errors_of(name, found.judged) for name in ("best", "base"))
+    stated = found.errors_of("stated", found.judged)
+    wrong = any(v.kind == "wrong" for v in found.verdicts)
+    text = "These figures are not the machine's before what stands first below is mended. " if wrong else ""
+    names = dict.fromkeys(t.recording for t in found.traces if t.use == "fit")
+    count = "one recording" if len(names) == 1 else f"{len(names)} recordings"
+    text += f"A robot of {len(found.names)} joints, identified from {count}. "
+    text += (
+        f"On {JUDGED[found.judged]} its model misses {percent(best.mean)} % of the effort, mean over joints; with "
+        f"plain friction {percent(base.mean)} %"
+    )
+    return text + (f", with bodies as stated {percent(stated.mean)} %." if stated else ".")
+
+
+def _tiles(found: TreeResult) -> list[Tile]:
+    best = found.errors_of("best", found.judged)
+    worst = found.worst
+    base = found.models["base"].parameters
+    told = sum(state_of(p) == "identified" for p in found.best.parameters.values())
+    tiles = [
+        Tile("Mean effort error", percent(best.mean), "%", f"on {JUDGED[found.judged]}"),
+        Tile("Worst joint", percent(best.each[worst]), "%", short(found.names[worst])),
+        Tile(
+            "Parameters told from 0", f"{told}", f"of {len(found.best.parameters)}", f"{len(base)} with plain friction"
+        ),
+    ]
+    if found.jackknife is not None:
+        share = found.jackknife.share_within
+        tiles.append(
+            Tile("Standard errors confirmed", number(share, digits=3), "%", "within a factor of 2 of the jackknife")
+        )
+    for p in found.payloads[:1]:
+        known = "" if p.known is None else f"{number(p.known)} kg in truth"
+        tiles.append(Tile("Payload", number(p.mass.value, p.mass.standard_error), "kg", known))
+    return tiles
+
+
+def _friction_words(found: TreeResult) -> str:
+    given = [
+        f"{short(name)}: {', '.join(terms_of(found, k))}" for k, name in enumerate(found.names) if terms_of(found, k)
+    ]
+    if not given:
+        return "No joint needs more than viscous and dry friction and an offset."
+    listed = "; ".join(given).replace("_", " ")
+    return (
+        f"Every joint has viscous and dry friction and an offset. What segments left out asked for besides: {listed}."
+    )
+
+
+def _curves(found: TreeResult) -> list[FrictionCurve]:
+    """Friction of each joint as recorded, with the model's at little, medium and much load."""
+    best, width = found.best, found.best.velocity_width
+    made = []
+    for k, name in enumerate(found.names):
+        speed, load, left = (np.concatenate(parts) for parts in zip(*_rows_of(found, k), strict=True))
+        step = max(1, len(speed) // ROWS_SHOWN)
+        speed, load, left = speed[::step], load[::step], left[::step]
+        numbers = best.joint_numbers(k)
+        measured = left + friction(numbers, speed, load, width)
+        top = float(np.abs(speed).max(initial=1e-6))
+        grid = np.concatenate([np.linspace(-top, -0.002 * top, 120), np.linspace(0.002 * top, top, 120)])
+        loads = np.quantile(np.abs(load), (1 / 6, 1 / 2, 5 / 6)) if len(load) else np.array([0.0, 0.5, 1.0])
+        curves = {repr(float(x)): friction(numbers, grid, np.full_like(grid, x), width) for x in loads}
+        coordinate = "rad/s" if found.robot.units[k][0] == "rad" else "m/s"
+        made.append(
+            FrictionCurve(
+                name, found.effort_units[k], coordinate, speed, load, measured, grid, curves, numbers.get("load", 0.0)
+            )
+        )
+    return made
+
+
+def _rows_of(found: TreeResult, k: int) -> Iterator[tuple[np.ndarray, np.ndarray, np.ndarray]]:
+    for trace in found.traces:
+        if trace.use == "fit":
+            rows = trace.moving[:, k]
+            yield trace.velocity[rows, k], trace.load[rows, k], trace.effort[rows, k] - trace.predicted[rows, k]
+
+
+def _published(found: TreeResult) -> tuple[tuple[str, Table], ...]:
+    """What others found beside what is found here, with plain friction as theirs is."""
+    base = found.models["base"].parameters
+    rows = []
+    for joint, table in found.published.items():
+        for name, value in table.items():
+            p = base.get(f"{joint}.{name}")
+            if p is not None:
+                off = 100.0 * (p.value - value) / abs(value) if value else float("nan")
+                cells = (short(joint), label(name), number(p.value, p.standard_error), number(value), unit_text(p.unit))
+                rows.append(Row((*cells, f"{off:+.1f}".replace("-", "−"))))
+    if not rows:
+        return ()
+    heads = ("Joint", "Parameter", "Found", "Published", "Unit", "Difference (%)")
+    return (("Beside what was published", Table(heads, tuple(rows), frozenset({2, 3, 5}))),)
+
+
+def _choice(found: TreeResult) -> tuple[Section, ...]:
+    if found.choice is None:
+        return ()
+    names = dict.fromkeys(t for k in range(len(found.names)) for t in (*terms_of(found, k), *found.choice.terms[k]))
+    ripple = any(found.choice.ripples.values()) or bool(found.best.ripples)
+    terms = (*names, *(("ripple",) if ripple else ()))
+    if not terms:
+        return ()
+    shares, chosen = np.zeros((2, len(found.names), len(terms)))
+    turned = {r.motor for r in found.best.ripples}
+    for k, joint in enumerate(found.names):
+        for i, term in enumerate(names):
+            shares[k, i] = found.choice.terms[k].get(term, 0) / found.choice.folds
+            chosen[k, i] = term in found.best.families[k]
+        if ripple:
+            shares[k, -1] = found.choice.ripples.get(joint, 0) / found.choice.folds
+            chosen[k, -1] = k in turned
+    drawing = draw(figures.chosen_families, found.names, terms, shares, chosen, found.choice.folds)
+    said = (
+        "A term is given to a joint where it predicts segments better that were left out of its fit. To judge the "
+        "choice, it is made again without each segment in turn."
+    )
+    return (Section("families", "Friction terms chosen", (said,), drawings=(drawing,)),)
+
+
+def _ripple(found: TreeResult) -> tuple[Section, ...]:
+    drawings = []
+    for ripple in found.best.ripples:
+        angle, left = [], []
+        for trace in found.traces:
+            if trace.use != "fit":
+                continue
+            rows = trace.moving[:, ripple.motor]
+            turned = (trace.position @ found.robot.turns_array.T)[rows, ripple.motor]
+            angle.append(turned)
+            off = (trace.effort - trace.predicted)[rows, ripple.motor]
+            left.append(off + ripple.effort(turned))
+        order, amplitude = _spectrum(np.concatenate(angle), np.concatenate(left), ripple.order)
+        name = found.names[ripple.motor]
+        unit = found.effort_units[ripple.motor]
+        drawings.append(draw(figures.ripple, name, order, amplitude, ripple.order, unit, f"ripple-{ripple.motor + 1}"))
+    if not drawings:
+        return ()
+    said = [
+        f"{short(found.names[r.motor])}: {number(r.amplitude, digits=3)} {unit_text(found.effort_units[r.motor])}, "
+        f"{number(r.order, digits=4)} times in a turn"
+        for r in found.best.ripples
+    ]
+    return (Section("ripple", "Drive ripple", (f"{'; '.join(said)}.",), drawings=tuple(drawings)),)
+
+
+def _spectrum(angle: np.ndarray, left: np.ndarray, order: float) -> tuple[np.ndarray, np.ndarray]:
+    """Amplitude of what is left over (n,) at orders around one, by waves fitted one at a time."""
+    low, high = max(0.3 * order, order - 40.0), order + 40.0
+    turns = float(np.ptp(angle)) / (2.0 * np.pi)
+    orders = np.unique(np.append(np.arange(low, high, max(0.12 / max(turns, 1e-3), (high - low) / 1500)), order))
+    phase = np.exp(1j * np.outer(orders, angle - angle.mean()))
+    return orders, 2.0 * np.abs(phase @ (left - left.mean())) / len(left)
+
+
+def _map(found: TreeResult) -> tuple[tuple[str, ...], tuple[str, ...], dict[tuple[str, str], Cell]]:
+    """Rows, columns and cells of the map of what the motion shows."""
+    columns, rows, cells = [], [], {}
+    bodies = tuple(joint.child for joint in found.robot.tree.order)
+    for name, parameter in found.best.parameters.items():
+        owner, _, number_name = name.removesuffix(".regrouped").rpartition(".")
+        column = BODY_HEADS.get(number_name, number_name.replace("_", " "))
+        if column not in columns:
+            columns.append(column)
+        if owner not in rows:
+            rows.append(owner)
+        cells[(owner, column)] = Cell(parameter.relative_sd, _remark(parameter))
+    first = [c for c in BODY_HEADS.values() if c in columns]
+    columns = first + sorted((c for c in columns if c not in first), key=lambda c: _COLUMNS.index(c.split()[-1]))
+    rows.sort(key=lambda row: (bodies + found.names).index(row))
+    wrapped = {c: c.replace(" ", "\n") for c in columns}
+    return tuple(rows), tuple(wrapped.values()), {(r, wrapped[c]): cell for (r, c), cell in cells.items()}
+
+
+def _remark(parameter: Parameter) -> str:
+    if parameter.at_bound:
+        return "bound"
+    if parameter.refused:
+        return "–"
+    return ""
+
+
+def _parameters(found: TreeResult, name: str) -> Table:
+    model = found.models[name]
+    rows = []
+    for p in model.parameters.values():
+        reading = model.readings.get(p.name, "")
+        stands = "" if reading in ("", p.name) else reading
+        rows.append(
+            Row(
+                (
+                    p.name.replace(".regrouped", " and others").replace("_", " ").replace(".", ": "),
+                    number(p.value, p.standard_error),
+                    unit_text(p.unit) or "–",
+                    parameter_interval(p, found.confidence),
+                    f"{relative_sd(p)} %".replace("– %", "–"),
+                    state_of(p),
+                    stands.replace("_", " "),
+                )
+            )
+        )
+    heads = (
+        "Parameter",
+        "Value",
+        "Unit",
+        f"{100.0 * found.confidence:g} % interval",
+        "Relative SD",
+        "Verdict",
+        "Stands for",
+    )
+    return Table(heads, tuple(rows), frozenset({1, 3, 4}), wide=True)
+
+
+def _intervals(found: TreeResult) -> tuple[Section, ...]:
+    if found.jackknife is None:
+        return ()
+    jack = found.jackknife
+    values = np.array([abs(p.value) for p in found.best.parameters.values()])[: len(jack.sd)]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        stated, out = 100.0 * jack.stated / values, 100.0 * jack.sd / values
+    said = (
+        "Residuals remember: textbook standard errors, which take every row for news, are "
+        f"{number(jack.textbook_ratio, digits=2)} times too small here. Those stated are by blocks of rows; leaving "
+        f"out each of {jack.segments} segments and fitting again is an independent check."
+    )
+    return (
+        Section(
+            "intervals",
+            "Are the intervals honest?",
+            (said,),
+            drawings=(draw(figures.intervals, stated, out, jack.share_within),),
+        ),
+    )
+
+
+def _drives(found: TreeResult) -> tuple[Section, ...]:
+    """Gains, where they say something, and payloads."""
+    tables = list(figure_tables(found, "Payloads"))
+    if found.identified_gains:
+        rows = [
+            (
+                short(p.name.removesuffix(".gain")),
+                number(p.value, p.standard_error),
+                parameter_interval(p, found.confidence),
+            )
+            for p in found.identified_gains
+        ]
+        unit = unit_text(found.identified_gains[0].unit)
+        heads = ("Drive of", f"Gain ({unit})", f"{100.0 * found.confidence:g} % interval")
+        tables.insert(0, number_table(heads, rows, f"Gains of the drives, {found.gains_note}.", wide=False))
+    return (Section("drives", "Drives and payload", tables=tuple(tables)),) if tables else ()
+
+
+def _provenance(study: Study, found: TreeResult):
+    tree = found.robot.tree
+    entries = [
+        ("Robot", f"{len(found.names)} joints: {', '.join(map(short, found.names))}; from {tree.source}"),
+        ("Drives' gains", found.gains_note),
+        ("Segments", f"{found.segments} in the fitted recordings"),
+        ("Processing", found.filter_note),
+    ]
+    uses = {t.recording: t.use for t in found.traces}
+    sums = tuple(
+        Row((name, {"fit": "fitted", "validate": "held out"}.get(uses.get(name, ""), "payload"), digest))
+        for name, digest in found.checksums.items()
+    )
+    return provenance(study, entries, Table(("Recording", "Use", "SHA-256 of its file"), sums, wide=True))

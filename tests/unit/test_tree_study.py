@@ -1,0 +1,144 @@
+"""An arm of two joints from its recordings to its page: what was put in is found, written, shown and compared."""
+
+import json
+import re
+
+import numpy as np
+import pytest
+from made_arm import COULOMB, LOAD, VISCOUS, arm_study
+
+import pellucid as pl
+from pellucid.models.tree_card import read_tree_card
+from pellucid.procedures.compare import compare
+from pellucid.procedures.tree.tree_result import MODELS
+
+
+@pytest.fixture(scope="module")
+def study(tmp_path_factory):
+    """One recording to be fitted, one to be judged by, one with a payload of 1.2 kg."""
+    return pl.open(arm_study(tmp_path_factory.mktemp("tree") / "arm", payload=1.2))
+
+
+@pytest.fixture(scope="module")
+def found(study):
+    told = []
+    result = pl.identify(study, on_progress=lambda text, share: told.append((text, share)))
+    assert [share for _, share in told] == sorted(share for _, share in told)
+    result.save(study)
+    return result
+
+
+@pytest.fixture(scope="module")
+def written(study, found):
+    return pl.report(study, found).read_text(encoding="utf-8")
+
+
+def test_friction_is_found(found):
+    for k, joint in enumerate(("shoulder", "elbow")):
+        assert found[f"{joint}.viscous"].value == pytest.approx(VISCOUS[k], rel=0.08)
+        assert found[f"{joint}.coulomb"].value == pytest.approx(COULOMB[k], rel=0.12)
+    assert found["shoulder.load"].value == pytest.approx(LOAD[0], abs=0.03)
+    assert "load" in found.best.families[0]
+
+
+def test_the_payload_is_found(found):
+    (payload,) = found.payloads
+    assert payload.mass.value == pytest.approx(1.2, rel=0.05) or payload.mass.refused
+
+
+def test_errors_have_their_rows(study, found):
+    rows = {row["id"]: row for row in json.loads(study.results_path.read_text())["figures"]}
+    for judged in ("fitted", "segments_out", "heldout"):
+        for model in ("stated", "base", "best", "consistent"):
+            each = [rows[f"arm.{model}.{judged}.error.joint_{k}"]["value"] for k in (1, 2)]
+            assert rows[f"arm.{model}.{judged}.error.mean"]["value"] == pytest.approx(np.mean(each))
+    assert rows["arm.best.heldout.error.mean"]["value"] < rows["arm.base.heldout.error.mean"]["value"]
+    assert rows["arm.best.heldout.error.mean"]["unit"] == "%"
+    assert rows["arm.best.heldout.error.mean"]["split"] == "heldout"
+    assert rows["arm.consistent.heldout.loss"]["value"] < 0.3
+    assert rows["arm.base.parameters.rigid"]["value"] >= 4
+
+
+def test_cards_are_read_again_and_make_the_same_effort(study, found):
+    motion = found.traces[0]
+    for name in ("base", "best", "consistent"):
+        card = read_tree_card(study.models_dir / f"tree.{name}.json")
+        assert card.names == ("shoulder", "elbow")
+        assert card.heldout_error == found.errors_of(name, "heldout").each
+    card = read_tree_card(study.models_dir / "tree.best.json")
+    rows = np.flatnonzero(motion.moving.all(axis=1))[:200]
+    still = np.zeros((len(rows), 2))
+    np.testing.assert_allclose(
+        card.driven(1e-3).motor_effort(motion.position[rows], still, still),
+        found.best.load(_at(motion, rows)) + card_offset(card),
+        atol=1e-9,
+    )
+
+
+def _at(motion, rows):
+    class Rows:
+        position, velocity, acceleration = (
+            motion.position[rows],
+            0.0 * motion.velocity[rows],
+            0.0 * motion.velocity[rows],
+        )
+
+    return Rows
+
+
+def card_offset(card):
+    return np.array(card.joints)[:, 0]
+
+
+def test_the_page_has_the_moving_arm_first_and_no_script(written):
+    assert "<script" not in written
+    assert written.index('id="fig-arm"') < written.index('id="fig-effort"')
+    assert written.count("<animate ") >= 4
+    assert "prefers-reduced-motion" in written
+    for figure in ("arm", "effort", "friction", "friction-load", "shown", "intervals"):
+        assert f'id="fig-{figure}"' in written
+    words = re.sub(r"<[^>]*>", " ", re.sub(r"<(style|svg).*?</\1>", "", written, flags=re.DOTALL))
+    assert "nan" not in words.lower().split()
+
+
+def test_the_saved_picture_moves_and_rests(study, written):
+    text = (study.report_dir / "arm.svg").read_text()
+    frames = re.search(r'<animate attributeName="d" dur="([\d.]+)s"[^>]*values="([^"]*)"', text)
+    assert 5.0 < float(frames[1]) < 20.0
+    poses = frames[2].split(";")
+    assert len({len(re.findall("[ML]", pose)) for pose in poses}) == 1
+    assert len(set(poses)) > 50
+    # The one at rest is the first of those that move.
+    still = re.search(r'<g class="rests" id="arm-links">\s*<path d="([^"]*)"', text)[1]
+    np.testing.assert_allclose(_numbers(still), _numbers(poses[0]), atol=0.06)
+
+
+def _numbers(path):
+    return [float(x) for x in re.findall(r"-?\d+\.?\d*", path)]
+
+
+def test_a_kept_result_draws_the_same_page(study, written):
+    assert pl.report(study).read_text(encoding="utf-8") == written
+
+
+def test_a_terminal_and_a_notebook_show_it(found):
+    text = str(found)
+    assert "shoulder" in text
+    assert MODELS["best"] in text
+    assert max(map(len, text.splitlines())) <= 100
+    html = found._repr_html_()
+    assert html.count("<table>") == len(found.tables)
+
+
+def test_two_identifications_are_compared(study, found):
+    compared = compare(study.folder, study.folder)
+    assert not any(row.changed for row in compared.rows)
+    assert "shoulder.viscous" in {row.name for row in compared.rows}
+
+
+def test_one_recording_alone_is_judged_by_segments(tmp_path):
+    result = pl.identify(pl.open(arm_study(tmp_path / "arm", validate=False, gain=2.5)))
+    assert result.judged == "segments_out"
+    assert result.effort_units == ("A", "A")
+    assert result["elbow.coulomb"].value == pytest.approx(COULOMB[1] / 2.5, rel=0.15)
+    assert any(v.finding == "unknown_gain" for v in result.verdicts)
