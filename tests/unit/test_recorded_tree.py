@@ -318,6 +318,23 @@ def test_joints_are_those_of_the_robots_file(tmp_path):
         robot_of(held)
 
 
+def test_a_payload_is_on_what_carries_its_link(tmp_path):
+    written(tmp_path)
+    weld = '<link name="tool"/><joint name="w" type="fixed"><parent link="b"/><child link="tool"/>'
+    weld += '<origin xyz="0 0 -0.2" rpy="0 1.5707963267948966 0"/></joint></robot>'
+    (tmp_path / "arm.urdf").write_text(FILE.format("elbow", "revolute").replace("</robot>", weld), encoding="utf-8")
+    text = OF_A_FILE.replace("[tree]", '[tree]\nurdf = "arm.urdf"')
+    carried = '{ mass = "1.5 kg", link = "tool", centre = ["0.1 m", "0 m", "0 m"] }'
+    text = text.replace('{ mass = "1.5 kg" }', carried)
+    (tmp_path / "study.toml").write_text(text, encoding="utf-8")
+    loaded = recorded_tree(open_study(tmp_path))[1][-1].payload
+    assert (loaded.mass, loaded.link) == (1.5, "b")
+    np.testing.assert_allclose(loaded.centre, [0.0, 0.0, -0.3], atol=1e-12)
+    (tmp_path / "study.toml").write_text(text.replace('"tool"', '"hand"'), encoding="utf-8")
+    said = "\n".join(fault.message for fault in check(open_study(tmp_path)))
+    assert 'loaded: a payload on the link "hand", expected one of a, b, base, tool' in said
+
+
 def test_a_robots_file_is_read_within_the_study(tmp_path):
     of_a_file(tmp_path)
     text = (tmp_path / "study.toml").read_text(encoding="utf-8").replace("arm.urdf", "../arm.urdf")

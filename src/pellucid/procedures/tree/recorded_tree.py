@@ -17,7 +17,7 @@ from ...recordings.drive_channel import DRIVE_CHANNELS, command_channel
 from ...recordings.readers.urdf import Urdf, read_urdf
 from ...recordings.recording import Recording
 from ...recordings.study import Study
-from ...recordings.study_file import RigJoint
+from ...recordings.study_file import PayloadSpec, RigJoint
 from ...signals.effort import command_of, drive_model
 from ...signals.motion import shortest
 from ...signals.tree_motion import TreeMotion, segments_of, tree_motion_of
@@ -243,12 +243,22 @@ def _motions_of(recording: Recording, study: Study, robot: Robot) -> Iterator[Tr
                 recording=recording.name,
                 use=recording.use,
                 protocol=recording.protocol,
-                payload=entry.payload if entry is not None else None,
+                payload=_payload(study, entry.payload if entry is not None else None),
                 drive_units=drives.units,
                 gain_known=drives.known,
             )
         except RecordingError as error:
             raise RecordingError(f"{recording.path}: {error}") from None
+
+
+def _payload(study: Study, said: PayloadSpec | None) -> PayloadSpec | None:
+    """A payload on the link that moves, where study.toml names one that is welded to it."""
+    link, frames = said.link if said is not None else None, frames_of(study)
+    if link not in frames or frames[link][0] == link:
+        return said
+    carrier, (turn, place) = frames[link]
+    centre = None if said.centre is None else tuple((place + turn @ np.array(said.centre)).tolist())
+    return said.model_copy(update={"link": carrier, "centre": centre})
 
 
 def _command(recording: Recording, joint: RigJoint, joints: int) -> np.ndarray:
