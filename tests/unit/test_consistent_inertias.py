@@ -9,6 +9,7 @@ from pellucid.fit.tree.base_parameters import base_parameters
 from pellucid.fit.tree.consistent_fit import FROM_PRIOR, Spread, fit_consistent, solve_consistent
 from pellucid.fit.tree.consistent_inertias import consistent_inertias
 from pellucid.fit.tree.friction_terms import PLAIN
+from pellucid.fit.tree.inertia_prior import entropic, fit_with_prior
 from pellucid.fit.tree.tree_regression import TreeModel, fit_rows, tree_rows
 from pellucid.models.kinematic_tree import Link, Tree, TreeJoint
 from pellucid.models.pseudo_inertia import (
@@ -159,6 +160,72 @@ def test_every_leave_one_out_is_consistent(identified):
     found = solve_consistent(model, rows)
     whole = found.equations.total()
     for s in range(len(found.equations.count)):
-        fit = found.spread.solved(whole.minus(found.equations.segment(s)), found.sd)
+        fit = found.solver(found.spread, whole.minus(found.equations.segment(s)), found.sd)
         assert least_eigenvalue(fit.values[:20].reshape(2, 10)).min() >= LEAST
         assert np.all(fit.values[20:22] >= 0.0)
+
+
+def poor_recording(seed):
+    """Little motion in much noise, of a robot whose maker is right."""
+    robot = two_joints()
+    rows = tree_rows(robot, [played(robot, np.random.default_rng(seed), noise=1.5, n=400)])
+    return robot, rows, TreeModel(robot, rows.base, (PLAIN, PLAIN))
+
+
+@pytest.mark.parametrize("distance", ["entropic", "euclidean"])
+def test_a_right_prior_is_believed_where_the_motion_shows_little(distance):
+    robot, rows, model = poor_recording(8)
+    estimate, choice = fit_with_prior(model, rows, distance=distance)
+    assert choice.weight > min(choice.missed)
+    assert choice.missed[choice.weight] < choice.missed[min(choice.missed)]
+    assert least_eigenvalue(estimate.links()[:, 12:]).min() >= LEAST
+    plain = fit_consistent(model, rows)
+    judged = played(robot, np.random.default_rng(9), noise=0.0)
+    missed = [np.linalg.norm(judged.effort - e.effort(judged)) for e in (estimate, plain)]
+    assert missed[0] < missed[1]
+    assert estimate.parameters["upper.mass"].refused == FROM_PRIOR
+    assert not estimate.parameters["elbow.coulomb"].refused
+
+
+def test_a_wrong_prior_gives_way(identified):
+    _, rows, model = identified
+    wrong = 3.0 * Spread.of(model).maker
+    estimate, choice = fit_with_prior(model, rows, maker=wrong)
+    # What three times the bodies would miss is far beyond the noise of this recording.
+    assert choice.missed[choice.weight] < 0.5 * choice.missed[max(choice.missed)]
+    assert estimate.parameters["lower.moment_x"].value == pytest.approx(0.12, rel=0.05)
+
+
+def test_the_entropic_distance_is_least_where_its_slope_is_nothing(identified):
+    _, rows, model = identified
+    found = solve_consistent(model, rows)
+    maker, weight = found.spread.maker, 50.0
+    fit = entropic(maker, weight)(found.spread, found.equations, found.sd)
+    normal, projected = found.spread.sums(found.equations, found.sd)
+    back = np.linalg.inv(pseudo_inertia(maker))
+
+    def objective(x):
+        p = pseudo_inertia(x[:20].reshape(2, 10))
+        apart = np.einsum("iab,iba->", p, back) - np.linalg.slogdet(p)[1].sum()
+        return 0.5 * x @ normal @ x - projected @ x + 0.5 * weight * apart
+
+    least = objective(fit.values)
+    rng = np.random.default_rng(0)
+    for _ in range(50):
+        moved = fit.values.copy()
+        moved[:20] *= 1.0 + 0.02 * rng.normal(size=20)
+        assert objective(moved) > least - 1e-9 * abs(least)
+
+
+def test_a_prior_that_is_no_body_is_refused(identified):
+    _, rows, model = identified
+    odd = Spread.of(model).maker.copy()
+    odd[1, 4:] = [0.01, 0.0, 0.0, 0.01, 0.0, 0.9]
+    with pytest.raises(IdentificationError, match="moments of inertia of body 2 that no body has"):
+        fit_with_prior(model, rows, maker=odd)
+    with pytest.raises(IdentificationError, match="found distance 'other' of a prior, expected one of entropic"):
+        fit_with_prior(model, rows, distance="other")
+    # A point is a body without extent: it is given some.
+    point = Spread.of(model).maker.copy()
+    point[1] = Link.about_centre("point", 1.0, (0.12, 0.0, 0.0), (0.0,) * 6).numbers
+    assert fit_with_prior(model, rows, maker=point)[1].weight > 0.0

@@ -12,6 +12,7 @@ left out in turn and the rest fitted again within the same bounds.
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -76,15 +77,21 @@ class Spread:
         gram, moment = np.tensordot(weight, whole.gram[0], 1), weight @ whole.moment[0]
         return self.matrix.T @ gram @ self.matrix, self.matrix.T @ moment
 
-    def solved(
-        self, equations: NormalEquations, sd: np.ndarray, nearest: np.ndarray | None = None, weight: float = 0.0
-    ) -> ConsistentFit:
-        """The consistent numbers of all rows of `equations`."""
-        lowest, highest = self.numbers.bounds
-        normal, projected = self.sums(equations, sd)
-        return consistent_inertias(
-            normal, projected, self.links, lowest=lowest, highest=highest, nearest=nearest, weight=weight
-        )
+
+Solver = Callable[[Spread, NormalEquations, np.ndarray], ConsistentFit]
+"""The consistent numbers of all rows of equations, joints weighing as 1 / sd (m,)."""
+
+
+def nearest_bodies(nearest: np.ndarray | None = None, weight: float | np.ndarray = 0.0) -> Solver:
+    """Of the bodies that make the least sum of squares those `nearest` to others, (links, 10), or the smallest; with a
+    `weight`, nearer to these than that."""
+
+    def solve(spread: Spread, equations: NormalEquations, sd: np.ndarray) -> ConsistentFit:
+        lowest, highest = spread.numbers.bounds
+        sums = spread.sums(equations, sd)
+        return consistent_inertias(*sums, spread.links, lowest=lowest, highest=highest, nearest=nearest, weight=weight)
+
+    return solve
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,6 +104,7 @@ class ConsistentSolution:
     at: Linearised
     equations: NormalEquations
     sd: np.ndarray
+    solver: Solver
 
     @property
     def parameters(self) -> np.ndarray:
@@ -110,10 +118,11 @@ def solve_consistent(
     *,
     start: TreeSolution | None = None,
     nearest: np.ndarray | None = None,
-    weight: float = 0.0,
+    solver: Solver | None = None,
 ) -> ConsistentSolution:
     """The consistent solution of a `model` over `rows`, from a `start` without bounds; of `nearest` bodies (links, 10)
-    and their `weight` see `consistent_inertias`."""
+    see `consistent_inertias`; another `solver` may believe them more."""
+    solver = solver or nearest_bodies(nearest)
     start = fit_rows(model, rows)[0] if start is None else start
     spread, values, before = Spread.of(model), start.values, None
     for _ in range(STEPS if model.loads else 1):
@@ -125,9 +134,9 @@ def solve_consistent(
         before = load
         at = linearised(model, rows, load, model.alpha(values) if model.loads else None)
         equations = normal_equations(at)
-        fit = spread.solved(equations, start.sd, nearest, weight)
+        fit = solver(spread, equations, start.sd)
         values = spread.matrix @ fit.values
-    return ConsistentSolution(spread, fit, at, equations, start.sd)
+    return ConsistentSolution(spread, fit, at, equations, start.sd, solver)
 
 
 def fit_consistent(
@@ -136,12 +145,10 @@ def fit_consistent(
     *,
     start: TreeSolution | None = None,
     nearest: np.ndarray | None = None,
-    weight: float = 0.0,
     name: str = "consistent",
 ) -> TreeEstimate:
     """An estimate whose links are bodies that can exist; its intervals are the jackknife's over segments."""
-    found = solve_consistent(model, rows, start=start, nearest=nearest, weight=weight)
-    return consistent_estimate(name, rows, found, nearest=nearest, weight=weight)
+    return consistent_estimate(name, rows, solve_consistent(model, rows, start=start, nearest=nearest), nearest=nearest)
 
 
 def consistent_estimate(
@@ -150,14 +157,15 @@ def consistent_estimate(
     found: ConsistentSolution,
     *,
     nearest: np.ndarray | None = None,
-    weight: float = 0.0,
     told: np.ndarray | None = None,
+    notes: Sequence[str] = (),
 ) -> TreeEstimate:
-    """What was `found`, with intervals; `told` (c,) are the numbers that efforts tell, if not all that they can."""
+    """What was `found`, with intervals; `told` (c,) are the numbers that efforts tell, if not all that they can, the
+    others being those of the `nearest` bodies, if any."""
     spread, fit = found.spread, found.fit
     told = fit.told if told is None else told
-    covariance = jackknifed(found, nearest, weight)
-    freedom = float(max(len(found.equations.count) - 1, 1))
+    covariance = jackknifed(found)
+    freedom = float(max(len(_recorded(found.equations)) - 1, 1))
     covariance *= (student_over_normal(freedom) if freedom > 1.0 else FEW) ** 2
     every = np.arange(len(spread.numbers.names))
     columns = tuple(x @ spread.matrix[place] for place, x in zip(found.at.places, found.at.columns, strict=True))
@@ -171,7 +179,7 @@ def consistent_estimate(
         at,
         method="consistent",
         uncertainty=TreeUncertainty(covariance, freedom, 0, covariance, np.zeros(len(columns))),
-        notes=_notes(found),
+        notes=(*notes, *_notes(found)),
     )
     why = UNSEEN if nearest is None else FROM_PRIOR
     parameters = {
@@ -196,10 +204,15 @@ def _notes(found: ConsistentSolution) -> tuple[str, ...]:
     return (f"consistent inertias raise the weighted sum of squared residuals by {share:.2g} %{held}",)
 
 
-def jackknifed(found: ConsistentSolution, nearest: np.ndarray | None = None, weight: float = 0.0) -> np.ndarray:
+def jackknifed(found: ConsistentSolution) -> np.ndarray:
     """Covariance (c, c) of the numbers by leaving each segment out in turn."""
     whole = found.equations.total()
-    parts = (found.equations.segment(s) for s in range(len(found.equations.count)))
-    each = np.array([found.spread.solved(whole.minus(part), found.sd, nearest, weight).values for part in parts])
+    parts = (found.equations.segment(s) for s in _recorded(found.equations))
+    each = np.array([found.solver(found.spread, whole.minus(part), found.sd).values for part in parts])
     apart = each - each.mean(axis=0)
     return (len(each) - 1) / len(each) * apart.T @ apart
+
+
+def _recorded(equations: NormalEquations) -> np.ndarray:
+    """Segments with rows."""
+    return np.flatnonzero(equations.count.any(axis=1))

@@ -100,7 +100,7 @@ def consistent_inertias(
     lowest: np.ndarray | None = None,
     highest: np.ndarray | None = None,
     nearest: np.ndarray | None = None,
-    weight: float = 0.0,
+    weight: float | np.ndarray = 0.0,
 ) -> ConsistentFit:
     """The consistent theta of least squares.
 
@@ -114,9 +114,9 @@ def consistent_inertias(
         Bounds of what stands behind the links' numbers; left out, none.
     nearest : ndarray, shape (links, 10), optional
         Bodies that are preferred among those that make the same effort; left out, the smallest are.
-    weight : float
-        Of the squared distance to `nearest` [1 / (kg m^2)^2], in Frobenius' norm of the scaled pseudo-inertia: how much
-        these are believed against the efforts.
+    weight : float or ndarray, shape (links,)
+        Of each body's squared distance to `nearest` [1 / (kg m^2)^2], in Frobenius' norm of the scaled pseudo-inertia:
+        how much these are believed against the efforts.
     """
     normal, projected = np.asarray(normal, float), np.asarray(projected, float)
     c = len(projected)
@@ -125,7 +125,7 @@ def consistent_inertias(
     start = np.zeros((links, BODY)) if nearest is None else np.asarray(nearest, float)
     told = Quadratic.of(normal, projected)
     problem = _Problem(links, (start @ triangle().T).ravel(), lowest, highest)
-    found = None if weight > 0.0 else problem.on_the_way(told)
+    found = None if np.any(np.asarray(weight) > 0.0) else problem.on_the_way(told)
     free = found is not None
     if found is None:
         found = problem.compromise(told, weight)
@@ -178,16 +178,17 @@ class _Problem:
         found = self._solve(told.unseen, base, near.T @ near, near.T @ (self._pseudo(base)[:, 0] - self.wanted))
         return None if found is None else base + told.unseen @ found
 
-    def compromise(self, told: Quadratic, weight: float) -> np.ndarray:
+    def compromise(self, told: Quadratic, weight: float | np.ndarray) -> np.ndarray:
         """The consistent theta whose loss and weighted distance to what is wanted are least together."""
         ways = np.hstack([told.seen, told.unseen])
         near, s = self._pseudo(ways), len(told.best)
-        if not weight > 0.0:
+        if not np.any(np.asarray(weight) > 0.0):
             whole = _square(told.best)
             weight = PULL * whole / max(_square(near[:, :s] @ told.best), _square(self.wanted))
-        hessian = weight * (near.T @ near)
+        each = np.repeat(np.broadcast_to(weight, self.links), BODY)
+        hessian = (near * each[:, None]).T @ near
         hessian[np.arange(s), np.arange(s)] += 1.0
-        slope = -weight * (near.T @ self.wanted)
+        slope = -near.T @ (each * self.wanted)
         slope[:s] -= told.best
         found = self._solve(ways, np.zeros(len(ways)), hessian, slope)
         if found is None:
