@@ -250,18 +250,25 @@ def _nowhere(found: Calibrated) -> str:
     return f"No estimate holds on {', '.join(said)}. " if said else ""
 
 
+def _range(judged: Sequence[Evaluated]) -> str:
+    """The least and the largest error, and R² the other way round."""
+    errors, r2 = sorted(e.score.rmse for e in judged), sorted((e.score.r2 for e in judged), reverse=True)
+    return f"{errors[0]:.3g} to {errors[-1]:.3g} {judged[0].unit} (R² {r2[0]:.3f} to {r2[-1]:.3f})"
+
+
 def _headline(evaluated: Sequence[Evaluated]) -> str:
     said = []
-    for what in dict.fromkeys(each.what for each in evaluated):
-        judged = preferred(evaluated, what)
-        first = judged[0]
+    best = {what: preferred(evaluated, what) for what in dict.fromkeys(each.what for each in evaluated)}
+    if len(best) > 3:
+        chosen = [each for judged in best.values() for each in judged]
+        words = " or ".join(dict.fromkeys(ESTIMATORS[judged[0].estimator].words for judged in best.values()))
+        said.append(f"{', '.join(best)}: off by {_range(chosen)} by {words}")
+        best = {}
+    for what, judged in best.items():
         errors = [f"{each.score.rmse:.3g} {each.unit} (R² {each.score.r2:.3f})" for each in judged]
         if len(judged) > 3:
-            errors = [
-                f"{min(e.score.rmse for e in judged):.3g} to {max(e.score.rmse for e in judged):.3g} {first.unit} (R² "
-                f"{max(e.score.r2 for e in judged):.3f} to {min(e.score.r2 for e in judged):.3f})"
-            ]
-        said.append(f"{what}: off by {' and '.join(errors)} by {ESTIMATORS[first.estimator].words}")
+            errors = [_range(judged)]
+        said.append(f"{what}: off by {' and '.join(errors)} by {ESTIMATORS[judged[0].estimator].words}")
     recordings = {each.recording for each in evaluated} - {""}
     where = f", on the {len(recordings)} recordings that were not fitted" if len(recordings) > 1 else ""
     return "; ".join(said) + (where or ", on what was not fitted") + "."
