@@ -400,6 +400,8 @@ nb::dict model_fields() {
   models["strap_estimator"] = fields_of<p::StrapEstimatorParams<double>>();
   models["gate"] = fields_of<p::SafetyParams<double>>();
   models["supervisor"] = fields_of<p::SupervisorParams<double>>();
+  models["tree_joint"] = fields_of<p::TreeJointParams<double>>();
+  models["tree_motor"] = fields_of<p::TreeMotorParams<double>>();
   models["tree_law_joint"] = fields_of<p::JointShareParams<double>>();
   models["tree_law_whole"] = fields_of<p::WholeTreeParams<double>>();
   models["tree_watch_joint"] = fields_of<p::JointWatchParams<double>>();

@@ -394,9 +394,21 @@ struct SupervisedTreeLaw {
   }
 };
 
+/// In float, with as many links as it has.
+template <std::size_t... N> std::size_t storage_of(std::size_t links, std::index_sequence<N...>) {
+  constexpr std::size_t bytes[] = {sizeof(p::TreeSupervised<p::TreeCompensation<float, N + 1>>)...};
+  return (bytes[links - 1] + 7) / 8 * 8;
+}
+std::size_t storage(nb::handle links) {
+  const auto n = static_cast<std::size_t>(read_integer("links", links, 1, most_law_links));
+  return storage_of(n, std::make_index_sequence<most_law_links>());
+}
+
 }  // namespace
 
 void add_tree_laws(nb::module_& m) {
+  m.def("tree_law_storage", storage, nb::arg("links"), nb::sig("def tree_law_storage(links: int) -> int"),
+        "Bytes of a supervised law of several joints in float, of a robot of so many links, on any machine.");
   nb::class_<TreeLaw>(m, "TreeLaw", law_doc)
       .def(nb::init<nb::handle, nb::handle, nb::handle, nb::handle, nb::handle, nb::handle, nb::handle, bool>(),
            nb::arg("links").none(), nb::arg("gravity").none(), nb::arg("joints").none(), nb::arg("shares").none(),

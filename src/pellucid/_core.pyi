@@ -1817,6 +1817,11 @@ class WornTree:
         Of both trees and the cuffs, without what springs of the transmission store [J].
         """
 
+def tree_law_storage(links: int) -> int:
+    """
+    Bytes of a supervised law of several joints in float, of a robot of so many links, on any machine.
+    """
+
 class TreeLaw:
     """
     A control law of several joints behind the front that it has on a robot too.

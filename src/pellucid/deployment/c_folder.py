@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 import shutil
 import subprocess
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from importlib.metadata import version
 from pathlib import Path
@@ -67,9 +67,7 @@ def needed_headers(header: str) -> list[str]:
 
 def write_c_folder(study: str, values: ControllerValues, out: Path) -> Path:
     """Write the folder; files that it has from before are replaced, all others stay."""
-    obeyed = {"GNUmakefile", "makefile"}.intersection(path.name for path in (out.iterdir() if out.is_dir() else ()))
-    if obeyed:
-        raise PellucidError(f"{out}: found {obeyed.pop()}, expected none: make would obey it, not the controller's own")
+    refuse_other_makefile(out)
     law = LAWS[values.law]
     headers = sorted({*needed_headers(law.header), *needed_headers("supervisor.hpp"), "watchdog.hpp"})
     files = {f"{HEADERS}/{name}": (core_headers() / "pellucid" / name).read_text(encoding="utf-8") for name in headers}
@@ -94,10 +92,22 @@ def write_c_folder(study: str, values: ControllerValues, out: Path) -> Path:
         "unit": unit,
         "coordinate": COORDINATE[values.motion],
         "effort_unit": values.effort_unit,
-        "literal": _literal,
+        "literal": literal,
     }
-    files |= {_place(name): _render(f"{name}.j2", **content) for name in TEMPLATES}
+    files |= {place_of(name): rendered(f"{name}.j2", **content) for name in TEMPLATES}
     files |= _answers(files, out, vector.motion)
+    return put_down(files, out)
+
+
+def refuse_other_makefile(out: Path) -> None:
+    """PellucidError where make would obey a file that is not the controller's own."""
+    obeyed = {"GNUmakefile", "makefile"}.intersection(path.name for path in (out.iterdir() if out.is_dir() else ()))
+    if obeyed:
+        raise PellucidError(f"{out}: found {obeyed.pop()}, expected none: make would obey it, not the controller's own")
+
+
+def put_down(files: Mapping[str, str], out: Path) -> Path:
+    """Write a controller's files; answers of another are taken away."""
     remove_leftovers(out, *(out / folder for folder in dict.fromkeys(Path(name).parent for name in files)))
     (out / OUTPUTS).unlink(missing_ok=True)
     for name, text in files.items():
@@ -107,8 +117,23 @@ def write_c_folder(study: str, values: ControllerValues, out: Path) -> Path:
 
 def _answers(files: Mapping[str, str], out: Path, motion: int) -> dict[str, str]:
     """This machine's to the test vector, as one file more; none without a compiler."""
+    lines = recorded(files, out)
+    outputs = [(int(bits, 16), int(said)) for bits, said in (line.split() for line in lines)]
+    refuse_faults(out, [said for _, said in outputs[:motion]])
+    return {OUTPUTS: rendered("vector_outputs.h.j2", outputs=outputs)} if lines else {}
+
+
+def refuse_faults(out: Path, said: Iterable[int]) -> None:
+    """PellucidError where what was said of a motion names a fault."""
+    wrong = next((word & 0xFF for word in said if word & 0xFF), 0)
+    if wrong:
+        raise PellucidError(f"{out}: found fault {wrong} in the test vector's motion, expected none")
+
+
+def recorded(files: Mapping[str, str], out: Path) -> list[str]:
+    """Lines that this machine says to the test vector; none without a compiler."""
     if not all(map(shutil.which, COMPILERS)):
-        return {}
+        return []
     # Nothing is compiled but what was just rendered, whatever lies in the folder already.
     with TemporaryDirectory() as scratch:
         for name, text in files.items():
@@ -118,17 +143,13 @@ def _answers(files: Mapping[str, str], out: Path, motion: int) -> dict[str, str]
         run = subprocess.run(["make", "-s", "record"], cwd=scratch, capture_output=True, text=True)
     if run.returncode:
         raise PellucidError(f"{out}: found that it does not compile:\n{run.stderr.strip()}")
-    outputs = [(int(bits, 16), int(said)) for bits, said in (line.split() for line in run.stdout.splitlines())]
-    wrong = next((said & 0xFF for _, said in outputs[:motion] if said & 0xFF), 0)
-    if wrong:
-        raise PellucidError(f"{out}: found fault {wrong} in the test vector's motion, expected none")
-    return {OUTPUTS: _render("vector_outputs.h.j2", outputs=outputs)}
+    return run.stdout.splitlines()
 
 
 @contextmanager
 def copied(folder: Path) -> Iterator[Path]:
     """A controller's own files in a folder that goes again: what else lies beside them is neither compiled nor run."""
-    names = [OUTPUTS, *map(_place, TEMPLATES)]
+    names = [OUTPUTS, *map(place_of, TEMPLATES)]
     names += [f"{HEADERS}/{path.name}" for path in (core_headers() / "pellucid").glob("*.hpp")]
     with TemporaryDirectory() as scratch:
         for name in names:
@@ -150,11 +171,13 @@ def check_here(folder: Path) -> tuple[int, int] | None:
     return int(said["steps"]), int(said["wrong"])
 
 
-def _place(template: str) -> str:
+def place_of(template: str) -> str:
+    """Where a rendered template goes in the folder."""
     return f"{TEMPLATES[template]}/{template}".lstrip("/")
 
 
-def _render(template: str, **content: object) -> str:
+def rendered(template: str, **content: object) -> str:
+    """A template filled in."""
     import jinja2
 
     environment = jinja2.Environment(
@@ -176,7 +199,7 @@ def _within_a_line(x: object) -> object:
     return re.sub(r"\*(?=/)|/(?=[*/])|\?(?=\?)", r"\g<0> ", x)
 
 
-def _literal(x: float) -> str:
+def literal(x: float) -> str:
     """A float that reads back as the same bits."""
     single = np.float32(x)
     if np.isinf(single):

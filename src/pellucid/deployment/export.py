@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 
 from .._errors import PellucidError
@@ -11,6 +12,8 @@ from .c_folder import write_c_folder
 from .controller_values import ControllerValues
 from .elbow_values import elbow_values
 from .joint_values import joint_values
+from .tree_folder import write_tree_folder
+from .tree_values import tree_values
 from .worn_values import worn_values
 
 LANGUAGES = ("c",)
@@ -32,7 +35,8 @@ def export(
     """Write the controller that the study's model cards make possible, ready to be compiled for a robot.
 
     A joint's card gives compensation of gravity and friction, the cards of an orthosis and its wearer the residual
-    compensator of its zero-impedance mode; either ends in the safety gate.
+    compensator of its zero-impedance mode, the card of a robot of several joints what carries all of them; each ends in
+    the safety gate.
 
     Parameters
     ----------
@@ -49,7 +53,8 @@ def export(
     participant : str or None
         Whose cards, for an orthosis, None where there is one only; who wears it, for a controller led by EMG.
     controller : str or None
-        For a joint with a carriage, a name of `ELBOW_CONTROLLERS`; None: gravity and friction alone.
+        For a joint with a carriage, a name of `ELBOW_CONTROLLERS`; None: gravity and friction alone. For a robot of
+        several joints ``"full"``, ``"carried"`` or ``"transparent"``; None: ``"carried"``.
     exponents : tuple of float or None
         k of equation 8, upwards and downwards, for "fc" and "pcfr"; None: the paper's.
     period : float or None
@@ -77,11 +82,29 @@ def export(
     >>> folder.name
     'controller'
     """
+    place = study.place("controller") if out is None else Path(out)
+    if study.config.tree is not None:
+        refused = {"slider": slider, "participant": participant, "exponents": exponents}
+        _require_language(study, to, period, refused)
+        given = {} if period is None else {"period": period}
+        values = tree_values(study, card=card, controller=controller, allow_outside=allow_outside, **given)
+        return write_tree_folder(study.name, values, place)
     values = values_for(
         study, to, card=card, slider=slider, participant=participant, controller=controller, exponents=exponents,
         period=period, allow_outside=allow_outside,
     )  # fmt: skip
-    return write_c_folder(study.name, values, study.place("controller") if out is None else Path(out))
+    return write_c_folder(study.name, values, place)
+
+
+def _require_language(study: Study, to: str, period: float | None, refused: Mapping[str, object]) -> None:
+    """PellucidError for another language, a period of no controller, or what means nothing for this study."""
+    if to not in LANGUAGES:
+        raise PellucidError(f'export: found to = "{to}", expected "{LANGUAGES[0]}"')
+    if period is not None and not 0.0 < period <= 0.1:
+        raise PellucidError(f"export: found a period of {period:g} s, expected one above 0 and up to 0.1 s")
+    for name, given in refused.items():
+        if given is not None:
+            raise PellucidError(f"export of {study.name}: found {name}, expected none: this robot has several joints")
 
 
 def values_for(
@@ -97,10 +120,7 @@ def values_for(
     allow_outside: bool = False,
 ) -> ControllerValues:
     """The numbers that `export` writes."""
-    if to not in LANGUAGES:
-        raise PellucidError(f'export: found to = "{to}", expected "{LANGUAGES[0]}"')
-    if period is not None and not 0.0 < period <= 0.1:
-        raise PellucidError(f"export: found a period of {period:g} s, expected one above 0 and up to 0.1 s")
+    _require_language(study, to, period, {})
     if not asked(study, "identify"):
         others = ", ".join(dict.fromkeys(procedure.command for procedure in asked(study)))
         raise PellucidError(

@@ -1,0 +1,220 @@
+"""A law of several joints as a folder of C and C++: arrays for joints and links, and a test vector of all of them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from importlib.metadata import version
+from pathlib import Path
+
+import numpy as np
+
+from .. import _core
+from ..models.fields import Field, model_fields
+from .c_folder import (
+    HEADERS,
+    OUTPUTS,
+    TEMPLATES,
+    core_headers,
+    literal,
+    needed_headers,
+    place_of,
+    put_down,
+    recorded,
+    refuse_faults,
+    refuse_other_makefile,
+    rendered,
+)
+from .replay_vector import FAULT, INIT_AGAIN, MEMORY, MOTION, NOTHING, POWER_ON, STOP, Reading, ReplayVector
+from .tree_values import TreeValues
+
+SHARED = ("Makefile", "CMakeLists.txt", "say.h", "say_host.c", "m4.c", "m4.ld")
+"""Templates that are those of one joint."""
+
+TITLE = "compensation of all joints of a robot"
+
+_ANY = float("inf")
+_LAW = {
+    "raw_speed_limit": _ANY, "raw_acceleration_limit": _ANY, "range_min": -_ANY, "range_max": _ANY,
+    "freeze_speed": _ANY, "drive_expected": 0.0, "budget_store": _ANY, "push_limit": _ANY, "power_limit": _ANY,
+    "ringing_limit": _ANY, "drive_surplus": _ANY, "outside_limit": _ANY, "raw_power_limit": _ANY,
+    "raw_end_speed_limit": _ANY, "rest_speed": _ANY, "reset_delay": 0.02, "healthy_samples": 10.0,
+}  # fmt: skip
+VARIANTS = {
+    "law": _LAW,
+    "jump": {**_LAW, "raw_acceleration_limit": 2000.0},
+    "drive": {**_LAW, "drive_expected": 1.0, "drive_tolerance": 6.0},
+    "power": {**_LAW, "raw_power_limit": 1e-6},
+    "speed": {**_LAW, "raw_end_speed_limit": 1e-6},
+    "ringing": {**_LAW, "ringing_limit": 1e-5},
+    "outside": {**_LAW, "outside_limit": 1e-6},
+    # Every check at work and none that trips: what a step costs.
+    "counted": {**_LAW, "raw_speed_limit": 1e6, "raw_acceleration_limit": 1e9, "raw_power_limit": 1e6,
+                "raw_end_speed_limit": 1e6, "ringing_limit": 1e6, "budget_store": 1e6},
+}  # fmt: skip
+"""Numbers of the supervisor that a stretch of the test vector is played with."""
+
+
+@dataclass(frozen=True)
+class Table:
+    """A C struct of numbers, and its rows for this robot."""
+
+    name: str
+    title: str
+    fields: tuple[Field, ...]
+    rows: tuple[dict, ...]
+
+    @property
+    def single(self) -> bool:
+        """Whether the configuration has one of it, of all joints together."""
+        return self.name.startswith("whole")
+
+
+@dataclass(frozen=True)
+class TreeRow:
+    """What one step is given."""
+
+    now: int  # [us]
+    read: tuple[Reading, ...]  # Of each joint's encoder
+    before: int = NOTHING
+    token: int = 0
+    drive: float = 0.0  # By which the first drive's measurement differs [N m]
+    pushed: float = 0.0  # By a wearer [N m], [N]
+
+    @property
+    def text(self) -> str:
+        """As a C initialiser."""
+
+        def bits(x: float) -> str:
+            return f"0x{int(np.float32(x).view(np.uint32)):08x}u"
+
+        made = ", ".join(f"{{{bits(s.value)}, {s.sequence & 0xFFFFFFFF}u, {s.time}, {s.valid}u}}" for s in self.read)
+        return f"{{{self.before}u, {self.token}u, {bits(self.drive)}, {bits(self.pushed)}, {self.now}, {{{made}}}}}"
+
+
+def write_tree_folder(study: str, values: TreeValues, out: Path) -> Path:
+    """Write the folder; files that it has from before are replaced, all others stay."""
+    refuse_other_makefile(out)
+    headers = sorted({*needed_headers("tree_supervisor.hpp"), "watchdog.hpp"})
+    files = {f"{HEADERS}/{name}": (core_headers() / "pellucid" / name).read_text(encoding="utf-8") for name in headers}
+    tables, vector, card = tables_of(values), tree_vector(values), values.law.card
+    content = {
+        "title": TITLE, "values": values, "study": study, "version": version("pellucid"), "headers": headers,
+        "joints": len(card.names), "links": len(card.links), "faults": _core.FAULTS, "modes": _core.MODES,
+        "tables": tables, "literal": literal, "vector": vector,
+        "storage": _core.tree_law_storage(len(card.links)), "variants": VARIANTS,
+        "whole_names": {field.name for field in model_fields("tree_watch_whole")},
+        "period": values.law.shares[0]["period"],
+    }  # fmt: skip
+    for name in TEMPLATES:
+        files[place_of(name)] = rendered(f"{name}.j2" if name in SHARED else f"tree/{name}.j2", **content)
+    lines = [line.split() for line in recorded(files, out)]
+    outputs = [(int(said), [int(x, 16) for x in bits]) for said, *bits in lines]
+    refuse_faults(out, [said for said, _ in outputs[: vector.motion]])
+    if outputs:
+        files[OUTPUTS] = rendered("tree/vector_outputs.h.j2", outputs=outputs)
+    return put_down(files, out)
+
+
+def tables_of(values: TreeValues) -> tuple[Table, ...]:
+    """Every kind of row that the configuration has."""
+    law, card = values.law, values.law.card
+    numbers = law.numbers
+    motors = numbers.get("motors", np.zeros((len(card.names), len(_core.TREE_MOTOR_PARAMETER_NAMES))))
+
+    def table(name: str, title: str, model: str, rows: np.ndarray, names: tuple[str, ...]) -> Table:
+        made = tuple(
+            {"name": who, "numbers": tuple(map(float, row))}
+            for who, row in zip(names, np.atleast_2d(rows), strict=True)
+        )
+        return Table(name, title, model_fields(model), made)
+
+    def of(tables: tuple, model: str) -> np.ndarray:
+        return np.array([[one[field.name] for field in model_fields(model)] for one in tables])
+
+    return (
+        table("link", "A link, and the joint by which it hangs.", "link", numbers["links"], card.bodies),
+        table("joint", "What is lost at a joint.", "tree_joint", numbers["joints"], card.names),
+        table("motor", "A motor that turns with several joints.", "tree_motor", motors, card.names),
+        table("share", "What is done at a joint.", "tree_law_joint", numbers["shares"], card.names),
+        table("whole", "What is done with all.", "tree_law_whole", numbers["whole"], ("whole",)),
+        table(
+            "watch", "What is watched of a joint.", "tree_watch_joint", of(law.watches, "tree_watch_joint"), card.names
+        ),
+        table("whole_watch", "And of all.", "tree_watch_whole", of((law.whole_watch,), "tree_watch_whole"), ("whole",)),
+    )
+
+
+def tree_vector(values: TreeValues, seed: int = 1) -> ReplayVector:
+    """A motion of all joints with a repeated and a lost sample; then faults of joints and of the whole."""
+    law = values.law
+    period = round(1e6 * law.shares[0]["period"])
+    rng = np.random.default_rng(seed)
+    rate, swings = 2 * np.pi * 4.0 / (MOTION * 1e-6 * period), []
+    for share, known in zip(law.shares, law.card.ranges, strict=True):
+        low, high = max(share["position_min"], -1.0), min(share["position_max"], 1.0)
+        speed = min(share["velocity_limit"], known.seen_velocity or 1.0)
+        swings.append((0.5 * (low + high), min(0.3 * (high - low), 0.2 * speed / rate)))
+    t = 1e-6 * period * np.arange(MOTION)
+    place = np.column_stack(
+        [
+            middle + swing * (np.sin(rate * t + k) + 0.2 * np.sin(2.3 * rate * t))
+            for k, (middle, swing) in enumerate(swings)
+        ]
+    )
+    place = (place + 1e-5 * rng.standard_normal(place.shape)).astype(np.float32)
+    pushed = 0.5 * np.sin(1.7 * rate * t)
+
+    def row(i: int) -> TreeRow:
+        now = 1_000_000 + i * period
+        read = tuple(Reading(x, 0xFFFFFF00 + i & 0xFFFFFFFF, now - period // 10) for x in place[i])
+        return TreeRow(now, read, pushed=float(pushed[i]))
+
+    steps = []
+    for i in range(MOTION):
+        made = row(i)
+        if i == MOTION // 4:  # seen again
+            made = replace(made, read=row(i - 1).read)
+        if i == MOTION // 3:  # a control period was missed
+            continue
+        steps.append(replace(made, before=POWER_ON) if i == 0 else made)
+    motion = len(steps)
+    for variant, wrong, length in _blocks(len(swings), values, period):
+        at = POWER_ON + list(VARIANTS).index(variant)
+        for i in range(length):
+            made = wrong(i, row(i))
+            steps.append(replace(made, before=at) if i == 0 else made)
+    return ReplayVector(tuple(steps), motion)
+
+
+def _blocks(
+    joints: int, values: TreeValues, period: int
+) -> Iterator[tuple[str, Callable[[int, TreeRow], TreeRow], int]]:
+    """Faults of the last joint and of the whole, and what ends a stop."""
+
+    def changed(i: int, row: TreeRow, **change) -> TreeRow:
+        if i != FAULT - 2:
+            return row
+        read = (*row.read[:-1], replace(row.read[-1], **change))
+        return replace(row, read=read)
+
+    for value in (np.nan, np.inf, -np.inf):
+        yield "law", lambda i, row, x=value: changed(i, row, value=np.float32(x)), 3 * FAULT
+    yield "law", lambda i, row: changed(i, row, valid=0), 3 * FAULT
+    yield "law", lambda i, row: changed(i, row, time=row.read[-1].time - 10**6), 3 * FAULT
+    yield "law", lambda i, row: changed(i, row, sequence=row.read[-1].sequence - 20), 3 * FAULT
+    yield "law", lambda i, row: replace(row, before=STOP) if i == 6 else row, 3 * FAULT
+    yield "jump", lambda i, row: changed(i, row, value=row.read[-1].value + np.float32(0.1)), 3 * FAULT
+    yield "drive", lambda i, row: replace(row, drive=15.0 + i) if i > 12 else row, 3 * FAULT
+    yield "drive", lambda i, row: replace(row, drive=np.nan) if i > 12 else row, 3 * FAULT
+    for variant in ("power", "speed", "outside", "ringing"):
+        yield variant, lambda i, row: row, 60
+    # Eight words every fourth period: long enough for the law's numbers to be gone through twice.
+    through = min(4 * -(-_core.tree_law_storage(len(values.law.card.links)) // (4 * 8)), MOTION - 5)
+    yield "law", lambda i, row: replace(row, before=MEMORY) if i == 4 else row, 4 + through
+    late = max(40, round(0.02 / (1e-6 * period)) + 14)
+
+    def mended(i: int, row: TreeRow) -> TreeRow:
+        return replace(row, before={4: STOP, 8: INIT_AGAIN}.get(i, NOTHING), token=int(i >= 12))
+
+    yield "law", mended, late + 20

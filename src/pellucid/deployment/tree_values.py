@@ -1,0 +1,65 @@
+"""From the card of a robot of several joints to the law that is exported."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from hashlib import sha256
+
+from .._errors import PellucidError
+from ..control.joint_compensation import PERIOD
+from ..control.tree_laws import TreeLaw, carried, full_compensation, transparent
+from ..models.tree_card import TreeCard, read_tree_card
+from ..recordings.study import Study
+
+CARDS = ("tree.best.json", "tree.consistent.json", "tree.base.json")
+"""The first that is there is taken."""
+
+LAWS: Mapping[str, Callable[..., TreeLaw]] = {
+    "carried": carried,
+    "full": full_compensation,
+    "transparent": transparent,
+}
+"""What can be exported of a card alone."""
+
+
+@dataclass(frozen=True)
+class TreeValues:
+    """A law of several joints for one study."""
+
+    law: TreeLaw
+    cards: tuple[str, ...]  # File names in the study's models folder
+    checksums: Mapping[str, str]  # SHA-256 of each
+    notes: tuple[str, ...]  # What an engineer must know before switching on
+
+
+def tree_values(
+    study: Study,
+    *,
+    card: str | None = None,
+    controller: str | None = None,
+    period: float = PERIOD,
+    allow_outside: bool = False,
+) -> TreeValues:
+    """The law of a robot's joints by a card that `identify` wrote: its file name in the models folder, or the first of
+    `CARDS` that is there; `controller` of `LAWS`; `period` in [s]."""
+    if controller not in (None, *LAWS):
+        raise PellucidError(f"export of {study.name}: found {controller!r}, expected one of {', '.join(LAWS)}")
+    if allow_outside:
+        study = replace(study, allow_outside=True)
+    name = card or next((n for n in CARDS if study.card(n).is_file()), CARDS[0])
+    path = study.card(name)
+    found = read_tree_card(path)
+    law = LAWS[controller or "carried"](found, period=period)
+    return TreeValues(law, (name,), {name: sha256(path.read_bytes()).hexdigest()}, notes_of(found))
+
+
+def notes_of(card: TreeCard) -> tuple[str, ...]:
+    """What a card alone cannot settle."""
+    notes = []
+    for name, known, gain, unit in zip(card.names, card.ranges, card.gains, card.drive_units, strict=True):
+        if known.low is None or known.high is None:
+            notes.append(f"{name}: the study names no stops; set position_min, position_max and stop_margin.")
+        if unit not in ("N*m", "N"):
+            notes.append(f"{name}: the effort is that after the gears; its drive gives {gain:.6g} of it per {unit}.")
+    return tuple(notes)
