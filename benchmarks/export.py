@@ -23,7 +23,8 @@ from pellucid.models.slider_card import SliderCard
 JOINT = {
     "inertia": 0.05, "gravity_sine": 1.5, "gravity_cosine": 0.2, "offset": 0.1, "coulomb_positive": 0.3,
     "coulomb_negative": 0.25, "viscous_positive": 0.1, "viscous_negative": 0.08, "stribeck": 0.0,
-    "stribeck_velocity": 0.0, "load_motoring": 0.15, "load_generating": 0.1, "velocity_width": 0.06,
+    "stribeck_velocity": 0.0, "load_motoring": 0.15, "load_generating": 0.1, "square_root": 0.0,
+    "velocity_width": 0.06,
     "gravity_share": 1.0, "friction_share": 0.8, "bandwidth": 200.0, "effort_limit": 5.0, "rate_limit": 250.0,
     "velocity_limit": 8.0, "position_min": -0.5, "position_max": 2.2, "stop_margin": 0.05, "max_age": 0.005,
     "max_repeats": 2.0, "period": 0.001,
