@@ -8,6 +8,7 @@ from pathlib import Path
 from pellucid._atomic import write_text_atomically
 
 from . import (
+    arm,
     commands,
     elbow,
     export,
@@ -28,6 +29,7 @@ MODULES = (
     hill,
     muscle_calibration,
     kinematic_tree,
+    arm,
     laws,
     export,
     commands,

@@ -1,4 +1,4 @@
-"""A law of several joints as C compiles without a warning, answers as recorded, and on a Cortex-M4F bit by bit alike."""
+"""A law of several joints as C compiles without a warning, and answers bit by bit as recorded on a Cortex-M4F too."""
 
 import shutil
 
