@@ -88,7 +88,7 @@ def export_rows() -> list[dict]:
 
 def over_pinocchio() -> dict[str, float]:
     """Time of what Pinocchio also does, over its own, in one run: "regressor", "normal_equations" over its regressor
-    alone, "inverse_dynamics" called one by one from Python and "inverse_dynamics_at_once"; empty where it is not installed."""
+    alone, "inverse_dynamics" called one by one from Python and "inverse_dynamics_at_once"; empty without it."""
     rows = {row["name"]: row["value"] for row in kinematic_tree.run()}
     names = {
         "regressor": "regressor",
