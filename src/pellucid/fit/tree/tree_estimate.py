@@ -14,7 +14,7 @@ from ...models.robot import Robot
 from ..estimates import Estimates
 from ..parameter import Parameter
 from .base_parameters import REGROUPED
-from .friction_terms import MOTOR, SPEED, direction, friction, joint_row, motor_row, numbers_of
+from .friction_terms import MOTOR, SPEED, friction, joint_row, motor_row, numbers_of
 
 if TYPE_CHECKING:
     from ...signals.tree_motion import TreeMotion
@@ -156,10 +156,6 @@ class TreeEstimate(Estimates):
         for each in self.ripples if ripple else ():
             made += np.outer(each.effort(motion.position @ turns[each.motor]), turns[each.motor])
         return made
-
-    def direction(self, motion: TreeMotion) -> np.ndarray:
-        """The sign of each joint's velocity as its friction has it, shape (n, m)."""
-        return direction(motion.velocity, self.velocity_width)
 
     def _facts(self) -> tuple[str, ...]:
         return self.notes

@@ -14,7 +14,7 @@ normal equations, kept by segment, and to try one is to add a row to a solved sy
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -174,8 +174,3 @@ def _spread(equations: NormalEquations, active: list[int], sd: np.ndarray) -> np
     x = plain_solution(gram.sum(axis=0)[np.ix_(a, a)], moment.sum(axis=0)[a])
     whole = equations.of(a).total()
     return np.sqrt(whole.squares(x)[0] / np.maximum(whole.count[0], 1.0))
-
-
-def refit(model: TreeModel, choice: FamilyChoice) -> TreeModel:
-    """The same robot with the families of a choice."""
-    return replace(model, families=choice.families, speeds=choice.speeds)
