@@ -321,25 +321,41 @@ def intervals(stated: np.ndarray, jackknife: np.ndarray, share: float, name: str
     )
 
 
-def ripple(joint: str, order: np.ndarray, amplitude: np.ndarray, found: float, unit: str, name: str) -> Drawing:
-    """Amplitude of what goes round with a drive, (n,), over its order (n,), periods in a turn of the motor."""
-    figure = Figure(figsize=(FIGURE_WIDTH, 2.6), layout="constrained")
-    axis = figure.subplots()
-    line(axis, order, amplitude, color=colour("measured"), linewidth=1.2)
-    top = float(np.interp(found, order, amplitude))
-    axis.plot([found], [top], color=colour("heldout"), marker="o", markersize=7, markeredgewidth=0.0)
-    axis.annotate(
-        f"{number(found, digits=4)}", (found, top), xytext=(8, -2), textcoords="offset points", va="center",
-        color=colour("heldout"), fontsize=9, fontweight="bold",
-    )  # fmt: skip
-    tidy(axis, first=True, text=f"Amplitude ({unit_text(unit)})", ticks=5)
-    axis.set_ylim(0.0, 1.12 * float(np.nanmax(amplitude)))
-    axis.set_xlabel("Periods in a turn of the motor, gears taken out")
+@dataclass(frozen=True)
+class RippleSpectrum:
+    """Amplitude (n,) of what goes round with a drive, over its order (n,), periods in a turn of the motor."""
+
+    joint: str
+    unit: str
+    order: np.ndarray
+    amplitude: np.ndarray
+    found: float
+
+
+def ripples(spectra: Sequence[RippleSpectrum], name: str = "ripple") -> Drawing:
+    """What drives add as they go round, a panel each."""
+    rows = -(-len(spectra) // 2)
+    figure = Figure(figsize=(FIGURE_WIDTH, 2.4 * rows + 0.2), layout="constrained")
+    axes = figure.subplots(rows, min(2, len(spectra)), squeeze=False).ravel()
+    for axis in axes[len(spectra) :]:
+        axis.set_axis_off()
+    for axis, spectrum in zip(axes, spectra, strict=False):
+        line(axis, spectrum.order, spectrum.amplitude, color=colour("measured"), linewidth=1.2)
+        top = float(np.interp(spectrum.found, spectrum.order, spectrum.amplitude))
+        axis.plot([spectrum.found], [top], color=colour("heldout"), marker="o", markersize=7, markeredgewidth=0.0)
+        axis.annotate(
+            number(spectrum.found, digits=4), (spectrum.found, top), xytext=(8, -2), textcoords="offset points",
+            va="center", color=colour("heldout"), fontsize=9, fontweight="bold",
+        )  # fmt: skip
+        tidy(axis, first=True, text=unit_text(spectrum.unit), ticks=5)
+        axis.set_ylim(0.0, 1.12 * float(np.nanmax(spectrum.amplitude)))
+        axis.set_xlabel("Periods in a turn of the motor, gears taken out")
+        axis.set_title(short(spectrum.joint), fontweight="bold", fontsize=9.5)
     return Drawing(
         name,
         figure,
-        f"What the drive of {joint.replace('_', ' ')} adds as it goes round: amplitude of a wave in what the model "
-        "leaves over, its own ripple left in, against how often it comes in a turn.",
+        "What drives add as they go round: amplitude of a wave in what the model leaves over, its own ripple left in, "
+        "against how often it comes in a turn.",
     )
 
 

@@ -16,7 +16,7 @@ from ...pages.tables import Row, Table, number_table
 from ...recordings.study import Study
 from ..study_page import figure_tables, provenance, study_page
 from . import tree_figures as figures
-from .tree_figures import Cell, FrictionCurve, short
+from .tree_figures import Cell, FrictionCurve, RippleSpectrum, short
 from .tree_result import JUDGED, MODELS, TreeResult, terms_of
 
 BODY_HEADS = {
@@ -222,29 +222,23 @@ def _choice(found: TreeResult) -> tuple[Section, ...]:
 
 
 def _ripple(found: TreeResult) -> tuple[Section, ...]:
-    drawings = []
+    spectra = []
     for ripple in found.best.ripples:
-        angle, left = [], []
-        for trace in found.traces:
-            if trace.use != "fit":
-                continue
-            rows = trace.moving[:, ripple.motor]
-            turned = (trace.position @ found.robot.turns_array.T)[rows, ripple.motor]
+        k, angle, left = ripple.motor, [], []
+        for trace in (t for t in found.traces if t.use == "fit"):
+            rows = trace.moving[:, k]
+            turned = (trace.position @ found.robot.turns_array.T)[rows, k]
             angle.append(turned)
-            off = (trace.effort - trace.predicted)[rows, ripple.motor]
-            left.append(off + ripple.effort(turned))
+            left.append((trace.effort - trace.predicted)[rows, k] + ripple.effort(turned))
         order, amplitude = _spectrum(np.concatenate(angle), np.concatenate(left), ripple.order)
-        name = found.names[ripple.motor]
-        unit = found.effort_units[ripple.motor]
-        drawings.append(draw(figures.ripple, name, order, amplitude, ripple.order, unit, f"ripple-{ripple.motor + 1}"))
-    if not drawings:
+        spectra.append(RippleSpectrum(found.names[k], found.effort_units[k], order, amplitude, ripple.order))
+    if not spectra:
         return ()
-    said = [
-        f"{short(found.names[r.motor])}: {number(r.amplitude, digits=3)} {unit_text(found.effort_units[r.motor])}, "
-        f"{number(r.order, digits=4)} times in a turn"
-        for r in found.best.ripples
-    ]
-    return (Section("ripple", "Drive ripple", (f"{'; '.join(said)}.",), drawings=tuple(drawings)),)
+    said = (
+        "Cogging, teeth and bearings repeat with the motor's angle, at orders that nobody states. Where one stands out "
+        "of what the model leaves over, and predicts segments left out, it is part of the model."
+    )
+    return (Section("ripple", "Drive ripple", (said,), drawings=(draw(figures.ripples, spectra),)),)
 
 
 def _spectrum(angle: np.ndarray, left: np.ndarray, order: float) -> tuple[np.ndarray, np.ndarray]:

@@ -8,10 +8,10 @@ from ..tree_result import TreeResult
 
 def find(case: TreeResult) -> Iterator[Verdict]:
     """Where a ripple was found."""
-    for ripple in case.best.ripples:
-        joint, unit = case.names[ripple.motor], case.effort_units[ripple.motor]
-        yield Verdict(
-            "note",
-            f"The drive of {joint} adds a ripple of {ripple.amplitude:.3g} {unit}, {ripple.order:.4g} times in a turn, "
-            "gears taken out; it is in the model.",
-        )
+    said = [
+        f"{case.names[r.motor]} {r.amplitude:.2g} {case.effort_units[r.motor]}, {r.order:.4g} times in a turn"
+        for r in case.best.ripples
+    ]
+    if said:
+        text = f"Drives add a ripple as they go round, which is in the model (gears taken out): {'; '.join(said)}."
+        yield Verdict("note", text)

@@ -6,15 +6,16 @@ from ....fit.parameter import Verdict
 from ....fit.tree.tree_verdicts import IDENTIFIED, NOT_IDENTIFIABLE, states
 from ..tree_result import TreeResult, joint_states
 
+FINE = (IDENTIFIED, "on a bound")
+SMALL = ("offset", "ripple_")
+"""Small on a good machine, and a phase: that one of these may be 0 is nothing to act upon."""
+
 
 def find(case: TreeResult) -> Iterator[Verdict]:
     """What is not told from 0, and what nothing tells from others."""
     weak = {}
     for k, joint in enumerate(case.names):
-        # An offset is small on a good machine: that it may be 0 is nothing to act upon.
-        own = [
-            n for n, state in joint_states(case, k).items() if state not in (IDENTIFIED, "on a bound") and n != "offset"
-        ]
+        own = [n for n, state in joint_states(case, k).items() if state not in FINE and not n.startswith(SMALL)]
         if own:
             weak[joint] = ", ".join(n.replace("_", " ") for n in own)
     if weak:
