@@ -214,6 +214,17 @@ def terms_of(found: TreeResult, k: int) -> tuple[str, ...]:
     return tuple(term for term in found.best.families[k] if term not in PLAIN)
 
 
+FINE = ("identified", "on a bound")
+SMALL = ("offset", "ripple_")
+"""Small on a good machine, and a phase: that one of these may be 0 is nothing to act upon."""
+
+
+def unsure(found: TreeResult, k: int) -> list[str]:
+    """A joint's own numbers that are not told from 0, and ought to be."""
+    said = joint_states(found, k)
+    return [n.replace("_", " ") for n, state in said.items() if state not in FINE and not n.startswith(SMALL)]
+
+
 def _joints(found: TreeResult) -> Iterator[tuple[str, str, str, str]]:
     for k, name in enumerate(found.names):
         said = joint_states(found, k)
@@ -221,8 +232,8 @@ def _joints(found: TreeResult) -> Iterator[tuple[str, str, str, str]]:
         terms = ", ".join(term.replace("_", " ") for term in terms_of(found, k)) or "nothing"
         if any(ripple.motor == k for ripple in found.best.ripples):
             terms += ", ripple"
-        weak = [n.replace("_", " ") for n, state in said.items() if state != "identified"]
-        yield name, terms, f"{good} of {len(said)}", "all shown" if not weak else f"not sure: {', '.join(weak)}"
+        weak = unsure(found, k)
+        yield name, terms, f"{good} of {len(said)}", "good" if not weak else f"not sure: {', '.join(weak)}"
 
 
 def _friction_names(found: TreeResult) -> tuple[str, ...]:

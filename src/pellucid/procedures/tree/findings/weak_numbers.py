@@ -4,20 +4,12 @@ from collections.abc import Iterator
 
 from ....fit.parameter import Verdict
 from ....fit.tree.tree_verdicts import IDENTIFIED, NOT_IDENTIFIABLE, states
-from ..tree_result import TreeResult, joint_states
-
-FINE = (IDENTIFIED, "on a bound")
-SMALL = ("offset", "ripple_")
-"""Small on a good machine, and a phase: that one of these may be 0 is nothing to act upon."""
+from ..tree_result import TreeResult, unsure
 
 
 def find(case: TreeResult) -> Iterator[Verdict]:
     """What is not told from 0, and what nothing tells from others."""
-    weak = {}
-    for k, joint in enumerate(case.names):
-        own = [n for n, state in joint_states(case, k).items() if state not in FINE and not n.startswith(SMALL)]
-        if own:
-            weak[joint] = ", ".join(n.replace("_", " ") for n in own)
+    weak = {joint: ", ".join(own) for k, joint in enumerate(case.names) if (own := unsure(case, k))}
     if weak:
         said = "; ".join(f"{joint}: {names}" for joint, names in weak.items())
         do = "Record these joints slowly and fast, both ways, with more load and less."
