@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -12,10 +12,11 @@ from ...fit.tree import identify_tree as identification
 from ...fit.tree.consistent_fit import ConsistentSolution, consistent_estimate, solve_consistent
 from ...fit.tree.friction_terms import MOTOR
 from ...fit.tree.identify_tree import TreeIdentification, maker_rows, plain_model
+from ...fit.tree.inertia_prior import fit_with_prior
 from ...fit.tree.published_friction import published_numbers
 from ...fit.tree.segments_out import errors_of, heldout_errors, missed, segments_out
+from ...fit.tree.tree_estimate import TreeEstimate
 from ...fit.tree.tree_regression import TreeModel, TreeRows, TreeSolution, fit_rows, tree_rows
-from ...models.kinematic_tree import BODY
 from ...recordings.study import Study
 from ...signals.tree_motion import TreeMotion
 from ..findings import findings_of
@@ -48,13 +49,15 @@ def identify_tree(study: Study, tell: Progress = quiet) -> TreeResult:
     )
     best = TreeModel(robot, found.rows.base, found.best.families, found.choice.speeds, found.best.ripples)
     tell("bodies that can exist", 0.65)
-    nearest = robot.tree.parameters.reshape(-1, len(BODY)) if table.inertia_prior else None
-    bodies = solve_consistent(best, found.rows, nearest=nearest)
+    bodies = solve_consistent(best, found.rows)
     models = {"base": found.base, "best": found.best}
-    models["consistent"] = consistent_estimate("consistent", found.rows, bodies, nearest=nearest)
+    models["consistent"] = consistent_estimate("consistent", found.rows, bodies)
+    if table.inertia_prior:
+        models["prior"] = fit_with_prior(best, found.rows)[0]
     tell("judging", 0.75)
     errors = [*_rivals(study, found, fitted, judged), *_of_base_and_best(found, fitted, judged)]
-    errors += _of_bodies(found, bodies, nearest, judged)
+    errors += _of_bodies(found, bodies, judged)
+    errors += _of_prior(models, fitted, judged)
     tell("payloads", 0.9)
     payloads = carried_payloads(robot, motions, found.best, gains)
     out = found.best_out
@@ -124,9 +127,7 @@ def _of_base_and_best(
             yield Errors(model.name, "heldout", _plain(found.heldout[model.name]))
 
 
-def _of_bodies(
-    found: TreeIdentification, bodies: ConsistentSolution, nearest: np.ndarray | None, judged: Sequence[TreeMotion]
-) -> Iterator[Errors]:
+def _of_bodies(found: TreeIdentification, bodies: ConsistentSolution, judged: Sequence[TreeMotion]) -> Iterator[Errors]:
     """Of bodies that can exist: without each segment with the friction that was chosen without it."""
     rows, model = found.rows, bodies.spread.model
     yield Errors("consistent", "fitted", _plain(errors_of(missed(model, bodies.parameters, rows), rows.size)))
@@ -136,12 +137,22 @@ def _of_bodies(
         def fit(part: TreeRows) -> tuple[TreeModel, TreeSolution]:
             each = next(chosen)
             start = fit_rows(each, part)[0]
-            return each, replace(start, values=solve_consistent(each, part, start=start, nearest=nearest).parameters)
+            return each, replace(start, values=solve_consistent(each, part, start=start).parameters)
 
         yield Errors("consistent", "segments_out", _plain(segments_out(rows, fit).errors))
     if judged:
         kept = tree_rows(rows.robot, judged, width=rows.width, base=rows.base)
         yield Errors("consistent", "heldout", _plain(errors_of(missed(model, bodies.parameters, kept), kept.size)))
+
+
+def _of_prior(
+    models: Mapping[str, TreeEstimate], fitted: Sequence[TreeMotion], judged: Sequence[TreeMotion]
+) -> Iterator[Errors]:
+    """Of bodies drawn to the stated ones, by a weight that segments left out have chosen: no judges of it are left
+    among these."""
+    for kind, motions in (("fitted", fitted), ("heldout", judged)) if "prior" in models else ():
+        if motions:
+            yield Errors("prior", kind, _plain(heldout_errors(models["prior"], motions)))
 
 
 def _trace(motion: TreeMotion, found: TreeIdentification) -> TreeTrace:

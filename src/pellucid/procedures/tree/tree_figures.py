@@ -15,7 +15,7 @@ from ...pages.moving import MovingDrawing
 from ...pages.quantities import number, percent, unit_text
 from ...pages.style import FIGURE_WIDTH, colour
 from .stick_figures import stick_figure
-from .tree_result import TreeResult, TreeTrace
+from .tree_result import MODELS, TreeResult, TreeTrace
 
 COLUMNS = 3
 """Joints beside each other."""
@@ -379,7 +379,7 @@ def arm(found: TreeResult, errors: Mapping[str, Sequence[float]], judged: str, n
         right,
         found.names,
         errors,
-        dict(zip(errors, MODEL_ROLES[-len(errors) :], strict=True)),
+        {MODELS[model]: role for model, role in MODEL_ROLES.items()},
     )
     said = (
         f"Left: the arm, along {seconds:.3g} s of {trace.recording.replace('_', ' ')}: links as lines, joints as "
@@ -389,8 +389,11 @@ def arm(found: TreeResult, errors: Mapping[str, Sequence[float]], judged: str, n
     return MovingDrawing(name, figure, said, ways=ways, seconds=seconds)
 
 
-MODEL_ROLES = ("faint", "symmetric", "fitted", "heldout", "good")
-"""Of models, the simplest rivals first."""
+MODEL_ROLES: Mapping[str, str] = {
+    "published": "faint", "stated": "symmetric", "base": "fitted", "best": "heldout", "consistent": "good",
+    "prior": "load",
+}  # fmt: skip
+"""Colours of models."""
 
 
 def drawn_trace(found: TreeResult) -> TreeTrace:

@@ -29,6 +29,7 @@ MODELS: Mapping[str, str] = {
     "base": "base parameters, plain friction",
     "best": "friction chosen for each joint",
     "consistent": "the same with bodies that can exist",
+    "prior": "the same, drawn to stated bodies",
 }
 """Models in words, the simplest rivals first."""
 
@@ -286,7 +287,7 @@ def tree_card(study: Study, found: TreeResult, model: TreeEstimate) -> TreeCard:
         effort_units=found.effort_units,
         ranges=ranges,
         families=model.families,
-        consistent=model.name == "consistent",
+        consistent=model.name in ("consistent", "prior"),
         parameters=tuple(p.on_card(level) for p in model.parameters.values()),
         covariance=_rows(model.covariance),
         heldout_error=() if judged is None else judged.each,
