@@ -8,7 +8,6 @@ import pellucid as pl
 from pellucid.datasets import init
 from pellucid.models.tree_card import read_tree_card
 
-
 pytestmark = pytest.mark.slow
 
 
