@@ -193,17 +193,22 @@ def percent(value: float) -> str:
     return number(value, digits=3 if abs(value) >= 0.1 else 2)
 
 
+_FILE = r"\S+\.(?:csv|tsv|txt|json|mat|c3d|edf|bdf|xdf|toml|urdf)\b"
+
+
 def prose(text: str) -> str:
-    """A plain sentence with its typography: capital first letter, minus signs, units, R², names in words."""
+    """A plain sentence with its typography: capital first letter, minus signs, units, R², names in words; names of files,
+    of recordings with a number, and symbols stay as they are."""
+    own = re.search(r"[\d']|\.[a-z]", text.split(" ", 1)[0])
     for method, words in METHODS.items():
         text = text.replace(f"'{method}'", words)
     for name in (n for n in LABELS if "_" in n):
         text = re.sub(rf"\b{name}\b", name.replace("_positive", " +").replace("_negative", f" {MINUS}"), text)
-    text = re.sub(r"(?<=[a-z])_(?=[a-z])", " ", text)
+    text = re.sub(rf"({_FILE})|(?<=[a-z])_(?=[a-z])", lambda found: found[1] or " ", text)
     text = re.sub(r"(?<=\d) (?=%)", "\N{NO-BREAK SPACE}", text)
     text = re.sub(r"(?<![\w^])-(?=[\d.])", MINUS, units_in(text))
     text = re.sub(r"\bR2\b", "R²", text)
-    return text[:1].upper() + text[1:]
+    return text if own else text[:1].upper() + text[1:]
 
 
 def units_in(text: str) -> str:
