@@ -197,8 +197,8 @@ _FILE = r"\S+\.(?:csv|tsv|txt|json|mat|c3d|edf|bdf|xdf|toml|urdf)\b"
 
 
 def prose(text: str) -> str:
-    """A plain sentence with its typography: capital first letter, minus signs, units, R², names in words; names of files,
-    of recordings with a number, and symbols stay as they are."""
+    """A plain sentence with its typography: capital first letter, minus signs, units, R², names in words; names
+    of files, of recordings with a number, and symbols stay as they are."""
     own = re.search(r"[\d']|\.[a-z]", text.split(" ", 1)[0])
     for method, words in METHODS.items():
         text = text.replace(f"'{method}'", words)
