@@ -148,12 +148,3 @@ def test_one_recording_alone_is_judged_by_segments(tmp_path):
     assert result.effort_units == ("A", "A")
     assert result["elbow.coulomb"].value == pytest.approx(COULOMB[1] / 2.5, rel=0.15)
     assert any(v.finding == "unknown_gain" for v in result.verdicts)
-
-
-def test_the_files_bodies_may_be_a_prior(tmp_path):
-    folder = arm_study(tmp_path / "arm")
-    text = (folder / "study.toml").read_text(encoding="utf-8")
-    (folder / "study.toml").write_text(text.replace("[tree]\n", "[tree]\ninertia_prior = true\n"), encoding="utf-8")
-    bodies = pl.identify(pl.open(folder)).models["consistent"]
-    assert any("the maker's inertias weigh" in note for note in bodies.notes)
-    assert "from the prior: the motion does not show it" in {p.refused for p in bodies.every}

@@ -151,7 +151,8 @@ def _square(x: np.ndarray) -> float:
 def _repaired(values: np.ndarray, links: int) -> np.ndarray:
     """What the solver left below the bound by its tolerance is lifted onto it."""
     bodies = values[: links * BODY].reshape(links, BODY)
-    short = np.maximum(LEAST - least_eigenvalue(bodies), 0.0)
+    rounding = 1e-14 * np.linalg.norm(scaled(bodies), axis=(1, 2))
+    short = np.maximum(LEAST + rounding - least_eigenvalue(bodies), 0.0)
     lift = np.diag([1.0, 1.0, 1.0, LENGTH**-2])
     lifted = bodies_of(pseudo_inertia(bodies) + 1.01 * short[:, None, None] * lift)
     return np.concatenate([np.where(short[:, None] > 0.0, lifted, bodies).ravel(), values[links * BODY :]])
