@@ -31,7 +31,7 @@ from .coupling import friction_slope
 from .stability import LinearSystem, crossings, radius
 
 MOST_GAIN = 40.0  # dB; where a search ends
-_POINTS = 1500  # frequencies of a loop's response
+_POINTS = 800  # frequencies of a loop's response
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,33 +89,34 @@ class Limb:
     """What a limb is, beside its masses."""
 
     name: str
-    mass: float = 1.0  # times the limb's own
-    stiffness: float = 0.0  # of muscles, at each joint that turns [N m/rad]
-    damping: float = 0.1  # of critical, with that stiffness; of a limp limb [N m s/rad]
+    mass: float  # times the limb's own
+    stiffness: float  # beyond what holds the posture, at each joint that turns [N m/rad]
+    damping: float  # of critical, with that stiffness and the joint's own mass
 
 
 LIMBS: tuple[Limb, ...] = (
-    Limb("limp"),
-    Limb("light and limp", 0.5),
-    Limb("heavy and limp", 2.0),
+    Limb("limp", 1.0, 1.0, 0.1),
+    Limb("light and limp", 0.5, 1.0, 0.1),
+    Limb("heavy and limp", 2.0, 1.0, 0.1),
     Limb("at ease", 1.0, 8.0, 0.25),
     Limb("stiff", 1.0, 40.0, 0.25),
     Limb("light and stiff", 0.5, 80.0, 0.25),
 )
 """From a limb that lets itself be carried to one with all muscles tense: stiffnesses of elbows and shoulders in the
-literature are 2 to 80 N m/rad, damping 0.2 to 0.4 of critical."""
+literature are 2 to 80 N m/rad, damping 0.2 to 0.4 of critical. A limp one is held where it would fall, and no more:
+otherwise no posture but hanging would be one."""
 
 
 def with_limb(coupling: TreeCoupling, limb: Limb) -> TreeCoupling:
     """The same robot, worn by the same person as `limb` says."""
     mass = limb.mass * coupling.limb_mass
-    own = np.diag(mass)
-    damping = 2.0 * limb.damping * np.sqrt(limb.stiffness * own) if limb.stiffness > 0.0 else limb.damping
+    slope, ways = np.linalg.eigh(0.5 * (coupling.limb_slope + coupling.limb_slope.T))
+    held = ways @ np.diag(np.maximum(slope, 0.0)) @ ways.T
     return replace(
         coupling,
         limb_mass=mass,
-        limb_slope=limb.mass * coupling.limb_slope + limb.stiffness * np.eye(len(mass)),
-        limb_viscous=np.diag(np.broadcast_to(damping, len(mass))),
+        limb_slope=limb.mass * held + limb.stiffness * np.eye(len(mass)),
+        limb_viscous=np.diag(2.0 * limb.damping * np.sqrt(limb.stiffness * np.diag(mass))),
     )
 
 
@@ -378,11 +379,16 @@ def at_joints(
     tree: _core.KinematicTree, posture: np.ndarray, cuffs: Sequence[tuple[int, Sequence[float], Sequence[float]]]
 ) -> np.ndarray:
     """What cuffs' springs, or dampers, are at the joints, (m, m): J' K J summed. `cuffs`: link from 0, point of it [m],
-    three of translation and three of rotation in the base's axes [N/m; N m/rad]."""
+    three of translation and three of rotation in the link's axes [N/m; N m/rad]."""
+    posture = np.ascontiguousarray(posture, float)
+    placements = tree.placements(posture)
     made = np.zeros((len(posture), len(posture)))
     for link, point, stiffness in cuffs:
-        jacobian = tree.jacobian(np.asarray(posture, float)[None, :], link, np.asarray(point, float))[0]
-        made += jacobian.T @ np.diag(np.asarray(stiffness, float)) @ jacobian
+        turn = placements[link][:, :3]
+        jacobian = tree.jacobian(posture, link, np.asarray(point, float))
+        for rows, three in ((jacobian[:3], stiffness[:3]), (jacobian[3:], stiffness[3:])):
+            own = turn.T @ rows
+            made += own.T @ np.diag(np.asarray(three, float)) @ own
     return made
 
 

@@ -132,6 +132,10 @@ class Tree:
         ]  # fmt: skip
         return np.array(rows, float)
 
+    def __getstate__(self) -> dict:
+        """For another process, which makes the core's own again."""
+        return {key: value for key, value in vars(self).items() if key != "core"}
+
     @cached_property
     def core(self) -> _core.KinematicTree:
         """The same in the core: dynamics, regressor, normal equations."""

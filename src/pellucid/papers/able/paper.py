@@ -22,6 +22,7 @@ from ...pages.page import Section, Tile
 from ...pages.tables import Row, Table
 from ..figure import Figures, Reproduced
 from ..paper import Paper, Progress
+from .arm_chapter import ArmChapter, arm_chapter, arm_rows, arm_sections
 from .card import write_published_card
 from .elbow import able_elbow as published_elbow
 from .identification_rows import LOAD_FACTORS, compared_rows, factor_rows, recomputed_rows
@@ -45,20 +46,21 @@ class AblePaper(Paper):
         "fitted": (".published_protocol.", ".friction_needed.", ".implied_friction."),
         "simulated": (
             ".gravity_error", ".inertia_error", ".slider_error", ".recomputed.", ".parameter_count", ".table2.",
-            ".statistics.", "transparency.", "safety.", "study.",
+            ".statistics.", "transparency.", "safety.", "study.", "able.arm.",
         ),
     }  # fmt: skip
     main: ClassVar = (
         "able.table1.", "able.consistent.ratio", "able.load.ratio", "able.load.torque_error",
         "able.friction_needed.factor", *(f"transparency.duration_median.{law}" for law in ("fc", "pcfr", "clpc")),
         "transparency.unsettled.fc",
-        "transparency.torque.best_over_fc", "safety.unsafe", "study.seconds",
+        "transparency.torque.best_over_fc", "able.arm.n4.", "safety.unsafe", "study.seconds",
     )  # fmt: skip
 
     seeds: Sequence[int] = tuple(range(1, 11))  # Of the noise
     rigs: int = 5  # Drawn ones beside the committed one
     people: PointingRig | None = None  # Who points, wearing the committed rig; the package's if None
     studies: Sequence[int] = tuple(range(1, 6))  # Seeds of the virtual people, their order of conditions, their noise
+    joints: Sequence[int] = (1, 2, 3, 4)  # As many of the virtual arm move in the four-joint chapter; none: no chapter
     fuzzed: int = 10_000_000  # Control cycles of every law among nonsense
     workers: int | None = None  # Processes, or threads; as many as there are processors if None
 
@@ -67,6 +69,7 @@ class AblePaper(Paper):
     by_factor: tuple[ModelsCompared, ...] = field(init=False)  # The committed rig, its friction times `LOAD_FACTORS`
     fit: SliderFit = field(init=False)  # The committed rig's, first seed
     transparency: Transparency = field(init=False)  # The paper's laws with virtual people, on the committed rig
+    chapter: ArmChapter | None = field(init=False, default=None)  # Of four joints
 
     def figures(self, tell: Progress) -> Iterator[Reproduced]:
         """Table I and Fig. 3, then what print allows, then Tables III to V and the toolkit's own laws."""
@@ -95,6 +98,10 @@ class AblePaper(Paper):
         yield from transparency_rows(self.transparency, self.printed)
         tell("laws on robots they were not chosen on", 0.85)
         yield from comparison_rows(compare_controllers(drawn, workers=self.workers))
+        if self.joints:
+            tell("four joints", 0.9)
+            self.chapter = arm_chapter(self.joints, workers=self.workers)
+            yield from arm_rows(self.chapter)
         tell("laws among nonsense", 0.95)
         yield from safety_rows(_all_laws(people, cards, self.transparency.exponents), cycles=self.fuzzed)
 
@@ -135,9 +142,10 @@ class AblePaper(Paper):
         )  # fmt: skip
 
     def sections(self, figures: Figures) -> tuple[Section, ...]:
-        """The identification, then the laws."""
+        """The identification, then the laws, then four joints."""
         first = identification_sections(self.rig, self.comparisons, self.by_factor, self.fit, figures)
-        return (*first, *transparency_sections(self.transparency, figures))
+        arm = () if self.chapter is None else arm_sections(self.chapter)
+        return (*first, *transparency_sections(self.transparency, figures), *arm)
 
     def closing(self, figures: Figures) -> tuple[Section, ...]:
         """With where Table II is, and what the methods are."""

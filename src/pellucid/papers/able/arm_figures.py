@@ -1,0 +1,46 @@
+"""What sets of parameters by directions cost as joints are added, beside one body whose friction follows the load."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+from matplotlib.figure import Figure
+from matplotlib.ticker import NullLocator
+
+from ...fit.tree.directional_sets import DirectionalRow
+from ...pages.drawing import Drawing
+from ...pages.style import FIGURE_WIDTH, colour
+
+PANELS = {
+    "parameters": "Parameters",
+    "mean": "Torque error, held out (%)",
+    "condition": "Condition, median over sets",
+    "creates": "Closed paths that give energy (%)",
+}
+TONES = {"load": "load", "plain": "symmetric", "sets_own": "fitted", "sets_printed": "heldout", "sets_errata": "ink"}
+
+
+def cost_by_joints(
+    compared: Mapping[int, Mapping[str, DirectionalRow]], words: Mapping[str, str], caption: str
+) -> Drawing:
+    """Parameters, error, condition and energy against how many joints move; models by `words`."""
+    figure = Figure(figsize=(FIGURE_WIDTH, 4.6), layout="constrained")
+    axes: Sequence = figure.subplots(2, 2).ravel()
+    counts = sorted(compared)
+    for axis, (quantity, title) in zip(axes, PANELS.items(), strict=True):
+        for name, word in words.items():
+            known = [n for n in counts if name in compared[n]]
+            values = [getattr(compared[n][name], quantity) for n in known]
+            axis.plot(known, values, color=colour(TONES[name]), marker="o", markersize=4.0, linewidth=1.5, label=word)
+        if quantity in ("parameters", "condition"):
+            axis.set_yscale("log")
+            axis.yaxis.set_minor_locator(NullLocator())
+        else:
+            axis.set_ylim(bottom=0.0)
+        axis.set_xticks(counts)
+        axis.set_xlabel("Joints that move")
+        axis.set_title(title, fontsize=9, loc="left")
+    figure.legend(
+        *axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=3, fontsize=8.5, frameon=False
+    )
+    return Drawing("arm-cost-by-joints", figure, caption)
