@@ -26,8 +26,8 @@ class ArmLaw(Protocol):
 
     def step(self, time: float, position: np.ndarray, wrench: np.ndarray) -> np.ndarray:
         """Torque asked of each joint, shape (4,) [N m], at `time` [s] by what encoders on the motors say, `position`
-        (4,) [rad], and the force sensor of the handle, `wrench` (6,): the wearer's force [N] and moment [N m] on the
-        carriage, in its axes."""
+        (4,) [rad], and force sensors in the cuff of the upper arm and in the handle, `wrench` (2, 6): the wearer's
+        force [N] and moment [N m] on the robot, in the axes of its link."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,7 +44,7 @@ class WornTrial:
     on_limb: np.ndarray = field(repr=False)  # on_limb, on_robot: (n, 4) of the cuffs, at joints [N m]
     on_robot: np.ndarray = field(repr=False)
     pull: np.ndarray = field(repr=False)  # (n, 2, 6) Force and moment of each cuff on the robot [N; N m]
-    wrench: np.ndarray = field(repr=False)  # (n, 6) The same of the handle, as its sensor reads it
+    wrench: np.ndarray = field(repr=False)  # (n, 2, 6) The same as sensors read it
     stopped: bool  # Whether it was cut short because nothing held any more
 
     @property
@@ -109,23 +109,23 @@ def run(
     quanta, gains, most = rig.quanta, rig.gains, rig.limits
     steps = rig["encoder"]["noise"] * rng.standard_normal((n, 4))
     sensor = rig["force_sensor"]
-    errors = np.repeat([sensor["force_noise"], sensor["moment_noise"]], 3) * rng.standard_normal((n, 6))
+    errors = np.repeat([sensor["force_noise"], sensor["moment_noise"]], 3) * rng.standard_normal((n, 2, 6))
     first = rig.gravity(wanted[0])
     waiting = deque([first] * rig["drive"]["delay"])
     command = np.zeros(5)
     made = {"robot": np.empty((n, 5)), "limb": np.empty((n, 4)), "limb_velocity": np.empty((n, 4))}
     made |= {"effort": np.empty((n, 4)), "on_limb": np.empty((n, 4)), "on_robot": np.empty((n, 5))}
-    made |= {"pull": np.empty((n, 2, 6)), "wrench": np.empty((n, 6))}
-    motor, handle, stopped = wanted[0], np.zeros(6), False
+    made |= {"pull": np.empty((n, 2, 6)), "wrench": np.empty((n, 2, 6))}
+    motor, felt, stopped = wanted[0], np.zeros((2, 6)), False
     for i in range(n):
-        asked = law.step(i / rate, np.round(motor / quanta) * quanta + steps[i], handle)
+        asked = law.step(i / rate, np.round(motor / quanta) * quanta + steps[i], felt)
         waiting.append(np.minimum(np.maximum(asked, -most), most))
         command[:4] = waiting.popleft() / gains
         at, _, motors, limb, limb_velocity, on_robot, on_limb, pull = plant.run(command, wanted[i], speed[i], learnt[i])
         made["robot"][i], made["limb"][i], made["limb_velocity"][i] = at, limb, limb_velocity
         made["effort"][i], made["on_limb"][i], made["on_robot"][i] = asked, on_limb, on_robot
         made["pull"][i] = pull
-        made["wrench"][i] = handle = pull[1] + errors[i]
+        made["wrench"][i] = felt = pull + errors[i]
         motor = motors[:4]
         if not np.abs(limb - wanted[i]).max() < AWAY:
             stopped = True
