@@ -1,4 +1,4 @@
-"""Whole arms worn: what passes through the cuffs under laws built from cards, on robots and people nothing was chosen on.
+"""Whole arms worn: what passes through cuffs under laws built from cards, on robots and people nothing was chosen on.
 
 Five drawn robots, each identified from its own recordings and worn by one of five drawn people, who reach as recorded
 people did where their recordings are here. Full compensation of weight and friction, as identified, is what published
