@@ -78,5 +78,7 @@ def rows(arms: int = ARMS) -> Iterator[ResultRow]:
 
 
 def _row(name: str, values: list[float], unit: str, note: str) -> ResultRow:
-    note = f"{note}; {min(values):.3g} to {max(values):.3g}"
-    return ResultRow(f"arm.{name}", float(np.mean(values)), unit, "evidence", "simulated", None, note)
+    """The median; of a trial that was stopped interaction is infinite."""
+    note = f"median; {note}; {min(values):.3g} to {max(values):.3g}"
+    middle = float(np.median(values))
+    return ResultRow(f"arm.{name}", middle if np.isfinite(middle) else None, unit, "evidence", "simulated", None, note)

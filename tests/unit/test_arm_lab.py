@@ -3,12 +3,15 @@
 import json
 import tomllib
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from pellucid._errors import StudyError
-from pellucid.lab.arm.bodies import built_tree
+from pellucid.control.tree_laws import carried, with_force_sensor
+from pellucid.lab.arm.bodies import JOINT_NUMBERS, built_tree
+from pellucid.lab.arm.card_law import CardLaw, card_of, sensor_points
 from pellucid.lab.arm.free_shoulder import LAWS, ElbowAndShoulder, elbow_constants, figures_of, pointing
 from pellucid.lab.arm.human_motion import JOINTS, generated_motion
 from pellucid.lab.arm.protocol import ArmTrial, limits_of
@@ -180,6 +183,38 @@ def test_a_free_shoulder_that_is_kept_still_changes_little_at_the_elbow(rig):
     assert not found[True].stopped
     assert found[False].elbow_interaction == pytest.approx(found[True].elbow_interaction, rel=0.15)
     assert found[False].shoulder_peak < 0.1
+
+
+def test_force_sensors_in_cuffs_are_taken_to_the_joints(rig):
+    """With the robot's own numbers on a card, feedback of what both cuffs feel leaves less than the weight alone."""
+    estimate = SimpleNamespace(
+        name="built", method="known", robot=rig.robot, families=((),) * 4,
+        links=lambda: rig.drawing.links_array, joints=lambda: np.zeros((4, len(JOINT_NUMBERS))),
+    )  # fmt: skip
+    card = card_of(rig, estimate)
+    person = Person("one")
+    points = sensor_points(person)
+    heard = CardLaw(with_force_sensor(carried(card), proportional=2.0, lowpass=15.0), points)
+    q = np.array([0.4, 0.6, 0.2, 1.1])
+    force = np.array([1.0, -2.0, 3.0])
+    frame, jacobian = card.tree.placements(q)[3], card.tree.jacobian(q, 3, np.array(points[1]))
+    pulled = np.zeros((2, 6))
+    pulled[1, :3] = frame[:, :3].T @ force
+    felt = {}
+
+    class Listening:
+        def step(self, time, position, interaction):
+            felt["at_joints"] = interaction
+            return np.zeros(4)
+
+    heard.running = Listening()
+    heard.step(0.0, q, pulled)
+    np.testing.assert_allclose(felt["at_joints"], jacobian[:3].T @ force, atol=1e-12)
+    motion = generated_motion(4, rig["sampling"]["rate"], 3.0)
+    weight = run(rig, person, CardLaw(carried(card)), motion)
+    sensed = run(rig, person, CardLaw(heard.law, points), motion)
+    assert not sensed.stopped
+    assert sensed.interaction_rms < 0.6 * weight.interaction_rms
 
 
 def test_its_study_is_one_of_several_joints(rig):
