@@ -10,6 +10,7 @@ import pytest
 from pellucid.fit.parameter import KINDS, Verdict, ranked
 from pellucid.procedures.findings import finders, findings_of
 from pellucid.procedures.joint import findings
+from pellucid.procedures.tree import findings as of_a_robot
 
 FILE = '''"""A joint that is cold."""
 
@@ -55,7 +56,8 @@ def test_every_file_of_the_joints_findings_finds():
     assert {"prediction", "weak_parameter", "estimators_disagree"} <= names
 
 
-def test_the_docs_explain_every_finding():
-    page = Path(__file__).parents[2] / "docs" / "verdicts.md"
-    explained = set(re.findall(r"^\| `(\w+)` \|", page.read_text(encoding="utf-8"), re.MULTILINE))
-    assert explained == {name for name, _ in finders(findings)}
+@pytest.mark.parametrize(("heading", "folder"), [("Of a joint", findings), ("Of a robot", of_a_robot)])
+def test_the_docs_explain_every_finding(heading, folder):
+    page = (Path(__file__).parents[2] / "docs" / "verdicts.md").read_text(encoding="utf-8")
+    section = page.split(f"## {heading}\n")[1].split("\n## ")[0]
+    assert set(re.findall(r"^\| `(\w+)` \|", section, re.MULTILINE)) == {name for name, _ in finders(folder)}

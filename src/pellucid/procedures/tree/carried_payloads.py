@@ -52,6 +52,8 @@ def carried_payloads(
 ) -> tuple[FoundPayload, ...]:
     """What hung on the robot in each recording with a payload, found with all recordings without one."""
     made = []
+    if not all(motions[0].gain_known):
+        return ()  # what is in ampere weighs nothing
     # Speeds of Stribeck terms are searched for a robot without load; beside a load that term is too little to matter.
     families = tuple(tuple(term for term in family if term != "stribeck") for family in best.families)
     for name in dict.fromkeys(m.recording for m in motions if m.payload is not None):

@@ -49,14 +49,18 @@ def identify_tree(study: Study, tell: Progress = quiet) -> TreeResult:
     )
     best = TreeModel(robot, found.rows.base, found.best.families, found.choice.speeds, found.best.ripples)
     tell("bodies that can exist", 0.65)
-    bodies = solve_consistent(best, found.rows)
-    models = {"base": found.base, "best": found.best}
-    models["consistent"] = consistent_estimate("consistent", found.rows, bodies)
-    if table.inertia_prior:
-        models["prior"] = fit_with_prior(best, found.rows)[0]
+    models, failures, bodies = {"base": found.base, "best": found.best}, {}, None
+    try:
+        bodies = solve_consistent(best, found.rows)
+        models["consistent"] = consistent_estimate("consistent", found.rows, bodies)
+        if table.inertia_prior:
+            models["prior"] = fit_with_prior(best, found.rows)[0]
+    except IdentificationError as error:
+        # Efforts that no body can make, as of a wrong sign, leave base parameters that may show where.
+        failures["consistent" if bodies is None else "prior"] = str(error)
     tell("judging", 0.75)
     errors = [*_rivals(study, found, fitted, judged), *_of_base_and_best(found, fitted, judged)]
-    errors += _of_bodies(found, bodies, judged)
+    errors += _of_bodies(found, bodies, judged) if bodies is not None else ()
     errors += _of_prior(models, fitted, judged)
     tell("payloads", 0.9)
     payloads = carried_payloads(robot, motions, found.best, gains)
@@ -72,6 +76,7 @@ def identify_tree(study: Study, tell: Progress = quiet) -> TreeResult:
         confidence=table.confidence,
         robot=robot,
         models=models,
+        failures=failures,
         errors=tuple(errors),
         choice=None if out is None else choice_of(robot, out.models),
         lines=tuple(found.lines),

@@ -93,7 +93,7 @@ def error_dots(
         known = values[:, k][np.isfinite(values[:, k])]
         if len(known):
             axis.plot((known.min(), known.max()), (k, k), color=colour("rule"), linewidth=2.0, zorder=1)
-    for (model, each), tall in zip(errors.items(), np.linspace(6.0, 8.5, len(errors)), strict=True):
+    for (model, each), tall in zip(errors.items(), np.linspace(9.0, 5.5, len(errors)), strict=True):
         axis.plot(
             list(each), range(len(names)), color=colour(roles[model]), marker="o", markersize=tall, linestyle="none",
             markeredgewidth=0.0, zorder=3,

@@ -131,7 +131,7 @@ def _tiles(found: TreeResult) -> list[Tile]:
         tiles.append(
             Tile("Standard errors confirmed", number(share, digits=3), "%", "within a factor of 2 of the jackknife")
         )
-    for p in found.payloads[:1]:
+    for p in [p for p in found.payloads if not p.mass.refused][:1]:
         known = "" if p.known is None else f"{number(p.known)} kg in truth"
         tiles.append(Tile("Payload", number(p.mass.value, p.mass.standard_error), "kg", known))
     return tiles

@@ -95,7 +95,8 @@ class FoundPayload:
     @property
     def error(self) -> float:
         """Of the mass [%]; NaN where it is not known."""
-        return float("nan") if self.known is None else 100.0 * abs(self.mass.value - self.known) / self.known
+        unknown = self.known is None or bool(self.mass.refused)
+        return float("nan") if unknown else 100.0 * abs(self.mass.value - self.known) / self.known
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -105,6 +106,7 @@ class TreeResult(Result):
 
     robot: Robot
     models: Mapping[str, TreeEstimate]  # base, best, consistent, as far as there are
+    failures: Mapping[str, str]  # Models that could not be found, and why
     errors: tuple[Errors, ...]
     choice: Choice | None
     lines: tuple[Line, ...]  # The strongest line of each drive's residual
@@ -192,7 +194,13 @@ def _tables(found: TreeResult) -> Iterator[ParameterTable | FigureTable]:
     if found.payloads:
         heads = ("recording", "mass kg", "±", "known kg", "error %")
         rows = tuple(
-            (p.recording, p.mass.value, 1.96 * p.mass.standard_error, p.known, None if p.known is None else p.error)
+            (
+                p.recording,
+                None if p.mass.refused else p.mass.value,
+                None if p.mass.refused else 1.96 * p.mass.standard_error,
+                p.known,
+                p.error if np.isfinite(p.error) else None,
+            )
             for p in found.payloads
         )
         yield FigureTable("Payloads", heads, rows)

@@ -11,6 +11,8 @@ CHEAP = 0.1
 
 def find(case: TreeResult) -> Iterator[Verdict]:
     """The loss, and what least squares alone made of the bodies."""
+    for model, why in case.failures.items():
+        yield Verdict("warning", f"No {model} model: {why}.", "Check masses, signs and gears.")
     best, bodies = case.errors_of("best", case.judged), case.errors_of("consistent", case.judged)
     if best is None or bodies is None:
         return

@@ -12,6 +12,10 @@ NEAR = 5.0
 def find(case: TreeResult) -> Iterator[Verdict]:
     """Each payload beside what was weighed."""
     for p in case.payloads:
+        if p.mass.refused:
+            do = "Move the link that carries it in more directions."
+            yield Verdict("note", f"The mass of the payload of {p.recording} is not told by its motion.", do)
+            continue
         text = f"The payload of {p.recording} comes out as {p.mass.value:.4g} kg"
         if p.known is None:
             yield Verdict("note", f"{text}.")
