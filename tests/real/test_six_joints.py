@@ -127,3 +127,18 @@ def test_a_fit_of_currents_errs_as_stated_on_movements_that_it_never_saw(univers
     stated = {"30sec": [5.7, 3.3, 3.7, 4.9, 5.5, 4.8], "14harm50sec": [6.1, 3.4, 4.0, 3.7, 5.6, 4.4]}
     for name, figures in stated.items():
         np.testing.assert_allclose(errors(predict(of[name]), of[name]), figures, atol=0.15)
+
+
+def test_a_gear_of_the_wrong_sign_is_named(tmp_path_factory, data_folder):
+    """Where nine of ten segments tell it; the wrist's fourth joint is nearly symmetric and only noted."""
+    study = study_of("staubli_tx40", tmp_path_factory, data_folder)
+    text = (study.folder / "study.toml").read_text(encoding="utf-8")
+    for old, new, joint, severity in (
+        ("", "", None, None),
+        ("turns = { joint_2 = 32.0 }", "turns = { joint_2 = -32.0 }", "joint_2", "refuse"),
+        ("turns = { joint_4 = -48.0 }", "turns = { joint_4 = 48.0 }", "joint_4", "note"),
+    ):
+        (study.folder / "study.toml").write_text(text.replace(old, new), encoding="utf-8")
+        signs = [fault for fault in pellucid.check(pellucid.open(study.folder)) if fault.kind == "sign"]
+        assert [fault.severity for fault in signs] == ([severity] if joint else [])
+        assert all(joint in fault.message for fault in signs)

@@ -206,6 +206,31 @@ def test_a_gear_of_the_wrong_sign_is_named(tmp_path):
     assert "try the other sign of turns.shoulder" in said
 
 
+def test_a_sensor_behind_the_friction_shows_signs_by_what_bodies_need(tmp_path):
+    _, q, v, a = (*played()[:3], np.gradient(played()[2], 1 / 250, axis=0))
+    needed = TREE.core.inverse_dynamics(q, v, a)
+    late = np.vstack([needed[:2], needed[:-2]])  # 8 ms: friction seems to give some energy
+    sensed = changed(
+        ('turns = { shoulder = -50.0 }\nzero = "90 deg"', "# joint"),
+        ("turns = { shoulder = 30.0, elbow = 30.0 }", "# joint"),
+        ("motor_position.", "position."),
+        ('kind = "current"\ntorque_constant = "0.04 N*m/A"', 'kind = "torque"'),
+        ('current.shoulder = { column = 0, unit = "mA" }', 'torque.shoulder = { column = 0, unit = "N*m" }'),
+    )
+
+    def refused_of(effort):
+        written(tmp_path, text=sensed)
+        for name, columns in (("motors.csv", q), ("drives.csv", effort)):
+            np.savetxt(tmp_path / name, columns + 1e-5 * np.random.default_rng(6).normal(size=q.shape), delimiter=",")
+        return "\n".join(f.message for f in check(open_study(tmp_path)) if f.severity == "refuse")
+
+    assert refused_of(late) == ""
+    said = refused_of(-needed)
+    assert "found efforts that oppose what the stated bodies need (correlation -1.00)" in said
+    said = refused_of(needed * [1.0, -1.0])
+    assert "of the efforts unexplained as with the effort of joint" in said
+
+
 def test_files_of_other_lengths_are_told(tmp_path):
     told = [fault for fault in check(written(tmp_path, rows=4000)) if fault.kind == "lengths"]
     assert "motors.csv, channel time: found 2000 samples, of which drives.csv has 1000" in told[0].message

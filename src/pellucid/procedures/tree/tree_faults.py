@@ -16,7 +16,7 @@ from ...recordings.study_file import RigJoint
 from ...signals.tree_motion import TreeMotion
 from ..joint.recorded_motions import left_out
 from .recorded_tree import file_of, frames_of, motions_of, position_channel, robot_of
-from .sign_search import GIVES, giving, turned_around
+from .sign_search import GIVES, SURELY_GIVES, as_bodies_need, giving, turned_around
 
 FEWEST_ROWS = 50
 """In which a joint moves; with fewer it never does."""
@@ -32,6 +32,9 @@ VELOCITY = 0.2
 
 SHORTER = 0.01
 """Share of a recording that another file of it may lack at its ends."""
+
+OPPOSED = -0.5
+"""Correlation of efforts with what stated bodies need, over all joints, below which all of them are turned around."""
 
 BEYOND = 0.05
 """Share of a joint's range by which it may pass its limits."""
@@ -184,6 +187,9 @@ def _signs(study: Study, robot: Robot, motions: Sequence[TreeMotion]) -> Iterato
     shares = giving(robot, fitted)
     joints: dict[str, RigJoint] = {joint.joint: joint for joint in study.rig.joints}
     wrong = np.flatnonzero(shares < -GIVES)
+    # A torque sensor at the joint sees little of its friction, a motor all of it.
+    motors = np.array([bool(joints[name].turns) or joints[name].drive.kind != "torque" for name in robot.names])
+    sure = set(np.flatnonzero(shares < np.where(motors, -GIVES, -SURELY_GIVES)).tolist())
     for k in wrong:
         name = robot.names[k]
         found = f"friction of joint {name} that gives energy, {-100 * shares[k]:.2g} % of its effort times its speed"
@@ -193,15 +199,26 @@ def _signs(study: Study, robot: Robot, motions: Sequence[TreeMotion]) -> Iterato
             f"channel{turns} for the position's, whichever is wrong"
             + (", or of a joint that shares its motor" if any(robot.turns_array[i, k] for i in robot.shared) else "")
         )
-        yield _fault("refuse", "sign", _files(study), _channel(study, robot, k), found, wanted)
-    if wrong.size:
+        severity = "refuse" if k in sure else "note"
+        yield _fault(severity, "sign", _files(study), _channel(study, robot, k), found, wanted)
+    if sure:
+        return
+    urdf, alike = file_of(study), as_bodies_need(robot, fitted)
+    if alike < OPPOSED and (urdf is None or urdf.has_bodies):
+        found = f"efforts that oppose what the stated bodies need (correlation {alike:.2f})"
+        yield _fault(
+            "refuse", "sign", _files(study), "", found, "the other sign of all drives' channels, or of gravity"
+        )
         return
     zeros = np.array([joints[name].zero if joints[name].turns else _offset(study, robot, name) for name in robot.names])
     for turned in turned_around(robot, fitted, zeros):
         name = robot.names[turned.joint]
         of = f"turns.{name}" if joints[name].turns else f"position.{name} and of its drive's channel"
         either = " or ".join([name, *(robot.names[i] for i in turned.others)])
-        found = f"{turned.ratio:.3g} times as much of the efforts unexplained as with joint {either} turned around"
+        what = f"{'the effort of ' * turned.effort_alone}joint {either}"
+        found = f"{turned.ratio:.3g} times as much of the efforts unexplained as with {what} turned around"
+        if turned.effort_alone:
+            of = f"the drive's channel of {name}"
         wanted = (
             f"less: a joint's sign and its gear's are those of the robot's file; try the other sign of {of}"
             + (", or of the other's" if turned.others else "")
