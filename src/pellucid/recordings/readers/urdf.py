@@ -287,7 +287,10 @@ def _crude(robot: Urdf):
         )
     for link in robot.links:
         low, middle, high = _about_centre(link)
-        if link.mass > 0.0 and low <= 0.0:
+        if robot.has_bodies and link.mass == 0.0 and high > 0.0:
+            found = f"mass 0 with a moment of inertia of {high:.3g} kg m^2"
+            yield f"{robot.path.name}, link {link.name!r}: found {found}, expected a mass; its inertias are no prior"
+        elif link.mass > 0.0 and low <= 0.0:
             found = f"a moment of inertia of {low:.3g} kg m^2 about its centre"
             yield f"{robot.path.name}, link {link.name!r}: found {found}, expected > 0; its inertias are no prior"
         elif low + middle < high * (1.0 - 1e-6):
