@@ -98,6 +98,8 @@ def _rivals(
     study: Study, found: TreeIdentification, fitted: Sequence[TreeMotion], judged: Sequence[TreeMotion]
 ) -> Iterator[Errors]:
     """The simplest ones: bodies as the robot's file states them, with friction as fitted and as published."""
+    if not all(fitted[0].gain_known):
+        return  # kilograms say nothing of amperes
     kinds = {"fitted": found.rows}
     if judged:
         kinds["heldout"] = tree_rows(found.rows.robot, judged, width=found.rows.width, base=found.rows.base)
