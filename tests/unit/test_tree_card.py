@@ -1,12 +1,14 @@
 """A robot's card: what was written is read to the bit, and what no robot can be is refused by name."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from pellucid import _core
 from pellucid._errors import PellucidError
+from pellucid.fit.tree.friction_terms import NUMBERS
 from pellucid.models.card import CardParameter
 from pellucid.models.tree_card import JointRange, Ripple, TreeCard, read_tree_card, write_tree_card
 
@@ -90,3 +92,12 @@ def test_what_no_robot_can_be_is_refused_by_name(tmp_path, at, value, message):
     path.write_text(json.dumps(table))
     with pytest.raises(PellucidError, match=message):
         read_tree_card(path)
+
+
+def test_units_of_every_friction_term_are_read(tmp_path):
+    """A unit that no reader knows would make a card of its joint unreadable."""
+    card = card_of_two()
+    for number in NUMBERS.values():
+        for unit in number.unit:
+            with_it = replace(card, parameters=(replace(card.parameters[0], unit=unit),))
+            assert read_tree_card(write_tree_card(tmp_path / "tree.json", with_it)) == with_it

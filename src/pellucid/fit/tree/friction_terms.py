@@ -51,7 +51,7 @@ def signed_root(velocity: np.ndarray, width: float = 0.0) -> np.ndarray:
 
 
 EFFORT, VISCOUS = ("N*m", "N"), ("N*m*s/rad", "N*s/m")
-ROOT = ("N*m*(s/rad)^0.5", "N*(s/m)^0.5")
+ROOT = ("N*m*s^0.5/rad^0.5", "N*s^0.5/m^0.5")
 INERTIA = ("kg*m^2", "kg")
 
 NUMBERS: Mapping[str, Number] = {
