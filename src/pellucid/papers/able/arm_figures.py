@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from matplotlib.figure import Figure
-from matplotlib.ticker import NullLocator
+from matplotlib.ticker import FuncFormatter, NullLocator
 
 from ...fit.tree.directional_sets import DirectionalRow
 from ...pages.drawing import Drawing
@@ -15,7 +15,7 @@ PANELS = {
     "parameters": "Parameters",
     "mean": "Torque error, held out (%)",
     "condition": "Condition, median over sets",
-    "creates": "Closed paths that give energy (%)",
+    "least": "Energy lost on the worst closed path, over one body's",
 }
 TONES = {"load": "load", "plain": "symmetric", "sets_own": "fitted", "sets_printed": "heldout", "sets_errata": "ink"}
 
@@ -32,9 +32,10 @@ def cost_by_joints(
             known = [n for n in counts if name in compared[n]]
             values = [getattr(compared[n][name], quantity) for n in known]
             axis.plot(known, values, color=colour(TONES[name]), marker="o", markersize=4.0, linewidth=1.5, label=word)
-        if quantity in ("parameters", "condition"):
+        if quantity == "parameters":
             axis.set_yscale("log")
             axis.yaxis.set_minor_locator(NullLocator())
+            axis.yaxis.set_major_formatter(FuncFormatter(lambda y, _: f"{y:g}"))
         else:
             axis.set_ylim(bottom=0.0)
         axis.set_xticks(counts)
