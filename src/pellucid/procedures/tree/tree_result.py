@@ -207,9 +207,9 @@ def _tables(found: TreeResult) -> Iterator[ParameterTable | FigureTable]:
 
 
 def _short(found: TreeResult, k: int) -> str:
-    """A joint's name where names are short, else its number."""
-    name = found.names[k].replace("_", " ")
-    return name if len(name) <= 8 else f"joint {k + 1}"
+    """A joint's name where all names are short, else its number."""
+    names = [name.replace("_", " ") for name in found.names]
+    return names[k] if max(map(len, names)) <= 8 else f"joint {k + 1}"
 
 
 def joint_states(found: TreeResult, k: int) -> dict[str, str]:
