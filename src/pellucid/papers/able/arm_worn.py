@@ -66,7 +66,8 @@ class Worn:
 
     def step(self, time: float, position: np.ndarray, wrench: np.ndarray) -> np.ndarray:
         """Torque of each joint."""
-        asked = self.running.step(time, position, wrench=wrench) if self.sensed else self.running.step(time, position)
+        handle = wrench[1] if self.sensed else None  # the other sensor is the upper arm's
+        asked = self.running.step(time, position, wrench=handle)
         return asked / self.gains
 
 
