@@ -14,12 +14,10 @@ lose different shares of the load, which is a factor on all that a joint feels, 
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from time import perf_counter
 
 import numpy as np
 
 from pellucid._processes import in_order
-from pellucid.control.tree_laws import full_compensation
 from pellucid.control.tree_stability import (
     LIMBS,
     LinearShares,
@@ -34,21 +32,20 @@ from pellucid.control.tree_stability import (
 from pellucid.fit.tree.fit_tree import fit_tree
 from pellucid.fit.tree.segments_out import heldout_errors
 from pellucid.fit.tree.tree_estimate import TreeEstimate
+from pellucid.lab.arm.card_law import motions_of
 from pellucid.lab.arm.free_shoulder import compare_shoulders
 from pellucid.lab.arm.human_motion import JOINTS
 from pellucid.lab.arm.protocol import ArmTrial, limits_of
 from pellucid.lab.arm.rig import ArmRig, able_arm, drawn_arms
 from pellucid.lab.arm.wearer import CUFFS, HANDLE, HANDLE_AT, UPPER_CUFF, UPPER_CUFF_AT, Person
-from pellucid.papers.able.arm_card import card_of
 from pellucid.papers.able.arm_identification import (
     LOAD,
     ArmIdentified,
     directional_many,
     identified_many,
     judging,
-    recorded,
 )
-from pellucid.papers.able.arm_worn import CHOSEN_ON, CHOSEN_SEED, JUDGED_SECONDS, compare_arms
+from pellucid.papers.able.arm_worn import BEST, LAWS, PUBLISHED, arms_worn
 from pellucid.procedures.tree_excitation import tree_information
 from pellucid.protocols.step_by_step import step_by_step
 from pellucid.protocols.tree_fourier import optimised_tree_fourier, random_tree_fourier, within
@@ -70,9 +67,9 @@ def rows(arms: int = ARMS, seeds: int = SEEDS) -> Iterator[ResultRow]:
     yield from directional_rows(dict(zip(counts, directional_many([(rig, 1, n) for n in counts]), strict=True)))
     yield from excitation_rows(rig)
     yield from margin_rows(found[0].best)
-    yield from worn_rows(rig, drawn, found[seeds:])
+    yield from worn_rows(drawn)
     yield from shoulder_rows(rig)
-    yield from speed_rows(rig, found[0])
+    yield from speed_rows()
 
 
 def row(name: str, value: float | None, unit: str, note: str, split: str = "simulated") -> ResultRow:
@@ -159,9 +156,9 @@ def asked(rig: ArmRig, name: str, seed: int) -> Asked:
             series = within(random_tree_fourier(limits, rng, fundamental=FUNDAMENTAL, harmonics=HARMONICS), limits)
         path = series.motion(np.arange(round(PERIODS * series.period * rate)) / rate)[0]
     trial = ArmTrial(name, name, "fit", reference=path, slider=rig["slider"]["clamped"])
-    fitted = recorded(rig, [trial], seed)
+    fitted = motions_of(rig, [trial], seed)
     estimate = fit_tree(rig.robot, fitted, (LOAD,) * len(JOINTS), name=name)
-    judged = recorded(rig, judging(rig, 1)[1], 1000 + seed)
+    judged = motions_of(rig, judging(rig, 1)[1], 1000 + seed)
     spread = np.sqrt(np.diag(estimate.covariance))
     return Asked(len(path) / rate, spread, tuple(estimate.parameters), float(heldout_errors(estimate, judged).mean()))
 
@@ -211,18 +208,17 @@ def excitation_rows(rig: ArmRig) -> Iterator[ResultRow]:
 
 # --- margins --------------------------------------------------------------------------------------------------------
 
-STEPS = 20_000  # control periods that are timed
 PERIOD, DRIVE = 1e-3, 1.0 / 0.0008  # s, rad/s: the rig's current loop
 POSTURES = {
     "down": (0.1, 0.1, 0.0, 0.4),
     "forward": (0.4, 0.9, 0.2, 1.2),
     "up": (1.1, 1.2, 0.6, 1.9),
 }  # rad
-LAWS = {
+SHARES = {
     "full": LinearShares(1.0, 1.0),
-    "transparent": LinearShares(1.0, 0.95, 0.4),
-    "force_sensor": LinearShares(1.0, 0.95, 0.4, proportional=1.5, lowpass=200.0, drift=0.1),
-}
+    "transparent": LinearShares(1.0, 0.8, 0.4, bandwidth=50.0),
+    "force_sensors": LinearShares(1.0, 0.8, proportional=2.0, lowpass=15.0, drift=0.1),
+}  # as the laws that are worn
 WIDTH = 0.05  # of the largest speed, over which a law's friction turns
 
 
@@ -261,7 +257,7 @@ def margin_rows(estimate: TreeEstimate) -> Iterator[ResultRow]:
     couplings = {name: worn_about(estimate, person, at) for name, at in POSTURES.items()}
     width = WIDTH * np.array([2.0, 2.2, 3.5, 3.5])
     said = f"linear, {len(couplings)} postures, {len(LIMBS[::2])} limbs from limp to tense, at 0.5 rad/s; cables stiff"
-    for law, shares in LAWS.items():
+    for law, shares in SHARES.items():
         controllers = {name: linear_law(one, shares, PERIOD, width=width, speed=0.5) for name, one in couplings.items()}
         found = list(margins_over(couplings, controllers, PERIOD, limbs=LIMBS[::2], speed=0.5))
         least = least_margins(found)
@@ -287,20 +283,34 @@ def _known(value: float) -> float | None:
 # --- worn -----------------------------------------------------------------------------------------------------------
 
 
-def worn_rows(rig: ArmRig, arms: Sequence[ArmRig], found: Sequence[ArmIdentified]) -> Iterator[ResultRow]:
-    """Interaction torque of the chosen law over FC's, on arms that took no part in the choice."""
-    made = compare_arms(rig, arms, found)
-    best = made.over_full(made.best)
-    said = (f"{made.best}, chosen on {CHOSEN_ON} arms of seed {CHOSEN_SEED} among {len(made.tried)} laws "
-            f"({made.tried[made.best]:.2f} there); {len(arms)} arms that took no part, "
-            f"{'people' if made.people else 'generated reaching'}, {JUDGED_SECONDS:.0f} s each")  # fmt: skip
-    yield row("torque.best_over_fc", np.mean(best), "1", f"RMS over four joints, mean over arms; {said}")
-    yield row("torque.best_over_fc.worst", np.max(best), "1", said)
-    for name, torque in made.torque.items():
-        key = name.replace(".", "_")
-        yield row(f"torque.{key}", np.mean(torque), "N*m", f"RMS over four joints; {said}")
-        yield row(f"torque.{key}.over_fc", np.mean(made.over_full(name)), "1", said)
-        yield row(f"torque.{key}.faults", made.faults[name], "1", f"arms whose law stopped; {said}")
+FIGURES = {
+    "interaction": ("N*m", "RMS of the cuffs' torque at the wearer's joints"),
+    "error": ("rad", "RMS of how far the arm is off"),
+    "work": ("J", "what the wearer does against the robot and is not given back"),
+    "exchanged": ("J", "work to and fro"),
+}
+
+
+def worn_rows(arms: Sequence[ArmRig]) -> Iterator[ResultRow]:
+    """What every law leaves to a wearer; ratios are of pairs, on one robot and person. Medians: interaction of a trial
+    that was stopped is infinite."""
+    made, motion = arms_worn(arms)
+    said = f"{len(arms)} robots and people that no law was chosen on, {motion}"
+    for law in LAWS:
+        for figure, (unit, what) in FIGURES.items():
+            yield _median(f"worn.{law}.{figure}", [getattr(one[law], figure) for one in made], unit, f"{what}; {said}")
+        yield row(f"worn.{law}.faults", sum(one[law].faulted for one in made), "1", f"trials that were stopped; {said}")
+        ratios = [one[law].interaction / one[PUBLISHED].interaction for one in made]
+        yield _median(f"worn.{law}.over_fc", ratios, "1", f"interaction over that under full compensation; {said}")
+    best = [one[BEST].interaction / one[PUBLISHED].interaction for one in made]
+    yield _median("torque.best_over_fc", best, "1", f"{BEST} over full compensation; {said}")
+
+
+def _median(name: str, values: Sequence[float], unit: str, note: str) -> ResultRow:
+    """With the ends."""
+    middle = float(np.median(values))
+    said = f"median; {note}; {min(values):.3g} to {max(values):.3g}"
+    return row(name, middle if np.isfinite(middle) else None, unit, said)
 
 
 def shoulder_rows(rig: ArmRig) -> Iterator[ResultRow]:
@@ -315,33 +325,24 @@ def shoulder_rows(rig: ArmRig) -> Iterator[ResultRow]:
 # --- speed ----------------------------------------------------------------------------------------------------------
 
 
-def speed_rows(rig: ArmRig, found: ArmIdentified) -> Iterator[ResultRow]:
-    """Ratios to Pinocchio in one run, and a control step of four joints."""
-    from benchmarks import kinematic_tree
+def speed_rows() -> Iterator[ResultRow]:
+    """Ratios to Pinocchio in one run, a control step of four joints, and the same step on a microcontroller."""
+    from benchmarks import arm
 
-    made = {one["name"]: one for one in kinematic_tree.run()}
-    for name, key in (
-        ("regressor", "tree: regressor, ratio"),
-        ("normal_equations", "tree: regressor and normal equations, ratio"),
-        ("inverse_dynamics", "tree: inverse dynamics, one by one, ratio"),
-        ("inverse_dynamics_at_once", "tree: inverse dynamics, all at once, ratio"),
-    ):
-        one = made.get(key)
-        yield row(
-            f"{name}.over_pinocchio", one and one["value"], "1", one["note"] if one else "Pinocchio is not installed"
+    for name, value in arm.over_pinocchio().items():
+        words = (
+            "called from Python on 45,000 samples; bodies alike" if "once" not in name else "all samples in one call"
         )
-    law = full_compensation(card_of(rig, found.consistent)).start()
-    time = np.arange(STEPS) * PERIOD
-    path = 0.5 + 0.2 * np.sin(np.outer(time, [1.0, 2.0, 3.0, 4.0]))
-    taken = []
-    for _ in range(7):
-        law.reset()
-        begun = perf_counter()
-        law.run(time, path)
-        taken.append(1e6 * (perf_counter() - begun) / STEPS)
-    yield row(
-        "step",
-        float(np.median(taken)),
-        "us",
-        f"full compensation of four joints in double, {STEPS} periods, from Python at once",
-    )
+        yield row(f"{name}.over_pinocchio", value, "1", words)
+    steps = {one["name"].removeprefix(f"{arm.STEP}: ").removesuffix(", step"): one for one in arm.step_rows()}
+    for name, one in steps.items():
+        yield row(f"step.{name}", one["value"], "us", one["note"])
+    yield row("step", max(one["value"] for one in steps.values()), "us", "the slowest of these laws")
+    exported = arm.export_rows()
+    for one in exported:
+        law, _, figure = one["name"].removeprefix(f"{arm.EXPORT}: ").partition(", ")
+        if figure != "wrong":
+            yield row(f"export.{law}.instructions", one["value"], "1", one["note"])
+    wrong = [one["value"] for one in exported if one["name"].endswith("wrong")]
+    said = "steps that differ in any bit between PC and Cortex-M4F, of all laws" if wrong else "tools are missing"
+    yield row("export.wrong_bits", sum(wrong) if wrong else None, "1", said)

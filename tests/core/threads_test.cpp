@@ -47,7 +47,8 @@ bool same(const std::vector<double>& a, const std::vector<double>& b) {
 }
 
 void joints() {
-  const double joint[p::parameter_count] = {0.05, 1.5, -0.2, 0.05, 0.3, 0.25, 0.1, 0.15, 0.12, 0.1, 0.08, 0.15, 0.05};
+  const double joint[p::parameter_count] = {0.05, 1.5,  -0.2, 0.05, 0.3,  0.25, 0.1,
+                                             0.15, 0.12, 0.1,  0.08, 0.15, 0.02, 0.05};
   const auto one = simulated(joint, 1);
   double fastest = 0;
   for (std::size_t i = 0; i < samples; ++i) fastest = std::fmax(fastest, std::fabs(one[rows * samples + i]));

@@ -136,7 +136,7 @@ def test_a_wrench_on_the_forearm_is_felt_at_every_joint():
     """J'F: pushing the end is as pushing joints; the law then helps in that direction."""
     card = arm()
     q, force, point = np.array([0.3, 0.4, -0.2, 0.6]), np.array([2.0, -1.0, 3.0]), (0.02, 0.0, -0.2)
-    law = tree_laws.with_force_sensor(tree_laws.carried(card), body="forearm", point=point)
+    law = tree_laws.with_force_sensor(tree_laws.carried(card), body="forearm", point=point, proportional=1.5)
     law = law.changed(sensor_drift=0.0, sensor_lowpass=1e3)
     assert "sensor" in law.kind
     place = card.tree.placements(q)[3][:, :3]
@@ -144,7 +144,8 @@ def test_a_wrench_on_the_forearm_is_felt_at_every_joint():
     effort, _ = settled(law, q, wrench=np.array([*force, 0.0, 0.0, 0.0]))
     limit = np.array([share["feedback_limit"] for share in law.shares])
     np.testing.assert_allclose(effort - card.tree.gravity(q), np.clip(1.5 * felt, -limit, limit), atol=1e-6)
-    at_joints = tree_laws.with_force_sensor(tree_laws.carried(card)).changed(sensor_drift=0.0, sensor_lowpass=1e3)
+    at_joints = tree_laws.with_force_sensor(tree_laws.carried(card), proportional=1.5)
+    at_joints = at_joints.changed(sensor_drift=0.0, sensor_lowpass=1e3)
     again, _ = settled(at_joints, q, interaction=felt)
     np.testing.assert_allclose(again, effort, atol=1e-6)
     silent, _ = settled(law, q, wrench=np.full(6, np.nan))

@@ -217,8 +217,8 @@ def with_force_sensor(
     *,
     body: str | None = None,
     point: tuple[float, float, float] = (0.0, 0.0, 0.0),
-    proportional: float = 1.5,
-    lowpass: float = 200.0,
+    proportional: float = 2.0,
+    lowpass: float = 15.0,
     drift: float = 0.1,
     limit_share: float = 0.2,
 ) -> TreeLaw:

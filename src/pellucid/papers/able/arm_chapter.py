@@ -19,7 +19,7 @@ from ..figure import Reproduced, figure
 from ..row_sections import cell
 from .arm_figures import cost_by_joints
 from .arm_identification import ArmIdentified, directional_many, identified
-from .arm_worn import BEST, worn
+from .arm_worn import BEST, PUBLISHED, worn
 
 NAMES: Mapping[str, str] = {
     "one body, load friction": "load",
@@ -35,7 +35,7 @@ WORDS: Mapping[str, str] = {
     "sets_printed": "sets as printed, p(2ⁿ − 1)",
     "sets_errata": "sets of all directions, n p 2ⁿ⁻¹",
 }
-WORN = ("full", "transparent", BEST)
+WORN = (PUBLISHED, "transparent", BEST)
 SECONDS = 10.0  # of a motion that is worn
 
 _row = partial(figure, "able.arm")
@@ -58,8 +58,8 @@ def arm_chapter(joints: Sequence[int], *, seconds: float = SECONDS, workers: int
     found = identified(rig)
     # Another person than any on whom a law was chosen; reaching is generated, so that every machine draws the same.
     person = drawn_people(1, seed=3)[0]
-    torque = worn(rig, found, person, WORN, seconds)
-    return ArmChapter(compared, found, {name: value for name, (value, _) in torque.items()})
+    made = worn(rig, person, WORN, seconds)
+    return ArmChapter(compared, found, {name: one.interaction for name, one in made.items()})
 
 
 def arm_rows(chapter: ArmChapter) -> Iterator[Reproduced]:
@@ -87,11 +87,9 @@ def arm_rows(chapter: ArmChapter) -> Iterator[Reproduced]:
     yield _row("gravity_error.stated_gains", "The same without payload, gains as stated", "%",
                chapter.found.gravity["load_stated_gains"])  # fmt: skip
     for name, value in chapter.torque.items():
-        yield _row(
-            f"torque.{name.replace('.', '_')}", f"Interaction torque RMS under {name}, four joints", "N*m", value
-        )
+        yield _row(f"torque.{name}", f"Interaction torque RMS under {name}, four joints", "N*m", value)
     yield _row("torque.best_over_fc", "Interaction torque of the toolkit's own law over FC's, four joints", "1",
-               chapter.torque[BEST] / chapter.torque["full"],
+               chapter.torque[BEST] / chapter.torque[PUBLISHED],
                note="constants chosen on other arms; one person, generated reaching")  # fmt: skip
 
 
@@ -117,9 +115,9 @@ def arm_sections(chapter: ArmChapter) -> tuple[Section, ...]:
         WORDS,
         "What directions cost as joints are added: the others are held by the robot's own loops.",
     )
-    over = chapter.torque[BEST] / chapter.torque["full"]
+    over = chapter.torque[BEST] / chapter.torque[PUBLISHED]
     worn_text = (
-        f"Under full compensation of all four joints a person who reaches feels {chapter.torque['full']:.2f} N·m in "
+        f"Under full compensation of all four joints a person who reaches feels {chapter.torque[PUBLISHED]:.2f} N·m in "
         f"the root mean square over joints; under the toolkit's own law, chosen on other arms, {over:.2f} of it."
     )
     gravity = chapter.found.gravity

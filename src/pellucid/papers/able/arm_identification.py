@@ -23,16 +23,14 @@ from ...fit.tree.payload import with_gains
 from ...fit.tree.segments_out import heldout_errors
 from ...fit.tree.tree_estimate import TreeEstimate
 from ...fit.tree.tree_regression import tree_rows
+from ...lab.arm.card_law import card_of, motions_of
 from ...lab.arm.human_motion import JOINTS, generated_motion, people, recorded_motion
 from ...lab.arm.protocol import ArmTrial, followed
 from ...lab.arm.rig import ArmRig
 from ...models.held_joints import held_at
 from ...models.pseudo_inertia import least_eigenvalue
-from ...signals.motion import Filtering
-from ...signals.tree_motion import TreeMotion, tree_motion_of
-from .arm_card import card_of
+from ...signals.tree_motion import TreeMotion
 
-FILTERING = Filtering(8.0, 4, 20, 0.05, 500)  # low-pass [Hz], order, decimation, dead band [rad/s], trim
 LOAD = ("viscous", "coulomb", "offset", "load")
 LONGEST = 40.0  # s of a person's motion
 JUDGES = 3  # people whose motion is followed
@@ -54,22 +52,6 @@ class ArmIdentified:
     gains: np.ndarray  # (4,) by the payload, over those stated [1]
     best: TreeEstimate  # With the payload's gains
     consistent: TreeEstimate
-
-
-def recorded(rig: ArmRig, trials: Sequence[ArmTrial], seed: int) -> list[TreeMotion]:
-    """What a rig's files say of `trials`, made ready; `seed` draws the instruments' noise."""
-    made, segments = [], 0
-    for i, trial in enumerate(trials):
-        taken = rig.record(trial, np.random.default_rng([seed, i]))
-        samples = next(iter(taken.files[trial.name].values())).values
-        motion = tree_motion_of(
-            samples[:, 0], samples[:, 1:5] * rig.quanta, 1e-3 * samples[:, 5:9], FILTERING, gain=rig.gains,
-            fs=rig["sampling"]["rate"], recording=trial.name, use=trial.use, protocol=trial.protocol,
-        )  # fmt: skip
-        segment = np.where(motion.segment < 0, -1, motion.segment + segments)
-        segments = max(segments, int(segment.max(initial=-1)) + 1)
-        made.append(replace(motion, segment=segment))
-    return made
 
 
 def judging(rig: ArmRig, count: int = JUDGES) -> tuple[str, tuple[ArmTrial, ...]]:
@@ -105,9 +87,9 @@ def identified(rig: ArmRig, seed: int = 1) -> ArmIdentified:
     """Record a rig's own protocol, with a payload and without, and how people move; fit the first alone."""
     robot = rig.robot
     trials = [t for t in rig.trials(seed) if t.use == "fit"]
-    empty, loaded = recorded(rig, trials, seed), recorded(with_payload(rig), trials, 100 + seed)
+    empty, loaded = motions_of(rig, trials, seed), motions_of(with_payload(rig), trials, 100 + seed)
     said, judges = judging(rig)
-    judged = recorded(rig, judges, 1000 + seed)
+    judged = motions_of(rig, judges, 1000 + seed)
     families = (LOAD,) * len(JOINTS)
     plain, stated = fit_tree(robot, empty, name="plain"), fit_tree(robot, empty, families, name="load")
     gains = np.array([p.value for p in gains_from_payload(robot, empty, [loaded], [PAYLOAD], families)])
@@ -150,7 +132,7 @@ def directional(rig: ArmRig, seed: int, joints: int, judges: int = JUDGES) -> tu
 
     def only(trials: Sequence[ArmTrial], noise: int) -> list[TreeMotion]:
         still = [replace(t, reference=_still(t.reference, held)) for t in trials]
-        return [_moving(m, joints) for m in recorded(rig, still, noise)]
+        return [_moving(m, joints) for m in motions_of(rig, still, noise)]
 
     fitted = only([t for t in rig.trials(seed) if t.use == "fit"], seed)
     return compare_directional(robot, fitted, only(judging(rig, judges)[1], 1000 + seed))
