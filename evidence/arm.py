@@ -216,7 +216,7 @@ POSTURES = {
 }  # rad
 SHARES = {
     "full": LinearShares(1.0, 1.0),
-    "transparent": LinearShares(1.0, 0.8, 0.4, bandwidth=50.0),
+    "transparent": LinearShares(1.0, 0.95, 0.4, bandwidth=50.0),
     "force_sensors": LinearShares(1.0, 0.8, proportional=2.0, lowpass=15.0, drift=0.1),
 }  # as the laws that are worn
 WIDTH = 0.05  # of the largest speed, over which a law's friction turns
