@@ -36,6 +36,7 @@ GEARED = {
     "stribeck_velocity": 0.1,
     "load_motoring": 0.08,
     "load_generating": 0.15,
+    "square_root": 0.0,
     "load_rise": 0.5,
     "friction_swing": 0.15,
     "friction_wave_number": 6.0,
@@ -103,7 +104,7 @@ def in_numba() -> tuple[Callable, Callable]:
     @numba.njit
     def run_many(reference, rows, out):
         for i in range(rows.shape[0]):
-            run(reference, rows[i, 0], rows[i, 1], rows[i, 4], rows[i, 6], rows[i, 12], out[i])
+            run(reference, rows[i, 0], rows[i, 1], rows[i, 4], rows[i, 6], rows[i, 13], out[i])
 
     return run, run_many
 
@@ -116,7 +117,7 @@ def geared_in_numba() -> Callable:
     def dry(swung, rise, torque, up, p):
         motoring = torque > 0 if up else torque < 0
         alpha = p[13] if motoring else p[14]
-        return (p[7] if up else p[8]) * swung + p[11] * rise + alpha * (1 + p[15] * rise) * abs(torque)
+        return (p[7] if up else p[8]) * swung + p[11] * rise + alpha * (1 + p[16] * rise) * abs(torque)
 
     @numba.njit
     def moved(v, net, hold, slip, viscous, inertia, h):
@@ -152,13 +153,13 @@ def geared_in_numba() -> Callable:
                     torque = torque_of(q_m - q, v_m - v, p)
                     net = u + RIPPLE * math.sin(RIPPLE_WAVES * q_m) - torque
                     up = v_m > 0 if v_m != 0 else net > 0
-                    swung = 1 + p[16] * math.sin(p[17] * q_m)
+                    swung = 1 + p[17] * math.sin(p[18] * q_m)
                     hold = dry(swung, 1.0, torque, net > 0, p)
                     slip = dry(swung, math.exp(-((v_m / p[12]) ** 2)), torque, up, p)
-                    viscous = (p[9] if up else p[10]) * v_m / (1 + abs(v_m) / p[18])
+                    viscous = (p[9] if up else p[10]) * v_m / (1 + abs(v_m) / p[19])
                     turned = moved(v_m, net, hold, slip, viscous, p[3], h)
                     net = torque - p[1] * math.sin(q) - p[2] * math.cos(q)
-                    v = moved(v, net, p[20], p[20], p[21] * v, p[0], h)
+                    v = moved(v, net, p[21], p[21], p[22] * v, p[0], h)
                     v_m = turned
                     q_m += h * v_m
                     q += h * v
@@ -223,7 +224,7 @@ def medians(cases: dict[str, tuple[float, Callable[[], object]]]) -> dict[str, t
 
 def run() -> list[dict]:
     p = parameters()
-    rows = np.tile(p, (ROWS, 1)) * (1 + 0.1 * np.random.default_rng(1).random((ROWS, 13)))
+    rows = np.tile(p, (ROWS, 1)) * (1 + 0.1 * np.random.default_rng(1).random((ROWS, len(p))))
     long, short = reference(20.0), reference(2.0)
     loop = dict(period=PERIOD, substeps=SUBSTEPS, loop="cascade", kp=KP, kv=KV, limit=LIMIT)
     cases: dict[str, tuple[float, Callable[[], object]]] = {

@@ -86,7 +86,8 @@ template <class S> S step(const PreslidingCoefficients<S>& c, PreslidingState<S>
 /// and F_v that of the sign of v.
 template <class S, class R>
 Resistance<S> bent_resistance(const FrictionCoefficients<S>& c, const R& velocity, const S& direction) noexcept {
-  return {direction, level(c, velocity, direction) * direction + viscous(c, S(velocity)) * velocity};
+  const S dry = level(c, velocity, direction) * direction + viscous(c, S(velocity)) * velocity;
+  return {direction, c.any_root ? dry + c.square_root * signed_root(velocity, S(abs(velocity))) : dry};
 }
 
 }  // namespace PELLUCID_ABI

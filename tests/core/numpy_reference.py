@@ -40,6 +40,11 @@ def direction_of(p: dict[str, float], v: float) -> float:
     return math.tanh(v / p["velocity_width"]) if p["velocity_width"] > 0 else float(np.sign(v))
 
 
+def root_of(v: float, width: float) -> float:
+    """sqrt|v| with v's sign, smooth over a width."""
+    return v / (v * v + width * width) ** 0.25 if width > 0 else math.copysign(math.sqrt(abs(v)), v)
+
+
 def level(p: dict[str, float], v: float, up: bool) -> float:
     value = p["coulomb_positive"] if up else p["coulomb_negative"]
     if p["stribeck_velocity"] > 0:
@@ -54,11 +59,7 @@ def friction(parameters: np.ndarray, velocity: np.ndarray, load: np.ndarray) -> 
         s = direction_of(p, v)
         alpha = p["load_motoring"] if y * v > 0 else p["load_generating"]
         viscous = p["viscous_positive"] if v > 0 else p["viscous_negative"]
-        root = (
-            math.copysign(1.0, v) * math.sqrt(abs(v))
-            if p["velocity_width"] <= 0
-            else (v / (v * v + p["velocity_width"] ** 2) ** 0.25)
-        )
+        root = root_of(v, p["velocity_width"])
         result.append(level(p, v, v > 0) * s + viscous * v + p["square_root"] * root + alpha * abs(y) * s)
     return np.array(result)
 
@@ -186,7 +187,8 @@ def simulate(
             else:
                 s, held = direction_of(p, v), False
             viscous = p["viscous_negative"] if (v if contact else s) < 0 else p["viscous_positive"]
-            left = effort - p["offset"] - level(p, v, s >= 0) * s - viscous * v
+            root = root_of(v, 0.0 if contact or stiction else p["velocity_width"])
+            left = effort - p["offset"] - level(p, v, s >= 0) * s - viscous * v - p["square_root"] * root
             share = 1 + p["load_motoring"] * abs(s) if left * s > 0 else 1 - p["load_generating"] * abs(s)
             a = (left / share - gravity) / p["inertia"]
             if held and v == 0:

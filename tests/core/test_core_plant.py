@@ -151,7 +151,7 @@ def test_divergence_is_not_finite_and_ends():
 
 @pytest.mark.parametrize("value", [np.nan, np.inf])
 def test_bad_parameters_end(value):
-    for i in range(13):
+    for i in range(len(reference.NAMES)):
         p = reference.parameters()
         p[i] = value
         for stiction in (False, True):
@@ -159,7 +159,7 @@ def test_bad_parameters_end(value):
 
 
 def test_frictionless_limit_keeps_energy():
-    p = np.zeros(13)
+    p = np.zeros(len(reference.NAMES))
     p[:2] = 0.05, 1.5
     q, v, *_ = _core.simulate(p, reference=np.zeros(20_000), period=1e-3, substeps=20, position0=1.0)
     energy = 0.5 * 0.05 * v**2 - 1.5 * np.cos(q)

@@ -19,7 +19,7 @@ HEADER = {
     "  S stribeck{};                   ///< F_s [N m], 0": "  S quadratic{};  ///< F_q [N m s^2/rad^2]\n"
     "  S stribeck{};                   ///< F_s [N m], 0",
     "  c.stribeck = select": "  c.quadratic = params.quadratic;\n  c.stribeck = select",
-    "viscous(c, direction) * velocity};": "viscous(c, direction) * velocity + c.quadratic * velocity * abs(velocity)};",
+    "viscous(c, direction) * velocity;": "viscous(c, direction) * velocity + c.quadratic * velocity * abs(velocity);",
 }
 FAMILY = {
     'str, ...]] = {"stribeck"': 'str, ...]] = {"drag": ("quadratic",), "stribeck"',
