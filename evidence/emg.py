@@ -1,0 +1,253 @@
+"""Torque from EMG beyond the recording it was fitted to: what changed is named, and where nothing holds is said.
+
+Recordings are public ones of a person who walks. Their EMG is spoilt as laboratories spoil it, outside the seconds that
+are fitted: a floor that rises with a gain, as of an electrode stuck on anew, and two channels exchanged; then in many
+drawn ways. What is named is read from what `check` says, and torques from what `calibrate` finds.
+"""
+
+from __future__ import annotations
+
+import shutil
+import tempfile
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from pellucid.datasets import init
+from pellucid.datasets.fetch import path as data_set
+from pellucid.estimators.cross_validation import score
+from pellucid.estimators.emg_session import FittedSession
+from pellucid.estimators.torque_map import fit_torque_map
+from pellucid.estimators.torque_trial import TorqueTrial
+from pellucid.procedures.emg_torque.trial_sources import moment_trials
+from pellucid.procedures.registry import open_study
+from pellucid.procedures.run import calibrate, check
+from pellucid.recordings import Study
+from pellucid.recordings.results import ResultRow
+
+SEED = 20261123
+WALKING = "lower_limb_walking"
+FITTED = (19.0, 24.0)  # s, of the walking study
+STUCK_ANEW, FLOOR, GAIN = "soleus", 0.062, 2.6
+EXCHANGED = ("tibialis_anterior", "semimembranosus")
+RESCALED = 3.0  # s
+DRAWN, STRETCH = 300, 10.0  # spoilings; seconds of each stretch spoilt
+
+
+def rows() -> Iterator[ResultRow]:
+    """Every figure."""
+    with tempfile.TemporaryDirectory() as folder:
+        study = init(Path(folder) / "walking", dataset=WALKING)
+        yield from changed_rows(study, Path(folder) / "spoilt")
+        yield from drawn_rows(study)
+        yield from elsewhere_rows(study, Path(folder) / "elsewhere")
+    yield from choice_rows()
+    yield from export_rows()
+
+
+def row(name: str, value: float | None, unit: str, note: str, split: str = "heldout") -> ResultRow:
+    """Of EMG."""
+    return ResultRow(f"emg.{name}", None if value is None else float(value), unit, "evidence", split, None, note)
+
+
+# --- channels that changed ------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Spoiling:
+    """What was done to a recording's channels, and how."""
+
+    words: str
+    muscles: tuple[str, ...]  # The one, or the pair exchanged
+    gain: float = 1.0
+    floor: float = 0.0  # Added after the gain [1]
+
+    def of(self, envelopes: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
+        """The envelopes spoilt, each (n,)."""
+        made = dict(envelopes)
+        first, last = self.muscles[0], self.muscles[-1]
+        if first != last:
+            made[first], made[last] = made[last], made[first]
+        else:
+            made[first] = self.floor + self.gain * made[first]
+        return made
+
+
+STUCK = Spoiling("stuck on anew", (STUCK_ANEW,), GAIN, FLOOR)
+SWAPPED = Spoiling("exchanged", EXCHANGED)
+
+
+def spoilt_study(study: Study, folder: Path, *spoilings: Spoiling) -> Study:
+    """A copy of a walking study whose EMG is spoilt outside the seconds that are fitted."""
+    shutil.copytree(study.folder, folder)
+    file = folder / "recordings" / "emgFilt.sto"
+    head, _, body = file.read_text(encoding="utf-8").partition("endheader\n")
+    names, *lines = body.splitlines()
+    at = {name: i for i, name in enumerate(names.split())}
+    table = np.array([line.split() for line in lines if line.strip()], float)
+    columns = {
+        c.removeprefix("emg."): at[s.column] for c, s in study.config.streams["emg"].channels.items() if c != "time"
+    }
+    envelopes = {muscle: table[:, i] for muscle, i in columns.items()}
+    for spoiling in spoilings:
+        envelopes = spoiling.of(envelopes)
+    other = (table[:, 0] < FITTED[0]) | (table[:, 0] >= FITTED[1])
+    made = table.copy()
+    for muscle, i in columns.items():
+        made[other, i] = envelopes[muscle][other]
+    text = "\n".join("\t".join(f"{x:.8g}" for x in line) for line in made)
+    file.write_text(f"{head}endheader\n{names}\n{text}\n", encoding="utf-8")
+    return open_study(folder)
+
+
+def changed_rows(study: Study, folder: Path) -> Iterator[ResultRow]:
+    """One channel stuck on anew and two exchanged, by `check` and by the ankle's muscles."""
+    faults = [f for f in check(spoilt_study(study, folder, STUCK, SWAPPED)) if f.kind == "changed_channel"]
+    named = {
+        name: {f.channel for f in faults if f.file and f"(recording {name})" in f.message}
+        for name in ("judged", "rest")
+    }
+    truth = [{f"emg.{m}" for m in spoiling.muscles} for spoiling in (STUCK, SWAPPED)]
+    least = min(sum(each <= found for each in truth) for found in named.values())
+    said = f"{STUCK_ANEW} x{GAIN:g} with {FLOOR:g} added; {' and '.join(EXCHANGED)} exchanged; as `check` names them"
+    yield row("changed_channels.named", least, "1", f"of 2 changes, in each of {len(named)} recordings; {said}")
+    wrong = sum(len(found - set().union(*truth)) for found in named.values())
+    yield row("changed_channels.wrongly_named", wrong, "1", f"channels that were left alone; {said}")
+    clean = [f for f in check(study) if f.kind == "changed_channel"]
+    yield row("changed_channels.unspoilt", len(clean), "1", "channels named in the recording as it is")
+    yield from rescaled_rows(study)
+
+
+def rescaled_rows(study: Study) -> Iterator[ResultRow]:
+    """The ankle's torque by muscles on the last 36 s: as recorded, spoilt, and brought back by three seconds."""
+    fitted, _, rest = moment_trials(study, "ankle")
+    session, found = FittedSession.of([fitted]), fit_torque_map([fitted], "hill")
+    spoilt = replace(rest, envelopes=STUCK.of(rest.envelopes))
+    changed = session.compared(spoilt).changed
+    bare = fit_torque_map([fitted], "motion")
+    said = f"ankle at 24 to 60 s, fitted on 19 to 24 s; {STUCK_ANEW} x{GAIN:g} with {FLOOR:g} added"
+    made = {
+        "rescaled.ankle.hill.r2": (
+            session.rescaled(spoilt, RESCALED, changed),
+            f"re-scaled from {RESCALED:g} s; {said}",
+        ),
+        "spoilt.ankle.hill.r2": (spoilt, f"as it is; {said}"),
+        "without_changed.ankle.hill.r2": (session.without(spoilt, changed), f"told by the other channels; {said}"),
+        "unspoilt.ankle.hill.r2": (rest, "ankle at 24 to 60 s, fitted on 19 to 24 s; as recorded"),
+    }
+    for name, (trial, words) in made.items():
+        yield row(name, score(rest.torque, found.predict(trial)).r2, "1", words)
+    yield row(
+        "unspoilt.ankle.motion.r2", score(rest.torque, bare.predict(rest)).r2, "1", "angles alone: the simplest rival"
+    )
+
+
+# --- drawn changes --------------------------------------------------------------------------------------------------
+
+
+def drawn(muscles: tuple[str, ...], tops: Mapping[str, float], rng: np.random.Generator) -> Spoiling:
+    """A change of one channel, or two exchanged. `tops`: what each envelope ranges over."""
+    kind, muscle = rng.choice(["floor", "gain", "stuck on anew", "exchanged"]), str(rng.choice(muscles))
+    gain = float(np.exp(rng.uniform(np.log(3.0), np.log(8.0))) ** rng.choice([-1.0, 1.0]))
+    floor = float(rng.uniform(0.3, 1.0) * tops[muscle])
+    if kind == "floor":
+        return Spoiling(kind, (muscle,), 1.0, floor)
+    if kind == "gain":
+        return Spoiling(kind, (muscle,), gain)
+    if kind == "exchanged":
+        return Spoiling(kind, tuple(str(m) for m in rng.choice(muscles, 2, replace=False)))
+    return Spoiling(kind, (muscle,), float(rng.uniform(1.5, 4.0)), floor)
+
+
+def stretches(trial: TorqueTrial, seconds: float) -> list[TorqueTrial]:
+    """A recording in pieces of so many seconds."""
+    count = round(seconds * trial.fs)
+    pieces = [slice(i, i + count) for i in range(0, len(trial) - count + 1, count)]
+    return [
+        replace(
+            trial, time=trial.time[part], torque=trial.torque[part], lead={},
+            envelopes={m: x[part] for m, x in trial.envelopes.items()},
+            angles={j: q[part] for j, q in trial.angles.items()},
+        )
+        for part in pieces
+    ]  # fmt: skip
+
+
+def drawn_rows(study: Study) -> Iterator[ResultRow]:
+    """Of many changes, the share that is named; of channels left alone, the share that is, too."""
+    fitted, *held = moment_trials(study, "ankle")
+    session, rng = FittedSession.of([fitted]), np.random.default_rng(SEED)
+    pieces = [piece for trial in held for piece in stretches(trial, STRETCH)]
+    tops = dict(zip(session.muscles, session.span, strict=True))
+    told: dict[str, list[bool]] = {}
+    false, alone = 0, 0
+    for _ in range(DRAWN):
+        spoiling, piece = drawn(session.muscles, tops, rng), pieces[rng.integers(len(pieces))]
+        changed = set(session.compared(replace(piece, envelopes=spoiling.of(piece.envelopes))).changed)
+        told.setdefault(spoiling.words, []).append(changed >= set(spoiling.muscles))
+        false += len(changed - set(spoiling.muscles))
+        alone += len(session.muscles) - len(set(spoiling.muscles))
+    said = f"{DRAWN} drawn changes of {STRETCH:g} s of walking: gains of 1/8 to 1/3 and 3 to 8, floors of .3 to 1 range"
+    for kind, each in sorted(told.items()):
+        words = f"every channel named; {len(each)} of {said}"
+        yield row(f"drawn.named.{kind.replace(' ', '_')}", np.mean(each), "1", words)
+    yield row("drawn.named", np.mean([one for each in told.values() for one in each]), "1", said)
+    yield row("drawn.wrongly_named", false / alone, "1", f"of channels left alone beside one that changed; {said}")
+    clean = [len(session.compared(piece).changed) for piece in pieces]
+    words = f"of channels in {len(pieces)} stretches as they were recorded"
+    yield row("drawn.wrongly_named.unspoilt", sum(clean) / (len(clean) * len(session.muscles)), "1", words)
+
+
+# --- another condition ----------------------------------------------------------------------------------------------
+
+RUN = """
+[[recordings]]
+name = "run81"
+file = "recordings/run81_ik.sto"
+streams = { emg = "recordings/run81_emgFilt.sto", moments = "recordings/run81_id.sto" }
+protocol = "running"
+use = "validate"
+"""
+
+
+def elsewhere_rows(study: Study, folder: Path) -> Iterator[ResultRow]:
+    """Running at 8.1 km/h judged by five seconds of walking at 3.6: is it said first that nothing holds?"""
+    source = data_set(WALKING)
+    files = [source / f"run81_{name}.sto" for name in ("ik", "emgFilt", "id")]
+    if not all(file.is_file() for file in files):
+        yield row("run81.said_not_to_hold", None, "1", f"the recordings at 8.1 km/h are not in {WALKING}")
+        return
+    shutil.copytree(study.folder, folder)
+    for file in files:
+        shutil.copyfile(file, folder / "recordings" / file.name)
+    text = (folder / "study.toml").read_text(encoding="utf-8")
+    # A joint is enough: whether anything holds is asked of the channels.
+    one = text.replace('joints = ["knee", "ankle"]', 'joints = ["ankle"]')
+    (folder / "study.toml").write_text(one + RUN, encoding="utf-8")
+    running = open_study(folder)
+    checked = {f.message.split("(recording ")[1].split(")")[0] for f in check(running) if f.kind == "another_condition"}
+    result = calibrate(running)
+    first = result.headline.split(". ")[0]
+    said = checked == {"run81"} and first.startswith("No estimate holds") and "run81" in first
+    words = "by `check` and in the first words of `calibrate`, and of no recording at the fitted speed"
+    yield row("run81.said_not_to_hold", float(said), "1", f"1: said {words}: {first}")
+    r2 = [r.value for r in result.rows if ".ankle." in r.id and r.id.endswith("r2.run81")]
+    yield row("run81.ankle.r2.largest", max(r2), "1", "of all estimators: what would have been believed otherwise")
+
+
+# --- the choice -----------------------------------------------------------------------------------------------------
+
+
+def choice_rows() -> Iterator[ResultRow]:
+    """The estimator that is named first beside the one that turns out best."""
+    yield from ()
+
+
+# --- off the PC -----------------------------------------------------------------------------------------------------
+
+
+def export_rows() -> Iterator[ResultRow]:
+    """What was calibrated, in C."""
+    yield from ()
