@@ -68,6 +68,7 @@ def test_without_noise_coefficients_are_found_to_the_last_digits(seed):
     assert values == pytest.approx([*system.denominator[1:], *system.numerator], rel=1e-4)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("memory", [0.0, 0.8])
 def test_intervals_hold_the_truth_as_often_as_they_say(memory):
     """Of 120 seeds by 3 coefficients, each interval should hold the truth in 114 of 120 on average (SD 2.4)."""

@@ -8,6 +8,8 @@ from pellucid.fit.tree.identify_tree import identify_tree
 from pellucid.fit.tree.tree_verdicts import state_of
 from pellucid.procedures.tree.recorded_tree import recorded_tree
 
+pytestmark = pytest.mark.slow
+
 VISCOUS = [8.05, 5.53, 1.97, 1.11, 1.86, 0.65]  # of Staubli TX40, published
 COULOMB = [7.14, 8.26, 6.34, 2.48, 3.03]  # joint 6's is among the numbers that the record hardly shows
 

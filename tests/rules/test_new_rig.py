@@ -105,6 +105,7 @@ for command in (
 """
 
 
+@pytest.mark.slow
 def test_a_new_rig_is_two_files_and_goes_from_init_to_export(tmp_path):
     package = copied_package(tmp_path)
     own = {"lab/pendulum/rig.py": PENDULUM, "lab/rigs/pendulum.toml": CONSTANTS}

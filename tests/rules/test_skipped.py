@@ -5,7 +5,10 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
 from conftest import LACKED, skipped_lines
+
+pytestmark = pytest.mark.slow
 
 ROOT = Path(__file__).parents[2]
 

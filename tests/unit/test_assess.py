@@ -19,6 +19,8 @@ from pellucid.procedures.run import assess, check
 from pellucid.procedures.run import report as write_report
 from pellucid.recordings.results import read_rows
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture(scope="module")
 def whole(tmp_path_factory):

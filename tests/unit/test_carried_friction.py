@@ -17,6 +17,7 @@ def steady():
     return SteadyStates.within(rng.uniform(0.2, 2.0, 500), rng.uniform(0.0, 3.0, 500))
 
 
+@pytest.mark.slow
 def test_it_exceeds_the_true_friction_in_one_case_of_twenty(steady):
     terms, exceeds, share = steady.terms(NAMES), [], []
     rng = np.random.default_rng(2)

@@ -112,6 +112,7 @@ def test_report_says_where_it_is(bench):
     assert len(bench.asked) == 1  # what was kept is drawn: nothing is identified again
 
 
+@pytest.mark.slow
 def test_report_reads_no_recording_of_what_is_kept(bench, monkeypatch):
     run(cli.app, ["identify", str(bench.folder)])
 

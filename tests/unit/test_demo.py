@@ -21,6 +21,8 @@ from pellucid.models.slider_card import read_slider_card
 from pellucid.pages.quantities import number, percent
 from pellucid.procedures.registry import open_study
 
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture(scope="module")
 def shown():

@@ -50,6 +50,7 @@ def test_two_columns_that_are_one_are_left_to_chance(data):
     assert 0.0 < np.abs(changed.target - data.target).max() < 1e-10 * np.abs(data.target).max()
 
 
+@pytest.mark.slow
 def test_what_has_no_effect_is_undetermined_in_rows_and_on_pages(make_study):
     # Friction that only grows with speed, seen from above: no more of it at rest.
     columns = make_study.swing()
@@ -77,6 +78,7 @@ def test_what_has_no_effect_is_undetermined_in_rows_and_on_pages(make_study):
     assert not any(p.undetermined for p in marked(family.parameters[:1], frozenset()))
 
 
+@pytest.mark.slow
 def test_the_chosen_familys_figures_agree_on_every_kernel(make_study):
     study, told = make_study(), {}
     for kernel in KERNELS:

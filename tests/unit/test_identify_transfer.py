@@ -43,6 +43,7 @@ def table(seed: int = 0, n: int = 900) -> np.ndarray:
     return np.column_stack([time, u, y + 0.01 * rng.normal(size=n)])
 
 
+@pytest.mark.slow
 def test_recordings_are_fitted_and_others_judged_with_what_they_gave(tmp_path):
     study = study_of(tmp_path / "s", {"a": ("fit", table(0)), "b": ("fit", table(1)), "c": ("validate", table(2))})
     found = identify(study)

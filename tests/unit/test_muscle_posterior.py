@@ -7,6 +7,8 @@ import pytest
 
 from pellucid.fit.posterior.muscle_posterior import ForceGrid, offset_interval, offset_posterior
 
+pytestmark = pytest.mark.slow
+
 TRUE = 4e-3
 TIME = np.arange(400) * 2e-3
 

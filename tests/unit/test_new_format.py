@@ -1,6 +1,7 @@
 """A new file format is one new file: a copy of the package with it opens a study's recordings."""
 
 import numpy as np
+import pytest
 from copied_package import copied_package, run_copied
 
 READER = '''"""Lines of the angle and the torque, one sample each, after the rate in the first."""
@@ -47,6 +48,7 @@ print(pl.identify(study)["inertia"].value)
 """
 
 
+@pytest.mark.slow
 def test_a_format_is_one_file(tmp_path, rng):
     copy = copied_package(tmp_path)
     before = {path: path.stat().st_mtime_ns for path in copy.rglob("*") if path.is_file()}

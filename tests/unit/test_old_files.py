@@ -15,6 +15,8 @@ from pellucid.models.parameter_card import read_parameter_card
 from pellucid.models.slider_card import read_slider_card
 from pellucid.recordings.results import read_rows
 
+pytestmark = pytest.mark.slow
+
 OLD = Path(__file__).parents[1] / "data" / "5239fe4" / "commands"
 STUDIES = sorted(path.parent.name for path in OLD.glob("*/study.toml"))
 CARDS = sorted(str(path.relative_to(OLD)) for path in OLD.glob("*/models/*.json"))

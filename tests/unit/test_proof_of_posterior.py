@@ -7,6 +7,8 @@ from evidence.posterior import calibration_rows, coverage_rows, muscle, ranks
 from pellucid.fit.parameter import Parameter
 from pellucid.fit.posterior.posterior import DrawnParameter
 
+pytestmark = pytest.mark.slow
+
 
 def both(error, half=0.2, refused="", unsettled="", prior=0.1):
     fitted = Parameter("k", "1", 1.0 + error, half / 1.959964, refused=refused)

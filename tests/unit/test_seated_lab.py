@@ -17,6 +17,8 @@ from pellucid.models.muscle_geometry import muscle_table
 from pellucid.procedures.loaded_swing.identify_loaded_swing import identify_swings
 from pellucid.procedures.loaded_swing.loaded_swing_page import _panels
 
+pytestmark = pytest.mark.slow
+
 RIG = load_seated_rig()
 
 

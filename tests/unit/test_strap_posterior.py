@@ -12,6 +12,8 @@ from pellucid.fit.strap.coupled_impedance import fit_coupling
 from pellucid.fit.strap.strap_torque import from_orthosis
 from pellucid.fit.strap.wearer_coupling import identify_wearer
 
+pytestmark = pytest.mark.slow
+
 PAIR = Pair()
 
 

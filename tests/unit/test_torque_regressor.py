@@ -119,6 +119,7 @@ print(rows["leg.knee.neighbours.r2"])
 """
 
 
+@pytest.mark.slow
 def test_an_estimator_is_one_file(tmp_path):
     copy = copied_package(tmp_path)
     (copy / "estimators" / "families" / "neighbours.py").write_text(NEIGHBOURS, encoding="utf-8")
