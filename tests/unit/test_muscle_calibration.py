@@ -1,5 +1,7 @@
 """Muscles whose truth is known: what is found, what cannot be, and how sure."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from made_muscles import trial
@@ -11,11 +13,13 @@ from pellucid.estimators.muscle_trials import driven_muscles, muscle_samples
 from pellucid.fit.muscles.muscle_calibration import MuscleProblem, calibrate_muscles
 from pellucid.fit.muscles.muscle_freedom import STAGES
 from pellucid.fit.muscles.muscle_information import (
+    bounds_told_as_estimates,
     covariance,
     information,
     muscle_parameters,
     muscle_verdicts,
     profile,
+    reported_covariance,
 )
 
 TRUE = {
@@ -87,9 +91,20 @@ def test_a_parameter_on_its_bound_is_told():
     late = problem(true={"delay": 0.08})
     late.samples.torque[:] = np.concatenate((np.full(12, late.samples.torque[0]), late.samples.torque[:-12]))
     found = calibrate_muscles(late, iterations=300)
-    assert next(p for p in muscle_parameters(found) if p.name == "delay").at_bound
+    reported = muscle_parameters(found)
+    delay = next(p for p in reported if p.name == "delay")
+    assert delay.at_bound
+    assert not delay.identifiable
+    assert not delay.trusted
+    assert np.isnan(delay.standard_error)
+    assert bounds_told_as_estimates(found, reported) == 0
+    as_before = [replace(p, standard_error=0.0, refused="", identifiable=True) for p in reported]
+    assert bounds_told_as_estimates(found, as_before) == found.at_bound.sum() > 0
+    spread = reported_covariance(found)
+    assert np.array_equal(np.isnan(spread), found.at_bound | found.at_bound[:, None])
     said = muscle_verdicts(found, "knee")[0]
     assert said.kind == "warning"
+    assert "undetermined" in said.text
     assert "delay (0.1 s)" in said.text
 
 

@@ -57,6 +57,8 @@ class HillMap:
     residual_sd: float
     effort: float = 1.0  # Share of a maximal contraction that an envelope of 1 stands for
     causal: bool = False
+    joint: str = ""
+    driven: Mapping[str, tuple[str, ...]] = field(default_factory=dict, repr=False)  # EMG channels, by muscle
 
     def predict(self, trial: TorqueTrial) -> np.ndarray:
         """Torque of a trial, shape (n,) [N m]; its own torque is not looked at."""
@@ -124,7 +126,10 @@ def fit_hill(
     fit = calibrate_muscles(problem, method=method)
     words = f"{len(muscles)} muscles, {len(problem.names)} parameters; weight of anatomy {weight:g}"
     missed = reached or score(samples.torque[counted], fit.predict(samples)[counted])
-    return HillMap(name, names, HillChoice(weight, words, reached, tried), fit, missed.rmse, effort, causal)
+    first = trials[0]
+    driven = first.muscles.driven(first.joint, first.envelopes)
+    choice = HillChoice(weight, words, reached, tried)
+    return HillMap(name, names, choice, fit, missed.rmse, effort, causal, first.joint, driven)
 
 
 def _effort(muscles: Sequence[HillMuscle], samples: MuscleSamples) -> float:

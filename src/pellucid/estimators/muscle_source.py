@@ -85,4 +85,4 @@ class MuscleSource:
             for name in geometry.angles
         }
         v = {name: signs[name] * rates[name] if name in rates else np.zeros(count) for name in geometry.angles}
-        return geometry.length(q), geometry.rate(q, v), signs[joint] * geometry.moment_arm(joint, q)
+        return geometry.length(q), geometry.rate(q, v), signs.get(joint, 1.0) * geometry.moment_arm(joint, q)

@@ -163,7 +163,7 @@ def parameter_note(parameter: Parameter, level: float) -> str:
     if parameter.undetermined:
         return "undetermined"
     if parameter.at_bound:
-        return "at its bound"
+        return "undetermined: on a bound" if parameter.refused else "at its bound"
     if parameter.standard_error == 0.0:
         return "not fitted"
     if parameter.refused:

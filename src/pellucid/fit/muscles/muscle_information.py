@@ -29,6 +29,9 @@ KNOWN = 0.7
 MOST_NAMED = 6
 """Parameters that a verdict lists where there are more than twice as many."""
 
+BOUND = "on a physiological bound: not identifiable"
+"""Why a parameter that ended on one has no standard error: another bound would have been another number."""
+
 _UNITS = {"time_constant": "s", "delay": "s", "max_velocity": "1/s"}
 
 
@@ -60,14 +63,34 @@ def covariance(fit: MuscleFit) -> np.ndarray:
 
 
 def muscle_parameters(fit: MuscleFit) -> tuple[Parameter, ...]:
-    """Parameters with standard errors; unidentifiable ones are marked."""
+    """Parameters with standard errors; unidentifiable ones are marked, and one on a bound has none."""
     sd, gains, values = np.sqrt(np.diag(covariance(fit))), fit.problem.gains(fit.z), fit.problem.values(fit.z)
     units = [*(_unit(p.free.quantity) for p in fit.problem.priors), *(row[1] for row in PASSIVE)]
     return tuple(
-        Parameter(name, unit, float(x), float(s * g), bool(b), bool(s < KNOWN and not b))
+        Parameter(
+            name, unit, float(x), float("nan" if b else s * g), bool(b), bool(s < KNOWN and not b),
+            refused=BOUND if b else "",
+        )
         for name, unit, x, s, g, b in zip(
             fit.problem.names, units[: len(values)], values, sd, gains, fit.at_bound, strict=True
         )
+    )  # fmt: skip
+
+
+def reported_covariance(fit: MuscleFit) -> np.ndarray:
+    """Covariance in the parameters' units, (p, p); NaN in rows and columns of what ended on a bound."""
+    gains = np.where(fit.at_bound, np.nan, fit.problem.gains(fit.z))
+    return covariance(fit) * np.outer(gains, gains)
+
+
+def bounds_told_as_estimates(fit: MuscleFit, reported: Sequence[Parameter]) -> int:
+    """How many of the parameters `reported` stand on a bound of the fit and are given as if they had been found."""
+    found = {p.name: p for p in reported}
+    low, high = fit.problem.values(fit.problem.lower), fit.problem.values(fit.problem.upper)
+    return sum(
+        (found[name].value <= a or found[name].value >= b)
+        and (found[name].identifiable or found[name].trusted or bool(np.isfinite(found[name].standard_error)))
+        for name, a, b in zip(fit.problem.names, low, high, strict=True)
     )
 
 
@@ -95,8 +118,8 @@ def muscle_verdicts(fit: MuscleFit, what: str) -> tuple[Verdict, ...]:
         said.append(
             Verdict(
                 "warning",
-                f"{what}, muscles: {len(bound)} of {len(found)} parameters ended on a physiological bound: {names}. "
-                "The torque is what was fitted; these numbers are no measurement of the person.",
+                f"{what}, muscles: {len(bound)} of {len(found)} parameters ended on a physiological bound and are "
+                f"undetermined: {names}. The torque is what was fitted; these numbers measure nothing of the person.",
             )
         )
     if unknown:

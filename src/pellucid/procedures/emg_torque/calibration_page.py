@@ -111,7 +111,7 @@ def _muscles(findings: CalibrationResult) -> Section | None:
                     (
                         prose(p.name.replace("_", " ")), number(p.value, digits=3),
                         "–" if p.at_bound else " to ".join(number(x, digits=3) for x in p.interval()), p.unit,
-                        "on a bound" if p.at_bound else "yes" if p.identifiable else "no",
+                        "undetermined: on a bound" if p.at_bound else "yes" if p.identifiable else "no",
                     )
                 )
                 for p in table.parameters

@@ -10,14 +10,18 @@ import numpy as np
 
 from ...estimators.hill import HillMap
 from ...estimators.torque_trial import TorqueTrial
-from ...fit.muscles.muscle_information import covariance, muscle_parameters, muscle_verdicts
+from ...fit.muscles.muscle_information import (
+    covariance,
+    muscle_parameters,
+    muscle_verdicts,
+    reported_covariance,
+)
 from ...fit.parameter import Verdict
+from ...models.muscle_card import CARD_KIND, CalibratedMuscles
 from ...models.parameter_card import ParameterCard
 from ...recordings.study import Study
 from ..result import ParameterTable
 from .evaluated import Calibrated
-
-CARD_KIND = "muscles"
 
 SHOWN = 3.0
 """Of a trial in figures of muscles [s]."""
@@ -64,16 +68,16 @@ def muscle_cards(
     """Cards of calibrated muscles, with their covariance in the parameters' units."""
     cards = {}
     for what, found in muscles.items():
-        name, gains = f"muscles_{what}", found.fit.problem.gains(found.fit.z)
-        spread = covariance(found.fit) * np.outer(gains, gains)
+        name, tissue = f"muscles_{what}", {found.joint: found.fit.passive}
+        whole = CalibratedMuscles(found.fit.muscles, found.driven, tissue, found.effort)
         cards[name] = ParameterCard(
             kind=CARD_KIND,
             study=study.name,
             name=name,
             parameters=tuple(p.on_card(0.95) for p in muscle_parameters(found.fit)),
-            covariance=tuple(map(tuple, spread.tolist())),
+            covariance=tuple(map(tuple, reported_covariance(found.fit).tolist())),
             settings={
-                "muscles": ", ".join(found.muscles),
+                **whole.settings(),
                 "weight": found.choice.weight,
                 "residual_sd": found.residual_sd,
                 **{f"delay.{m}": float(late) for m, late in zip(found.muscles, delays(found), strict=True)},
