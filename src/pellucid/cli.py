@@ -118,11 +118,18 @@ def check(folder: Folder, allow_outside: Outside = False) -> None:
         faults = run(study)
     out = _console()
     refused = [f for f in faults if f.severity == "refuse"]
-    _list(out, [("warning", f.message) for f in refused] + [("note", text) for text in grouped(faults)])
+    warned = [f for f in faults if f.severity == "warn"]
+    others = [f for f in faults if f.severity != "warn"]
+    _list(out, [("warning", text) for text in [*(f.message for f in refused), *grouped(warned)]])
+    _list(out, [("note", text) for text in grouped(others)])
     if refused:
         _say(out, f"Not fit to identify from: {_count(len(refused), 'fault')}.")
         raise typer.Exit(1)
     command = asked(study)[0].command
+    if warned:
+        where = ", ".join(dict.fromkeys(f"{f.channel} of {f.file}" for f in warned))
+        _say(out, f"Not as what is to be fitted: {where}. Next: pellucid {command} {folder} says what that costs.")
+        return
     _say(out, f"Fit to {command} from. Next: pellucid {command} {folder}")
 
 

@@ -72,6 +72,7 @@ def test_channels_that_changed_after_the_fitted_seconds_are_named_and_no_others(
     table = "\n".join("\t".join(f"{x:.8g}" for x in row) for row in rows)
     file.write_text(f"{head}endheader\n{names}\n{table}\n", encoding="utf-8")
     found = session_faults(open_study(folder))
+    assert {f.severity for f in found} == {"warn"}
     assert {(f.kind, f.channel) for f in found} == {
         ("changed_channel", "emg.soleus"), ("changed_channel", "emg.tibialis_anterior"),
         ("changed_channel", "emg.semimembranosus"),

@@ -145,6 +145,19 @@ def test_check_exits_1_where_recordings_are_not_fit(bench, monkeypatch):
     assert "1 fault." in result.output
 
 
+def test_check_says_first_what_is_not_as_what_is_to_be_fitted(bench, monkeypatch):
+    note = SimpleNamespace(severity="note", kind="hum", channel="emg.a", message="walk.csv: hum")
+    changed = SimpleNamespace(
+        severity="warn", kind="changed_channel", channel="emg.soleus", file="walk.csv", message="walk.csv: a floor of 0.06"
+    )
+    monkeypatch.setattr("pellucid.procedures.run.check", lambda study: [note, changed])
+    result = run(cli.app, ["check", str(bench.folder)])
+    assert result.exit_code == 0
+    assert "Fit to" not in result.output
+    assert "Not as what is to be fitted: emg.soleus of walk.csv." in result.output
+    assert result.output.index("floor") < result.output.index("hum")
+
+
 def test_compare_marks_what_changed(bench, monkeypatch):
     def row(name, a, b, p):
         return SimpleNamespace(

@@ -91,6 +91,29 @@ def test_a_few_seconds_bring_a_channel_back(session):
     assert all(back[m] is trial.envelopes[m] for m in MUSCLES if m != "soleus")
 
 
+def test_another_muscle_s_signal_in_a_channel_is_named_with_the_muscle(session):
+    trial = walking(1)
+    copy = 0.5 * trial.envelopes["vastus"]
+    found = session.compared(changed(trial, hamstring=copy))
+    assert [(c.muscle, c.kind, c.other) for c in found.changes if c.kind == "crosstalk"] == [
+        ("hamstring", "crosstalk", "vastus")
+    ]
+    assert set(found.changed) == {"hamstring"}
+
+
+def test_what_changed_is_mended_by_what_it_is(session):
+    trial = walking(1)
+    x = trial.envelopes
+    spoilt = changed(trial, soleus=2.6 * x["soleus"] + 0.06, vastus=x["hamstring"], hamstring=x["vastus"])
+    back = session.mended(spoilt, 3.0, session.compared(spoilt)).envelopes
+    assert back["vastus"] is x["vastus"]
+    assert back["hamstring"] is x["hamstring"]
+    assert np.max(np.abs(back["soleus"] - x["soleus"])) < 0.3 * TOPS[0]
+    copied = changed(trial, hamstring=0.5 * x["vastus"])
+    told = session.mended(copied, 3.0, session.compared(copied)).envelopes["hamstring"]
+    assert np.corrcoef(told, x["hamstring"])[0, 1] > np.corrcoef(copied.envelopes["hamstring"], x["hamstring"])[0, 1]
+
+
 def test_what_the_others_tell_takes_a_channel_s_place():
     rng = np.random.default_rng(3)
     trial = walking(0)

@@ -19,21 +19,37 @@ from .torque_trial import TorqueTrial
 FLOOR, TOP = 0.05, 0.95
 """Quantiles of an envelope between which it ranges: a twitch, or one silent moment, moves neither."""
 
-RISEN = 0.2
-"""Share of the fitted range by which a floor may move."""
+RISEN = 0.25
+"""Share of the fitted range by which a floor may move: between walking and crouching one comes to 0.23."""
 
 LEVEL = 3.0
 """Times the fitted range that one channel may reach, or fall short of, among others that do not: a small muscle of a
 walker comes to 2.5 within a minute."""
 
-ALIKE = 1.5
-"""Times by which two ranges differ that may be one muscle's."""
+SPREAD = 0.4
+"""Standard deviation of the logarithm of a channel's range between two recordings of the same session."""
 
-FOLLOWS = 0.2
-"""Correlation by which an envelope goes with another muscle's pattern rather than its own before they are confused."""
+GAIN = 1.5
+"""Log-likelihood that another gain costs: two channels are not exchanged where one gain explains it as well."""
 
-CLEAR = 0.5
+RATHER = 1.2
+"""Log-likelihood by which envelopes are another muscle's rather than their own before they are called exchanged: of
+walkers and runners never fitted, whose cables were as they should be, it comes to 1.0."""
+
+CLEAR = 0.6
 """Correlation from which an envelope is said to go with a pattern at all."""
+
+OWN = 0.7
+"""Correlation from which an envelope goes with its own pattern, whatever else it goes with."""
+
+ONE_SIGNAL = 0.9
+"""Correlation of two envelopes from which they may be one signal."""
+
+CLOSER = 1.2
+"""By how much Fisher's z of two envelopes may rise before they are: between walking and crouching it rises by 0.83."""
+
+PATTERN = 0.6
+"""Log-likelihood by which an envelope that no longer goes with its own pattern goes with another muscle's."""
 
 BEYOND = 0.25
 """Share of the fitted range by which a value may pass its ends."""
@@ -50,10 +66,10 @@ class ChannelChange:
     """One channel that is not what it was."""
 
     muscle: str
-    kind: str  # "floor", "level", "swapped" or "pattern"
+    kind: str  # "floor", "level", "swapped", "pattern" or "crosstalk"
     found: str
     expected: str
-    other: str = ""  # The muscle whose pattern it goes with
+    other: str = ""  # The muscle that it goes with
 
 
 @dataclass(frozen=True)
@@ -90,6 +106,7 @@ class FittedSession:
     patterns: tuple[Ridge, ...] = field(repr=False)  # Of each envelope, by angles and rates
     repeats: np.ndarray  # (k,) Whether the pattern of one half of what was fitted is that of the other
     others: tuple[Ridge, ...] = field(repr=False)  # Of each envelope, by the other envelopes
+    together: np.ndarray = field(repr=False)  # (k, k) Fisher's z of every two envelopes
 
     @classmethod
     def of(cls, trials: Sequence[TorqueTrial]) -> FittedSession:
@@ -110,7 +127,8 @@ class FittedSession:
         others = ()
         if len(muscles) > 1:
             others = tuple(Ridge(PENALTY).fit(np.delete(x, k, axis=1), x[:, k]) for k in range(len(muscles)))
-        return cls(muscles, floor, top - floor, moved.min(axis=0), moved.max(axis=0), patterns, repeats, others)
+        return cls(muscles, floor, top - floor, moved.min(axis=0), moved.max(axis=0), patterns, repeats, others,
+                   _together(x))  # fmt: skip
 
     def compared(self, trial: TorqueTrial) -> Compared:
         """A trial's channels against those fitted."""
@@ -122,7 +140,7 @@ class FittedSession:
         margin = BEYOND * (self.high - self.low)
         away = ((moved < self.low - margin) | (moved > self.high + margin)).any(axis=1)
         goes_with = self._correlations(x, moved) if np.mean(away) <= ELSEWHERE else None
-        changes = [] if many else self._changes(floor, risen, level, goes_with)
+        changes = [] if many else self._changes(floor, risen, level, goes_with, _together(x))
         named = {change.muscle for change in changes}
         loud = [
             (x[:, k] > self.floor[k] + (1.0 + 2.0 * BEYOND) * self.span[k])
@@ -136,6 +154,19 @@ class FittedSession:
 
         own = {} if goes_with is None else by_muscle(np.diag(goes_with))
         return Compared(by_muscle(risen), by_muscle(level), own, tuple(changes), float(np.mean(away)), many)
+
+    def mended(self, trial: TorqueTrial, seconds: float, compared: Compared) -> TorqueTrial:
+        """The trial with channels that changed brought back as far as they can be.
+
+        What was exchanged is exchanged again; a channel that carries another muscle's signal is what the others tell;
+        floor and range of the rest are those fitted, by the first `seconds` [s].
+        """
+        swapped = {c.muscle: c.other for c in compared.changes if c.kind == "swapped"}
+        foreign = {c.muscle for c in compared.changes if c.kind in ("pattern", "crosstalk")}
+        back = {muscle: trial.envelopes[swapped.get(muscle, muscle)] for muscle in self.muscles}
+        scaled = [m for m in compared.changed if m not in swapped and m not in foreign]
+        made = self.rescaled(replace(trial, envelopes=back, lead={}), seconds, scaled)
+        return self.without(made, foreign) if foreign and len(foreign) < len(self.muscles) else made
 
     def rescaled(self, trial: TorqueTrial, seconds: float, muscles: Collection[str]) -> TorqueTrial:
         """The trial with floor and range of some muscles brought to those fitted, by its first `seconds` [s] alone."""
@@ -168,9 +199,15 @@ class FittedSession:
         return _correlations(np.column_stack([pattern.predict(moved) for pattern in self.patterns]), x)
 
     def _changes(
-        self, floor: np.ndarray, risen: np.ndarray, level: np.ndarray, goes_with: np.ndarray | None
+        self,
+        floor: np.ndarray,
+        risen: np.ndarray,
+        level: np.ndarray,
+        goes_with: np.ndarray | None,
+        together: np.ndarray,
     ) -> list[ChannelChange]:
         found, swapped = [], self._swapped(level, goes_with)
+        copies = self._copies(level, goes_with, together)
         for k, muscle in enumerate(self.muscles):
             if k in swapped:
                 other = self.muscles[swapped[k]]
@@ -185,41 +222,71 @@ class FittedSession:
             if not 1.0 / LEVEL <= level[k] <= LEVEL:
                 expected = f"{1 / LEVEL:.1g} to {LEVEL:g} times"
                 found.append(ChannelChange(muscle, "level", f"{level[k]:.2g} times the range as fitted", expected))
-            if goes_with is not None:
+            if k in copies:
+                i, other = copies[k], self.muscles[copies[k]]
+                said = f"the signal of {other} (correlation of envelopes {np.tanh(together[i, k]):.3f})"
+                expected = f"its own ({np.tanh(self.together[i, k]):.2f} as fitted)"
+                found.append(ChannelChange(muscle, "crosstalk", said, expected, other))
+            elif goes_with is not None:
                 best = int(np.argmax(goes_with[:, k]))
                 known = self.repeats[k] and self.repeats[best]
-                if known and best != k and goes_with[best, k] > max(CLEAR, goes_with[k, k] + FOLLOWS):
+                rather = _unexplained(goes_with[k, k]) - _unexplained(goes_with[best, k])
+                if known and goes_with[k, k] < OWN and goes_with[best, k] > CLEAR and rather > PATTERN:
                     other = self.muscles[best]
                     said = f"the pattern of {other} (correlation {goes_with[best, k]:.2f})"
                     found.append(ChannelChange(muscle, "pattern", said, f"its own ({goes_with[k, k]:.2f})", other))
         return found
 
+    def _copies(self, level: np.ndarray, goes_with: np.ndarray | None, together: np.ndarray) -> dict[int, int]:
+        """Channels whose envelope became another's, and which; of the two, the one that is less like itself."""
+        close = (together > np.arctanh(ONE_SIGNAL)) & (together - self.together > CLOSER)
+        unlike = np.abs(np.log(np.maximum(level, 1e-3))) / SPREAD
+        if goes_with is not None:
+            unlike = unlike + np.where(self.repeats, _unexplained(np.diag(goes_with)), 0.0)
+        return {
+            k: int(np.argmax(np.where(close[k], together[k], -np.inf)))
+            for k in range(len(self.muscles))
+            if any(unlike[k] >= unlike[i] for i in np.flatnonzero(close[k]))
+        }
+
     def _swapped(self, level: np.ndarray, goes_with: np.ndarray | None) -> dict[int, int]:
-        """Pairs of channels that stand for each other: by pattern where patterns differ, else by their ranges."""
-        pairs: dict[int, int] = {}
+        """Pairs of channels that stand for each other, the clearest first, by the likelihood of pattern and range."""
         if goes_with is None:
-            return pairs
-        n = len(self.muscles)
-        for i in range(n):
-            for k in range(i + 1, n):
-                crossed, straight = goes_with[i, k] + goes_with[k, i], goes_with[i, i] + goes_with[k, k]
-                ranges = level[i] * self.span[i] / self.span[k], level[k] * self.span[k] / self.span[i]
-                taken_over = all(1.0 / ALIKE <= ratio <= ALIKE for ratio in ranges)
-                moved = not all(1.0 / ALIKE**2 <= level[j] <= ALIKE**2 for j in (i, k))
-                known = self.repeats[i] and self.repeats[k]
-                by_pattern = (
-                    known and crossed > straight + 2.0 * FOLLOWS and min(goes_with[i, k], goes_with[k, i]) > 0.0
-                )
-                by_range = taken_over and moved and (crossed > straight - FOLLOWS or not known)
-                if (by_pattern and (taken_over or not moved)) or by_range:
-                    pairs |= {i: k, k: i}
+            return {}
+        unexplained = _unexplained(goes_with)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            # Of range as channel k against that of muscle i as fitted.
+            off = np.log(level[None, :] * self.span[None, :] / self.span[:, None]) ** 2 / (2.0 * SPREAD**2)
+        scores = []
+        for i in range(len(self.muscles)):
+            for k in range(i + 1, len(self.muscles)):
+                rather = min(off[i, i], GAIN) + min(off[k, k], GAIN) - off[i, k] - off[k, i]
+                if self.repeats[i] and self.repeats[k]:
+                    rather += unexplained[i, i] + unexplained[k, k] - unexplained[i, k] - unexplained[k, i]
+                if np.isfinite(rather) and rather > RATHER:
+                    scores.append((rather, i, k))
+        pairs: dict[int, int] = {}
+        for _, i, k in sorted(scores, reverse=True):
+            if i not in pairs and k not in pairs:
+                pairs |= {i: k, k: i}
         return pairs
+
+
+def _unexplained(correlation: np.ndarray) -> np.ndarray:
+    """Logarithm of the share of an envelope's variance that a pattern with this correlation leaves."""
+    return np.log(np.maximum(1.0 - np.maximum(correlation, 0.0) ** 2, 1e-6))
 
 
 def _correlations(made: np.ndarray, x: np.ndarray) -> np.ndarray:
     """Of every column of one with every column of the other, both (n, k): shape (k, k); 0 where one rests."""
     with np.errstate(invalid="ignore", divide="ignore"):
         return np.nan_to_num(np.corrcoef(made.T, x.T)[: made.shape[1], made.shape[1] :])
+
+
+def _together(x: np.ndarray) -> np.ndarray:
+    """Fisher's z of every two envelopes, (n, k) to (k, k); 0 of one with itself."""
+    z = np.arctanh(np.clip(_correlations(x, x), -0.9999, 0.9999))
+    return z - np.diag(np.diag(z))
 
 
 def _stacked(trials: Sequence[TorqueTrial]) -> tuple[np.ndarray, np.ndarray]:

@@ -33,8 +33,8 @@ def check(study: Study) -> list[Fault]:
     Returns
     -------
     list of Fault
-        `severity` "refuse" stops a procedure; of "cut" it is said what is left out, of "note" what is remarkable; the
-        refusing ones first.
+        `severity` "refuse" stops a procedure; of "cut" it is said what is left out, of "note" what is remarkable; what
+        is found of "warn" is not to be believed as it is. The refusing ones first, then the warnings.
 
     Raises
     ------
@@ -55,7 +55,10 @@ def check(study: Study) -> list[Fault]:
             if not procedure.unfit(study):
                 raise
             faults += [replace(fault, severity="refuse") for fault in procedure.unfit(study).values()]
-    return sorted(dict.fromkeys(faults), key=lambda fault: fault.severity != "refuse")
+    first = ("refuse", "warn")
+    return sorted(
+        dict.fromkeys(faults), key=lambda f: first.index(f.severity) if f.severity in first else len(first)
+    )
 
 
 def identify(

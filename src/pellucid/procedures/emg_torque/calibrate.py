@@ -133,7 +133,7 @@ def _by_recording(study: Study, tell: Progress) -> Calibrated:
             if changed and ESTIMATORS[name].muscles and len(changed) < len(session.muscles):
                 without = score(trial.torque, fit.predict(session.without(trial, changed)))
             if changed and rescale is not None:
-                trial = session.rescaled(trial, rescale, changed)
+                trial = session.mended(trial, rescale, found.sessions[trial.name])
             made = fit.predict(trial)
             half = fit.half_width(trial) if name == "hill" else None
             found.evaluated.append(

@@ -30,7 +30,8 @@ class EmgTorqueTable(ProcedureTable):
         Cut-off of the zero-phase low-pass on the reference torque [Hz].
     rescale : float or None
         Beginning of each recording to be judged by which channels that changed are brought to floor and range as
-        fitted [s]; without it they are used as they are, and named.
+        fitted [s], exchanged ones exchanged again, those with another muscle's signal told by the others; without it
+        they are used as they are, and named.
     muscle_file : str or None
         Path from the study's folder to an OpenSim model or a CEINMS subject, with the muscles' constants.
     muscle_names : dict of str to str

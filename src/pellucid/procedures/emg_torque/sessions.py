@@ -13,7 +13,24 @@ from ...recordings.study import Study
 from ..result import FigureTable
 from .trial_sources import moment_trials
 
-RESCALE = '[emg_torque] rescale = "3 s" brings floor and range of a channel that changed to those fitted'
+RESCALE = '[emg_torque] rescale = "3 s"'
+FOREIGN = (
+    f"Look at electrodes and cables; {RESCALE} puts what the other channels tell in its place.",
+    "What the other channels tell stands in its place.",
+)
+WHAT_TO_DO = {
+    "swapped": (
+        f"Look at cables and columns; {RESCALE} exchanges them again.",
+        "The two channels were exchanged again.",
+    ),
+    "crosstalk": FOREIGN,
+    "pattern": FOREIGN,
+    "floor": (
+        f"{RESCALE} brings floor and range of a channel that changed to those fitted.",
+        "Its floor and range were brought to those fitted.",
+    ),
+}
+"""Kind of a change -> what to do, and what was done where the study asks for it."""
 
 
 def compared_sessions(
@@ -42,12 +59,12 @@ def session_faults(study: Study) -> list[Fault]:
         if not compared.holds:
             text, wanted = elsewhere_words(compared), "envelopes and movement like those to be fitted"
             message = f"{where}, channels emg: found {text}, expected {wanted}: record such movements to fit, too"
-            faults.append(Fault("note", "another_condition", files[name], "emg", text, wanted, message))
+            faults.append(Fault("warn", "another_condition", files[name], "emg", text, wanted, message))
         for change in compared.changes:
             message = f"{where}, channel emg.{change.muscle}: found {change.found}, expected {change.expected}"
             channel = f"emg.{change.muscle}"
             faults.append(
-                Fault("note", "changed_channel", files[name], channel, change.found, change.expected, message)
+                Fault("warn", "changed_channel", files[name], channel, change.found, change.expected, message)
             )
     return faults
 
@@ -74,16 +91,10 @@ def session_verdicts(sessions: Mapping[str, Compared], rescaled: bool) -> list[V
         for muscle in compared.changed:
             own = [change for change in compared.changes if change.muscle == muscle]
             found = "; ".join(f"{change.found}, expected {change.expected}" for change in own)
-            done = "Its floor and range were brought to those fitted." if rescaled else f"{RESCALE}."
-            swapped = any(change.kind == "swapped" for change in own)
-            said.append(
-                Verdict(
-                    "warning",
-                    f"{name}, channel emg.{muscle}: found {found}.",
-                    "Look at cables and columns." if swapped else done,
-                    finding="changed_channel",
-                )
-            )
+            kinds = {change.kind for change in own}
+            what = next((words for kind, words in WHAT_TO_DO.items() if kind in kinds), WHAT_TO_DO["floor"])
+            text = f"{name}, channel emg.{muscle}: found {found}."
+            said.append(Verdict("warning", text, what[int(rescaled)], finding="changed_channel"))
     return said
 
 
