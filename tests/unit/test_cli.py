@@ -148,7 +148,11 @@ def test_check_exits_1_where_recordings_are_not_fit(bench, monkeypatch):
 def test_check_says_first_what_is_not_as_what_is_to_be_fitted(bench, monkeypatch):
     note = SimpleNamespace(severity="note", kind="hum", channel="emg.a", message="walk.csv: hum")
     changed = SimpleNamespace(
-        severity="warn", kind="changed_channel", channel="emg.soleus", file="walk.csv", message="walk.csv: a floor of 0.06"
+        severity="warn",
+        kind="changed_channel",
+        channel="emg.soleus",
+        file="walk.csv",
+        message="walk.csv: a floor of 0.06",
     )
     monkeypatch.setattr("pellucid.procedures.run.check", lambda study: [note, changed])
     result = run(cli.app, ["check", str(bench.folder)])

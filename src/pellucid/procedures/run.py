@@ -56,9 +56,7 @@ def check(study: Study) -> list[Fault]:
                 raise
             faults += [replace(fault, severity="refuse") for fault in procedure.unfit(study).values()]
     first = ("refuse", "warn")
-    return sorted(
-        dict.fromkeys(faults), key=lambda f: first.index(f.severity) if f.severity in first else len(first)
-    )
+    return sorted(dict.fromkeys(faults), key=lambda f: first.index(f.severity) if f.severity in first else len(first))
 
 
 def identify(
