@@ -3,6 +3,7 @@
 #include "coupled_plant.hpp"
 #include "docs.hpp"
 #include "elbow.hpp"
+#include "emg_estimator.hpp"
 #include "fields.hpp"
 #include "hill.hpp"
 #include "kernels.hpp"
@@ -397,6 +398,9 @@ nb::dict model_fields() {
   models["cuff"] = fields_of<p::CuffParams<double>>();
   models["posture_servo"] = fields_of<p::PostureServoParams<double>>();
   models["muscle"] = fields_of<p::EmgMuscleParams<double>>();
+  models["emg_channel"] = fields_of<p::EmgChannelParams<double>>();
+  models["estimated_joint"] = fields_of<p::EstimatedJointParams<double>>();
+  models["short_range"] = fields_of<p::ShortRangeParams<double>>();
   models["strap_estimator"] = fields_of<p::StrapEstimatorParams<double>>();
   models["gate"] = fields_of<p::SafetyParams<double>>();
   models["supervisor"] = fields_of<p::SupervisorParams<double>>();
@@ -496,6 +500,7 @@ NB_MODULE(_core, m) {
   b::add_supervision(m);
   b::add_coupled_plant(m);
   b::add_elbow(m);
+  b::add_emg_estimator(m);
   b::add_worn_orthosis(m);
   b::add_hill(m);
   b::add_strap(m);

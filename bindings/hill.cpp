@@ -374,7 +374,7 @@ class HillTorque {
   }
 
   nb::object forces() const {
-    return per_muscle([this](std::size_t m) { return own_->state.force[m]; });
+    return per_muscle([this](std::size_t m) { return own_->state.muscle[m].force; });
   }
   nb::object delays() const {
     return per_muscle([this](std::size_t m) {

@@ -69,12 +69,34 @@ HillTorqueCoefficients<S, most> coefficients(const HillTorqueParams<S, most>& pa
   return c;
 }
 
-/// What the estimator remembers. Zeros but for `settled` are a beginning.
+/// What a muscle remembers. Zeros but for `settled` are a beginning.
+template <class S, std::size_t capacity> struct EmgMuscleState {
+  DelayState<S, capacity> delay{};  ///< envelopes
+  ActivationState<S> lags{};        ///< of the activation
+  S activation{};                   ///< at the last sample [1]
+  Fibre<S> fibre{};                 ///< at the last sample
+  S force{};                        ///< in the tendon at the last sample [N]
+  bool settled = false;             ///< whether the lags have begun
+};
+
+/// Force in one muscle's tendon [N], from its envelope [1], musculotendon length [m] and its rate [m/s].
+template <class S, std::size_t capacity>
+S step(const EmgMuscleCoefficients<S>& c, EmgMuscleState<S, capacity>& state, const S& excitation, const S& length,
+       const S& velocity) noexcept {
+  const S e = step(c.delay, state.delay, excitation);
+  if (!state.settled && is_finite(e)) {
+    settle(state.lags, e);
+    state.settled = true;
+  }
+  state.activation = step(c.activation, state.lags, e);
+  state.fibre = fibre(c.muscle, length, velocity);
+  state.force = tendon_force(c.muscle, state.activation, state.fibre);
+  return state.force;
+}
+
+/// What the estimator remembers.
 template <class S, std::size_t most, std::size_t capacity> struct HillTorqueState {
-  DelayState<S, capacity> delay[most]{};  ///< envelopes
-  ActivationState<S> activation[most]{};  ///< lags
-  S force[most]{};                        ///< in each tendon at the last sample [N]
-  bool settled[most]{};                   ///< whether the lags have begun
+  EmgMuscleState<S, capacity> muscle[most]{};  ///< in the order of every input
 };
 
 /// What the estimator is given with each sample.
@@ -90,17 +112,9 @@ template <class S, std::size_t most, std::size_t capacity> S step(const HillTorq
                                                                   HillTorqueState<S, most, capacity>& state,
                                                                   const HillTorqueInput<S, most>& input) noexcept {
   S torque(0);
-  for (std::size_t i = 0; i < c.count; ++i) {
-    const S e = step(c.muscle[i].delay, state.delay[i], input.excitation[i]);
-    if (!state.settled[i] && is_finite(e)) {
-      settle(state.activation[i], e);
-      state.settled[i] = true;
-    }
-    const S a = step(c.muscle[i].activation, state.activation[i], e);
-    const MuscleCoefficients<S>& m = c.muscle[i].muscle;
-    state.force[i] = tendon_force(m, a, fibre(m, input.length[i], input.velocity[i]));
-    torque = torque + input.moment_arm[i] * state.force[i];
-  }
+  for (std::size_t i = 0; i < c.count; ++i)
+    torque = torque + input.moment_arm[i] * step(c.muscle[i], state.muscle[i], input.excitation[i], input.length[i],
+                                                 input.velocity[i]);
   return torque;
 }
 

@@ -1066,6 +1066,289 @@ def single_faults() -> list[dict]:
     Faults of `WornElbow.live`: name, group, sentence, needs (a sensor), at_start, joint_encoder, hidden (why).
     """
 
+EMG_FAULTS: tuple = ...
+
+class EmgEstimator:
+    """
+    Torque of joints from EMG and angles as they arrive, by muscles or by a map.
+
+    Parameters
+    ----------
+    channels : (c, 3)
+        Scale, rest and ceiling of each channel of EMG; at most 32.
+    angles : int
+        How many angles are given, 1 to 16.
+    muscles : (m, 18)
+        A row per muscle in the order of MUSCLE_PARAMETER_NAMES; at most 64.
+    shares : (m, c)
+        Of each channel's envelope in each muscle's excitation.
+    axes : (m, 2, 6)
+        Of each muscle's path: index of the angle (below 0: none), sign, offset, start, step, cells (0: no axis).
+    surfaces : sequence of (k,)
+        Coefficients of each path [m], the last axis fastest.
+    joints : (j, 5)
+        Index of the angle, offset, stiffness, damping and limit of each joint; at most 8.
+    terms : sequence of (k, 3)
+        Weight and features of each joint's map; -1 is no feature.
+    lags : (l,) of int
+        How much earlier the map sees envelopes too, in samples; at most 4, below 512.
+    motion : (1, 6)
+        Second-order section on angles before they are differentiated.
+    before, after : (k, 6)
+        Sections before and after raw EMG is rectified, at most 6 and 4; None: envelopes are given.
+    gamma, tendon_strain : float
+        Of short-range stiffness [1].
+    period : float
+        From one step to the next [s], > 0.
+    patience : int
+        Periods that what is silent keeps its last value.
+    """
+
+    def __init__(
+        self,
+        *,
+        channels: ArrayLike,
+        angles: int,
+        muscles: ArrayLike,
+        shares: ArrayLike,
+        axes: ArrayLike,
+        surfaces: Sequence[ArrayLike],
+        joints: ArrayLike,
+        terms: Sequence[ArrayLike],
+        lags: ArrayLike,
+        motion: ArrayLike,
+        before: ArrayLike | None = None,
+        after: ArrayLike | None = None,
+        gamma: float = 23.4,
+        tendon_strain: float = 0.033,
+        period: float,
+        patience: int,
+    ) -> None: ...
+    def listen(self, samples: ArrayLike) -> None:
+        """
+        Raw EMG of every channel, (n, c), at the rate that the filters are made for.
+        """
+
+    def step(self, time: int, envelope: ArrayLike, angle: ArrayLike) -> tuple[NDArray[float64], int, int, int, int]:
+        """
+        One period.
+
+        Parameters
+        ----------
+        time : int
+            On any clock that only goes on [us].
+        envelope : (c,)
+            Of each channel; NaN where it was not heard. Without meaning where raw EMG goes through listen.
+        angle : (a,)
+            [rad]; NaN where it was not heard.
+
+        Returns
+        -------
+        torque : (j,)
+            [N m], finite and within each limit.
+        fault : int
+            Index into EMG_FAULTS of the gravest, 0 for none.
+        lost, above, blind : int
+            Channels lost, channels above their ceiling, angles lost: a bit each.
+        """
+
+    def run(
+        self, time: ArrayLike, envelope: ArrayLike, angle: ArrayLike
+    ) -> tuple[NDArray[float64], NDArray[float64], NDArray[float64], NDArray[float64]]:
+        """
+        Periods one after another, going on from the state.
+
+        Parameters
+        ----------
+        time : (n,) of int
+            [us].
+        envelope : (c, n)
+        angle : (a, n)
+            As of step.
+
+        Returns
+        -------
+        torque : (j, n)
+            [N m].
+        fault : (n,)
+            As of step.
+        short_range, slope : (j, j, n)
+            Stiffness of the joints [N m/rad], row by the torque, column by the angle.
+        """
+
+    def stiffness(self) -> tuple[NDArray[float64], NDArray[float64]]:
+        """
+        Of the joints at the last step, at once and by Hill's slope, (j, j) each [N m/rad].
+        """
+
+    @property
+    def forces(self) -> NDArray[float64]:
+        """In each tendon at the last step, (m,) [N]."""
+
+    @property
+    def activations(self) -> NDArray[float64]:
+        """Of each muscle at the last step, (m,) [1]."""
+
+    @property
+    def levels(self) -> NDArray[float64]:
+        """Envelope of each channel as it was last heard, (c,)."""
+
+    def reset(self) -> None:
+        """Forget every sample."""
+
+class EmgEstimatorFloat:
+    """
+    Torque of joints from EMG and angles as they arrive, by muscles or by a map.
+
+    Parameters
+    ----------
+    channels : (c, 3)
+        Scale, rest and ceiling of each channel of EMG; at most 32.
+    angles : int
+        How many angles are given, 1 to 16.
+    muscles : (m, 18)
+        A row per muscle in the order of MUSCLE_PARAMETER_NAMES; at most 64.
+    shares : (m, c)
+        Of each channel's envelope in each muscle's excitation.
+    axes : (m, 2, 6)
+        Of each muscle's path: index of the angle (below 0: none), sign, offset, start, step, cells (0: no axis).
+    surfaces : sequence of (k,)
+        Coefficients of each path [m], the last axis fastest.
+    joints : (j, 5)
+        Index of the angle, offset, stiffness, damping and limit of each joint; at most 8.
+    terms : sequence of (k, 3)
+        Weight and features of each joint's map; -1 is no feature.
+    lags : (l,) of int
+        How much earlier the map sees envelopes too, in samples; at most 4, below 512.
+    motion : (1, 6)
+        Second-order section on angles before they are differentiated.
+    before, after : (k, 6)
+        Sections before and after raw EMG is rectified, at most 6 and 4; None: envelopes are given.
+    gamma, tendon_strain : float
+        Of short-range stiffness [1].
+    period : float
+        From one step to the next [s], > 0.
+    patience : int
+        Periods that what is silent keeps its last value.
+    """
+
+    def __init__(
+        self,
+        *,
+        channels: ArrayLike,
+        angles: int,
+        muscles: ArrayLike,
+        shares: ArrayLike,
+        axes: ArrayLike,
+        surfaces: Sequence[ArrayLike],
+        joints: ArrayLike,
+        terms: Sequence[ArrayLike],
+        lags: ArrayLike,
+        motion: ArrayLike,
+        before: ArrayLike | None = None,
+        after: ArrayLike | None = None,
+        gamma: float = 23.4,
+        tendon_strain: float = 0.033,
+        period: float,
+        patience: int,
+    ) -> None: ...
+    def listen(self, samples: ArrayLike) -> None:
+        """
+        Raw EMG of every channel, (n, c), at the rate that the filters are made for.
+        """
+
+    def step(self, time: int, envelope: ArrayLike, angle: ArrayLike) -> tuple[NDArray[float64], int, int, int, int]:
+        """
+        One period.
+
+        Parameters
+        ----------
+        time : int
+            On any clock that only goes on [us].
+        envelope : (c,)
+            Of each channel; NaN where it was not heard. Without meaning where raw EMG goes through listen.
+        angle : (a,)
+            [rad]; NaN where it was not heard.
+
+        Returns
+        -------
+        torque : (j,)
+            [N m], finite and within each limit.
+        fault : int
+            Index into EMG_FAULTS of the gravest, 0 for none.
+        lost, above, blind : int
+            Channels lost, channels above their ceiling, angles lost: a bit each.
+        """
+
+    def run(
+        self, time: ArrayLike, envelope: ArrayLike, angle: ArrayLike
+    ) -> tuple[NDArray[float64], NDArray[float64], NDArray[float64], NDArray[float64]]:
+        """
+        Periods one after another, going on from the state.
+
+        Parameters
+        ----------
+        time : (n,) of int
+            [us].
+        envelope : (c, n)
+        angle : (a, n)
+            As of step.
+
+        Returns
+        -------
+        torque : (j, n)
+            [N m].
+        fault : (n,)
+            As of step.
+        short_range, slope : (j, j, n)
+            Stiffness of the joints [N m/rad], row by the torque, column by the angle.
+        """
+
+    def stiffness(self) -> tuple[NDArray[float64], NDArray[float64]]:
+        """
+        Of the joints at the last step, at once and by Hill's slope, (j, j) each [N m/rad].
+        """
+
+    @property
+    def forces(self) -> NDArray[float64]:
+        """In each tendon at the last step, (m,) [N]."""
+
+    @property
+    def activations(self) -> NDArray[float64]:
+        """Of each muscle at the last step, (m,) [1]."""
+
+    @property
+    def levels(self) -> NDArray[float64]:
+        """Envelope of each channel as it was last heard, (c,)."""
+
+    def reset(self) -> None:
+        """Forget every sample."""
+
+def muscle_path(
+    axes: ArrayLike, surface: ArrayLike, angle: ArrayLike
+) -> tuple[NDArray[float64], NDArray[float64], NDArray[float64]]:
+    """
+    Lengths of one muscle with its tendon, and their derivatives by the angles given.
+
+    Parameters
+    ----------
+    axes : (2, 6)
+        As of EmgEstimator.
+    surface : (k,)
+        Coefficients [m].
+    angle : (a, n)
+        [rad].
+
+    Returns
+    -------
+    length : (n,)
+        [m].
+    slope : (2, n)
+        By the angle of each axis [m/rad]; the moment arm is its negative.
+    bend : (2, 2, n)
+        Second derivatives [m/rad^2].
+    """
+
 class WornOrthosis:
     """
     The orthosis of `CoupledPlant` under a supervised law, healthy until a fault is told.
