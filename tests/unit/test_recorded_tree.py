@@ -343,6 +343,14 @@ def test_joints_are_those_of_the_robots_file(tmp_path):
         robot_of(held)
 
 
+def test_a_robots_file_that_is_not_there_is_named(tmp_path):
+    written(tmp_path)
+    study = of_a_file(tmp_path)
+    (tmp_path / "arm.urdf").unlink()
+    (fault,) = [fault for fault in check(study) if fault.severity == "refuse"]
+    assert fault.message.endswith("arm.urdf: no such file, expected by [tree] urdf: the robot's file, in the study's folder")
+
+
 def test_a_payload_is_on_what_carries_its_link(tmp_path):
     written(tmp_path)
     weld = '<link name="tool"/><joint name="w" type="fixed"><parent link="b"/><child link="tool"/>'

@@ -9,10 +9,12 @@ from pellucid import _core
 from pellucid._errors import PellucidError
 from pellucid.control import tree_laws
 from pellucid.control.limits import Limits
+from pellucid.control.tree_stability import LinearShares, TreeCoupling, gravity_slope, linear_law
 from pellucid.models.anthropometry import Segment
 from pellucid.models.tree_card import COLUMNS, JointRange, TreeCard
 
 M, PERIOD = 4, 1e-3
+WAYS = "positive", "negative"
 JOINT = {name: i for i, name in enumerate(COLUMNS["joints"])}
 
 
@@ -94,6 +96,37 @@ def test_in_motion_it_is_the_cards_own_inverse_dynamics():
     slow = np.abs(v[2000:]) < 0.3
     error = np.abs(got - wanted[2000:])
     assert np.max(error[~slow]) < 0.02 * np.abs(wanted).max()
+
+
+def test_near_a_posture_it_is_the_law_that_margins_are_asked_of(rng):
+    """Small motion and small efforts of a wearer: the core's answer beside that of matrices."""
+    alike = {f"{name}_{way}": value for name, value in (("coulomb", 0.3), ("viscous", 0.1)) for way in WAYS}
+    card = with_joint_numbers(arm(), **alike, square_root=0.0)
+    shares = {"friction": 0.7, "inertia": 0.3, "friction_lead": 0.01, "bandwidth": 60.0}
+    limits = (Limits(200.0, 1e6, 50.0, (-10.0, 10.0), 0.0),) * M
+    law = tree_laws.transparent(card, friction_share=0.7, inertia_share=0.3, limits=limits)
+    law = tree_laws.with_force_sensor(law, proportional=2.0, lowpass=15.0, drift=0.1)
+    law = law.changed(integral=4.0, leak=1.0, friction_lead=0.01, bandwidth=60.0, energy_store=np.inf)
+    shares |= {"proportional": 2.0, "integral": 4.0, "leak": 1.0, "lowpass": 15.0, "drift": 0.1}
+    q, weight = np.array([0.3, 0.4, -0.2, 0.6]), np.abs(card.tree.gravity(np.array([0.3, 0.4, -0.2, 0.6])))
+    about = TreeCoupling(
+        mass=card.tree.mass_matrix(q), viscous=0.1, slope=gravity_slope(card.tree, q), coulomb=0.3 + 0.05 * weight,
+        limb_mass=1.0, limb_viscous=0.0, limb_slope=0.0, cuff_stiffness=0.0, cuff_damping=0.0, drive_frequency=50.0,
+        drive_damping=1.0,
+    )  # fmt: skip
+    width = [joint["velocity_width"] for joint in law.joints]
+    linear = linear_law(about, LinearShares(**shares), PERIOD, width=width, speed=1e-6)
+    t = PERIOD * np.arange(600)
+    moved, given = (1e-5 * np.sin(np.outer(t, rng.uniform(3.0, 12.0, M))) for _ in range(2))
+    running, at_rest, state = law.start(), card.tree.gravity(q), np.zeros(len(linear.a))
+    got, wanted = np.zeros((2, len(t), M))
+    for i in range(len(t)):
+        got[i] = running.step(t[i], q + moved[i], interaction=given[i]) - at_rest
+        read = np.concatenate([moved[i], np.zeros(M), given[i]])
+        wanted[i] = linear.c @ state + linear.d @ read
+        state = linear.a @ state + linear.b @ read
+    assert running.fault == "none"
+    np.testing.assert_allclose(got, wanted, atol=2e-3 * np.abs(wanted).max())
 
 
 def simulated(card, law, outside, seconds=1.5, start=0.2, extra=None):

@@ -9,7 +9,6 @@ import numpy as np
 
 from ...models.robot import Robot
 from ...signals.tree_motion import TreeMotion
-from ..parameter import Verdict
 from .base_parameters import BaseParameters
 from .fit_tree import estimate_of
 from .friction_terms import RICHER, RICHER_SHARED, plain_families
@@ -20,7 +19,6 @@ from .tree_estimate import TreeEstimate
 from .tree_families import FamilyChoice, chosen_families
 from .tree_regression import Linearised, TreeModel, TreeRows, TreeSolution, fit_rows, loads_of, tree_rows
 from .tree_uncertainty import tree_uncertainty
-from .tree_verdicts import verdicts
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,8 +39,6 @@ class TreeIdentification:
         Errors on segments left out; of the maker's inertias with friction fitted, too. None where not asked for.
     jackknife : SegmentJackknife or None
         Beside the best estimate's standard errors.
-    verdicts : tuple of Verdict
-        On the best estimate.
     heldout : mapping of str to ndarray
         Errors of "base" and "best" on recordings that took no part, (m,) [%].
     """
@@ -56,7 +52,6 @@ class TreeIdentification:
     best_out: SegmentsOut | None
     maker_out: SegmentsOut | None
     jackknife: SegmentJackknife | None
-    verdicts: tuple[Verdict, ...]
     heldout: dict[str, np.ndarray]
 
 
@@ -91,7 +86,7 @@ def identify_tree(
         maker_out = replace(maker_out, errors=maker_out.errors * maker.size / rows.size)
     heldout = {e.name: heldout_errors(e, judged) for e in (base, best)} if judged else {}
     return TreeIdentification(
-        rows, base, best, choice, lines, base_out, best_out, maker_out, jackknife, verdicts(best), heldout
+        rows, base, best, choice, lines, base_out, best_out, maker_out, jackknife, heldout
     )
 
 

@@ -24,7 +24,7 @@ from ..joint.recorded_motions import filtering_of
 from ..procedure import Progress, quiet
 from . import findings
 from .carried_payloads import GAINS, carried_payloads, with_gains
-from .recorded_tree import recorded_tree
+from .recorded_tree import file_of, recorded_tree
 from .tree_faults import tree_faults
 from .tree_result import Errors, TreeResult, TreeTrace, choice_of, completed
 
@@ -98,8 +98,9 @@ def _rivals(
     study: Study, found: TreeIdentification, fitted: Sequence[TreeMotion], judged: Sequence[TreeMotion]
 ) -> Iterator[Errors]:
     """The simplest ones: bodies as the robot's file states them, with friction as fitted and as published."""
-    if not all(fitted[0].gain_known):
-        return  # kilograms say nothing of amperes
+    urdf = file_of(study)
+    if not all(fitted[0].gain_known) or (urdf is not None and not urdf.has_bodies):
+        return  # kilograms say nothing of amperes, and what stands in for bodies is nobody's statement
     kinds = {"fitted": found.rows}
     if judged:
         kinds["heldout"] = tree_rows(found.rows.robot, judged, width=found.rows.width, base=found.rows.base)

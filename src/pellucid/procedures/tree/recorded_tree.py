@@ -39,7 +39,10 @@ def file_of(study: Study) -> Urdf | None:
     if said is None:
         return None
     if "urdf" not in study.found:
-        study.found["urdf"] = read_urdf(study.inside(said, "[tree] urdf"))
+        path = study.inside(said, "[tree] urdf")
+        if not path.exists():
+            raise RecordingError(f"{path}: no such file, expected by [tree] urdf: the robot's file, in the study's folder")
+        study.found["urdf"] = read_urdf(path)
     return study.found["urdf"]
 
 

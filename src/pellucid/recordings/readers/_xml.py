@@ -18,6 +18,8 @@ def read_xml(path: Path) -> ElementTree.Element:
     path = Path(path)
     try:
         content = read_given(path)
+    except FileNotFoundError:
+        raise RecordingError(f"{path}: no such file") from None
     except OSError as error:
         raise RecordingError(f"{path}: not readable: {error}") from error
     try:

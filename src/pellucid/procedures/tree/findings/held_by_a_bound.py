@@ -8,7 +8,8 @@ from ..tree_result import TreeResult
 
 def find(case: TreeResult) -> Iterator[Verdict]:
     """What a physical bound holds."""
-    held = [p.name.replace(".", ": ").replace("_", " ") for p in case.best.parameters.values() if p.at_bound]
+    named = (p.name.rpartition(".") for p in case.best.parameters.values() if p.at_bound)
+    held = [f"{number} of {of}".replace("_", " ") for of, _, number in named]
     if held:
         text = f"A physical bound holds {', '.join(held)}: there is none to see, or another term has taken its share."
         yield Verdict("note", text, weight=len(held))
