@@ -136,6 +136,35 @@ template <class T> BasicArray<T> read_array_of(const char* name, nb::handle valu
 }
 inline Array read_array(const char* name, nb::handle value) { return read_array_of<double>(name, value); }
 
+/// A sample of `n` numbers alone, as loops give it: `data`, or none where it is anything else. The buffer protocol takes
+/// a fraction of what DLPack does, which is most of the time of a small call.
+class OneSample {
+ public:
+  OneSample(nb::handle value, std::size_t n) noexcept {
+    if (!PyObject_CheckBuffer(value.ptr())) return;
+    held_ = PyObject_GetBuffer(value.ptr(), &view_, PyBUF_STRIDED_RO | PyBUF_FORMAT) == 0;
+    if (!held_) {
+      PyErr_Clear();
+      return;
+    }
+    const bool doubles = view_.format != nullptr && view_.format[0] == 'd' && view_.format[1] == 0;
+    if (doubles && view_.ndim == 1 && view_.shape[0] == static_cast<Py_ssize_t>(n) &&
+        view_.strides[0] == static_cast<Py_ssize_t>(sizeof(double)))
+      data = static_cast<const double*>(view_.buf);
+  }
+  ~OneSample() {
+    if (held_) PyBuffer_Release(&view_);
+  }
+  OneSample(const OneSample&) = delete;
+  OneSample& operator=(const OneSample&) = delete;
+
+  const double* data = nullptr;
+
+ private:
+  Py_buffer view_;
+  bool held_ = false;
+};
+
 inline bool is_float32(nb::handle value) {
   nb::ndarray<const float, nb::device::cpu> view;
   return nb::try_cast(value, view, false);

@@ -129,11 +129,10 @@ class KinematicTree {
 
   nb::object inverse_dynamics(nb::handle position, nb::handle velocity, nb::handle acceleration) const {
     // A sample alone, as loops give it, takes less time than asking whether it is something else.
-    nb::ndarray<const double, nb::ndim<1>, nb::c_contig, nb::device::cpu> q, v, a;
-    if (nb::try_cast(position, q, false) && nb::try_cast(velocity, v, false) && nb::try_cast(acceleration, a, false) &&
-        q.shape(0) == coordinates_ && v.shape(0) == coordinates_ && a.shape(0) == coordinates_) {
+    const OneSample q(position, coordinates_), v(velocity, coordinates_), a(acceleration, coordinates_);
+    if (q.data != nullptr && v.data != nullptr && a.data != nullptr) {
       const Result effort({coordinates_});
-      kernels.inverse_dynamics(numbers(), {1, q.data(), v.data(), a.data()}, effort.data);
+      kernels.inverse_dynamics(numbers(), {1, q.data, v.data, a.data}, effort.data);
       return effort.array();
     }
     const TreeArguments in(coordinates_,
