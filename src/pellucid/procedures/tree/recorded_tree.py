@@ -41,7 +41,9 @@ def file_of(study: Study) -> Urdf | None:
     if "urdf" not in study.found:
         path = study.inside(said, "[tree] urdf")
         if not path.exists():
-            raise RecordingError(f"{path}: no such file, expected by [tree] urdf: the robot's file, in the study's folder")
+            raise RecordingError(
+                f"{path}: no such file, expected by [tree] urdf: the robot's file, in the study's folder"
+            )
         study.found["urdf"] = read_urdf(path)
     return study.found["urdf"]
 
