@@ -21,4 +21,3 @@ def state_of(parameter: Parameter) -> str:
 def states(estimate: TreeEstimate) -> dict[str, str]:
     """Of every number that was fitted."""
     return {name: state_of(p) for name, p in estimate.parameters.items() if not name.endswith("stribeck_velocity")}
-
