@@ -85,9 +85,7 @@ def identify_tree(
         maker_out = segments_out(maker, lambda part: (friction, fit_rows(friction, part)[0]))
         maker_out = replace(maker_out, errors=maker_out.errors * maker.size / rows.size)
     heldout = {e.name: heldout_errors(e, judged) for e in (base, best)} if judged else {}
-    return TreeIdentification(
-        rows, base, best, choice, lines, base_out, best_out, maker_out, jackknife, heldout
-    )
+    return TreeIdentification(rows, base, best, choice, lines, base_out, best_out, maker_out, jackknife, heldout)
 
 
 def plain_model(rows: TreeRows) -> TreeModel:
