@@ -235,7 +235,7 @@ def test_a_study_is_written_for_a_robot(written, tmp_path):
         pellucid.check(study)
     with pytest.raises(StudyError, match=r"expected a new or empty folder"):
         pellucid.init(tmp_path / "my arm", urdf=written(BRANCHED))
-    with pytest.raises(PellucidError, match=r"nothing\.urdf: no such file$"):
+    with pytest.raises(PellucidError, match=r"nothing\.urdf: not readable: no such file$"):
         pellucid.init(tmp_path / "other", urdf=tmp_path / "nothing.urdf")
     assert not (tmp_path / "other").exists()
     with pytest.raises(StudyError, match=r"found a joint 'a/b', expected letters"):

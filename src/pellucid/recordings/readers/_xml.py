@@ -19,7 +19,7 @@ def read_xml(path: Path) -> ElementTree.Element:
     try:
         content = read_given(path)
     except FileNotFoundError:
-        raise RecordingError(f"{path}: no such file") from None
+        raise RecordingError(f"{path}: not readable: no such file") from None
     except OSError as error:
         raise RecordingError(f"{path}: not readable: {error}") from error
     try:
