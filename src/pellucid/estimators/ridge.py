@@ -8,6 +8,7 @@ Features are made comparable (mean 0, variance 1) and the offset is not penalise
 from __future__ import annotations
 
 from collections.abc import Sequence
+from copy import copy
 
 import numpy as np
 from sklearn.base import BaseEstimator, RegressorMixin
@@ -28,8 +29,17 @@ class Ridge(RegressorMixin, BaseEstimator):
 
     def fit(self, X: np.ndarray, y: np.ndarray) -> Ridge:
         """Find the coefficients of `X`, shape (n, k), for `y`, shape (n,)."""
-        if not self.alpha >= 0.0:
-            raise IdentificationError(f"ridge: found the penalty {self.alpha:g}, expected at least 0")
+        return self._solved(self._decomposed(X, y))
+
+    def fit_each(self, X: np.ndarray, y: np.ndarray, alphas: Sequence[float]) -> list[Ridge]:
+        """Estimators like this one with each of `alphas`, fitted: the singular values, nearly all the work, are found
+        once.
+        """
+        system = self._decomposed(X, y)
+        return [copy(self).set_params(alpha=alpha)._solved(system) for alpha in alphas]
+
+    def _decomposed(self, X: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Right singular vectors, singular values, and the torque along the left ones."""
         X, y = validate_data(self, X, y, dtype=np.float64, y_numeric=True)
         x = self._expanded(X)
         self.mean_, scale = x.mean(axis=0), x.std(axis=0)
@@ -37,9 +47,14 @@ class Ridge(RegressorMixin, BaseEstimator):
         q, r = np.linalg.qr((x - self.mean_) / self.scale_)
         u, s, vt = np.linalg.svd(r, full_matrices=False)  # as of x itself, and much smaller
         self.offset_ = float(np.mean(y))
-        carried = s > DEPENDENT * s[0]
-        gain = np.divide(s, s**2 + self.alpha, out=np.zeros_like(s), where=carried)
-        self.coefficients_ = vt.T @ (gain * (u.T @ (q.T @ (y - self.offset_))))
+        return vt, s, u.T @ (q.T @ (y - self.offset_))
+
+    def _solved(self, system: tuple[np.ndarray, np.ndarray, np.ndarray]) -> Ridge:
+        if not self.alpha >= 0.0:
+            raise IdentificationError(f"ridge: found the penalty {self.alpha:g}, expected at least 0")
+        vt, s, along = system
+        gain = np.divide(s, s**2 + self.alpha, out=np.zeros_like(s), where=s > DEPENDENT * s[0])
+        self.coefficients_ = vt.T @ (gain * along)
         return self
 
     def predict(self, X: np.ndarray) -> np.ndarray:

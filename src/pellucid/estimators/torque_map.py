@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -139,7 +140,7 @@ class _Stack:
         )
         self._made: dict[FeatureSet, Features] = {}
 
-    @property
+    @cached_property
     def folds(self) -> list[Fold]:
         groups = np.repeat([trial.group for trial in self.trials], [len(trial) for trial in self.trials])
         if len(set(groups.tolist())) > 1:
@@ -161,14 +162,13 @@ def _choose(family: Family, stack: _Stack) -> Choice:
     tried: dict[str, Choice] = {}
 
     def least(candidates: list[tuple[FeatureSet, Mapping[str, Any]]]) -> Choice:
-        found = []
-        for chosen, settings in candidates:
-            key = f"{chosen} {settings}"
-            if key not in tried:
-                scored, compared = _scores_of(family, stack, chosen, settings)
+        named = {f"{chosen} {settings}": (chosen, settings) for chosen, settings in candidates}
+        for chosen in dict.fromkeys(chosen for chosen, _ in candidates):
+            new = {key: settings for key, (own, settings) in named.items() if own == chosen and key not in tried}
+            scores = _scores_of(family, stack, chosen, list(new.values())) if new else ()
+            for (key, settings), (scored, compared) in zip(new.items(), scores, strict=True):
                 tried[key] = Choice(chosen, settings, scored, {}, compared)
-            found.append(tried[key])
-        return min(found, key=lambda choice: choice.score.rmse)
+        return min((tried[key] for key in named), key=lambda choice: choice.score.rmse)
 
     if family.every:
         best = least([(chosen, settings) for chosen in sets for settings in family.settings])
@@ -182,22 +182,29 @@ def _choose(family: Family, stack: _Stack) -> Choice:
 
 
 def _scores_of(
-    family: Family, stack: _Stack, chosen: FeatureSet, settings: Mapping[str, Any]
-) -> tuple[Score, Score | None]:
-    """Out of fold, over all samples and over those that every estimator is scored on, where there are any."""
+    family: Family, stack: _Stack, chosen: FeatureSet, settings: Sequence[Mapping[str, Any]]
+) -> list[tuple[Score, Score | None]]:
+    """Of each of `settings` out of fold, over all samples and over those that every estimator is scored on, where there
+    are any."""
     seen = stack.features(chosen)
-    predicted = np.full(len(stack.torque), np.nan)
+    predicted = np.full((len(settings), len(stack.torque)), np.nan)
     every = -(-len(stack.torque) // MOST_SCORED)
     for fitted, scored in stack.folds:
         fitted = np.intersect1d(fitted, stack.tried, assume_unique=True)
-        regressor = family.make(settings, seen).fit(seen.x[fitted], stack.torque[fitted])
-        if every > 1:
-            predicted[scored[::every]] = regressor.predict(seen.x[scored[::every]])
-            continue
-        for part in _by_trial(scored, stack.member):
-            raw = regressor.predict(seen.x[part])
-            fs = stack.trials[stack.member[part[0]]].fs
-            predicted[part] = smooth(raw, family.smoothing, fs, causal=stack.causal) if family.smoothing else raw
+        for own, regressor in zip(
+            predicted, family.fitted(settings, seen, seen.x[fitted], stack.torque[fitted]), strict=True
+        ):
+            if every > 1:
+                own[scored[::every]] = regressor.predict(seen.x[scored[::every]])
+                continue
+            for part in _by_trial(scored, stack.member):
+                raw = regressor.predict(seen.x[part])
+                fs = stack.trials[stack.member[part[0]]].fs
+                own[part] = smooth(raw, family.smoothing, fs, causal=stack.causal) if family.smoothing else raw
+    return [_scored(stack, own) for own in predicted]
+
+
+def _scored(stack: _Stack, predicted: np.ndarray) -> tuple[Score, Score | None]:
     known = np.isfinite(predicted)
     shared = known & stack.shared
     compared = score(stack.torque[shared], predicted[shared]) if shared.any() else None

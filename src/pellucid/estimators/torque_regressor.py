@@ -204,17 +204,16 @@ class TorqueRegressor(RegressorMixin, BaseEstimator):
         if len(candidates) == 1 or folds < 2 or len(y) < 2 * folds:
             return dict(next(iter(candidates.values()))), {}
         divided = (KFold(folds) if groups is None else GroupKFold(folds)).split(seen.x, y, groups)
-        parts, tried = list(divided), {}
-        best, least = None, np.inf
-        for settings in candidates.values():
-            predicted = np.empty(len(y))
-            for fitted, out in parts:
-                within = replace(seen, x=seen.x[fitted])
-                predicted[out] = family.make(settings, within).fit(within.x, y[fitted]).predict(seen.x[out])
-            reached = tried[", ".join(f"{key} {value}" for key, value in settings.items())] = score(y, predicted).rmse
-            if best is None or reached < least:
-                best, least = settings, reached
-        return dict(best), tried
+        parts = list(divided)
+        settings, predicted = list(candidates.values()), np.empty((len(candidates), len(y)))
+        for fitted, out in parts:
+            within = replace(seen, x=seen.x[fitted])
+            for own, made in zip(predicted, family.fitted(settings, within, within.x, y[fitted]), strict=True):
+                own[out] = made.predict(seen.x[out])
+        errors = [score(y, own).rmse for own in predicted]
+        words = [", ".join(f"{key} {value}" for key, value in each.items()) for each in settings]
+        best = min(range(len(settings)), key=errors.__getitem__)
+        return dict(settings[best]), dict(zip(words, errors, strict=True))
 
     def _names(self, X: np.ndarray) -> list[str]:
         if self.columns is None:

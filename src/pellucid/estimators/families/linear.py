@@ -23,11 +23,11 @@ def ridge(settings: Mapping[str, Any], seen: Features) -> Regressor:
     return Ridge(settings["penalty"], columns)
 
 
+SHARED = {"along": "penalty", "smoothing": 0.0}
+
 FAMILIES = {
-    "ridge": Family("ridge regression", ridge, PENALISED, lags=False, every=True, smoothing=0.0, rank=40),
-    "ridge_lags": Family("ridge regression with lags", ridge, PENALISED, lags=True, every=True, smoothing=0.0, rank=41),
-    "linear": Family("linear regression", ridge, ({"penalty": 0.0},), lags=False, smoothing=0.0, rank=42),
-    "motion": Family(
-        "ridge regression without EMG", ridge, PENALISED, muscles=False, every=True, smoothing=0.0, rank=43
-    ),
+    "ridge": Family("ridge regression", ridge, PENALISED, lags=False, every=True, rank=40, **SHARED),
+    "ridge_lags": Family("ridge regression with lags", ridge, PENALISED, lags=True, every=True, rank=41, **SHARED),
+    "linear": Family("linear regression", ridge, ({"penalty": 0.0},), lags=False, rank=42, **SHARED),
+    "motion": Family("ridge regression without EMG", ridge, PENALISED, muscles=False, every=True, rank=43, **SHARED),
 }
