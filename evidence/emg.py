@@ -19,6 +19,7 @@ from pellucid.datasets import init
 from pellucid.datasets.fetch import path as data_set
 from pellucid.estimators.cross_validation import score
 from pellucid.estimators.emg_session import FittedSession
+from pellucid.estimators.session_watch import SessionWatch
 from pellucid.estimators.torque_map import fit_torque_map
 from pellucid.estimators.torque_trial import TorqueTrial
 from pellucid.procedures.emg_torque.trial_sources import moment_trials
@@ -35,6 +36,7 @@ EXCHANGED = ("tibialis_anterior", "semimembranosus")
 RESCALED = 3.0  # s
 DRAWN, STRETCH = 300, 10.0  # spoilings; seconds of each stretch spoilt
 MENDED = 60  # spoilings whose torque is predicted
+LIVE, WATCHED = 60, 10.0  # spoilings while recording; seconds before each, and within which it is to be named
 
 
 def rows() -> Iterator[ResultRow]:
@@ -43,6 +45,7 @@ def rows() -> Iterator[ResultRow]:
         study = init(Path(folder) / "walking", dataset=WALKING)
         yield from changed_rows(study, Path(folder) / "spoilt")
         yield from drawn_rows(study)
+        yield from live_rows(study)
         yield from elsewhere_rows(study, Path(folder) / "elsewhere")
     yield from choice_rows()
     yield from export_rows()
@@ -233,6 +236,37 @@ def mended_rows(study: Study) -> Iterator[ResultRow]:
             "1",
             f"one in ten is worse; {words}; {said}",
         )
+
+
+def live_rows(study: Study) -> Iterator[ResultRow]:
+    """Channels that change while they are recorded: how long until each is named, and what is named before."""
+    fitted, _, rest = moment_trials(study, "ankle")
+    session, rng = FittedSession.of([fitted]), np.random.default_rng(SEED + 2)
+    tops, start = dict(zip(session.muscles, session.span, strict=True)), round(WATCHED * rest.fs)
+    waited, missed, false = [], 0, set()
+    for _ in range(LIVE):
+        spoiling = drawn(session.muscles, tops, rng)
+        first = int(rng.integers(len(rest) - 2 * start))
+        spoilt = spoiling.of(rest.envelopes)
+        watch, truth, named = SessionWatch(session, tuple(rest.angles), rest.fs), set(spoiling.muscles), None
+        for i in range(2 * start):
+            source = rest.envelopes if i < start else spoilt
+            said = watch.step(
+                {m: x[first + i] for m, x in source.items()}, {j: q[first + i] for j, q in rest.angles.items()}
+            )
+            changed = {c.muscle for c in said}
+            if i < start:
+                false |= {(first, muscle) for muscle in changed}
+            elif truth <= changed:
+                named = (i - start) / rest.fs
+                break
+        missed += named is None
+        waited += [] if named is None else [named]
+    said = f"of {LIVE} drawn changes after {WATCHED:g} s of walking, sample by sample from the past alone"
+    yield row("live.named", 1.0 - missed / LIVE, "1", f"within {WATCHED:g} s; every channel named; {said}")
+    yield row("live.seconds", np.median(waited), "s", f"median until every channel is named; {said}")
+    share = len(false) / (LIVE * len(session.muscles))
+    yield row("live.wrongly_named", share, "1", f"channels named at any time before anything changed; {said}")
 
 
 # --- another condition ----------------------------------------------------------------------------------------------

@@ -141,6 +141,17 @@ def test_mat_variables_and_structs(tmp_path):
         columns.column("log.qm", "position")
 
 
+def test_arrays_of_more_than_two_dimensions_are_named_by_their_places(tmp_path):
+    path = tmp_path / "a.mat"
+    trials = np.arange(2 * 50 * 3, dtype=float).reshape(2, 50, 3)  # trials, samples, channels
+    scipy.io.savemat(path, {"emg": trials, "log": {"marker": np.moveaxis(trials, 1, 2)}})
+    columns = read_columns(path)
+    np.testing.assert_array_equal(columns.column("emg.1.2", "emg.soleus"), trials[1, :, 2])
+    np.testing.assert_array_equal(columns.column("log.marker.1.2", "emg.soleus"), trials[1, :, 2])
+    with pytest.raises(RecordingError, match=r'expects a column "emg.2", found emg.0.0, emg.0.1'):
+        columns.column("emg.2", "emg.soleus")
+
+
 def test_a_truncated_mat_file(tmp_path):
     path = tmp_path / "a.mat"
     scipy.io.savemat(path, {"t": np.arange(1000.0), "q": np.arange(1000.0)})

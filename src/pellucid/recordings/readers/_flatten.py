@@ -13,7 +13,10 @@ from ._caps import require_few
 
 def flatten(value: Any, prefix: str, into: dict[str, np.ndarray], path: Path) -> None:
     """Add the numeric leaves of `value`, of the file `path`, to `into`, each shape (n,) float64; what is not a number
-    is left out."""
+    is left out.
+
+    Samples run down a matrix's columns, and along the longest side of an array of more dimensions.
+    """
     require_few(path, len(into))
     if isinstance(value, Mapping):
         for key, item in value.items():
@@ -35,6 +38,11 @@ def flatten(value: Any, prefix: str, into: dict[str, np.ndarray], path: Path) ->
             require_few(path, len(into) + squeezed.shape[1])
             for column in range(squeezed.shape[1]):
                 into[f"{prefix}.{column}"] = np.ascontiguousarray(squeezed[:, column])
+        else:
+            samples = np.moveaxis(squeezed, int(np.argmax(squeezed.shape)), 0)
+            require_few(path, len(into) + samples[0].size)
+            for place in np.ndindex(samples.shape[1:]):
+                into[".".join((prefix, *map(str, place)))] = np.ascontiguousarray(samples[:, *place])
 
 
 def _numbers(value: Any) -> np.ndarray | None:

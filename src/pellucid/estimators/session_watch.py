@@ -1,0 +1,78 @@
+"""The comparison of channels with those fitted while they are recorded: sample by sample, from the past alone."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from .._errors import RecordingError
+from .emg_session import ChannelChange, Compared, FittedSession
+from .torque_trial import TorqueTrial
+
+FIRST = 5.0
+"""Seconds before anything is said: a quantile of fewer is a stride's."""
+
+EVERY = 1.0
+"""Seconds between comparisons."""
+
+KEPT = 6.0
+"""Seconds that are compared: a floor that rose is one once nearly all of them have it."""
+
+
+class SessionWatch:
+    """What changed so far, of envelopes and angles that come one after another.
+
+    What it says of the samples kept is what `FittedSession.compared` says of a recording of them, to the word.
+    """
+
+    def __init__(self, session: FittedSession, joints: tuple[str, ...], fs: float, *, seconds: float = KEPT):
+        """`fs` [Hz]; `seconds` [s] that are compared."""
+        if not fs > 0.0 or seconds < FIRST:
+            raise RecordingError(
+                f"channels watched: found {fs:g} Hz and {seconds:g} s to be compared, expected a rate above 0 and at "
+                f"least {FIRST:g} s"
+            )
+        if 2 * len(joints) != len(session.low):
+            raise RecordingError(
+                f"channels watched: found angles of {', '.join(joints) or 'no joint'}, expected "
+                f"{len(session.low) // 2} as in what was fitted"
+            )
+        self._session, self._joints, self._fs = session, joints, fs
+        self._rows = np.full((round(seconds * fs), len(session.muscles) + len(joints)), np.nan)
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget all samples."""
+        self._count, self._known = 0, None
+
+    @property
+    def compared(self) -> Compared | None:
+        """The last comparison; None before the first."""
+        return self._known
+
+    @property
+    def changes(self) -> tuple[ChannelChange, ...]:
+        """What changed, by the last comparison."""
+        return () if self._known is None else self._known.changes
+
+    def step(self, envelopes: Mapping[str, float], angles: Mapping[str, float]) -> tuple[ChannelChange, ...]:
+        """One sample of every envelope [1] and angle [rad]; one with a number missing is left out. Gives `changes`."""
+        row = [envelopes[m] for m in self._session.muscles] + [angles[j] for j in self._joints]
+        if not np.isfinite(row).all():
+            return self.changes
+        self._rows[self._count % len(self._rows)] = row
+        self._count += 1
+        if self._count >= FIRST * self._fs and self._count % max(1, round(EVERY * self._fs)) == 0:
+            self._known = self._session.compared(self._kept())
+        return self.changes
+
+    def _kept(self) -> TorqueTrial:
+        """The samples kept, the oldest first."""
+        at = self._count % len(self._rows)
+        rows = self._rows[: self._count] if self._count < len(self._rows) else np.roll(self._rows, -at, axis=0)
+        n, muscles = len(rows), self._session.muscles
+        envelopes = {m: rows[:, i] for i, m in enumerate(muscles)}
+        angles = {j: rows[:, len(muscles) + i] for i, j in enumerate(self._joints)}
+        time = np.arange(n) / self._fs
+        return TorqueTrial("live", self._joints[0], time, envelopes, angles, np.zeros(n))
