@@ -2,14 +2,18 @@
 
 import json
 import re
+from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from made_arm import COULOMB, LOAD, VISCOUS, arm_study
 
 import pellucid as pl
+from pellucid.fit.parameter import Parameter
 from pellucid.models.tree_card import read_tree_card
 from pellucid.procedures.compare import compare
+from pellucid.procedures.tree.findings import held_by_a_bound, sign_in_doubt
 from pellucid.procedures.tree.tree_result import MODELS
 
 
@@ -148,3 +152,36 @@ def test_one_recording_alone_is_judged_by_segments(tmp_path):
     assert result.effort_units == ("A", "A")
     assert result["elbow.coulomb"].value == pytest.approx(COULOMB[1] / 2.5, rel=0.15)
     assert any(v.finding == "unknown_gain" for v in result.verdicts)
+
+
+URDF = """<robot name="arm"><link name="base"/><link name="upper"/><link name="lower"/>
+<joint name="shoulder" type="revolute"><parent link="base"/><child link="upper"/><origin xyz="0 0 0.3"/>
+<axis xyz="0 1 0"/></joint>
+<joint name="elbow" type="revolute"><parent link="upper"/><child link="lower"/><origin xyz="0 0 -0.3"/>
+<axis xyz="0 1 0"/></joint></robot>"""
+
+
+def test_stand_ins_for_bodies_are_no_rival(tmp_path):
+    folder = arm_study(tmp_path / "arm", validate=False)
+    (folder / "arm.urdf").write_text(URDF)
+    text = re.sub("^(place|axis|body) = .*\n", "", (folder / "study.toml").read_text(), flags=re.MULTILINE)
+    text = text.replace('families = ["load"]', 'urdf = "arm.urdf"\nfamilies = []').replace(
+        "segments = 7", "segments = 2"
+    )
+    (folder / "study.toml").write_text(text)
+    result = pl.identify(pl.open(folder))
+    assert {error.model for error in result.errors} == {"base", "best", "consistent"}
+    assert "stated" not in str(result)
+
+
+def test_a_sign_in_doubt_is_told(found):
+    assert list(sign_in_doubt.find(found)) == []
+    (told,) = sign_in_doubt.find(replace(found, doubts=("1.02 times as much, expected less: try the other sign",)))
+    assert told.text == "A sign may be wrong: 1.02 times as much, expected less: try the other sign."
+
+
+def test_what_a_bound_holds_is_named_after_its_joint():
+    held = Parameter("joint_1.coulomb", "N*m", 0.0, 0.1, at_bound=True)
+    case = SimpleNamespace(best=SimpleNamespace(parameters={held.name: held}))
+    (told,) = held_by_a_bound.find(case)
+    assert told.text.startswith("A physical bound holds coulomb of joint 1: there is none to see")

@@ -32,7 +32,8 @@ from .tree_result import Errors, TreeResult, TreeTrace, choice_of, completed
 def identify_tree(study: Study, tell: Progress = quiet) -> TreeResult:
     """Every model of a study's robot."""
     tell("reading recordings", 0.0)
-    refused = [fault.message for fault in tree_faults(study) if fault.severity == "refuse"]
+    faults = tree_faults(study)
+    refused = [fault.message for fault in faults if fault.severity == "refuse"]
     if refused:
         raise RecordingError("\n".join(refused))
     tell("filtering", 0.05)
@@ -87,6 +88,7 @@ def identify_tree(study: Study, tell: Progress = quiet) -> TreeResult:
         gains_note=GAINS[table.gains],
         published=table.published,
         filter_note=filtering_of(study.processing_of(study.recordings()[0])).sentence("rad/s"),
+        doubts=tuple(f"{f.found}, expected {f.expected}" for f in faults if f.kind == "sign"),
         segments=len(np.unique(found.rows.segment[found.rows.used.any(axis=1)])),
         traces=tuple(_trace(m, found) for m in motions if m.payload is None),
     )

@@ -39,6 +39,7 @@ class TurnedAround:
     sure: bool
     effort_alone: bool  # Whether it is the effort's sign alone
     others: tuple[int, ...] = ()  # Joints that do nearly as well in its place: mirror images move alike
+    stated: bool = False  # Whether it is the stated bodies that tell it
 
 
 def giving(robot: Robot, motions: Sequence[TreeMotion]) -> np.ndarray:
@@ -92,8 +93,11 @@ def as_bodies_need(robot: Robot, motions: Sequence[TreeMotion]) -> float:
     return float(alike.mean()) if told.any() else 0.0
 
 
-def turned_around(robot: Robot, motions: Sequence[TreeMotion], zeros: np.ndarray) -> list[TurnedAround]:
-    """Joints, the clearest first, that fit better turned around about their `zeros` (m,), one after the other."""
+def turned_around(
+    robot: Robot, motions: Sequence[TreeMotion], zeros: np.ndarray, stated: bool = False
+) -> list[TurnedAround]:
+    """Joints, the clearest first, that fit better turned around about their `zeros` (m,), one after the other. Bodies
+    are free, and a mirror image of most makes nearly the same efforts; where they are `stated`, these are asked too."""
     rows, found = _rows(motions), []
     weights, signs = _weights(rows), np.ones((2, len(robot.names)))  # Of gears, and of drives
     left = _solved(robot, rows, signs, zeros, weights)[1]
@@ -110,15 +114,27 @@ def turned_around(robot: Robot, motions: Sequence[TreeMotion], zeros: np.ndarray
         if chosen is None:
             break
         best, k, other = chosen
-        before, after = (_by_segment(robot, rows, s, zeros, weights) for s in (signs, other))
-        sure = left > TELLS * best and float(np.mean(before > after)) >= MOST
+        ratio, told = left / best, False
+        sure = _tells(ratio, *(_by_segment(robot, rows, s, zeros, weights) for s in (signs, other)))
+        if stated and not sure:
+            before, after = (_solved(robot, rows, s, zeros, weights, stated=True)[1] for s in (signs, other))
+            sure = told = _tells(
+                before / after, *(_by_segment(robot, rows, s, zeros, weights, stated=True) for s in (signs, other))
+            )
+            ratio = before / after if told else ratio
         alone = bool(other[0, k] > 0.0)
         alike = (
             i for one, i, s in tried if i != k and (s[0, i] > 0.0) == alone and left - one > NEARLY * (left - best)
         )
-        found.append(TurnedAround(int(k), float(left / best), sure, alone, tuple(int(i) for i in alike)))
+        others = () if told else tuple(int(i) for i in alike)
+        found.append(TurnedAround(int(k), float(ratio), sure, alone, others, told))
         signs, left = other, best
     return found
+
+
+def _tells(ratio: float, before: np.ndarray, after: np.ndarray) -> bool:
+    """Whether so many times less is left over, and in most segments."""
+    return ratio > TELLS and float(np.mean(before > after)) >= MOST
 
 
 @dataclass(frozen=True)
@@ -166,24 +182,27 @@ def _arguments(robot: Robot, row: _Rows, signs: np.ndarray, zeros: np.ndarray):
     return (q, v, a), effort, {"own": own, "shared": np.stack(shared, axis=-1) if shared else None}
 
 
-def _solved(robot: Robot, rows, signs, zeros, weights) -> tuple[np.ndarray, float]:
-    """Least squares of all rows: its numbers, and the weighted squares that it leaves over."""
+def _solved(robot: Robot, rows, signs, zeros, weights, stated: bool = False) -> tuple[np.ndarray, float]:
+    """Least squares of all rows, with bodies as `stated` or free: its numbers, and the weighted squares left over."""
     normal, projected, whole = 0.0, 0.0, 0.0
     for row in rows:
         motion, effort, columns = _arguments(robot, row, signs, zeros)
         n, p, _ = robot.tree.core.normal_equations(*motion, effort, weight=row.moving * weights, **columns)
         normal, projected = normal + n, projected + p
         whole += float((effort**2 * row.moving * weights).sum())
-    size = np.sqrt(np.maximum(np.diag(normal), 1e-30))
-    values, vectors = np.linalg.eigh(normal / np.outer(size, size))
+    known = robot.tree.parameters if stated else np.zeros(0)
+    theta, free = np.concatenate([known, np.zeros(len(normal) - len(known))]), slice(len(known), None)
+    size = np.sqrt(np.maximum(np.diag(normal), 1e-30))[free]
+    values, vectors = np.linalg.eigh(normal[free, free] / np.outer(size, size))
     seen = values > 1e-9 * values[-1]
-    theta = vectors[:, seen] @ ((vectors[:, seen].T @ (projected / size)) / values[seen]) / size
-    return theta, whole - float(theta @ projected)
+    left = (projected - normal @ theta)[free] / size
+    theta[free] = vectors[:, seen] @ ((vectors[:, seen].T @ left) / values[seen]) / size
+    return theta, whole - float(theta @ (2.0 * projected - normal @ theta))
 
 
-def _by_segment(robot: Robot, rows, signs, zeros, weights) -> np.ndarray:
+def _by_segment(robot: Robot, rows, signs, zeros, weights, stated: bool = False) -> np.ndarray:
     """Weighted squares left over in each segment."""
-    theta, _ = _solved(robot, rows, signs, zeros, weights)
+    theta, _ = _solved(robot, rows, signs, zeros, weights, stated)
     squares: dict[int, float] = {}
     for row in rows:
         motion, effort, columns = _arguments(robot, row, signs, zeros)

@@ -211,12 +211,14 @@ def _signs(study: Study, robot: Robot, motions: Sequence[TreeMotion]) -> Iterato
         )
         return
     zeros = np.array([joints[name].zero if joints[name].turns else _offset(study, robot, name) for name in robot.names])
-    for turned in turned_around(robot, fitted, zeros):
+    stated = (urdf is None or urdf.has_bodies) and all(fitted[0].gain_known)
+    for turned in turned_around(robot, fitted, zeros, stated):
         name = robot.names[turned.joint]
         of = f"turns.{name}" if joints[name].turns else f"position.{name} and of its drive's channel"
         either = " or ".join([name, *(robot.names[i] for i in turned.others)])
         what = f"{'the effort of ' * turned.effort_alone}joint {either}"
-        found = f"{turned.ratio:.3g} times as much of the efforts unexplained as with {what} turned around"
+        by = "by the stated bodies " * turned.stated
+        found = f"{turned.ratio:.3g} times as much of the efforts unexplained {by}as with {what} turned around"
         if turned.effort_alone:
             of = f"the drive's channel of {name}"
         wanted = (

@@ -118,6 +118,7 @@ class TreeResult(Result):
     published: Mapping[str, Mapping[str, float]]
     filter_note: str
     segments: int
+    doubts: tuple[str, ...] = ()  # What speaks against a joint's sign, and does not prove it
     traces: tuple[TreeTrace, ...] = field(default=(), repr=False)
 
     @property
