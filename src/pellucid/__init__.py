@@ -36,6 +36,7 @@ if TYPE_CHECKING:
     from .procedures.run import calibrate as calibrate
     from .procedures.run import check as check
     from .procedures.run import identify as identify
+    from .procedures.run import onset as onset
     from .procedures.run import report as report
     from .recordings.readers import read_columns as read
     from .signals.envelope import envelope as envelope
@@ -46,6 +47,7 @@ _WHERE = {
     "check": ("procedures.run", "check"),
     "calibrate": ("procedures.run", "calibrate"),
     "identify": ("procedures.run", "identify"),
+    "onset": ("procedures.run", "onset"),
     "controller": ("control.controller", "controller"),
     "controllers": ("control.controller", "controllers"),
     "Limits": ("control.limits", "Limits"),
@@ -90,6 +92,7 @@ __all__ = [
     "identify",
     "init",
     "movement_indices",
+    "onset",
     "open",
     "power_curve",
     "read",

@@ -207,6 +207,14 @@ def assess(
 
 
 @app.command()
+def onset(folder: Folder, json: Json = False, out: Out = None, allow_outside: Outside = False) -> None:
+    """When muscles become active, from raw EMG, with intervals."""
+    from .procedures.run import onset as run
+
+    _found(_opened(folder, out, allow_outside), "onset", json, run)
+
+
+@app.command()
 def report(folder: Folder, out: Out = None, allow_outside: Outside = False) -> None:
     """Write the report: one HTML page, figures as SVG and PDF."""
     from .procedures.run import report as run

@@ -13,6 +13,7 @@ from .hinge.procedure import HingeProcedure
 from .isolated_muscle.procedure import IsolatedMuscleProcedure
 from .joint.procedure import JointProcedure
 from .loaded_swing.procedure import LoadedSwingProcedure
+from .onset.procedure import OnsetProcedure
 from .procedure import Procedure
 from .slider.procedure import SliderProcedure
 from .transfer_function.procedure import TransferFunctionProcedure
@@ -32,6 +33,7 @@ PROCEDURES: tuple[Procedure, ...] = (
     LoadedSwingProcedure(),
     EmgTorqueProcedure(),
     IsolatedMuscleProcedure(),
+    OnsetProcedure(),
     AssessmentProcedure(),
 )
 """In the order in which a study is checked and its report shows them."""

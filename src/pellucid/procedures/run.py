@@ -181,6 +181,36 @@ def assess(
     return _run(_only(study, "assess"), study, on_progress, studies=studies, executor=executor)
 
 
+def onset(study: Study, on_progress: Callable[[str, float], None] | None = None) -> Result:
+    """When muscles become active: bursts of raw EMG, each beginning and end with its interval.
+
+    Parameters
+    ----------
+    study : Study
+        With a table ``[onset]``.
+    on_progress : callable, optional
+        Called with a text and the share done, 0 to 1.
+
+    Returns
+    -------
+    Result
+
+    Raises
+    ------
+    IdentificationError
+        If the study asks for no onsets.
+    RecordingError
+        If no recording has raw EMG with rest and activity in it.
+
+    Examples
+    --------
+    >>> import pellucid as pl
+    >>> result = pl.onset(pl.open("my-leg"))                                 # doctest: +SKIP
+    >>> print(result)                                                        # doctest: +SKIP
+    """
+    return _run(_only(study, "onset"), study, on_progress)
+
+
 def report(
     study: Study, result: Result | None = None, *, on_progress: Callable[[str, float], None] | None = None
 ) -> Path:

@@ -1,0 +1,216 @@
+"""EMG of a study, muscle by muscle: raw as it was recorded, or envelopes that may be compared with each other."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+
+from .._errors import PellucidError, RecordingError
+from ..recordings.fault import Fault
+from ..recordings.recording import Recording
+from ..recordings.study import Study
+from ..recordings.study_fields import ProcedureTable, Word
+from ..signals.emg_chain import EmgChain, emg_chain
+from ..signals.emg_quality import inspect_emg
+
+ENVELOPE_RATE = 100.0
+"""At which envelopes are kept, at least [Hz]: nothing in them is faster than their low-pass."""
+
+SETTLING = 0.25
+"""Taken off either end of a recording whose envelopes a chain made [s]: its filters know nothing beyond."""
+
+
+class MuscleTable(ProcedureTable):
+    """What tables of muscle activity have in common.
+
+    Attributes
+    ----------
+    muscles : tuple of str
+        Channels ``emg.<muscle>`` to use; empty: all.
+    emg : str
+        Stream of these channels, where they are not in the recording's own file.
+    """
+
+    muscles: tuple[Word, ...] = ()
+    emg: Word = "emg"
+
+    bridges = False
+
+    def reads(self, channel: str, stream: str) -> bool:
+        """EMG, wherever it is."""
+        return channel.startswith("emg.") and stream in ("", self.emg)
+
+
+class EnvelopeTable(MuscleTable):
+    """The same of envelopes.
+
+    Attributes
+    ----------
+    chain : str
+        From raw EMG to envelopes: ``"hill"``, ``"knee"``, or ``"none"`` where envelopes were recorded.
+    """
+
+    chain: Literal["hill", "knee", "none"] = "hill"
+
+
+@dataclass(frozen=True, eq=False)
+class MuscleEnvelopes:
+    """Envelopes of one recording, relative to each muscle's largest of the same participant."""
+
+    name: str  # Of the recording
+    participant: str | None
+    condition: str | None
+    heldout: bool
+    checksum: str
+    time: np.ndarray  # (n,) [s]
+    envelopes: Mapping[str, np.ndarray]  # (n,) By muscle [1]
+
+    @property
+    def matrix(self) -> np.ndarray:
+        """All muscles, (n, m)."""
+        return np.column_stack(list(self.envelopes.values()))
+
+    @property
+    def group(self) -> str:
+        """Whose it is and under which condition, as words."""
+        return ", ".join(part for part in (self.participant, self.condition) if part)
+
+
+def emg_stream(recording: Recording, table: MuscleTable) -> Recording:
+    """The file in which a recording's EMG is, cut to the recording's window."""
+    stream = recording.streams.get(table.emg, recording)
+    if stream is recording:
+        return recording
+    step = 1.0 / stream.fs
+    inside = (stream.time > recording.time[0] - 0.5 * step) & (stream.time < recording.time[-1] + 0.5 * step)
+    if inside.all():
+        return stream
+    return replace(
+        stream, channels={name: replace(c, samples=c.samples[inside]) for name, c in stream.channels.items()}
+    )
+
+
+def with_emg(study: Study, table: MuscleTable) -> list[Recording]:
+    """Recordings that have EMG; RecordingError without any."""
+    found = [r for r in study.recordings() if any(n.startswith("emg.") for n in emg_stream(r, table).channels)]
+    if not found:
+        raise RecordingError(f"{study.folder}: found no recording with EMG, expected channels emg.<muscle>")
+    return found
+
+
+def muscles_of(stream: Recording, table: MuscleTable) -> tuple[str, ...]:
+    """Muscles to use of one file; RecordingError where one is not there."""
+    present = [name.removeprefix("emg.") for name in stream.channels if name.startswith("emg.")]
+    missing = [muscle for muscle in table.muscles if muscle not in present]
+    if missing:
+        raise RecordingError(
+            f"{stream.path.name} (recording {stream.name}): found EMG of {', '.join(present) or 'no muscle'}, expected "
+            f"{', '.join(missing)} too"
+        )
+    return table.muscles or tuple(present)
+
+
+def emg_faults(study: Study, table: MuscleTable) -> list[Fault]:
+    """What is wrong with the EMG of the muscles that a table uses."""
+    found = []
+    for recording in with_emg(study, table):
+        stream = emg_stream(recording, table)
+        wanted = {f"emg.{muscle}" for muscle in muscles_of(stream, table)} | {"time"}
+        only = replace(stream, channels={n: c for n, c in stream.channels.items() if n in wanted})
+        found += inspect_emg(only)
+    return found
+
+
+def refuse(faults: Sequence[Fault]) -> None:
+    """RecordingError with every fault that refuses; none without."""
+    told = [fault.message for fault in faults if fault.severity == "refuse"]
+    if told:
+        raise RecordingError("\n".join(told))
+
+
+def raw_channel(stream: Recording, muscle: str) -> np.ndarray:
+    """Raw EMG of a muscle, (n,) [V]; RecordingError where an envelope was recorded."""
+    channel = stream.channels[f"emg.{muscle}"]
+    if channel.unit != "V":
+        raise RecordingError(
+            f"{where(stream, muscle)}: found the unit {channel.unit}, expected raw EMG in V: an envelope has lost when "
+            "a muscle began"
+        )
+    return channel.samples
+
+
+def where(stream: Recording, muscle: str) -> str:
+    """A channel, as messages name it."""
+    return f"{stream.path.name} (recording {stream.name}), channel emg.{muscle}"
+
+
+def relative_envelopes(study: Study, table: EnvelopeTable) -> list[MuscleEnvelopes]:
+    """Envelopes of every recording, relative to the largest of a maximal contraction, or of all recordings that a
+    participant has; recordings of maximal contractions themselves are not among them.
+    """
+    recordings = with_emg(study, table)
+    made = [(recording, *_envelopes(emg_stream(recording, table), table)) for recording in recordings]
+    top: dict[tuple[str | None, str], float] = {}
+    maximal = {r.participant for r in recordings if r.protocol == "mvc"}
+    for recording, _, envelopes in made:
+        if recording.participant in maximal and recording.protocol != "mvc":
+            continue
+        for muscle, x in envelopes.items():
+            key = recording.participant, muscle
+            top[key] = max(top.get(key, 0.0), float(x.max()))
+    silent = sorted({muscle for (_, muscle), most in top.items() if not most > 0.0})
+    if silent:
+        raise RecordingError(f"{study.folder}: found no activity at all of {', '.join(silent)}, expected some")
+    return [
+        MuscleEnvelopes(
+            r.name, r.participant, r.condition, r.use != "fit", r.checksum, time,
+            {muscle: np.maximum(x, 0.0) / top[r.participant, muscle] for muscle, x in envelopes.items()},
+        )
+        for r, time, envelopes in made
+        if r.protocol != "mvc"
+    ]  # fmt: skip
+
+
+def _envelopes(stream: Recording, table: EnvelopeTable) -> tuple[np.ndarray, dict[str, np.ndarray]]:
+    """Times [s] and envelopes, thinned, of one file."""
+    every = slice(None, None, max(1, int(stream.fs / ENVELOPE_RATE)))
+    if table.chain == "none":
+        return stream.time[every], {m: _recorded(stream, m)[every] for m in muscles_of(stream, table)}
+    chain = _unscaled(emg_chain(table.chain))
+    settling = round(SETTLING * stream.fs)
+    if len(stream) < 4 * settling:
+        raise RecordingError(
+            f"{stream.path.name} (recording {stream.name}): found {len(stream) / stream.fs:.3g} s of EMG, expected at "
+            f"least {4.0 * SETTLING:g} s"
+        )
+    made = {}
+    for muscle in muscles_of(stream, table):
+        if stream.channels[f"emg.{muscle}"].unit != "V":
+            raise RecordingError(
+                f"{where(stream, muscle)}: found the unit {stream.channels[f'emg.{muscle}'].unit}, expected V for the "
+                f'chain {chain.name}; use chain = "none" where envelopes were recorded'
+            )
+        try:
+            whole = chain.zero_phase(raw_channel(stream, muscle), stream.fs)
+        except PellucidError as error:
+            raise RecordingError(f"{where(stream, muscle)}: {error}") from None
+        made[muscle] = whole[settling:-settling][every]
+    return stream.time[settling:-settling][every], made
+
+
+def _recorded(stream: Recording, muscle: str) -> np.ndarray:
+    channel = stream.channels[f"emg.{muscle}"]
+    if channel.unit == "V":
+        raise RecordingError(
+            f'{where(stream, muscle)}: found the unit V, expected an envelope for chain = "none"; name the chain that '
+            "makes one of raw EMG"
+        )
+    return channel.samples
+
+
+def _unscaled(chain: EmgChain) -> EmgChain:
+    """Without what divides by a recording's own maximum: efforts of several are compared."""
+    return replace(chain, stages=tuple(s for s in chain.stages if s.kind != "normalise"))

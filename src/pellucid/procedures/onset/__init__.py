@@ -1,0 +1,1 @@
+"""When muscles become active."""

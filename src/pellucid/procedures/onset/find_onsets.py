@@ -1,0 +1,193 @@
+"""Bursts of every muscle in every recording, each with its beginning and end."""
+
+from __future__ import annotations
+
+import csv
+import io
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from ..._atomic import write_text_atomically
+from ..._errors import IdentificationError, RecordingError
+from ..._given import words_in_csv
+from ...fit.parameter import Verdict
+from ...pages.series import outline
+from ...recordings.fault import Fault
+from ...recordings.results import ResultRow
+from ...recordings.study import Study
+from ...signals.emg_onset import Burst, activations
+from ..muscle_channels import emg_faults, emg_stream, muscles_of, raw_channel, refuse, where, with_emg
+from ..procedure import Progress, quiet
+from ..result import FigureTable, Result
+
+DRAWN = 6
+"""Recordings that a page draws."""
+
+
+@dataclass(frozen=True, eq=False)
+class MuscleBursts:
+    """What one muscle does in one recording."""
+
+    recording: str
+    muscle: str
+    bursts: tuple[Burst, ...]
+    rest: tuple[float, float]  # That it was judged by [s]
+    rest_rms: float  # [V]
+    active: float  # Share of the recording
+    time: np.ndarray = field(repr=False)  # time, samples: (k,) What a figure needs of them [s], [V]
+    samples: np.ndarray = field(repr=False)
+
+
+@dataclass(frozen=True, kw_only=True)
+class OnsetResult(Result):
+    """What `onset` found."""
+
+    muscles: tuple[MuscleBursts, ...] = field(default=(), repr=False)
+
+    def written(self, study: Study) -> str:
+        return f"Every burst in {study.made / 'tables' / 'onsets.csv'}"
+
+    def save_more(self, study: Study) -> None:
+        folder = study.place("tables")
+        folder.mkdir(parents=True, exist_ok=True)
+        text = io.StringIO()
+        out = csv.writer(text, lineterminator="\n")
+        out.writerow(
+            ("recording", "muscle", "onset_s", "onset_low_s", "onset_high_s", "end_s", "end_low_s", "end_high_s",
+             "threshold_s", "rms_V")
+        )  # fmt: skip
+        for each in self.muscles:
+            for b in each.bursts:
+                numbers = b.onset.time, b.onset.low, b.onset.high, b.end.time, b.end.low, b.end.high, b.crossed, b.rms
+                words = words_in_csv(each.recording), words_in_csv(each.muscle)
+                out.writerow((*words, *(f"{x:.6g}" for x in numbers)))
+        write_text_atomically(folder / "onsets.csv", text.getvalue())
+
+
+def faults(study: Study) -> list[Fault]:
+    """EMG that is not fit to be used, or from which no onset can be found."""
+    table = study.config.onset
+    found = emg_faults(study, table)
+    for recording in with_emg(study, table):
+        stream = emg_stream(recording, table)
+        for muscle in muscles_of(stream, table):
+            name = f"emg.{muscle}"
+            if any(fault.channel == name and fault.severity == "refuse" for fault in found):
+                continue
+            try:
+                _active(stream, muscle, table)
+            except RecordingError as error:
+                kind = "refuse" if stream.channels[name].unit != "V" else "note"
+                found.append(Fault(kind, "rest", stream.path.name, name, str(error), "rest and activity", str(error)))
+    return found
+
+
+def find_onsets(study: Study, tell: Progress = quiet) -> OnsetResult:
+    """Bursts of every muscle of every recording. `study` [onset]."""
+    table = study.config.onset
+    if table is None:
+        raise IdentificationError(f"{study.folder}: found no table [onset] in study.toml, expected one")
+    refuse(emg_faults(study, table))
+    recordings = with_emg(study, table)
+    found, verdicts, rows, missed = [], [], [], []
+    for i, recording in enumerate(recordings):
+        tell(f"onsets in {recording.name}", i / len(recordings))
+        stream = emg_stream(recording, table)
+        for muscle in muscles_of(stream, table):
+            raw_channel(stream, muscle)
+            base = f"{study.name}.{recording.name}.{muscle}"
+            try:
+                active = _active(stream, muscle, table)
+            except RecordingError as error:
+                missed.append(str(error))
+                rows.append(ResultRow(f"{base}.bursts", None, "1", "onset", "fitted", stream.checksum, str(error)))
+                continue
+            span = float(stream.time[-1] - stream.time[0])
+            time, samples = outline(stream.time, 1.0 * raw_channel(stream, muscle))
+            each = MuscleBursts(
+                recording.name, muscle, active.bursts, active.rest, active.rest_rms, active.active / span, time, samples
+            )
+            found.append(each)
+            rows += _rows(base, each, table.confidence, stream.checksum)
+    if not found:
+        raise RecordingError("\n".join(missed))
+    verdicts += [Verdict("warning", f"{text}; no onset is told there.") for text in missed]
+    if table.rest is None:
+        verdicts.append(
+            Verdict(
+                "note",
+                "The quietest half second of each muscle stands for rest; rest = [start, end] in [onset] names "
+                "another.",
+            )
+        )
+    bursts = [burst for each in found for burst in each.bursts]
+    seen = [burst for burst in bursts if burst.seen]
+    if not seen:
+        raise RecordingError(f"{study.folder}: found no muscle that begins to be active, expected rest before activity")
+    half = float(np.median([0.5 * (b.onset.high - b.onset.low) for b in seen]))
+    late = float(np.median([b.crossed - b.onset.time for b in seen]))
+    verdicts.append(
+        Verdict(
+            "note",
+            f"Thresholds alone would put the median onset {1e3 * late:.0f} ms later; an interval is of when the "
+            "variance begins to rise, at once or within up to 0.3 s.",
+        )
+    )
+    return OnsetResult(
+        study=study.name,
+        headline=f"{len(bursts)} bursts of {len({e.muscle for e in found})} muscles in "
+        f"{len({e.recording for e in found})} recordings; half the interval about an onset is {1e3 * half:.0f} ms "
+        "(median).",
+        tables=(_table(found),),
+        verdicts=tuple(verdicts),
+        confidence=table.confidence,
+        rows=tuple(rows),
+        cards={},
+        checksums={recording.name: recording.checksum for recording in recordings},
+        muscles=tuple(found),
+    )
+
+
+def _active(stream, muscle: str, table):
+    try:
+        return activations(
+            stream.time, raw_channel(stream, muscle), rest=table.rest, height=table.height, shortest=table.shortest,
+            pause=table.pause, level=table.confidence,
+        )  # fmt: skip
+    except RecordingError as error:
+        text = str(error)
+        text = text if text.startswith(stream.path.name) else f"{where(stream, muscle)}: {text}"
+        raise RecordingError(text) from None
+
+
+def _rows(base: str, each: MuscleBursts, level: float, checksum: str) -> list[ResultRow]:
+    def row(what: str, value: float | None, unit: str, note: str = "") -> ResultRow:
+        return ResultRow(f"{base}.{what}", value, unit, "onset", "fitted", checksum, note)
+
+    made = [row("bursts", len(each.bursts), "1"), row("active", each.active, "1", "share of the recording")]
+    seen = [b.onset for b in each.bursts if b.seen]
+    if seen:
+        first, lengths = seen[0], [b.duration for b in each.bursts]
+        said = f"{100 * level:g} % interval {first.low:.4f} to {first.high:.4f} s"
+        half = float(np.median([0.5 * (b.onset.high - b.onset.low) for b in each.bursts if b.seen]))
+        made += [
+            row("first_onset", first.time, "s", said),
+            row("onset_half_width", half, "s", "median over bursts"),
+            row("duration", float(np.median(lengths)), "s", "median over bursts"),
+        ]
+    return made
+
+
+def _table(found: list[MuscleBursts]) -> FigureTable:
+    heads = ("Recording", "Muscle", "bursts", "first onset [s]", "± [ms]", "duration [s]", "active [%]")
+    rows = []
+    for each in found:
+        seen = [b.onset for b in each.bursts if b.seen]
+        if seen:
+            first = seen[0]
+            numbers = first.time, 500.0 * (first.high - first.low), float(np.median([b.duration for b in each.bursts]))
+        else:
+            numbers = None, None, None
+        rows.append((each.recording, each.muscle, len(each.bursts), *numbers, 100.0 * each.active))
+    return FigureTable("When muscles become active", heads, tuple(rows))

@@ -1,0 +1,41 @@
+"""The report of onsets: raw EMG with its bursts, and a table of them."""
+
+from __future__ import annotations
+
+from ...pages.drawing import draw
+from ...pages.page import Page, Section, Tile
+from ...pages.quantities import prose
+from ...recordings.study import Study
+from ..study_page import figure_tables, study_page
+from .find_onsets import DRAWN, OnsetResult
+from .onset_figures import burst_traces
+
+
+def page(study: Study, found: OnsetResult) -> Page:
+    """Every recording's bursts, the first recordings drawn."""
+    names = list(dict.fromkeys(each.recording for each in found.muscles))
+    drawings = tuple(
+        draw(
+            burst_traces, [each for each in found.muscles if each.recording == name], f"bursts_{i}",
+            f"{name.replace('_', ' ')}: raw EMG. Blue is activity; orange lines are where it begins and ends, with the "
+            f"{100 * found.confidence:g} % interval; green underlines the rest that it is judged by.",
+        )
+        for i, name in enumerate(names[:DRAWN], start=1)
+    )  # fmt: skip
+    count = sum(len(each.bursts) for each in found.muscles)
+    notes = () if len(names) <= DRAWN else (f"{len(names) - DRAWN} more recordings are in tables/onsets.csv.",)
+    table = study.config.onset
+    said = (
+        f"Energy after Teager and Kaiser passes {table.height:g} standard deviations of rest for at least "
+        f"{1e3 * table.shortest:g} ms; the onset itself is where the variance begins to rise, a change point with its "
+        "interval."
+    )
+    return study_page(
+        title=f"{found.study}: muscle onset",
+        headline=prose(found.headline),
+        tiles=(Tile("Bursts", str(count), "", f"{len(names)} recordings"),),
+        sections=(
+            Section("onset_bursts", "When muscles become active", (said,), figure_tables(found), drawings, notes),
+        ),
+        verdicts=found.verdicts,
+    )

@@ -1,0 +1,135 @@
+"""Onsets of muscles: known ones are found with honest intervals, and bad input is named."""
+
+import numpy as np
+import pytest
+
+from pellucid._errors import RecordingError
+from pellucid.lab.emg_synthesis import motor_unit_noise
+from pellucid.procedures.registry import open_study
+from pellucid.procedures.run import check, onset, report
+from pellucid.signals.emg_onset import activations, teager_kaiser
+
+FS = 1500.0
+TABLE = {"band": (10.0, 450.0), "median_frequency": 90.0}
+STUDY = """
+name = "bursts"
+[rig]
+joint = "knee"
+motion = "rotary"
+lifts = "flexion"
+[channels]
+time = {{ column = "time", unit = "s" }}
+emg.vastus = {{ column = "vastus", unit = "{unit}" }}
+emg.biceps = {{ column = "biceps", unit = "{unit}" }}
+[onset]
+{more}
+[[recordings]]
+name = "trial"
+file = "trial.csv"
+"""
+
+
+def emg(seed: int, onsets, rise: float, strength: float = 12.0, seconds: float = 5.0):
+    """Raw EMG [V] whose activity begins at known times and lasts 0.7 s, rising over `rise` [s]."""
+    rng, time = np.random.default_rng(seed), np.arange(round(seconds * FS)) / FS
+    amplitude = np.zeros(len(time))
+    for begin in onsets:
+        up, down = (time - begin) / max(rise, 1e-6), (begin + 0.7 - time) / max(rise, 1e-6)
+        amplitude = np.maximum(amplitude, np.clip(np.minimum(up, down), 0.0, 1.0))
+    noise = motor_unit_noise(len(time), 1, FS, TABLE, rng)[0]
+    return time, 5e-6 * (strength * amplitude * noise + rng.standard_normal(len(time)))
+
+
+def study(folder, *, unit="V", more="", change=lambda x: x):
+    folder.mkdir()
+    time, vastus = emg(1, (1.2, 3.1), 0.03)
+    _, biceps = emg(2, (1.5,), 0.03)
+    columns = np.column_stack([time, change(vastus), biceps])
+    np.savetxt(folder / "trial.csv", columns, delimiter=",", header="time,vastus,biceps", comments="", fmt="%.9g")
+    (folder / "study.toml").write_text(STUDY.format(unit=unit, more=more), encoding="utf-8")
+    return open_study(folder)
+
+
+@pytest.mark.parametrize(("rise", "within"), [(0.0, 0.004), (0.05, 0.01), (0.12, 0.02)])
+def test_known_onsets_are_found_and_their_intervals_hold(rise, within):
+    errors, held, thresholds = [], [], []
+    for seed in range(12):
+        true = (1.1 + 0.01 * seed, 3.0)
+        found = activations(*emg(seed, true, rise))
+        assert len(found.bursts) == 2
+        for begin, burst in zip(true, found.bursts, strict=True):
+            errors.append(burst.onset.time - begin)
+            thresholds.append(burst.crossed - begin)
+            held += [burst.onset.low <= begin <= burst.onset.high, burst.end.low <= begin + 0.7 <= burst.end.high]
+    assert np.sqrt(np.mean(np.square(errors))) < within
+    assert np.sqrt(np.mean(np.square(errors))) < np.sqrt(np.mean(np.square(thresholds)))
+    assert np.mean(held) >= 0.8
+
+
+def test_energy_of_a_sine_is_its_amplitude_and_frequency_squared():
+    n = np.arange(200)
+    assert teager_kaiser(2.0 * np.sin(0.3 * n)) == pytest.approx(4.0 * np.sin(0.3) ** 2)
+
+
+def test_activity_at_the_start_has_no_onset():
+    found = activations(*emg(3, (-0.3, 2.0), 0.02))
+    assert [burst.seen for burst in found.bursts] == [False, True]
+
+
+def test_rest_may_be_named():
+    time, x = emg(4, (1.5,), 0.02)
+    assert activations(time, x, rest=(0.2, 1.0)).rest == pytest.approx((0.2, 1.0), abs=2e-3)
+    with pytest.raises(RecordingError, match="0 samples of rest between 7 and 8 s"):
+        activations(time, x, rest=(7.0, 8.0))
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        (lambda t, x: (t, np.where(np.arange(len(x)) == 50, np.nan, x)), "1 missing samples"),
+        (lambda t, x: (t, np.abs(x)), "expected raw EMG"),
+        (lambda t, x: (t[::4], x[::4]), "expected raw EMG at more than 600 Hz"),
+        (lambda t, x: (t[:900], x[:900]), "expected at least 1 s"),
+        (lambda t, x: (t, 1e-5 * np.random.default_rng(0).standard_normal(len(x))), "with rest and with activity"),
+        (lambda t, x: (t, np.where(t < 1.0, 0.0, x)), "a rest without any signal"),
+    ],
+)
+def test_what_shows_no_onset_is_refused(change, said):
+    with pytest.raises(RecordingError, match=said):
+        activations(*change(*emg(5, (2.0,), 0.02)))
+
+
+def test_a_study_has_its_bursts_and_their_page(tmp_path):
+    opened = study(tmp_path / "bursts")
+    assert not check(opened)
+    found = onset(opened)
+    rows = {row.id: row.value for row in found.rows}
+    assert rows["bursts.trial.vastus.bursts"] == 2
+    assert rows["bursts.trial.vastus.first_onset"] == pytest.approx(1.2, abs=0.02)
+    assert rows["bursts.trial.biceps.first_onset"] == pytest.approx(1.5, abs=0.02)
+    found.save(opened)
+    assert len((opened.folder / "tables" / "onsets.csv").read_text().splitlines()) == 4
+    page = report(opened, found).read_text()
+    assert all(part in page for part in ("bursts_1", "When muscles become active"))
+
+
+def test_an_envelope_is_refused(tmp_path):
+    opened = study(tmp_path / "bursts", unit="1", change=np.abs)
+    with pytest.raises(RecordingError, match=r"channel emg\.vastus: found the unit 1, expected raw EMG in V"):
+        onset(opened)
+    assert "refuse" in {fault.severity for fault in check(opened)}
+
+
+def test_a_muscle_without_rest_is_named_and_left_out(tmp_path):
+    rng = np.random.default_rng(6)
+    opened = study(tmp_path / "bursts", change=lambda x: 4e-5 * rng.standard_normal(len(x)))
+    assert [fault.severity for fault in check(opened)] == ["note"]
+    found = onset(opened)
+    assert any("emg.vastus" in v.said and "no onset is told" in v.said for v in found.verdicts)
+    assert next(row for row in found.rows if row.id == "bursts.trial.vastus.bursts").value is None
+
+
+def test_a_muscle_that_is_not_there_is_named(tmp_path):
+    opened = study(tmp_path / "bursts", more='muscles = ["soleus"]')
+    with pytest.raises(RecordingError, match="found EMG of vastus, biceps, expected soleus too"):
+        onset(opened)
