@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Literal
 
 import numpy as np
 
@@ -12,48 +11,15 @@ from .._errors import PellucidError, RecordingError
 from ..recordings.fault import Fault
 from ..recordings.recording import Recording
 from ..recordings.study import Study
-from ..recordings.study_fields import ProcedureTable, Word
 from ..signals.emg_chain import EmgChain, emg_chain
 from ..signals.emg_quality import inspect_emg
+from .muscle_tables import EnvelopeTable, MuscleTable
 
 ENVELOPE_RATE = 100.0
 """At which envelopes are kept, at least [Hz]: nothing in them is faster than their low-pass."""
 
 SETTLING = 0.25
 """Taken off either end of a recording whose envelopes a chain made [s]: its filters know nothing beyond."""
-
-
-class MuscleTable(ProcedureTable):
-    """What tables of muscle activity have in common.
-
-    Attributes
-    ----------
-    muscles : tuple of str
-        Channels ``emg.<muscle>`` to use; empty: all.
-    emg : str
-        Stream of these channels, where they are not in the recording's own file.
-    """
-
-    muscles: tuple[Word, ...] = ()
-    emg: Word = "emg"
-
-    bridges = False
-
-    def reads(self, channel: str, stream: str) -> bool:
-        """EMG, wherever it is."""
-        return channel.startswith("emg.") and stream in ("", self.emg)
-
-
-class EnvelopeTable(MuscleTable):
-    """The same of envelopes.
-
-    Attributes
-    ----------
-    chain : str
-        From raw EMG to envelopes: ``"hill"``, ``"knee"``, or ``"none"`` where envelopes were recorded.
-    """
-
-    chain: Literal["hill", "knee", "none"] = "hill"
 
 
 @dataclass(frozen=True, eq=False)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pydantic import Field
 
 from ...recordings.study_fields import quantity
-from ..muscle_channels import MuscleTable
+from ..muscle_tables import MuscleTable
 from ..procedure import Procedure, late
 
 

@@ -1,0 +1,40 @@
+"""What tables of study.toml have in common that ask for the activity of muscles."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+from ..recordings.study_fields import ProcedureTable, Word
+
+
+class MuscleTable(ProcedureTable):
+    """What tables of muscle activity have in common.
+
+    Attributes
+    ----------
+    muscles : tuple of str
+        Channels ``emg.<muscle>`` to use; empty: all.
+    emg : str
+        Stream of these channels, where they are not in the recording's own file.
+    """
+
+    muscles: tuple[Word, ...] = ()
+    emg: Word = "emg"
+
+    bridges = False
+
+    def reads(self, channel: str, stream: str) -> bool:
+        """EMG, wherever it is."""
+        return channel.startswith("emg.") and stream in ("", self.emg)
+
+
+class EnvelopeTable(MuscleTable):
+    """The same of envelopes.
+
+    Attributes
+    ----------
+    chain : str
+        From raw EMG to envelopes: ``"hill"``, ``"knee"``, or ``"none"`` where envelopes were recorded.
+    """
+
+    chain: Literal["hill", "knee", "none"] = "hill"
