@@ -10,21 +10,22 @@ from made_emg import FS, raw_emg
 from scipy import signal
 
 from pellucid._errors import IdentificationError, PellucidError, RecordingError
+from pellucid.estimators.condition_choice import Examined
 from pellucid.estimators.cross_validation import Score
 from pellucid.estimators.families import ESTIMATORS
 from pellucid.estimators.features import features
 from pellucid.estimators.muscle_trials import warm
 from pellucid.estimators.strapped_reference import strapped_torque
-from pellucid.estimators.torque_map import fit_torque_map
+from pellucid.estimators.torque_map import CrossValidated, fit_torque_map
 from pellucid.estimators.torque_reference import MovedBody
 from pellucid.fit.strap.strap_model import StrapModel
 from pellucid.models.card import CardParameter
 from pellucid.models.parameter_card import ParameterCard, read_parameter_card, write_parameter_card
 from pellucid.pages.page import write_page
 from pellucid.procedures.emg_torque import calibrate as module
-from pellucid.procedures.emg_torque.calibrate import preferred
 from pellucid.procedures.emg_torque.calibration_page import coverage_text, page
-from pellucid.procedures.emg_torque.evaluated import Evaluated, TorqueTrace, mean_choice
+from pellucid.procedures.emg_torque.chosen import chosen_in_folds, chosen_of
+from pellucid.procedures.emg_torque.evaluated import Evaluated, TorqueTrace
 from pellucid.procedures.emg_torque.procedure import EmgTorqueProcedure
 from pellucid.procedures.emg_torque.torque_card import torque_of_card
 from pellucid.procedures.emg_torque.trial_sources import moment_trials, moved_body, step_trials
@@ -172,15 +173,19 @@ def test_moments_are_judged_on_what_was_held_out(tmp_path, quick):
     assert (tile.what, "rest " in tile.more) == ("Torque error, knee, judged", True)
 
 
-def told(estimator, rmse, recording="a", compared=None, what="knee"):
-    return Evaluated(what, estimator, False, recording, Score(rmse, 0.5), None, "", compared=compared)
+def told(estimator, rmse, recording="a", tests=None, what="knee"):
+    examined = None if tests is None else Examined(("fast", "slow"), tests, 1.0)
+    return Evaluated(what, estimator, False, recording, Score(rmse, 0.5), None, "", examined=examined)
 
 
 def test_the_first_named_is_chosen_over_the_same_samples_and_by_nothing_that_judges():
-    found = [told("boost", 1.0, compared=Score(3.0, 0.5)), told("ridge", 2.0, compared=Score(2.5, 0.6)),
-             told("boost", 1.0, "b", Score(3.0, 0.5)), told("ridge", 9.0, "b", Score(2.5, 0.6)),
-             told("nmcoa", 0.1, compared=Score(0.1, 0.9)), told("motion", 0.1, compared=Score(0.1, 0.9))]  # fmt: skip
-    assert [(e.estimator, e.recording) for e in preferred(found, "knee")] == [("ridge", "a"), ("ridge", "b")]
+    found = [told("boost", 1.0, tests=(3.0, 3.1)), told("ridge", 2.0, tests=(2.5, 2.6)),
+             told("boost", 1.0, "b", (3.0, 3.1)), told("ridge", 9.0, "b", (2.5, 2.6)),
+             told("nmcoa", 0.1), told("motion", 0.1), told("motion", 0.2, "b")]  # fmt: skip
+    chosen = chosen_of(found, "knee")
+    # The worst of what judged comes first, and angles alone beside it.
+    assert [(e.estimator, e.recording) for e in chosen.judged] == [("ridge", "b"), ("ridge", "a")]
+    assert [e.score.rmse for e in chosen.bare] == [0.2, 0.1]
     # What is told the torque is no peer, however small its error.
     assert ESTIMATORS["nmcoa"].told
     assert "no peer" in ESTIMATORS["nmcoa"].words
@@ -207,10 +212,19 @@ def test_a_recording_that_was_to_judge_and_did_not_is_told(tmp_path, quick):
     assert not any("to be judged on" in v.text for v in said)
 
 
-def test_where_trials_are_left_out_the_folds_within_choose():
-    one, other = (SimpleNamespace(compared=Score(rmse, 0.5)) for rmse in (1.0, 3.0))
-    assert mean_choice([one, other]) == Score(2.0, 0.5)
-    assert mean_choice([one, SimpleNamespace(compared=None)]) is None
+def test_where_trials_are_left_out_the_others_choose():
+    names, trials = ("hill", "ridge"), [SimpleNamespace(name=n, group=n, torque=np.arange(4.0)) for n in "abc"]
+    good, bad = Examined(("x", "y"), (1.0, 1.1), 1.0), Examined(("x", "y"), (3.0, 3.1), 1.0)
+    within = {"hill": (good, bad, bad), "ridge": (bad, good, good)}
+    results = {
+        name: CrossValidated(Score(1.0, 0.5), {}, {t.name: t.torque for t in trials}, (), within[name])
+        for name in names
+    }
+    own = [replace(told(n, 1.0, ""), by_trial={t.name: Score(1.0 * i, 0.5) for t in trials}, kind="trials")
+           for i, n in enumerate(names)]  # fmt: skip
+    chosen = chosen_in_folds(trials, results, own)
+    assert chosen.by == (("a", "hill"), ("b", "ridge"), ("c", "ridge"))
+    assert chosen.judged[0].score.rmse == pytest.approx(2.0 / 3.0)
 
 
 def test_a_band_says_what_it_holds():

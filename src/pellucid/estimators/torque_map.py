@@ -95,6 +95,7 @@ class CrossValidated:
     by_trial: Mapping[str, Score]
     predicted: Mapping[str, np.ndarray]  # (n,) Torque by trial [N m], each from a map fitted without its group
     choices: tuple[Choice, ...]  # Of every outer fold
+    examined: tuple[Any, ...] = ()  # What was asked of every outer fold's map
 
 
 def torque_map_cv(
@@ -103,8 +104,10 @@ def torque_map_cv(
     *,
     causal: bool = False,
     on_progress: Callable[[str, float], None] | None = None,
+    examine: Callable[[Any, Sequence[TorqueTrial]], Any] | None = None,
 ) -> dict[str, CrossValidated]:
-    """Score estimators group by group, features and settings chosen anew within the other groups each time."""
+    """Score estimators group by group, features and settings chosen anew within the other groups each time; `examine`
+    is asked of every map, with the trials that it was fitted to."""
     tell = on_progress or (lambda text, share: None)
     groups = list(dict.fromkeys(trial.group for trial in trials))
     if len(groups) < 3:
@@ -113,15 +116,18 @@ def torque_map_cv(
         )
     results = {}
     for i, name in enumerate(estimators):
-        predicted, choices = {}, []
+        predicted, choices, examined = {}, [], []
         for j, group in enumerate(groups):
             tell(f"{name}, without {group}", (i + j / len(groups)) / len(estimators))
-            fitted = fit_torque_map([t for t in trials if t.group != group], name, causal=causal)
+            others = [t for t in trials if t.group != group]
+            fitted = fit_torque_map(others, name, causal=causal)
             choices.append(fitted.choice)
+            if examine is not None:
+                examined.append(examine(fitted, others))
             predicted |= {t.name: fitted.predict(t) for t in trials if t.group == group}
         by_trial = {t.name: score(t.torque, predicted[t.name]) for t in trials}
         whole = score(np.concatenate([t.torque for t in trials]), np.concatenate([predicted[t.name] for t in trials]))
-        results[name] = CrossValidated(whole, by_trial, predicted, tuple(choices))
+        results[name] = CrossValidated(whole, by_trial, predicted, tuple(choices), tuple(examined))
     return results
 
 

@@ -50,6 +50,8 @@ class Family:
     whole: Callable[[Any, str, bool], Any] | None = None
     aliases: tuple[str, ...] = ()  # What it may also be called
     rank: int = 100  # Its place in tables, the lowest first
+    # Beyond what was fitted its form is 0: muscles' own; 1: linear in its terms; 2: within the torques it has seen
+    reach: int = 2
 
     def candidates(self, *, neighbours: bool) -> tuple[FeatureSet, ...]:
         """Feature sets it may choose from; `neighbours`: whether other joints' angles are there."""

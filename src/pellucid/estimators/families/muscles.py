@@ -24,13 +24,14 @@ def _reconstruction(fit: str) -> Callable[[Any, str, bool], Any]:
 
 
 FAMILIES = {
-    "hill": Family("muscles of Hill's type", smoothing=0.0, whole=_hill, rank=50),
+    "hill": Family("muscles of Hill's type", smoothing=0.0, whole=_hill, rank=50, reach=0),
     **{
         name: Family(
             f"{words} (reconstruction)",
             smoothing=0.0,
             whole=_reconstruction(f"fit_{name}"),
             rank=rank,
+            reach=0,
             told=name == "nmcoa",
         )
         for rank, name, words in (

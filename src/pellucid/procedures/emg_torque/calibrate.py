@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from math import inf
 
 import numpy as np
 
@@ -22,7 +21,8 @@ from ...recordings.study import Study
 from ...signals.emg_chain import emg_chain
 from ..result import FigureTable, Result
 from .calibration_rows import calibration_rows
-from .evaluated import CAUSAL, EVALUATED, Calibrated, Evaluated, TorqueTrace, estimators_for, mean_choice
+from .chosen import BASELINE, Chosen, chosen_in_folds, chosen_of, examined_if_candidate
+from .evaluated import CAUSAL, EVALUATED, Calibrated, Evaluated, TorqueTrace, estimators_for
 from .leave_one_out import moments_left_out, repetitions_left_out
 from .leg_extension_trials import EXTENSION
 from .muscle_findings import (
@@ -49,6 +49,7 @@ class CalibrationResult(Result):
     """What calibration found, with what its figures need."""
 
     evaluated: tuple[Evaluated, ...] = field(default=(), repr=False)
+    chosen: tuple[Chosen, ...] = field(default=(), repr=False)  # What is named first, by joint or participant
     traces: tuple[TorqueTrace, ...] = field(default=(), repr=False)
     muscles: tuple[MuscleSummary, ...] = field(default=(), repr=False)  # Calibrated ones, by joint or participant
 
@@ -66,15 +67,24 @@ def calibrate(study: Study, on_progress: Progress | None = None) -> CalibrationR
     tell = on_progress or (lambda text, share: None)
     found = _judge_by(study)(study, tell)
     evaluated, trials = found.evaluated, found.trials
+    for what in dict.fromkeys(each.what for each in evaluated if each.what not in found.chosen):
+        found.chosen[what] = chosen_of(evaluated, what)
+    chosen = tuple(found.chosen.values())
     return CalibrationResult(
         study=study.name,
-        headline=_nowhere(found) + _headline(evaluated),
-        tables=(*_tables(evaluated), *session_tables(found.sessions), *muscle_tables(found.muscles)),
-        verdicts=(*verdicts_of(study, evaluated, trials), *muscle_verdicts_of(found)),
-        rows=calibration_rows(study.name, evaluated, trials, found.sessions),
+        headline=_nowhere(found) + _headline(chosen),
+        tables=(
+            *_chosen_tables(chosen),
+            *_tables(evaluated),
+            *session_tables(found.sessions),
+            *muscle_tables(found.muscles),
+        ),
+        verdicts=(*verdicts_of(study, evaluated, trials, chosen), *muscle_verdicts_of(found)),
+        rows=calibration_rows(study.name, evaluated, trials, found.sessions, chosen),
         cards={**found.cards, **muscle_cards(study, found.muscles, trials)},
         checksums={trial.name: trial.checksum for trial in trials},
         evaluated=tuple(evaluated),
+        chosen=chosen,
         traces=tuple(found.traces),
         muscles=muscle_summaries(found),
     )
@@ -123,6 +133,7 @@ def _by_recording(study: Study, tell: Progress) -> Calibrated:
         tell(f"{joint}, {ESTIMATORS[name].words}", i / len(runs))
         fitted, held = parts[joint]
         fit = fit_torque_map(fitted, name, causal=causal)
+        away = None if causal else examined_if_candidate(fit, fitted)
         if causal and name == CARD:
             found.cards[f"torque_map_{joint}"] = torque_card(study, fit, fitted, f"torque_map_{joint}")
         if isinstance(fit, HillMap) and name == "hill" and not causal:
@@ -139,7 +150,7 @@ def _by_recording(study: Study, tell: Progress) -> Calibrated:
             found.evaluated.append(
                 Evaluated(
                     joint, name, causal, trial.name, score(trial.torque, made), fit.choice.score, fit.choice.words,
-                    compared=fit.choice.compared,
+                    examined=away,
                     seconds=fit.fit.seconds if isinstance(fit, HillMap) else None,
                     coverage=None if half is None else float(np.mean(np.abs(trial.torque - made) <= half)),
                     partial=partial_errors(trial.torque, made) if isinstance(fit, HillMap) else (),
@@ -177,17 +188,20 @@ def _by_repetition(study: Study, tell: Progress) -> Calibrated:
                 names,
                 causal=causal,
                 on_progress=lambda text, share, b=base, s=span, p=person: tell(f"{p}, {text}", b + s * share),
+                examine=None if causal else examined_if_candidate,
             )
+            own = []
             for name, result in results.items():
                 words = " / ".join(dict.fromkeys(choice.words for choice in result.choices))
-                compared = mean_choice(result.choices)
-                found.evaluated.append(
-                    Evaluated(what, name, causal, "", result.score, None, words, compared=compared, kind="steps")
+                own.append(
+                    Evaluated(what, name, causal, "", result.score, None, words, kind="steps", by_trial=result.by_trial)
                 )
+            found.evaluated.extend(own)
             if causal:
                 card = f"torque_map_{what}"
                 found.cards[card] = torque_card(study, fit_torque_map(trials, CARD, causal=True), trials, card)
             else:
+                found.chosen[what] = chosen_in_folds(trials, results, own)
                 found.trials.extend(trials)
                 # One trial in six, the hardest first: a page need not show all.
                 worst = sorted(trials, key=lambda t: -results[names[0]].by_trial[t.name].rmse)[
@@ -211,37 +225,47 @@ def _reference_verdict(what: str, body: MovedBody | StrappedBodies) -> Verdict:
 
 
 def _tables(evaluated: Sequence[Evaluated]) -> tuple[FigureTable, ...]:
-    """One for each joint or person and each recording; R² within what was fitted stands beside the first."""
-    tables = []
+    """One for each joint or person and each recording, angles alone first; then, apart, what is told the torque."""
+    made, told = [], []
+    heads = ("RMSE", "R²", "of that without EMG", "R² within the fit")
     for what, recording in dict.fromkeys((each.what, each.recording) for each in evaluated):
         own = [each for each in evaluated if (each.what, each.recording) == (what, recording)]
-        rows = [
-            (
-                ESTIMATORS[each.estimator].words + (", causal" if each.causal else ""),
-                each.score.rmse,
-                each.score.r2,
-                None if each.within is None else each.within.r2,
+        bare = next((e.score.rmse for e in own if e.estimator == BASELINE), None)
+        own.sort(key=lambda e: e.estimator != BASELINE)
+        where = f"{what}, " + (recording.replace("_", " ") or "each left out in turn")
+        for parts, peers, title in (
+            (made, True, f"Torque from EMG: {where}"),
+            (told, False, f"Told the torque measured so far, no peers: {where}"),
+        ):
+            rows = tuple(
+                (
+                    ESTIMATORS[e.estimator].words + (", causal" if e.causal else ""),
+                    e.score.rmse,
+                    e.score.r2,
+                    None if not bare else e.score.rmse / bare,
+                    None if e.within is None else e.within.r2,
+                )
+                for e in own
+                if ESTIMATORS[e.estimator].told != peers
             )
-            for each in own
+            if rows:
+                unit = f"{heads[0]} ({own[0].unit})"
+                parts.append(FigureTable(title, ("Estimator", unit, *heads[1:]), rows))
+    return (*made, *told)
+
+
+def _chosen_tables(chosen: Sequence[Chosen]) -> tuple[FigureTable, ...]:
+    """What is named first, condition by condition or trial by trial, angles alone beside it."""
+    made = []
+    for each in chosen:
+        unit = each.judged[0].unit
+        heads = ["Judged on", "Chosen", f"RMSE ({unit})", "R²", "RMSE without EMG"]
+        rows = [
+            (name.replace("_", " "), by, own.rmse, own.r2, None if bare is None else bare.rmse)
+            for name, by, own, bare in each.by_condition()
         ]
-        title = f"Torque from EMG: {what}, " + (recording.replace("_", " ") or "each repetition left out in turn")
-        tables.append(
-            FigureTable(title, ("Estimator", f"RMSE ({own[0].unit})", "R²", "R² within the fit"), tuple(rows))
-        )
-    return tuple(tables)
-
-
-def preferred(evaluated: Sequence[Evaluated], what: str) -> tuple[Evaluated, ...]:
-    """The estimator to name first, on every recording that judged it: none of them may choose it.
-
-    It is the one with the smallest error out of fold, over the same samples of what was fitted for all.
-    """
-    own = [
-        e for e in evaluated
-        if e.what == what and not e.causal and ESTIMATORS[e.estimator].muscles and not ESTIMATORS[e.estimator].told
-    ]  # fmt: skip
-    best = min(own, key=lambda e: inf if e.compared is None else e.compared.rmse).estimator
-    return tuple(e for e in own if e.estimator == best)
+        made.append(FigureTable(f"Named first: {each.what}", tuple(heads), tuple(rows)))
+    return tuple(made)
 
 
 def _nowhere(found: Calibrated) -> str:
@@ -250,42 +274,64 @@ def _nowhere(found: Calibrated) -> str:
     return f"No estimate holds on {', '.join(said)}. " if said else ""
 
 
-def _range(judged: Sequence[Evaluated]) -> str:
-    """The least and the largest error, and R² the other way round."""
-    errors, r2 = sorted(e.score.rmse for e in judged), sorted((e.score.r2 for e in judged), reverse=True)
-    return f"{errors[0]:.3g} to {errors[-1]:.3g} {judged[0].unit} (R² {r2[0]:.3f} to {r2[-1]:.3f})"
-
-
-def _headline(evaluated: Sequence[Evaluated]) -> str:
+def _headline(chosen: Sequence[Chosen]) -> str:
+    """What is named first on what judged it worst, then on the others; and angles alone beside each."""
     said = []
-    best = {what: preferred(evaluated, what) for what in dict.fromkeys(each.what for each in evaluated)}
-    if len(best) > 3:
-        chosen = [each for judged in best.values() for each in judged]
-        words = " or ".join(dict.fromkeys(ESTIMATORS[judged[0].estimator].words for judged in best.values()))
-        said.append(f"{', '.join(best)}: off by {_range(chosen)} by {words}")
-        best = {}
-    for what, judged in best.items():
-        errors = [f"{each.score.rmse:.3g} {each.unit} (R² {each.score.r2:.3f})" for each in judged]
-        if len(judged) > 3:
-            errors = [_range(judged)]
-        said.append(f"{what}: off by {' and '.join(errors)} by {ESTIMATORS[judged[0].estimator].words}")
-    recordings = {each.recording for each in evaluated} - {""}
+    if len(chosen) > 3:
+        words = " or ".join(dict.fromkeys(each.words for each in chosen))
+        worst = max(chosen, key=lambda each: each.judged[0].score.rmse)
+        one = worst.judged[0]
+        least = min(e.score.rmse for each in chosen for e in each.judged)
+        bare = [each.bare[0].score.rmse for each in chosen if each.bare]
+        said.append(
+            f"{', '.join(each.what for each in chosen)}: off by {_figure(one)} at worst ({worst.what}) and by "
+            f"{least:.3g} at best, by {words}"
+            + (f"; angles alone, without EMG, by {max(bare):.3g} and {min(bare):.3g}" if bare else "")
+        )
+        chosen = ()
+    for each in chosen:
+        judged = [(_place(e), _figure(e)) for e in each.judged[:3]]
+        first = f"{judged[0][1]}{judged[0][0]}" + (" at worst" if len(each.judged) > 1 else "")
+        others = [f"{figure}{place}" for place, figure in judged[1:]]
+        if len(each.judged) > 3:
+            others = [f"{_figure(each.judged[-1])} at best"]
+        by_trial = each.judged[0].by_trial
+        if by_trial:
+            name = max(by_trial, key=lambda t: by_trial[t].rmse)
+            first += f" over all trials left out, {by_trial[name].rmse:.3g} at worst ({name.replace('_', ' ')})"
+        bare = " and ".join(f"{e.score.rmse:.3g}" for e in each.bare[:3])
+        said.append(
+            f"{each.what}: off by {' and '.join([first, *others])} by {each.words}"
+            + (f" (angles alone, without EMG: {bare})" if bare else "")
+        )
+    recordings = {e.recording for each in chosen for e in each.judged} - {""}
     where = f", on the {len(recordings)} recordings that were not fitted" if len(recordings) > 1 else ""
     return "; ".join(said) + (where or ", on what was not fitted") + "."
 
 
-def verdicts_of(study: Study, evaluated: Sequence[Evaluated], trials: Sequence[TorqueTrial]) -> tuple[Verdict, ...]:
+def _figure(judged: Evaluated) -> str:
+    return f"{judged.score.rmse:.3g} {judged.unit} (R² {judged.score.r2:.3f})"
+
+
+def _place(judged: Evaluated) -> str:
+    return f" on {judged.recording.replace('_', ' ')}" if judged.recording else ""
+
+
+def verdicts_of(
+    study: Study, evaluated: Sequence[Evaluated], trials: Sequence[TorqueTrial], chosen: Sequence[Chosen] = ()
+) -> tuple[Verdict, ...]:
     """What is to be known of the estimator that is named first, and of what judged it."""
     said = []
-    for best in (one for what in dict.fromkeys(each.what for each in evaluated) for one in preferred(evaluated, what)):
-        what, on = best.what, f" on {best.recording}" if best.recording else ""
-        bare = next(
-            (e for e in evaluated if (e.what, e.estimator, e.recording) == (what, "motion", best.recording)), None
-        )
+    for what, best, bare in (
+        (each.what, judged, next((e for e in each.bare if e.recording == judged.recording), None))
+        for each in chosen
+        for judged in each.judged
+    ):
+        on = f" on {best.recording}" if best.recording else ""
         if bare is not None and bare.score.rmse <= best.score.rmse:
             said.append(
                 Verdict(
-                    "note",
+                    "warning",
                     f"{what}{on}: joint angles alone err by {bare.score.rmse:.3g} {bare.unit}, no more than the map "
                     f"with EMG ({best.score.rmse:.3g} {best.unit}): in these movements the torque follows the motion, "
                     "and the map would not see an effort that does not move the joint.",

@@ -15,7 +15,7 @@ from ..result import ParameterTable
 from ..study_page import figure_tables, study_page
 from . import calibration_figures as figures
 from . import muscle_figures
-from .calibrate import CalibrationResult, preferred
+from .calibrate import CalibrationResult
 from .evaluated import TorqueTrace
 
 
@@ -34,14 +34,14 @@ def page(study: Study, findings: CalibrationResult) -> Page:
 
 def _tiles(findings: CalibrationResult) -> tuple[Tile, ...]:
     tiles = []
-    for what in dict.fromkeys(each.what for each in findings.evaluated):
-        judged = preferred(findings.evaluated, what)
-        best = judged[0]
-        others = [f"{e.recording.replace('_', ' ')} {number(e.score.rmse, digits=3)}" for e in judged[1:]]
-        more = "; ".join([ESTIMATORS[best.estimator].words, f"R² {best.score.r2:.3f}", *others])
+    for each in findings.chosen:
+        best = each.judged[0]
+        others = [f"{e.recording.replace('_', ' ')} {number(e.score.rmse, digits=3)}" for e in each.judged[1:]]
+        bare = [f"angles alone, without EMG: {number(each.bare[0].score.rmse, digits=3)}"] if each.bare else []
+        more = "; ".join([each.words, f"R² {best.score.r2:.3f}", *others, *bare])
         unit = "of the leg's weight, RMS" if best.kind == "normalised" else "N·m RMS"
         where = f", {best.recording.replace('_', ' ')}" if others else ""
-        tiles.append(Tile(f"Torque error, {what}{where}", number(best.score.rmse, digits=3), unit, more))
+        tiles.append(Tile(f"Torque error, {each.what}{where}", number(best.score.rmse, digits=3), unit, more))
     return tuple(tiles)
 
 

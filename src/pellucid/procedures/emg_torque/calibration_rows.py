@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from ...estimators.emg_session import Compared
 from ...estimators.torque_trial import TorqueTrial
 from ...recordings.results import ResultRow
+from .chosen import Chosen
 from .evaluated import Evaluated
 
 
@@ -15,6 +16,7 @@ def calibration_rows(
     evaluated: Sequence[Evaluated],
     trials: Sequence[TorqueTrial],
     sessions: Mapping[str, Compared] | None = None,
+    chosen: Sequence[Chosen] = (),
 ) -> tuple[ResultRow, ...]:
     """Every figure; the first held-out recording's have no name in their id, the others' have."""
     sums = {trial.name: trial.checksum for trial in trials}
@@ -54,12 +56,25 @@ def calibration_rows(
             ):
                 add(f"{each.what}.{how}.rmse.{name}{tail}", value, "N*m", words, recording=each.recording)
             if not tail:
+                if each.examined is not None:
+                    words = f"root mean square over tests within what was fitted: {', '.join(each.examined.words)}"
+                    add(f"{each.what}.{how}.rmse.tested", each.examined.mean, "N*m", words, split="fitted")
                 if each.within is not None:
                     words = "cross-validation within what was fitted"
                     add(f"{each.what}.{how}.r2.cross_validated", each.within.r2, "1", words, split="fitted")
                 if each.seconds is not None:
                     words = "one calibration, all starts included"
                     add(f"{each.what}.{how}.seconds", each.seconds, "s", words, split="fitted")
+    for named in chosen:
+        for judged in named.judged:
+            tail = "" if judged.recording in (first, "") else f".{judged.recording}"
+            note = f"chosen within what was fitted: {named.words}"
+            unit = "1" if judged.kind == "normalised" else "N*m"
+            add(f"{named.what}.chosen.rmse{tail}", judged.score.rmse, unit, note, recording=judged.recording)
+            add(f"{named.what}.chosen.r2{tail}", judged.score.r2, "1", note, recording=judged.recording)
+            for trial, one in judged.by_trial.items():
+                note = "left out, chosen without it"
+                add(f"{named.what}.chosen.rmse.{trial}", one.rmse, unit, note, recording=trial)
     for recording, compared in (sessions or {}).items():
         at = {"recording": recording}
         add(f"session.{recording}.channels_changed", len(compared.changed), "1", ", ".join(compared.changed), **at)

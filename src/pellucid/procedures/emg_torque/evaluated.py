@@ -4,16 +4,21 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ..._errors import IdentificationError
+from ...estimators.condition_choice import Examined
 from ...estimators.cross_validation import Score
 from ...estimators.emg_session import Compared
 from ...estimators.families import ESTIMATORS
 from ...estimators.hill import HillMap
 from ...estimators.torque_trial import TorqueTrial
 from ...fit.parameter import Verdict
+
+if TYPE_CHECKING:
+    from .chosen import Chosen
 
 EVALUATED = tuple(ESTIMATORS)
 """Estimators that `calibrate` reports, in the order of its tables."""
@@ -33,12 +38,14 @@ class Evaluated:
     score: Score
     within: Score | None  # Of cross-validation within what was fitted
     choice: str  # Features and settings, in words
-    compared: Score | None = None  # The same over the samples alone that all estimators are scored on
+    examined: Examined | None = None  # Away from what it is fitted to; None for what is not named first
+    by_trial: Mapping[str, Score] = field(default_factory=dict, repr=False)  # Where trials are left out in turn
     # What the figures are called: ``"recording"``, ``"steps"`` (torque against an orthosis), ``"trials"`` (means over
     # trials left out), ``"normalised"`` (a torque relative to the leg's own weight)
     kind: str = "recording"
     seconds: float | None = None  # One calibration took, all starts included, where that is a figure of its own
     coverage: float | None = None  # Share of held-out samples within the 95 % interval about what is predicted
+    coverage90: float | None = None  # The same of the 90 % band
     # RMSE where the reference pulls along its main direction, and of both torques cut off at 0 [N m]; or empty
     partial: tuple[float, ...] = ()
     # The same with envelopes of channels that changed replaced by what the others tell; None where none did
@@ -76,15 +83,8 @@ class Calibrated:
     shown: dict[str, TorqueTrial] = field(default_factory=dict)  # A trial to show them with
     passed_over: dict[str, str] = field(default_factory=dict)  # Why muscles were not fitted, by joint or participant
     verdicts: list[Verdict] = field(default_factory=list)  # On this way of judging
+    chosen: dict[str, Chosen] = field(default_factory=dict)  # What is named first, where trials are left out in turn
     sessions: dict[str, Compared] = field(default_factory=dict)  # Channels against those fitted, by recording judged
-
-
-def mean_choice(choices: Sequence) -> Score | None:
-    """What cross-validation within each outer fold said of an estimator, in the mean; None where one said nothing."""
-    scores = [choice.compared for choice in choices]
-    if any(each is None for each in scores):
-        return None
-    return Score(float(np.mean([s.rmse for s in scores])), float(np.mean([s.r2 for s in scores])))
 
 
 def estimators_for(

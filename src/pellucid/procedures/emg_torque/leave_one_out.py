@@ -13,7 +13,8 @@ from ...estimators.torque_map import fit_torque_map, torque_map_cv
 from ...estimators.torque_trial import TorqueTrial
 from ...fit.parameter import Verdict
 from ...recordings.study import Study
-from .evaluated import Calibrated, Evaluated, TorqueTrace, estimators_for, mean_choice
+from .chosen import chosen_in_folds, examined_if_candidate
+from .evaluated import Calibrated, Evaluated, TorqueTrace, estimators_for
 from .leg_extension_trials import EXTENSION, leg_extension_trials
 from .trial_sources import moment_trials
 
@@ -63,15 +64,18 @@ def _judge(found: Calibrated, trials: list[TorqueTrial], what: str, kind: str, u
             "to be left out in turn"
         )
     names = estimators_for(trials, what, found)
-    results = torque_map_cv(trials, names, on_progress=lambda text, share: tell(f"{what}, {text}", share))
+    results = torque_map_cv(
+        trials, names, on_progress=lambda text, share: tell(f"{what}, {text}", share), examine=examined_if_candidate
+    )
+    own = []
     for name, result in results.items():
         # Trials count the same, however long they are.
-        every = list(result.by_trial.values())
-        score = Score(float(np.mean([s.rmse for s in every])) / unit, result.score.r2)
+        every = {t: Score(s.rmse / unit, s.r2) for t, s in result.by_trial.items()}
+        score = Score(float(np.mean([s.rmse for s in every.values()])), result.score.r2)
         words = " / ".join(dict.fromkeys(choice.words for choice in result.choices))
-        found.evaluated.append(
-            Evaluated(what, name, False, "", score, None, words, compared=mean_choice(result.choices), kind=kind)
-        )
+        own.append(Evaluated(what, name, False, "", score, None, words, kind=kind, by_trial=every))
+    found.evaluated.extend(own)
+    found.chosen[what] = chosen_in_folds(trials, results, own)
     worst = max(trials, key=lambda t: results[names[0]].by_trial[t.name].rmse)
     made = {name: result.predicted[worst.name] for name, result in results.items()}
     found.traces.append(TorqueTrace(what, worst.name, worst.time, worst.torque, made))

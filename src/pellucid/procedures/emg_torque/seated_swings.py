@@ -27,6 +27,7 @@ from ...recordings.recording import Recording
 from ...recordings.study import Study
 from ...signals.emg_chain import EmgChain, emg_chain
 from ..loaded_swing.identify_loaded_swing import LOADED, identify_swings
+from .chosen import examined_if_candidate
 from .evaluated import Calibrated, Evaluated, TorqueTrace, estimators_for
 from .muscle_findings import partial_errors
 
@@ -141,7 +142,7 @@ def _judge(found: Calibrated, trials: list[TorqueTrial], who: str, tell: Callabl
     for j, name in enumerate(names):
         tell(f"{who}, {ESTIMATORS[name].words}", j / len(names))
         fit = fit_torque_map(fitted, name)
-        muscles = isinstance(fit, HillMap)
+        muscles, away = isinstance(fit, HillMap), examined_if_candidate(fit, fitted)
         if name == "hill":
             found.muscles[who], found.shown[who] = fit, held[0]
         for trial in held:
@@ -152,7 +153,7 @@ def _judge(found: Calibrated, trials: list[TorqueTrial], who: str, tell: Callabl
             found.evaluated.append(
                 Evaluated(
                     who, name, False, trial.name, score(trial.torque, torque), fit.choice.score, fit.choice.words,
-                    compared=fit.choice.compared,
+                    examined=away,
                     seconds=fit.fit.seconds if muscles else None,
                     coverage=None if inside is None else float(np.mean(inside)),
                     partial=partial_errors(trial.torque, torque) if muscles else (),

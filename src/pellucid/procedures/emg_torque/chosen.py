@@ -1,0 +1,90 @@
+"""The estimator that is named first: chosen by what was fitted alone, and how it did on every recording that judged."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ...estimators.condition_choice import Examined, candidate, examined, named
+from ...estimators.cross_validation import Score, score
+from ...estimators.families import ESTIMATORS
+from ...estimators.torque_map import CrossValidated
+from ...estimators.torque_trial import TorqueTrial
+from .evaluated import Evaluated
+
+BASELINE = "motion"
+"""The estimator that sees no EMG."""
+
+
+@dataclass(frozen=True)
+class Chosen:
+    """What is named first for one joint or participant."""
+
+    what: str
+    estimators: tuple[str, ...]  # One, or one for each outer fold
+    judged: tuple[Evaluated, ...]  # Its figures by recording, the worst first
+    bare: tuple[Evaluated, ...]  # Those of angles alone, in the same order; empty where nothing was fitted to them
+
+    by: tuple[tuple[str, str], ...] = ()  # Estimator by trial, where trials are left out in turn
+
+    def by_condition(self) -> list[tuple[str, str, Score, Score | None]]:
+        """Each recording or trial, the words of what was chosen for it, its score, and that of angles alone."""
+        if not self.by:
+            bare = {e.recording: e.score for e in self.bare}
+            return [(e.recording, self.words, e.score, bare.get(e.recording)) for e in self.judged]
+        bare = self.bare[0].by_trial if self.bare else {}
+        return [(t, ESTIMATORS[n].words, self.judged[0].by_trial[t], bare.get(t)) for t, n in self.by]
+
+    @property
+    def words(self) -> str:
+        """What it is."""
+        counts = Counter(self.estimators)
+        if len(counts) == 1:
+            return ESTIMATORS[self.estimators[0]].words
+        each = (f"{ESTIMATORS[name].words} for {count}" for name, count in counts.most_common())
+        return f"what was chosen without each ({', '.join(each)})"
+
+
+def examined_if_candidate(fit: object, trials: Sequence[TorqueTrial]) -> Examined | None:
+    """How an estimator fares away from what it is fitted to; None for one that is not named first."""
+    return examined(fit, trials) if candidate(fit.name) else None
+
+
+def chosen_of(evaluated: Sequence[Evaluated], what: str) -> Chosen:
+    """Of estimators judged on recordings of their own; no recording that judges takes part."""
+    own = [e for e in evaluated if e.what == what and not e.causal]
+    best = named({e.estimator: e.examined for e in own if e.examined is not None})
+    judged = sorted((e for e in own if e.estimator == best), key=lambda e: -e.score.rmse)
+    bare = {e.recording: e for e in own if e.estimator == BASELINE}
+    return Chosen(what, (best,), tuple(judged), tuple(bare[e.recording] for e in judged if e.recording in bare))
+
+
+def chosen_in_folds(
+    trials: Sequence[TorqueTrial], results: Mapping[str, CrossValidated], evaluated: Sequence[Evaluated]
+) -> Chosen:
+    """Of estimators judged trial by trial: for each left out, what the others alone choose; `evaluated` are theirs."""
+    groups = list(dict.fromkeys(t.group for t in trials))
+    best = [
+        named({name: r.examined[j] for name, r in results.items() if r.examined[j] is not None})
+        for j in range(len(groups))
+    ]
+    of = dict(zip(groups, best, strict=True))
+    made = np.concatenate([results[of[t.group]].predicted[t.name] for t in trials])
+    whole = score(np.concatenate([t.torque for t in trials]), made)
+    by, alike = {e.estimator: e for e in evaluated}, evaluated[0]
+    by_trial = {t.name: by[of[t.group]].by_trial[t.name] for t in trials}
+    rmse = whole.rmse if alike.kind == "steps" else float(np.mean([s.rmse for s in by_trial.values()]))
+    one = replace(
+        alike, estimator=Counter(best).most_common(1)[0][0], score=Score(rmse, whole.r2), by_trial=by_trial,
+        choice=", ".join(f"{name} without {group}" for group, name in of.items()),
+    )  # fmt: skip
+    return Chosen(
+        one.what,
+        tuple(best),
+        (one,),
+        tuple(e for e in evaluated if e.estimator == BASELINE),
+        tuple((t.name, of[t.group]) for t in trials),
+    )
