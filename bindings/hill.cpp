@@ -9,6 +9,7 @@
 
 #include <cmath>
 #include <memory>
+#include <string_view>
 
 namespace bindings {
 namespace {
@@ -21,7 +22,7 @@ constexpr std::size_t delay_capacity = 1024;
 constexpr const char* torque_sig =
     "def hill_torque(parameters: ArrayLike, excitation: ArrayLike, length: ArrayLike, velocity: ArrayLike, moment_arm: "
     "ArrayLike, *, period: float, starts: ArrayLike | None = None) -> NDArray[float64]";
-constexpr const char* torque_doc = R"(Torque of several muscles from their EMG envelopes.
+constexpr const char* torque_doc = R"(Torque of several muscles from their EMG envelopes, at one joint or at j of them.
 
 Parameters
 ----------
@@ -29,7 +30,7 @@ parameters : (m, 18)
     A row per muscle in the order of MUSCLE_PARAMETER_NAMES, SI.
 excitation, length, velocity, moment_arm : (m, n)
     Envelopes relative to maximal effort [1], musculotendon lengths [m] and their rates [m/s], moment arms about the
-    joint, positive where the muscle pulls along +q [m].
+    joint, positive where the muscle pulls along +q [m]; moment_arm (j, m, n) for several joints, at most 8.
 period : float
     From one sample to the next [s], > 0.
 starts : (r,) of int
@@ -37,7 +38,7 @@ starts : (r,) of int
 
 Returns
 -------
-(n,)
+(n,) or (j, n)
     [N m].)";
 
 constexpr const char* jacobian_sig =
@@ -61,9 +62,9 @@ starts : (r,) of int
 
 Returns
 -------
-torque : (n,)
+torque : (n,) or (j, n)
     [N m].
-jacobian : (k, n)
+jacobian : (k, n) or (k, j, n)
     A row per free parameter.)";
 
 constexpr const char* normal_sig =
@@ -79,12 +80,12 @@ excitation, length, velocity, moment_arm : (m, n)
 column : (m, 11) of int
 gain : (m, 11)
     As of hill_jacobian.
-measured : (n,)
+measured : (n,) or (j, n)
     Torque to be met [N m].
 period : float
 starts : (r,) of int
     As of hill_torque.
-weight : (n,)
+weight : (n,) or (j, n)
     By which every residual is multiplied; left out, 1.
 
 Returns
@@ -180,6 +181,7 @@ struct HillArguments {
   std::vector<Array> arrays;
   std::vector<std::size_t> starts;
   HillData data;
+  bool several = false;  // whether moment arms, and thus torques, are those of several joints
 
   HillArguments(nb::handle parameters, std::initializer_list<std::pair<const char*, nb::handle>> named, double period,
                 nb::handle starts_) {
@@ -196,6 +198,15 @@ struct HillArguments {
         if (array.shape.size() != 2 || array.shape[0] != data.muscles)
           array.fail("(" + std::to_string(data.muscles) + ", n), a row per muscle");
         data.samples = array.shape[1];
+      }
+      if (std::string_view(name) == "moment_arm" && array.shape.size() == 3) {
+        data.joints = array.shape[0];
+        several = true;
+        if (data.joints == 0 || data.joints > most_joints)
+          array.fail("(j, m, n) with j from 1 to " + std::to_string(most_joints));
+        array.expect(text({data.joints, data.muscles, data.samples}) + ", as excitation for each joint",
+                     {data.joints, data.muscles, data.samples});
+        continue;
       }
       array.expect("(" + std::to_string(data.muscles) + ", " + std::to_string(data.samples) + "), as excitation",
                    {data.muscles, data.samples});
@@ -214,6 +225,13 @@ struct HillArguments {
     data.starts = starts.data();
     data.recordings = data.samples == 0 ? 0 : starts.size();
   }
+
+  /// Of an array with a row of samples for each joint, below whatever comes before it.
+  Shape rows(Shape before = {}) const {
+    if (several) before.push_back(data.joints);
+    before.push_back(data.samples);
+    return before;
+  }
 };
 
 /// Which parameters are free, and the memory that a pass needs.
@@ -223,7 +241,7 @@ struct Free {
   HillFree free;
   std::vector<double> work;
 
-  Free(std::size_t muscles, nb::handle column_, nb::handle gain_) : gain(read_array("gain", gain_)) {
+  Free(std::size_t muscles, std::size_t joints, nb::handle column_, nb::handle gain_) : gain(read_array("gain", gain_)) {
     const Array columns = read_array("column", column_);
     const Shape shape{muscles, p::muscle_free_count};
     const std::string expected = text(shape) + ", a row per muscle";
@@ -239,7 +257,7 @@ struct Free {
     }
     free.column = column.data();
     free.gain = gain.data;
-    work.resize((free.columns + 1) * hill_block);
+    work.resize((free.columns + 1) * joints * hill_block);
   }
 };
 
@@ -248,7 +266,7 @@ nb::object hill_torque(nb::handle parameters, nb::handle excitation, nb::handle 
   const HillArguments in(
       parameters, {{"excitation", excitation}, {"length", length}, {"velocity", velocity}, {"moment_arm", moment_arm}},
       period, starts);
-  Result torque({in.data.samples});
+  Result torque(in.rows());
   std::vector<double> work(hill_block);
   HillFit fit;
   fit.torque = torque.data;
@@ -265,8 +283,8 @@ nb::object hill_jacobian(nb::handle parameters, nb::handle excitation, nb::handl
   const HillArguments in(
       parameters, {{"excitation", excitation}, {"length", length}, {"velocity", velocity}, {"moment_arm", moment_arm}},
       period, starts);
-  Free free(in.data.muscles, column, gain);
-  Result torque({in.data.samples}), jacobian({free.free.columns, in.data.samples});
+  Free free(in.data.muscles, in.data.joints, column, gain);
+  Result torque(in.rows()), jacobian(in.rows({free.free.columns}));
   HillFit fit;
   fit.torque = torque.data;
   fit.jacobian = jacobian.data;
@@ -284,14 +302,14 @@ nb::object hill_normal(nb::handle parameters, nb::handle excitation, nb::handle 
   const HillArguments in(
       parameters, {{"excitation", excitation}, {"length", length}, {"velocity", velocity}, {"moment_arm", moment_arm}},
       period, starts);
-  Free free(in.data.muscles, column, gain);
-  const std::size_t k = free.free.columns, n = in.data.samples;
+  Free free(in.data.muscles, in.data.joints, column, gain);
+  const std::size_t k = free.free.columns;
   const Array target = read_array("measured", measured);
-  target.expect(same_length("excitation's rows", n), {n});
+  target.expect(text(in.rows()) + ", a sample for each of moment_arm's", in.rows());
   std::unique_ptr<Array> weights;
   if (!weight.is_none()) {
     weights = std::make_unique<Array>(read_array("weight", weight));
-    weights->expect(same_length("measured", n), {n});
+    weights->expect(text(in.rows()) + ", as measured", in.rows());
   }
   Result gradient({k}), normal({k, k});
   HillFit fit;

@@ -165,35 +165,45 @@ void neural(Muscle& m, std::size_t start, std::size_t first, std::size_t count, 
   runs[(m.lag_1 ? 1 : 0) + (m.lag_2 ? 2 : 0) + (m.delayed ? 4 : 0)](m, e, slope, count, out);
 }
 
-/// Adds a muscle's torque, and its derivatives to the columns, over one block; `columns` is rows of `block`.
-void add(const Muscle& m, const Neural& n, std::size_t first, std::size_t count, double* torque, double* columns) {
+/// Adds a muscle's torque to each joint, and its derivatives to the columns, over one block: `torque` is a row of `block`
+/// for each joint, `columns` is `k` rows of `block` for each. The force is worked out once, whatever it turns.
+void add(const HillData& data, const Muscle& m, const Neural& n, std::size_t first, std::size_t count, std::size_t k,
+         double* torque, double* columns) {
+  const std::size_t joint = data.muscles * data.samples;
   for (std::size_t i = 0; i < count; i += width) {
     const std::size_t here = count - i;
     const Lane u = load(n.u + i, here), l = load(m.length + first + i, here), v = load(m.velocity + first + i, here);
-    const Lane r = load(m.moment_arm + first + i, here);
+    const auto arm = [&](std::size_t j) { return load(m.moment_arm + j * joint + first + i, here); };
     if (!m.any) {
-      store(torque + i,
-            load(torque + i) + r * p::tendon_force(m.muscle, p::shaped(m.activation, u), p::fibre(m.muscle, l, v)));
+      const Lane force = p::tendon_force(m.muscle, p::shaped(m.activation, u), p::fibre(m.muscle, l, v));
+      for (std::size_t j = 0; j < data.joints; ++j) {
+        double* to = torque + j * block + i;
+        store(to, load(to) + arm(j) * force);
+      }
       continue;
     }
     const p::MuscleSlopes<Lane> d = p::slopes(m.activation, m.muscle, u, l, v);
-    store(torque + i, load(torque + i) + r * d.force);
-    const auto put = [&](std::size_t quantity, const Lane& slope) {
-      if (m.column[quantity] < 0) return;
-      double* to = columns + static_cast<std::size_t>(m.column[quantity]) * block + i;
-      store(to, load(to) + (r * m.chain[quantity]) * slope);
-    };
-    put(shape, d.shape);
-    if (m.lag_1) put(time_constant_1, d.neural * load(n.by_lag_1 + i, here));
-    if (m.lag_2) put(time_constant_2, d.neural * load(n.by_lag_2 + i, here));
-    if (m.delayed) put(delay, d.neural * load(n.by_delay + i, here));
-    put(4, d.optimal_fibre_length);
-    put(5, d.tendon_slack_length);
-    put(6, d.strength);
-    put(7, d.optimal_length_shift);
-    put(8, d.max_velocity);
-    put(9, d.force_length_width);
-    put(10, d.passive_scale);
+    for (std::size_t j = 0; j < data.joints; ++j) {
+      const Lane r = arm(j);
+      double* to = torque + j * block + i;
+      store(to, load(to) + r * d.force);
+      const auto put = [&](std::size_t quantity, const Lane& slope) {
+        if (m.column[quantity] < 0) return;
+        double* at = columns + (j * k + static_cast<std::size_t>(m.column[quantity])) * block + i;
+        store(at, load(at) + (r * m.chain[quantity]) * slope);
+      };
+      put(shape, d.shape);
+      if (m.lag_1) put(time_constant_1, d.neural * load(n.by_lag_1 + i, here));
+      if (m.lag_2) put(time_constant_2, d.neural * load(n.by_lag_2 + i, here));
+      if (m.delayed) put(delay, d.neural * load(n.by_delay + i, here));
+      put(4, d.optimal_fibre_length);
+      put(5, d.tendon_slack_length);
+      put(6, d.strength);
+      put(7, d.optimal_length_shift);
+      put(8, d.max_velocity);
+      put(9, d.force_length_width);
+      put(10, d.passive_scale);
+    }
   }
 }
 
@@ -209,7 +219,8 @@ double dot(const double* a, const double* b) {
   return ((at(0) + at(4)) + (at(2) + at(6))) + ((at(1) + at(5)) + (at(3) + at(7)));
 }
 
-/// What one block adds to cost, gradient and normal matrix. Beyond its samples, columns and residual are 0.
+/// What one block of one joint, whose rows begin at `first`, adds to cost, gradient and normal matrix. Beyond its samples,
+/// columns and residual are 0.
 void accumulate(const HillFit& fit, std::size_t k, std::size_t first, std::size_t count, double* residual,
                 double* columns, double& cost) {
   for (std::size_t i = 0; i < count; ++i) {
@@ -235,7 +246,8 @@ void fit(const HillData& data, const HillFree& free, HillFit& fit) {
   Muscle muscles[most_muscles];
   for (std::size_t m = 0; m < data.muscles; ++m) muscles[m] = Muscle(data, free, m);
   double* columns = fit.work;
-  double torque[block];
+  double torque[most_joints * block];
+  const std::size_t rows = data.joints;
   Neural n;
   if (fit.gradient != nullptr)
     for (std::size_t j = 0; j < k; ++j) fit.gradient[j] = 0;
@@ -246,18 +258,22 @@ void fit(const HillData& data, const HillFree& free, HillFit& fit) {
     const std::size_t start = data.starts[r], end = r + 1 < data.recordings ? data.starts[r + 1] : data.samples;
     for (std::size_t first = start; first < end; first += block) {
       const std::size_t count = end - first < block ? end - first : block;
-      for (double& x : torque) x = 0;
-      for (std::size_t i = 0; i < k * block; ++i) columns[i] = 0;
+      for (std::size_t i = 0; i < rows * block; ++i) torque[i] = 0;
+      for (std::size_t i = 0; i < rows * k * block; ++i) columns[i] = 0;
       for (std::size_t m = 0; m < data.muscles; ++m) {
         neural(muscles[m], start, first, count, n);
-        add(muscles[m], n, first, count, torque, columns);
+        add(data, muscles[m], n, first, count, k, torque, columns);
       }
-      if (fit.torque != nullptr)
-        for (std::size_t i = 0; i < count; ++i) fit.torque[first + i] = torque[i];
-      if (fit.jacobian != nullptr)
-        for (std::size_t j = 0; j < k; ++j)
-          for (std::size_t i = 0; i < count; ++i) fit.jacobian[j * data.samples + first + i] = columns[j * block + i];
-      if (fit.measured != nullptr) accumulate(fit, k, first, count, torque, columns, fit.cost);
+      for (std::size_t row = 0; row < rows; ++row) {
+        double *own = torque + row * block, *slopes = columns + row * k * block;
+        if (fit.torque != nullptr)
+          for (std::size_t i = 0; i < count; ++i) fit.torque[row * data.samples + first + i] = own[i];
+        if (fit.jacobian != nullptr)
+          for (std::size_t j = 0; j < k; ++j)
+            for (std::size_t i = 0; i < count; ++i)
+              fit.jacobian[(j * rows + row) * data.samples + first + i] = slopes[j * block + i];
+        if (fit.measured != nullptr) accumulate(fit, k, row * data.samples + first, count, own, slopes, fit.cost);
+      }
     }
   }
   if (fit.normal != nullptr)

@@ -9,10 +9,12 @@
 namespace bindings {
 
 constexpr std::size_t most_muscles = 32;
+constexpr std::size_t most_joints = 8;
 constexpr std::size_t hill_block = 512;  // samples that stay in the nearest cache while muscles add to them
 
-/// Muscles on samples: every array is muscle-major, `muscles` rows of `samples`.
+/// Muscles on samples: every array is muscle-major, `muscles` rows of `samples`; moment arms are that for each joint.
 struct HillData {
+  std::size_t joints = 1;
   std::size_t muscles = 0;
   std::size_t samples = 0;
   const double* parameters = nullptr;  // muscles rows of pellucid::muscle_parameter_count
@@ -32,16 +34,17 @@ struct HillFree {
   const double* gain = nullptr;          // the same: d quantity / d parameter
 };
 
-/// Residual weight (torque - measured) and what a solver asks of it; what is null is not computed.
+/// Residual weight (torque - measured) and what a solver asks of it; what is null is not computed. Rows of samples are
+/// one for each joint, those of the Jacobian joint by joint for each column.
 struct HillFit {
   const double* measured = nullptr;
   const double* weight = nullptr;
-  double* torque = nullptr;    // samples
-  double* jacobian = nullptr;  // columns rows of samples, d torque, not weighed
+  double* torque = nullptr;    // joints rows of samples
+  double* jacobian = nullptr;  // columns rows of joints rows of samples, d torque, not weighed
   double* gradient = nullptr;  // columns: J' residual
   double* normal = nullptr;    // columns rows of columns: J'J
   double cost = 0;             // half the sum of squares
-  double* work = nullptr;      // columns rows of hill_block, at least 1
+  double* work = nullptr;      // joints times columns rows of hill_block, at least 1
 };
 
 /// What each muscle does: muscles rows of samples each.

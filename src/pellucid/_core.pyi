@@ -1431,7 +1431,7 @@ def hill_torque(
     starts: ArrayLike | None = None,
 ) -> NDArray[float64]:
     """
-    Torque of several muscles from their EMG envelopes.
+    Torque of several muscles from their EMG envelopes, at one joint or at j of them.
 
     Parameters
     ----------
@@ -1439,7 +1439,7 @@ def hill_torque(
         A row per muscle in the order of MUSCLE_PARAMETER_NAMES, SI.
     excitation, length, velocity, moment_arm : (m, n)
         Envelopes relative to maximal effort [1], musculotendon lengths [m] and their rates [m/s], moment arms about the
-        joint, positive where the muscle pulls along +q [m].
+        joint, positive where the muscle pulls along +q [m]; moment_arm (j, m, n) for several joints, at most 8.
     period : float
         From one sample to the next [s], > 0.
     starts : (r,) of int
@@ -1447,7 +1447,7 @@ def hill_torque(
 
     Returns
     -------
-    (n,)
+    (n,) or (j, n)
         [N m].
     """
 
@@ -1481,9 +1481,9 @@ def hill_jacobian(
 
     Returns
     -------
-    torque : (n,)
+    torque : (n,) or (j, n)
         [N m].
-    jacobian : (k, n)
+    jacobian : (k, n) or (k, j, n)
         A row per free parameter.
     """
 
@@ -1511,12 +1511,12 @@ def hill_normal(
     column : (m, 11) of int
     gain : (m, 11)
         As of hill_jacobian.
-    measured : (n,)
+    measured : (n,) or (j, n)
         Torque to be met [N m].
     period : float
     starts : (r,) of int
         As of hill_torque.
-    weight : (n,)
+    weight : (n,) or (j, n)
         By which every residual is multiplied; left out, 1.
 
     Returns

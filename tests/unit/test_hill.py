@@ -1,5 +1,7 @@
 """Models of several muscles: what is free drives what it says, and nothing else."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -117,3 +119,33 @@ def test_what_cannot_be_freed(free, message):
 def test_names_are_told_apart():
     with pytest.raises(ValueError, match="once"):
         HillModel((MUSCLES[0], MUSCLES[0]))
+
+
+def test_several_joints_are_each_joint_by_itself_to_the_bit(data, rng):
+    """One pass over the forces; torque, derivatives and normal equations of each joint by its own arms."""
+    model, values = HillModel(MUSCLES, FREED), np.array([-1.7, 1.04, 1.2])
+    arms = np.stack((data.moment_arm, rng.normal(0.0, 0.03, data.moment_arm.shape)))
+    arms[1, 0] = 0.0
+    both = replace(data, moment_arm=arms)
+    torque, jacobian = model.jacobian(both, values)
+    assert torque.shape == (2, 900)
+    assert jacobian.shape == (3, 2, 900)
+    np.testing.assert_array_equal(model.torque(both, values), torque)
+    measured, weight = rng.normal(0.0, 20.0, (2, 900)), rng.uniform(0.0, 1.0, (2, 900))
+    cost, gradient, normal = model.normal(both, values, measured, weight)
+    alone = []
+    for j in range(2):
+        own = replace(data, moment_arm=arms[j])
+        for found, each in zip((torque[j], jacobian[:, j]), model.jacobian(own, values), strict=True):
+            np.testing.assert_array_equal(found, each)
+        alone.append(model.normal(own, values, measured[j], weight[j]))
+    assert cost == pytest.approx(sum(a[0] for a in alone), rel=1e-12)
+    np.testing.assert_allclose(gradient, sum(a[1] for a in alone), rtol=1e-10)
+    np.testing.assert_allclose(normal, sum(a[2] for a in alone), rtol=1e-10)
+
+
+def test_arms_of_other_joints_must_fit_the_muscles(data):
+    model = HillModel(MUSCLES)
+    for arms, message in ((np.zeros((2, 2, 900)), r"\(2, 3, 900\)"), (np.zeros((9, 3, 900)), "from 1 to 8")):
+        with pytest.raises(ValueError, match=message):
+            model.torque(replace(data, moment_arm=arms))

@@ -104,11 +104,11 @@ def fit_hill(
     muscles = driven_muscles(trials)
     names = tuple(m.name for m in muscles)
     samples, own = muscle_samples(trials, muscles=names, causal=causal)
-    effort = 1.0 if trials[0].muscles.maximal else _effort(muscles, samples)
+    effort = 1.0 if trials[0].muscles.maximal else effort_of(muscles, samples)
     if effort < 1.0:
         samples, own = muscle_samples(trials, muscles=names, effort=effort, causal=causal)
     counted = np.flatnonzero(samples.weight > 0.0)
-    folds = _folds(trials, own, samples, counted)
+    folds = folds_of(trials, own, samples, counted)
     best: tuple[Score | None, float] = (None, weights[0])
     tried = {}
     for weight in weights if len(weights) > 1 else ():
@@ -132,21 +132,22 @@ def fit_hill(
     return HillMap(name, names, choice, fit, missed.rmse, effort, causal, first.joint, driven)
 
 
-def _effort(muscles: Sequence[HillMuscle], samples: MuscleSamples) -> float:
+def effort_of(muscles: Sequence[HillMuscle], samples: MuscleSamples) -> float:
     """Share of a maximal contraction that makes the torque of activity alone most like the reference."""
     model, counted = HillModel([replace(m, passive_scale=0.0) for m in muscles]), samples.weight > 0.0
+    spread = np.std(samples.torque, axis=-1, keepdims=True)
     errors = [
-        float(np.sum((model.torque(scaled)[counted] - samples.torque[counted]) ** 2))
+        float(np.sum((((model.torque(scaled) - samples.torque) / spread)[counted]) ** 2))
         for scaled in (replace(samples.data, excitation=e * samples.data.excitation) for e in EFFORTS)
     ]
     return float(EFFORTS[int(np.argmin(errors))])
 
 
-def _folds(
+def folds_of(
     trials: Sequence[TorqueTrial], own: Sequence[slice], samples: MuscleSamples, counted: np.ndarray
 ) -> list[Fold]:
     """Group by group, trial by trial, or in blocks of a single one; of samples that count."""
-    member = np.full(len(samples.torque), -1)
+    member = np.full(samples.torque.shape[-1], -1)
     for i, part in enumerate(own):
         member[part] = i
     groups = np.array([trial.group for trial in trials])[member[counted]]

@@ -1,14 +1,16 @@
-"""Trials as the muscles of a joint see them: envelopes, lengths, rates and moment arms, one trial after another."""
+"""Trials as muscles see them: envelopes, lengths, rates and moment arms about a joint or several, trial after trial."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from .._errors import IdentificationError
 from ..fit.muscles.muscle_calibration import MuscleSamples
 from ..models.hill import HillData, HillMuscle
+from ..models.muscle_geometry import muscle_table
 from .features import derivatives
 from .muscle_faults import refuse_unfit
 from .torque_trial import TorqueTrial
@@ -40,27 +42,69 @@ def driven_muscles(trials: Sequence[TorqueTrial]) -> tuple[HillMuscle, ...]:
     return tuple(first.muscles.constants[name] for name in found[0])
 
 
+def driven_across(trials: Mapping[str, Sequence[TorqueTrial]]) -> tuple[HillMuscle, ...]:
+    """Muscles of several joints that EMG drives, each once; of every joint the trials of the same recordings, in the
+    same order."""
+    first, *others = trials
+    for joint in others:
+        names = [[t.name for t in trials[j]] for j in (first, joint)]
+        if names[0] != names[1]:
+            raise IdentificationError(
+                f"muscles across {' and '.join(trials)}: found the {first}'s torque in {', '.join(names[0]) or 'none'} "
+                f"and the {joint}'s in {', '.join(names[1]) or 'none'}, expected both in the same recordings"
+            )
+        for a, b in zip(trials[first], trials[joint], strict=True):
+            if not np.array_equal(a.time, b.time):
+                raise IdentificationError(
+                    f"recording {a.name}: found the {first}'s torque at {len(a)} instants and the {joint}'s at "
+                    f"{len(b)} others, expected both at the same"
+                )
+    found: dict[str, HillMuscle] = {}
+    for own in trials.values():
+        for muscle in driven_muscles(own):
+            found.setdefault(muscle.name, muscle)
+    return tuple(found.values())
+
+
 def muscle_samples(
     trials: Sequence[TorqueTrial], *, muscles: Sequence[str], effort: float = 1.0, causal: bool = False
 ) -> tuple[MuscleSamples, list[slice]]:
-    """Samples of several trials, and where each trial's own lie in them."""
+    """Samples of several trials of one joint, and where each trial's own lie in them."""
+    samples, own = samples_across({"joint": trials}, muscles=muscles, effort=effort, causal=causal)
+    data = replace(samples.data, moment_arm=samples.data.moment_arm[0])
+    rows = {name: getattr(samples, name)[0] for name in ("torque", "angle", "speed", "weight")}
+    return replace(samples, data=data, **rows), own
+
+
+def samples_across(
+    across: Mapping[str, Sequence[TorqueTrial]],
+    *,
+    muscles: Sequence[str],
+    effort: float = 1.0,
+    causal: bool = False,
+    ahead: float = 0.0,
+) -> tuple[MuscleSamples, list[slice]]:
+    """Samples of several trials at several joints, and where each trial's own lie in them; envelopes are brought
+    forward by `ahead` [s], and what they lack at a trial's end counts for nothing."""
+    trials = next(iter(across.values()))
     fs = float(np.mean([t.fs for t in trials]))
     worst = max(trials, key=lambda t: abs(t.fs - fs))
     # A lag is in seconds: a few percent of another rate are a few percent of it, less than what is known.
     if abs(worst.fs - fs) > 0.15 * fs:
         raise IdentificationError(f"trial {worst.name}: found {worst.fs:.4g} Hz, expected about {fs:.4g} Hz as others")
     parts, own, starts, at = [], [], [], 0
-    for trial in trials:
-        part, lead = _one(trial, muscles, causal)
+    for same in zip(*across.values(), strict=True):
+        part, lead = _one(same, muscles, causal, round(ahead * fs))
         starts.append(at)
-        own.append(slice(at + lead, at + len(part["torque"])))
-        at += len(part["torque"])
+        own.append(slice(at + lead, at + part["torque"].shape[-1]))
+        at += part["torque"].shape[-1]
         parts.append(part)
     joined = {key: np.concatenate([part[key] for part in parts], axis=-1) for key in parts[0]}
     data = HillData(
         effort * joined["excitation"], joined["length"], joined["rate"], joined["moment_arm"], 1.0 / fs, tuple(starts)
     )
-    return MuscleSamples(data, joined["torque"], joined["angle"], joined["speed"], joined["weight"]), own
+    rows = (joined[name] for name in ("torque", "angle", "speed", "weight"))
+    return MuscleSamples(data, *rows, tuple(across)), own
 
 
 def warm(trial: TorqueTrial) -> int:
@@ -69,31 +113,53 @@ def warm(trial: TorqueTrial) -> int:
     return max(0, round(WARM * trial.fs) - lead)
 
 
-def _one(trial: TorqueTrial, muscles: Sequence[str], causal: bool) -> tuple[Mapping[str, np.ndarray], int]:
+def _one(
+    same: Sequence[TorqueTrial], muscles: Sequence[str], causal: bool, ahead: int
+) -> tuple[Mapping[str, np.ndarray], int]:
+    """One recording's samples, of its trial at each joint."""
+    trial = same[0]
     lead = len(next(iter(trial.lead.values()))) if trial.lead else 0
     moved = {name: derivatives(np.asarray(q, float), trial.fs, causal=causal)[:2] for name, q in trial.angles.items()}
     # A filter is late; the angle itself is not.
     angles = {name: np.asarray(trial.angles[name], float) if causal else q for name, (q, _) in moved.items()}
     rates = {name: v for name, (_, v) in moved.items()}
-    driven = trial.muscles.driven(trial.joint, trial.envelopes)
-    paths = [trial.muscles.path(m, trial.joint, angles, rates) for m in muscles]
-    excitation = [
-        np.mean([np.concatenate((trial.lead.get(c, ()), trial.envelopes[c])) for c in driven[m]], axis=0)
-        for m in muscles
+    driven = {m: channels for t in reversed(same) for m, channels in t.muscles.driven(t.joint, t.envelopes).items()}
+    # Lengths that were recorded come first: those of a model may be another person's.
+    along = {m: next((t for t in same if m in t.muscles.recorded), trial) for m in muscles}
+    paths = [along[m].muscles.path(m, along[m].joint, angles, rates) for m in muscles]
+    arms = [
+        [_arm(t, m, angles, rates) if t is not along[m] else path[2] for m, path in zip(muscles, paths, strict=True)]
+        for t in same
     ]
+    excitation = np.array(
+        [np.mean([np.concatenate((trial.lead.get(c, ()), trial.envelopes[c])) for c in driven[m]], 0) for m in muscles]
+    )
     weight = np.ones(len(trial))
     weight[: warm(trial)] = 0.0
+    if ahead:
+        excitation = np.concatenate((excitation[:, ahead:], np.repeat(excitation[:, -1:], ahead, axis=1)), axis=1)
+        weight[len(weight) - ahead :] = 0.0
 
     def lasting(x: np.ndarray) -> np.ndarray:
-        return np.concatenate((np.full(lead, x[0]), x))
+        return np.concatenate((np.repeat(x[..., :1], lead, axis=-1), x), axis=-1)
 
     return {
-        "excitation": np.array(excitation),
-        "length": np.array([lasting(p[0]) for p in paths]),
-        "rate": np.array([lasting(p[1]) for p in paths]),
-        "moment_arm": np.array([lasting(p[2]) for p in paths]),
-        "torque": lasting(trial.torque),
-        "angle": lasting(angles[trial.joint]),
-        "speed": lasting(rates[trial.joint]),
-        "weight": np.concatenate((np.zeros(lead), weight)),
+        "excitation": excitation,
+        "length": lasting(np.array([p[0] for p in paths])),
+        "rate": lasting(np.array([p[1] for p in paths])),
+        "moment_arm": lasting(np.array(arms)),
+        "torque": lasting(np.array([t.torque for t in same])),
+        "angle": lasting(np.array([angles[t.joint] for t in same])),
+        "speed": lasting(np.array([rates[t.joint] for t in same])),
+        "weight": np.tile(np.concatenate((np.zeros(lead), weight)), (len(same), 1)),
     }, lead
+
+
+def _arm(
+    trial: TorqueTrial, muscle: str, angles: Mapping[str, np.ndarray], rates: Mapping[str, np.ndarray]
+) -> np.ndarray:
+    """Of a muscle about the trial's joint, (n,) [m]; 0 where it does not cross it."""
+    known = trial.muscles.recorded or muscle_table().geometry
+    if muscle not in known:
+        return np.zeros(len(trial))
+    return trial.muscles.path(muscle, trial.joint, angles, rates)[2]

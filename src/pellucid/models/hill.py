@@ -81,7 +81,7 @@ class HillData:
 
     excitation: np.ndarray  # (m, n) Envelopes relative to maximal effort [1]
     # length, rate, moment_arm: (m, n) Musculotendon lengths [m], how fast they grow [m/s], moment arms about the joint
-    # [m]
+    # [m]; (j, m, n) about several joints, whose torques are then (j, n)
     length: np.ndarray
     rate: np.ndarray
     moment_arm: np.ndarray
@@ -94,12 +94,12 @@ class HillData:
 
     @property
     def arrays(self) -> tuple[np.ndarray, ...]:
-        """Excitation, length, rate and moment arm, each of shape (m, n), as the core takes them."""
+        """Excitation, length, rate and moment arm, as the core takes them."""
         return self.excitation, self.length, self.rate, self.moment_arm
 
 
 class HillModel:
-    """Muscles of one joint, some of whose numbers are free."""
+    """Muscles of one joint or of several, some of whose numbers are free."""
 
     def __init__(self, muscles: Sequence[HillMuscle], free: Sequence[FreeParameter] = ()):
         self.muscles, self.free = tuple(muscles), tuple(free)
@@ -165,11 +165,12 @@ class HillModel:
         )
 
     def torque(self, data: HillData, values: np.ndarray | None = None) -> np.ndarray:
-        """Of all muscles, shape (n,) [N m], for free `values`, shape (k,)."""
+        """Of all muscles, shape (n,) or (j, n) [N m], for free `values`, shape (k,)."""
         return _core.hill_torque(self.parameters(values), *data.arrays, period=data.period, starts=data.starts)
 
     def jacobian(self, data: HillData, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Torque and its exact derivatives. `values` (k,); gives `torque` (n,) [N m], `jacobian` (k, n)."""
+        """Torque and its exact derivatives. `values` (k,); gives `torque` (n,) or (j, n) [N m], `jacobian` (k, n) or
+        (k, j, n)."""
         return _core.hill_jacobian(
             self.parameters(values), *data.arrays, self._column, self._gain, period=data.period, starts=data.starts
         )

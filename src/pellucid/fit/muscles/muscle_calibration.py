@@ -7,9 +7,11 @@ logarithms where a factor is meant), the cost is
    C(z) = \frac{1}{2 n s^2} \sum_t w_t \, (\tau_t(z) - \tau^{ref}_t)^2 + \frac{\lambda^2}{2} \, z^T z, \qquad
    \tau = \sum_m r_m F_m + c - k q - b \dot q
 
-with s the reference's standard deviation; the last three terms are the joint's own tissue. Derivatives are exact (the
-core's). Bounded least squares is the default; Adam and a particle swarm with conjugate gradients are there to be
-compared. Envelopes are relative to a maximal contraction [1]_.
+with s the reference's standard deviation; the last three terms are the joint's own tissue. Several joints have one set
+of muscles: each joint's errors are relative to its own s, and n counts the samples of all. Where muscles are coupled,
+what is in z pulls together (`coupled_priors`). Derivatives are exact (the core's). Bounded least squares is the
+default; Adam and a particle swarm with conjugate gradients are there to be compared. Envelopes are relative to a
+maximal contraction [1]_.
 
 .. [1] D. G. Lloyd, T. F. Besier, "An EMG-driven musculoskeletal model to estimate muscle forces and knee joint moments
    in vivo", J. Biomech. 36, 2003.
@@ -20,6 +22,7 @@ from __future__ import annotations
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -58,20 +61,25 @@ class MuscleSamples:
     """What muscles are calibrated on."""
 
     data: HillData  # Of m muscles, n samples
-    torque: np.ndarray  # (n,) The reference [N m]
+    torque: np.ndarray  # (n,) The reference [N m]; like the next three (j, n) of several joints
     angle: np.ndarray  # angle, speed: (n,) Of the joint, torque positive along them [rad] and [rad/s]
     speed: np.ndarray
     weight: np.ndarray  # (n,) By which squared errors count; 0 leaves a sample out, its envelopes stay in the lags
+    joints: tuple[str, ...] = ("joint",)  # What each row is called; a single one is no row
 
-    @property
+    @cached_property
     def passive(self) -> np.ndarray:
-        """d torque / d offset, stiffness, damping; shape (3, n)."""
-        return np.stack((np.ones_like(self.angle), -self.angle, -self.speed))
+        """d torque / d offset, stiffness, damping of each joint; shape (3, n), or (3 j, j, n) of several."""
+        each = np.stack((np.ones_like(self.angle), -self.angle, -self.speed))
+        if self.torque.ndim == 1:
+            return each
+        own = np.eye(len(self.joints))[:, None, :, None]
+        return (own * each.swapaxes(0, 1)[:, :, None]).reshape(-1, *self.torque.shape)
 
     def only(self, counted: np.ndarray) -> MuscleSamples:
         """The same, with errors at the samples `counted` alone (indices or mask)."""
         weight = np.zeros_like(self.weight)
-        weight[counted] = self.weight[counted]
+        weight[..., counted] = self.weight[..., counted]
         return replace(self, weight=weight)
 
 
@@ -87,6 +95,7 @@ class MuscleProblem:
         passive: bool = True,
         weight: float = WEIGHT,
         priors: Sequence[Prior] | None = None,
+        hold: np.ndarray | None = None,
     ):
         self.samples, self.weight = samples, weight
         self.priors = tuple(muscle_priors(muscles, quantities) if priors is None else priors)
@@ -94,22 +103,33 @@ class MuscleProblem:
         self.passive = passive
         low, high = self.model.bounds
         tissue = PASSIVE if passive else ()
-        self.names = (*self.model.names, *(f"joint.{name}" for name, *_ in tissue))
+        tissue *= len(samples.joints)
+        own = [joint for joint in samples.joints for _ in PASSIVE] if passive else []
+        self.names = (*self.model.names, *(f"{j}.{row[0]}" for j, row in zip(own, tissue, strict=True)))
+        self.units = (*(p.unit for p in self.priors), *(row[1] for row in tissue))
         self.expected = np.array([*(p.expected for p in self.priors), *(0.0 for _ in tissue)])
         self.spread = np.array([*(p.spread for p in self.priors), *(row[4] for row in tissue)])
         self._log = np.array([*(p.logarithm for p in self.priors), *(False for _ in tissue)], bool)
         self.lower = self.deviations(np.array([*low, *(row[2] for row in tissue)]))
         self.upper = self.deviations(np.array([*high, *(row[3] for row in tissue)]))
-        counted = samples.weight > 0.0
+        # What anatomy pulls by, beside its weight squared: the inverse of how z spreads among people.
+        self.hold = np.eye(len(self.names))
+        if hold is not None:
+            self.hold[: len(hold), : len(hold)] = hold
         self.count = float(samples.weight.sum())
-        if not counted.any() or np.std(samples.torque[counted]) == 0.0:
-            raise IdentificationError(
-                f"calibration: found {int(counted.sum())} samples that count"
-                + (" and a torque that does not change" if counted.any() else "")
-                + ", expected a torque that changes"
-            )
-        self.scale = float(np.std(samples.torque[counted]))
-        self._root = np.sqrt(samples.weight / self.count) / self.scale
+        rows = zip(*map(np.atleast_2d, (samples.torque, samples.weight)), strict=True)
+        spreads = []
+        for torque, weight in rows:
+            counted = weight > 0.0
+            if not counted.any() or np.std(torque[counted]) == 0.0:
+                raise IdentificationError(
+                    f"calibration: found {int(counted.sum())} samples that count"
+                    + (" and a torque that does not change" if counted.any() else "")
+                    + ", expected a torque that changes"
+                )
+            spreads.append(float(np.std(torque[counted])))
+        self.scale = spreads[0] if samples.torque.ndim == 1 else np.array(spreads)[:, None]
+        self.root = np.sqrt(samples.weight / self.count) / self.scale
         # Samples that do not count are passed over, but for the lags that run through them.
         self._muscles = len(self.model.free)
 
@@ -128,33 +148,38 @@ class MuscleProblem:
             return np.where(self._log, np.log(values / self.expected), values - self.expected) / self.spread
 
     def torque(self, z: np.ndarray, samples: MuscleSamples | None = None) -> np.ndarray:
-        """Torque for z, shape (n,) [N m]; of other samples where given."""
+        """Torque for z, shape (n,) or (j, n) [N m]; of other samples where given."""
         samples, x = samples or self.samples, self.values(z)
         torque = self.model.torque(samples.data, x[: self._muscles])
-        return torque + x[self._muscles :] @ samples.passive if self.passive else torque
+        return torque + np.tensordot(x[self._muscles :], samples.passive, 1) if self.passive else torque
 
     def jacobian(self, z: np.ndarray, samples: MuscleSamples | None = None) -> tuple[np.ndarray, np.ndarray]:
-        """Torque, shape (n,), and its derivatives by z, shape (p, n)."""
+        """Torque, shape (n,) or (j, n), and its derivatives by z, shape (p, n) or (p, j, n)."""
         samples, x = samples or self.samples, self.values(z)
         torque, slopes = self.model.jacobian(samples.data, x[: self._muscles])
         if self.passive:
             tissue = samples.passive
-            torque, slopes = torque + x[self._muscles :] @ tissue, np.concatenate((slopes, tissue))
-        return torque, slopes * self.gains(z)[:, None]
+            torque = torque + np.tensordot(x[self._muscles :], tissue, 1)
+            slopes = np.concatenate((slopes, tissue))
+        return torque, slopes * self.gains(z).reshape(-1, *(1,) * torque.ndim)
+
+    def weighed(self, z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Errors as the cost counts them, shape (n,) or (j, n), and their derivatives by z, (p, n) or (p, j, n)."""
+        torque, slopes = self.jacobian(z)
+        return (torque - self.samples.torque) * self.root, slopes * self.root
 
     def equations(self, z: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:
         """Cost, gradient and normal matrix, anatomy included."""
-        torque, slopes = self.jacobian(z)
-        error = (torque - self.samples.torque) * self._root
-        slopes = slopes * self._root
-        pull = self.weight**2
-        cost = 0.5 * float(error @ error) + 0.5 * pull * float(z @ z)
-        return cost, slopes @ error + pull * z, slopes @ slopes.T + pull * np.eye(len(z))
+        error, slopes = self.weighed(z)
+        error, slopes = error.ravel(), slopes.reshape(len(z), -1)
+        pull = self.weight**2 * self.hold
+        cost = 0.5 * float(error @ error) + 0.5 * float(z @ pull @ z)
+        return cost, slopes @ error + pull @ z, slopes @ slopes.T + pull
 
     def cost(self, z: np.ndarray) -> float:
         """Cost alone."""
-        error = (self.torque(z) - self.samples.torque) * self._root
-        return 0.5 * float(error @ error) + 0.5 * self.weight**2 * float(z @ z)
+        error = ((self.torque(z) - self.samples.torque) * self.root).ravel()
+        return 0.5 * float(error @ error) + 0.5 * self.weight**2 * float(z @ self.hold @ z)
 
     def cost_and_gradient(self, z: np.ndarray) -> tuple[float, np.ndarray]:
         """Cost and gradient."""
@@ -187,9 +212,16 @@ class MuscleFit:
     @property
     def passive(self) -> tuple[float, float, float]:
         """Offset [N m], stiffness [N m/rad] and damping [N m s/rad] of the joint's own tissue."""
+        return next(iter(self.tissue.values()))
+
+    @property
+    def tissue(self) -> dict[str, tuple[float, float, float]]:
+        """The same of each joint."""
+        joints = self.problem.samples.joints
         if not self.problem.passive:
-            return (0.0, 0.0, 0.0)
-        return tuple(float(x) for x in self.problem.values(self.z)[-3:])
+            return dict.fromkeys(joints, (0.0, 0.0, 0.0))
+        own = self.problem.values(self.z)[len(self.problem.priors) :].reshape(len(joints), len(PASSIVE))
+        return {joint: tuple(map(float, row)) for joint, row in zip(joints, own, strict=True)}
 
     @property
     def at_bound(self) -> np.ndarray:
@@ -197,7 +229,7 @@ class MuscleFit:
         return (self.z <= self.problem.lower) | (self.z >= self.problem.upper)
 
     def predict(self, samples: MuscleSamples) -> np.ndarray:
-        """Torque of other samples, shape (n,) [N m]; their own torque is not looked at."""
+        """Torque of other samples, shape (n,) or (j, n) [N m]; their own torque is not looked at."""
         return self.problem.torque(self.z, samples)
 
 
@@ -209,14 +241,16 @@ def calibrate_muscles(
     stages: Sequence[Sequence[str]] | None = None,
     seed: int = SEED,
     iterations: int | None = None,
+    near: np.ndarray | None = None,
 ) -> MuscleFit:
-    """Find the muscles that give the torque that was measured."""
+    """Find the muscles that give the torque that was measured; least squares begins `near` a z, (p,), where given."""
     if method not in METHODS:
         raise IdentificationError(f"calibration: found the method {method!r}, expected one of {', '.join(METHODS)}")
     began, rng = time.perf_counter(), np.random.default_rng(seed)
     low, high = problem.lower, problem.upper
     if method == "least_squares":
-        begin = [np.zeros(len(low)), *(rng.normal(0.0, 0.7, len(low)) for _ in range(starts - 1))]
+        first = np.zeros(len(low)) if near is None else near
+        begin = [first, *(rng.normal(0.0, 0.7, len(low)) for _ in range(starts - 1))]
         begin = [np.clip(z, low, high) for z in begin]
         most = iterations or 60
         found = [_descend(problem, z, stages, SCREENED if starts > 1 else most) for z in begin]

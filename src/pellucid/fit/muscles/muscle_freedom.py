@@ -46,6 +46,9 @@ FREEDOMS: Mapping[str, Freedom] = {
 USUAL = ("strength", "tendon_slack_length", "optimal_fibre_length", "passive_scale", "shape", "time_constant", "delay")
 """What is freed if nothing else is asked."""
 
+UNITS: Mapping[str, str] = {"time_constant": "s", "delay": "s", "max_velocity": "1/s"}
+"""Of quantities that are no factors and have one."""
+
 STAGES: tuple[tuple[str, ...], ...] = (
     ("strength",),
     ("strength", "shape", "time_constant", "delay"),
@@ -62,6 +65,11 @@ class Prior:
     expected: float
     spread: float
     logarithm: bool = False
+
+    @property
+    def unit(self) -> str:
+        """Of the number: a factor has none."""
+        return "1" if self.free.relative else UNITS.get(self.free.quantity, "1")
 
 
 def muscle_priors(muscles: Sequence[HillMuscle], quantities: Sequence[str] = USUAL) -> tuple[Prior, ...]:

@@ -6,7 +6,8 @@ pulling by :math:`\lambda^2`, an estimate differs from the truth by what noise p
 .. math::
    C = H^{-1} (S + \lambda^4 I) H^{-1}, \qquad H = J^T J + \lambda^2 I
 
-in standard deviations among people squared: 1 is what is known without a recording.
+in standard deviations among people squared: 1 is what is known without a recording. Where priors are coupled, the
+inverse of their correlations stands for I.
 """
 
 from __future__ import annotations
@@ -19,9 +20,8 @@ import numpy as np
 
 from ..parameter import Parameter, Verdict
 from ..searches.bounded_least_squares import bounded_least_squares
-from ..uncertainty import long_run_covariance
-from .muscle_calibration import PASSIVE, MuscleFit
-from .muscle_freedom import FREEDOMS
+from ..uncertainty import correlation_time, long_run_covariance
+from .muscle_calibration import MuscleFit
 
 KNOWN = 0.7
 """A parameter whose standard error is more than this share of the spread among people is not identified."""
@@ -31,8 +31,6 @@ MOST_NAMED = 6
 
 BOUND = "on a physiological bound: not identifiable"
 """Why a parameter that ended on one has no standard error: another bound would have been another number."""
-
-_UNITS = {"time_constant": "s", "delay": "s", "max_velocity": "1/s"}
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,21 +56,21 @@ def covariance(fit: MuscleFit) -> np.ndarray:
     free = np.flatnonzero(~fit.at_bound)
     inverse = np.linalg.inv(fit.normal[np.ix_(free, free)])
     result = np.zeros_like(fit.normal)
-    result[np.ix_(free, free)] = inverse @ (scores[np.ix_(free, free)] + pull**2 * np.eye(len(free))) @ inverse
+    inner = np.ix_(free, free)
+    result[inner] = inverse @ (scores[inner] + pull**2 * fit.problem.hold[inner]) @ inverse
     return result
 
 
 def muscle_parameters(fit: MuscleFit) -> tuple[Parameter, ...]:
     """Parameters with standard errors; unidentifiable ones are marked, and one on a bound has none."""
     sd, gains, values = np.sqrt(np.diag(covariance(fit))), fit.problem.gains(fit.z), fit.problem.values(fit.z)
-    units = [*(_unit(p.free.quantity) for p in fit.problem.priors), *(row[1] for row in PASSIVE)]
     return tuple(
         Parameter(
             name, unit, float(x), float("nan" if b else s * g), bool(b), bool(s < KNOWN and not b),
             refused=BOUND if b else "",
         )
         for name, unit, x, s, g, b in zip(
-            fit.problem.names, units[: len(values)], values, sd, gains, fit.at_bound, strict=True
+            fit.problem.names, fit.problem.units, values, sd, gains, fit.at_bound, strict=True
         )
     )  # fmt: skip
 
@@ -145,15 +143,14 @@ def _listed(names: Sequence[str]) -> str:
 def _data(fit: MuscleFit) -> tuple[np.ndarray, np.ndarray]:
     """J'J of the recording alone, and the long-run covariance of its scores."""
     problem = fit.problem
-    torque, slopes = problem.jacobian(fit.z)
-    root = np.sqrt(problem.samples.weight / problem.count) / problem.scale
-    error, slopes = (torque - problem.samples.torque) * root, slopes * root
-    counted = problem.samples.weight > 0.0
-    starts = (*problem.samples.data.starts, len(torque))
+    error, slopes = problem.weighed(fit.z)
+    weight = np.atleast_2d(problem.samples.weight)
+    counted = np.any(weight > 0.0, axis=0)
+    starts = (*problem.samples.data.starts, weight.shape[1])
     lengths = [n for n in (int(counted[a:b].sum()) for a, b in pairwise(starts)) if n]
-    scores = (slopes * error)[:, counted].T
-    return slopes @ slopes.T, long_run_covariance(scores, error[counted], lengths)
-
-
-def _unit(quantity: str) -> str:
-    return "1" if FREEDOMS[quantity].relative else _UNITS.get(quantity, "1")
+    rows = np.atleast_2d(error)
+    # Joints err at the same time: their scores are one sum, which remembers as long as the slowest of them.
+    scores = (slopes * error).reshape(len(slopes), len(rows), -1).sum(axis=1)[:, counted].T
+    memory = max(correlation_time(row[counted], lengths) for row in rows)
+    flat = slopes.reshape(len(slopes), -1)
+    return flat @ flat.T, long_run_covariance(scores, rows[0][counted], lengths, memory)
