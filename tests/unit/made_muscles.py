@@ -63,4 +63,56 @@ def trial(name="a", *, seconds=8.0, seed=0, noise=0.5, group="", heldout=False, 
     return made
 
 
-__all__ = ["FS", "MUSCLES", "angles", "envelopes", "source", "trial"]
+LEG = (*MUSCLES, "gastrocnemius_medialis", "soleus", "tibialis_anterior")
+
+
+def across(name="a", *, seconds=10.0, seed=0, noise=1.0, true=None, early=0.0, heldout=False):
+    """A recording's trials at knee and ankle, whose torques one set of muscles made, with coloured `noise` [N m] on
+    them; `true` changes numbers of a problem's names, or gives the whole z of a problem; `early` is how far the EMG's
+    stream runs ahead [s]."""
+    from pellucid.estimators.muscle_trials import driven_across, samples_across
+    from pellucid.fit.muscles.coupled_priors import Timing, coupled_priors
+
+    count, pad = round(seconds * FS), 60
+    driven = envelopes(seconds + 2 * pad / FS, seed=seed, muscles=LEG)
+    shift = round(early * FS)
+
+    def made(joint, torque, lag):
+        return TorqueTrial(
+            name=name,
+            joint=joint,
+            time=np.arange(count) / FS,
+            envelopes={muscle: x[pad + lag : pad + lag + count] for muscle, x in driven.items()},
+            angles=leg_angles(seconds, seed=seed),
+            torque=torque,
+            heldout=heldout,
+            checksum=name,
+            muscles=source(),
+        )
+
+    ramp = np.linspace(0.0, 1.0, count)
+    trials = {joint: [made(joint, ramp, 0)] for joint in ("knee", "ankle")}
+    muscles = driven_across(trials)
+    samples, own = samples_across(trials, muscles=[m.name for m in muscles])
+    priors, hold = coupled_priors(muscles, Timing(0.04), 1.0 / FS)
+    problem = MuscleProblem(muscles, samples, priors=priors, hold=hold)
+    values = problem.expected.copy()
+    if callable(true):
+        values = problem.values(true(problem))
+    for key, value in ({} if callable(true) else true or {}).items():
+        values[problem.names.index(key)] = value
+    torque = problem.torque(problem.deviations(values))[:, own[0]]
+    drawn = np.random.default_rng(70 + seed).standard_normal((2, count + 10))
+    torque = torque + noise * np.array([np.convolve(x, np.ones(11) / np.sqrt(11.0), "valid") for x in drawn])
+    return {joint: made(joint, row, shift) for joint, row in zip(("knee", "ankle"), torque, strict=True)}
+
+
+def leg_angles(seconds, *, seed=0):
+    """Hip, knee and ankle in the geometry's signs [rad]."""
+    rng, time = np.random.default_rng(200 + seed), np.arange(round(seconds * FS)) / FS
+    a, b = rng.uniform(0.0, 2.0 * np.pi, 2)
+    ankle = 0.15 * np.sin(2.0 * np.pi * 0.7 * time + a) + 0.1 * np.sin(2.0 * np.pi * 1.3 * time + b)
+    return {**angles(seconds, seed=seed), "ankle": ankle}
+
+
+__all__ = ["FS", "LEG", "MUSCLES", "across", "angles", "envelopes", "leg_angles", "source", "trial"]
