@@ -9,6 +9,7 @@ import numpy as np
 
 from ..models.hill import HillMuscle
 from ..models.muscle_geometry import muscle_table
+from ..models.muscle_polynomial import MusclePolynomial
 
 FIBRE_DAMPING = 0.05
 """Of every fibre, in F_0 over v_max l_o; published models have 0.01 to 0.1. Chosen within what is fitted of walking."""
@@ -47,6 +48,8 @@ class MuscleSource:
     constants: Mapping[str, HillMuscle]  # Anatomical values, by muscle
     # (n,) Length [m], rate [m/s] and moment arm [m] by muscle, where the study has them; empty: from the angles
     recorded: Mapping[str, tuple[np.ndarray, np.ndarray, np.ndarray]] = field(default_factory=dict, repr=False)
+    # Lengths over angles in the study's signs, by muscle, of the study's own model; empty: of the leg's
+    polynomials: Mapping[str, MusclePolynomial] = field(default_factory=dict, repr=False)
     sign: float = 1.0  # -1 where the study's knee angle grows with flexion: the geometry's grows with extension
     # Angles of joints that the trial lacks [rad]
     posture: Mapping[str, float] = field(default_factory=lambda: dict(STANDING))
@@ -57,9 +60,8 @@ class MuscleSource:
     def driven(self, joint: str, envelopes: Mapping[str, np.ndarray]) -> dict[str, tuple[str, ...]]:
         """Muscles across a joint that some EMG drives, each with the channels whose mean it is."""
         channels = {ALIASES.get(name, name): name for name in envelopes}
-        crossing = self.recorded or {
-            name: None for name, path in muscle_table().geometry.items() if joint in path.angles
-        }
+        paths = self.polynomials or muscle_table().geometry
+        crossing = self.recorded or {name: None for name, path in paths.items() if joint in path.angles}
         found = {}
         for muscle in crossing:
             if muscle not in self.constants:
@@ -78,8 +80,9 @@ class MuscleSource:
         """
         if muscle in self.recorded:
             return self.recorded[muscle]
-        geometry, count = muscle_table().geometry[muscle], len(next(iter(angles.values())))
-        signs = {name: self.sign if name == "knee" else 1.0 for name in geometry.angles}
+        geometry, count = (self.polynomials or muscle_table().geometry)[muscle], len(next(iter(angles.values())))
+        turned = self.sign if not self.polynomials else 1.0
+        signs = {name: turned if name == "knee" else 1.0 for name in geometry.angles}
         q = {
             name: signs[name] * angles[name] if name in angles else np.full(count, self.posture.get(name, 0.0))
             for name in geometry.angles

@@ -26,8 +26,55 @@ from .hill import HillMuscle
 _DATA = Path(__file__).parent / "data"
 
 
+class LengthOverAngles:
+    """Length as a smooth function of `angles` within their `range`, straight beyond."""
+
+    angles: tuple[str, ...]  # Joints that the muscle crosses
+
+    def range(self, angle: str) -> tuple[float, float]:
+        """First and last angle, of one of its angles [rad]."""
+        raise NotImplementedError
+
+    def _inside(self, points: np.ndarray, *derivatives: int) -> np.ndarray:
+        """Length at `points` (n, k) within the ranges, or its derivative along some angles; (n,)."""
+        raise NotImplementedError
+
+    def length(self, angles: Mapping[str, np.ndarray]) -> np.ndarray:
+        """Of muscle and tendon. `angles` (n,) [rad]; gives (n,) [m]."""
+        inside, beyond = self._split(angles)
+        result = self._inside(inside)
+        for k in range(len(self.angles)):
+            if np.any(beyond[k]):
+                result = result + beyond[k] * self._inside(inside, k)
+        return result
+
+    def moment_arm(self, joint: str, angles: Mapping[str, np.ndarray]) -> np.ndarray:
+        """About a joint, positive where the muscle pulls towards positive angles. `angles` (n,) [rad]; gives (n,)
+        [m]."""
+        inside, beyond = self._split(angles)
+        if joint not in self.angles:
+            return np.zeros(len(inside))
+        k = self.angles.index(joint)
+        result = -self._inside(inside, k)
+        for other in range(len(self.angles)):
+            # Where another angle is beyond its table, the length that goes on straight there bends with this one.
+            if other != k and np.any(beyond[other]):
+                within = (beyond[k] == 0.0).astype(float)
+                result = result - within * beyond[other] * self._inside(inside, k, other)
+        return result
+
+    def rate(self, angles: Mapping[str, np.ndarray], rates: Mapping[str, np.ndarray]) -> np.ndarray:
+        """How fast the length grows. `angles`, `rates` (n,) [rad], [rad/s]; gives (n,) [m/s]."""
+        return -sum(self.moment_arm(a, angles) * np.asarray(rates[a], float) for a in self.angles)
+
+    def _split(self, angles: Mapping[str, np.ndarray]) -> tuple[np.ndarray, list[np.ndarray]]:
+        columns = [np.atleast_1d(np.asarray(angles[a], float)) for a in self.angles]
+        inside = [np.clip(c, *self.range(a)) for c, a in zip(columns, self.angles, strict=True)]
+        return np.stack(inside, axis=-1), [c - i for c, i in zip(columns, inside, strict=True)]
+
+
 @dataclass(frozen=True, eq=False)
-class MuscleGeometry:
+class MuscleGeometry(LengthOverAngles):
     """Path of one muscle."""
 
     muscle: str
@@ -40,40 +87,7 @@ class MuscleGeometry:
         knots = self.knots[self.angles.index(angle)]
         return float(knots[0]), float(knots[-1])
 
-    def length(self, angles: Mapping[str, np.ndarray]) -> np.ndarray:
-        """Of muscle and tendon. `angles` (n,) [rad]; gives (n,) [m]."""
-        inside, beyond = self._split(angles)
-        result = self._spline(inside)
-        for k in range(len(self.angles)):
-            if np.any(beyond[k]):
-                result = result + beyond[k] * self._spline(inside, k)
-        return result
-
-    def moment_arm(self, joint: str, angles: Mapping[str, np.ndarray]) -> np.ndarray:
-        """About a joint, positive where the muscle pulls towards positive angles. `angles` (n,) [rad]; gives (n,)
-        [m]."""
-        inside, beyond = self._split(angles)
-        if joint not in self.angles:
-            return np.zeros(len(inside))
-        k = self.angles.index(joint)
-        result = -self._spline(inside, k)
-        for other in range(len(self.angles)):
-            # Where another angle is beyond its table, the length that goes on straight there bends with this one.
-            if other != k and np.any(beyond[other]):
-                within = (beyond[k] == 0.0).astype(float)
-                result = result - within * beyond[other] * self._spline(inside, k, other)
-        return result
-
-    def rate(self, angles: Mapping[str, np.ndarray], rates: Mapping[str, np.ndarray]) -> np.ndarray:
-        """How fast the length grows. `angles`, `rates` (n,) [rad], [rad/s]; gives (n,) [m/s]."""
-        return -sum(self.moment_arm(a, angles) * np.asarray(rates[a], float) for a in self.angles)
-
-    def _split(self, angles: Mapping[str, np.ndarray]) -> tuple[np.ndarray, list[np.ndarray]]:
-        columns = [np.atleast_1d(np.asarray(angles[a], float)) for a in self.angles]
-        inside = [np.clip(c, k[0], k[-1]) for c, k in zip(columns, self.knots, strict=True)]
-        return np.stack(inside, axis=-1), [c - i for c, i in zip(columns, inside, strict=True)]
-
-    def _spline(self, points: np.ndarray, *derivatives: int) -> np.ndarray:
+    def _inside(self, points: np.ndarray, *derivatives: int) -> np.ndarray:
         order = [derivatives.count(k) for k in range(len(self.angles))]
         return self._product(points, nu=order)
 

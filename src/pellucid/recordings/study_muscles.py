@@ -1,13 +1,19 @@
-"""Constants of a study's muscles, from the file of the model that it names."""
+"""A study's muscles, from the file of the model that it names: constants, and lengths over its joints."""
 
 from __future__ import annotations
 
+import hashlib
+from contextlib import suppress
+from functools import lru_cache
 from pathlib import Path
 
-from .._errors import RecordingError
+from .._errors import PellucidError, RecordingError
+from .._given import read_given
 from .muscle_constants import MuscleConstants
+from .muscle_polynomials import FILE, ModelMuscles, model_muscles, read_polynomials, write_polynomials
 from .readers.ceinms_xml import read_subject
 from .readers.osim import read_model
+from .readers.osim_paths import read_paths
 from .study import Study
 
 
@@ -18,8 +24,11 @@ def read_muscle_constants(path: Path) -> dict[str, MuscleConstants]:
         return read_model(path)
     if path.suffix.lower() == ".xml":
         return dict(read_subject(path).muscles)
+    if path.suffix.lower() == ".json":
+        return {each.name: each for each in read_polynomials(path).constants.values()}
     raise RecordingError(
-        f'{path.name}: found the ending "{path.suffix}", expected .osim (OpenSim) or .xml (a CEINMS subject)'
+        f'{path.name}: found the ending "{path.suffix}", expected .osim (OpenSim), .xml (a CEINMS subject) or '
+        ".json (geometry that was kept)"
     )
 
 
@@ -28,7 +37,10 @@ def study_muscles(study: Study) -> dict[str, MuscleConstants]:
     spec = study.config.emg_torque
     if spec is None or spec.muscle_file is None:
         return {}
-    found = read_muscle_constants(study.inside(spec.muscle_file, "[emg_torque] muscle_file"))
+    path = study.inside(spec.muscle_file, "[emg_torque] muscle_file")
+    if path.suffix.lower() == ".json":
+        return dict(read_polynomials(path).constants)
+    found = read_muscle_constants(path)
     missing = [name for name in spec.muscle_names.values() if name not in found]
     if missing:
         raise RecordingError(
@@ -36,3 +48,55 @@ def study_muscles(study: Study) -> dict[str, MuscleConstants]:
             "as [emg_torque] muscle_names has them"
         )
     return {ours: found[theirs] for ours, theirs in spec.muscle_names.items()} or found
+
+
+def study_geometry(study: Study) -> ModelMuscles | None:
+    """Lengths of a study's muscles over its joints, from an OpenSim model; None where it names none that can be used.
+
+    They are made once and kept in the study as ``muscle_geometry.json``. `study` [emg_torque].
+    """
+    spec = study.config.emg_torque
+    if spec is None or spec.muscle_file is None:
+        return None
+    path = study.inside(spec.muscle_file, "[emg_torque] muscle_file")
+    if path.suffix.lower() == ".json":
+        return read_polynomials(path)
+    if path.suffix.lower() != ".osim":
+        return None
+    if not path.is_file():
+        kept = f'; what was kept of it is there: muscle_file = "{FILE}"' if (study.folder / FILE).is_file() else ""
+        raise RecordingError(f"{path}: not readable: no such file{kept}")
+    coordinates = dict(spec.coordinates)
+    if not coordinates:
+        known = set(_known_coordinates(path, path.stat().st_mtime_ns))
+        coordinates = {
+            name.removeprefix("angle."): str(channel.column) if channel.sign > 0 else f"-{channel.column}"
+            for name, channel in study.config.channels.items()
+            if name.startswith("angle.") and channel.column in known
+        }
+    if not coordinates:
+        return None
+    asked = tuple(coordinates.items()), tuple(spec.muscle_names.items())
+    return _kept_or_made(path, study.place(FILE), path.stat().st_mtime_ns, *asked)
+
+
+@lru_cache(maxsize=8)
+def _known_coordinates(path: Path, changed: int) -> tuple[str, ...]:
+    return tuple(read_paths(path).skeleton.coordinates)
+
+
+@lru_cache(maxsize=8)
+def _kept_or_made(path: Path, place: Path, changed: int, coordinates: tuple, names: tuple) -> ModelMuscles:
+    checksum = hashlib.sha256(read_given(path)).hexdigest()
+    asked = checksum, dict(coordinates), dict(names)
+    if place.is_file():
+        # What cannot be read, or is of another model, is made again.
+        with suppress(PellucidError):
+            kept = read_polynomials(place)
+            if (kept.checksum, dict(kept.coordinates), dict(kept.named)) == asked:
+                return kept
+    made = model_muscles(path, *asked)
+    # A folder that may not be written keeps nothing.
+    with suppress(OSError):
+        write_polynomials(place, made)
+    return made

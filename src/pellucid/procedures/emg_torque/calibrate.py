@@ -23,6 +23,7 @@ from ..result import FigureTable, Result
 from .calibration_rows import calibration_rows
 from .chosen import BASELINE, Chosen, chosen_in_folds, chosen_of, examined_if_candidate
 from .evaluated import CAUSAL, EVALUATED, Calibrated, Evaluated, TorqueTrace, estimators_for
+from .known_muscles import geometry_verdicts
 from .leave_one_out import moments_left_out, repetitions_left_out
 from .leg_extension_trials import EXTENSION
 from .muscle_findings import (
@@ -79,7 +80,7 @@ def calibrate(study: Study, on_progress: Progress | None = None) -> CalibrationR
             *session_tables(found.sessions),
             *muscle_tables(found.muscles),
         ),
-        verdicts=(*verdicts_of(study, evaluated, trials, chosen), *muscle_verdicts_of(found)),
+        verdicts=(*verdicts_of(study, evaluated, trials, chosen), *geometry_verdicts(study), *muscle_verdicts_of(found)),
         rows=calibration_rows(study.name, evaluated, trials, found.sessions, chosen),
         cards={**found.cards, **muscle_cards(study, found.muscles, trials)},
         checksums={trial.name: trial.checksum for trial in trials},

@@ -7,18 +7,24 @@ from dataclasses import replace
 import numpy as np
 
 from ...estimators.muscle_source import FIBRE_DAMPING, SEATED, STANDING, MuscleSource
+from ...fit.parameter import Verdict
 from ...models.hill import HillMuscle
 from ...models.muscle_geometry import muscle_table
 from ...recordings.recording import Recording
 from ...recordings.study import Study
-from ...recordings.study_muscles import study_muscles
+from ...recordings.study_muscles import study_geometry, study_muscles
 from ...signals.emg_chain import emg_chain
+
+
+POOR = 1e-3, 2e-3
+"""RMS errors of length and moment arm beyond which a polynomial is none of its muscle [m]."""
 
 
 def muscle_source(study: Study, recording: Recording, joint: str) -> MuscleSource | None:
     """What a study knows of the muscles across a joint, in one of its recordings.
 
-    Lengths and moment arms that were recorded are taken; without them, those of a model of a leg.
+    Lengths and moment arms that were recorded are taken; without them, those of the study's own model, and without one
+    those of a model of a leg.
 
     `study` [emg_torque].
     """
@@ -30,8 +36,11 @@ def muscle_source(study: Study, recording: Recording, joint: str) -> MuscleSourc
             damping=FIBRE_DAMPING,
         )  # fmt: skip
     recorded = _recorded(recording, joint)
-    if not recorded and not any(joint in path.angles for path in table.geometry.values()):
+    model = None if recorded else study_geometry(study)
+    paths = table.geometry if model is None else model.polynomials
+    if not recorded and not any(joint in path.angles for path in paths.values()):
         return None
+    posture = SEATED if recording.protocol in ("leg_extension", "seated_swing") else STANDING
     own = [r for r in study.recordings() if r.participant == recording.participant]
     return MuscleSource(
         constants,
@@ -39,7 +48,8 @@ def muscle_source(study: Study, recording: Recording, joint: str) -> MuscleSourc
         maximal=study.config.emg_torque.chain == "none" or any(r.protocol == "mvc" for r in own),
         sign=-1.0 if joint == "knee" and study.config.rig.lifts == "flexion" else 1.0,
         relative=study.config.emg_torque.chain == "none" or _normalises(study.config.emg_torque.chain),
-        posture=SEATED if recording.protocol in ("leg_extension", "seated_swing") else STANDING,
+        polynomials={} if model is None else model.polynomials,
+        posture=posture if model is None else {j: model.signs.get(j, 1.0) * q for j, q in posture.items()},
     )
 
 
@@ -61,3 +71,35 @@ def _recorded(recording: Recording, joint: str) -> dict[str, tuple[np.ndarray, n
         for muscle in muscles
         if all(head + muscle in every for head in heads)
     }
+
+
+def geometry_verdicts(study: Study) -> list[Verdict]:
+    """How far the muscles' lengths are from the study's own model, and which of its muscles are not there."""
+    if all(_recorded(r, joint) for r in study.recordings() for joint in study.config.emg_torque.joints):
+        return []
+    model = study_geometry(study)
+    if model is None:
+        return []
+    far = max(model.polynomials.values(), key=lambda p: p.error.arm)
+    held = ", ".join(f"{name} {value:.3g}" for name, value in model.held.items())
+    said = [
+        Verdict(
+            "note",
+            f"lengths and moment arms of {len(model.polynomials)} muscles are those of {model.source} over "
+            f"{', '.join(model.coordinates)}, as polynomials that err by at most "
+            f"{1e3 * max(p.error.length for p in model.polynomials.values()):.2g} mm in length and "
+            f"{1e3 * far.error.arm:.2g} mm in moment arm ({far.muscle}), RMS of poses that were not fitted"
+            + (f"; the model's other coordinates are at rest: {held}." if held else "."),
+        )
+    ]
+    said += [
+        Verdict(
+            "warning",
+            f"{model.source}, muscle {name}: a polynomial errs by {1e3 * p.error.length:.2g} mm in length and "
+            f"{1e3 * p.error.arm:.2g} mm in moment arm: somewhere in the coordinates' ranges the muscle's way jumps.",
+            "Narrow the coordinates' <range> in the model to what was recorded.",
+        )
+        for name, p in model.polynomials.items()
+        if p.error.length > POOR[0] or p.error.arm > POOR[1]
+    ]
+    return said + [Verdict("warning", f"{model.source}, {why}; it takes no part.") for why in model.refused.values()]

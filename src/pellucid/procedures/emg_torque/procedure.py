@@ -33,9 +33,13 @@ class EmgTorqueTable(ProcedureTable):
         fitted [s], exchanged ones exchanged again, those with another muscle's signal told by the others; without it
         they are used as they are, and named.
     muscle_file : str or None
-        Path from the study's folder to an OpenSim model or a CEINMS subject, with the muscles' constants.
+        Path from the study's folder to an OpenSim model, a CEINMS subject, or the ``muscle_geometry.json`` that was
+        made of a model: the muscles' constants, and of a model their lengths and moment arms.
     muscle_names : dict of str to str
         What that file calls the study's muscles.
+    coordinates : dict of str to str
+        What an OpenSim model calls each joint's angle, ``"-knee_angle_r"`` where it grows the other way; empty: columns
+        of ``angle.<joint>`` that are called as the model's coordinates are.
     """
 
     joints: tuple[Word, ...] = Field(min_length=1)
@@ -47,6 +51,7 @@ class EmgTorqueTable(ProcedureTable):
     rescale: quantity("s", gt=0) | None = None
     muscle_file: Place | None = None
     muscle_names: dict[Word, Said] = Field(default_factory=dict)
+    coordinates: dict[Word, Said] = Field(default_factory=dict)
 
     bridges: ClassVar[bool] = False
 

@@ -1,0 +1,211 @@
+"""Lengths of a model's muscles as polynomials of a study's angles: made of an OpenSim model once, kept as a file.
+
+The file is ``muscle_geometry.json``: it can be read by a person, says how far it is from the model, and may be named as
+``muscle_file`` where the model itself is not at hand.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from .._atomic import write_text_atomically
+from .._errors import PellucidError, RecordingError
+from .._given import read_given, seen
+from ..models.muscle_polynomial import MusclePolynomial, PolynomialError, fitted_polynomial
+from .muscle_constants import MuscleConstants, require_physical
+from .readers.osim import read_model
+from .readers.osim_paths import MuscleModel, read_paths
+
+FORMAT = 1
+KIND = "muscle_geometry"
+FILE = "muscle_geometry.json"
+
+WORDS = (
+    "length of muscle and tendon [m] = sum of coefficients * product of ((angle - middle) / half)^power, angles [rad] "
+    "in the study's signs; moment arm [m] = -d length / d angle, positive where the muscle pulls along the angle; "
+    "beyond middle +- half the length goes on straight"
+)
+MOST_TERMS = 5_000
+_CONSTANTS = ("largest_force", "optimal_fibre_length", "tendon_slack_length", "pennation")
+_ERROR = "error_of_poses_not_fitted [m]"
+
+
+@dataclass(frozen=True, eq=False)
+class ModelMuscles:
+    """Muscles of a model over the joints of a study."""
+
+    source: str  # The model's file
+    checksum: str
+    coordinates: Mapping[str, str]  # The model's coordinate of each joint, with a minus where it grows the other way
+    held: Mapping[str, float]  # Coordinates that the study does not have, at the model's default
+    named: Mapping[str, str]  # What the model calls the study's muscles, as it was asked; empty: all of it
+    constants: Mapping[str, MuscleConstants]  # By the study's names
+    polynomials: Mapping[str, MusclePolynomial]
+    refused: Mapping[str, str] = field(
+        default_factory=dict
+    )  # Muscles that cross these joints, and why they are not here
+
+    @property
+    def signs(self) -> dict[str, float]:
+        """-1 where a joint's angle grows against the model's coordinate."""
+        return {joint: -1.0 if name.startswith("-") else 1.0 for joint, name in self.coordinates.items()}
+
+
+def model_muscles(path: Path, checksum: str, coordinates: Mapping[str, str], names: Mapping[str, str]) -> ModelMuscles:
+    """Muscles of an OpenSim model over joints; `names` of them by the study's own, empty: all that cross a joint."""
+    model, constants = read_paths(path), read_model(path)
+    for joint, name in coordinates.items():
+        _require_coordinate(model, joint, name.removeprefix("-"))
+    own = dict(names) or {name: name for name in model.muscles}
+    made, refused, held = {}, {}, {}
+    for ours, theirs in own.items():
+        try:
+            polynomial, others = _polynomial(model, ours, theirs, coordinates)
+        except PellucidError as error:
+            if names:
+                raise RecordingError(f"{path.name}, {error}") from None
+            refused[ours] = str(error)
+            continue
+        if polynomial is not None:
+            made[ours] = polynomial
+            held |= {name: model.skeleton.coordinates[name].default for name in others}
+    if not made:
+        raise RecordingError(
+            f"{path.name}: found no muscle across {', '.join(coordinates.values())}, expected some of "
+            f"{', '.join(list(own.values())[:20])}"
+        )
+    kept = {ours: constants[own[ours]] for ours in made}
+    return ModelMuscles(path.name, checksum, dict(coordinates), held, dict(names), kept, made, refused)
+
+
+def _require_coordinate(model: MuscleModel, joint: str, name: str) -> None:
+    known = [n for n in model.skeleton.coordinates if n not in model.skeleton.couplings]
+    if name not in known:
+        raise RecordingError(
+            f'{model.path.name}: found no coordinate "{seen(name)}" of joint {joint} that moves freely, expected one '
+            f"of {', '.join(known[:40])}: say it in [emg_torque.coordinates]"
+        )
+
+
+def _polynomial(
+    model: MuscleModel, ours: str, theirs: str, coordinates: Mapping[str, str]
+) -> tuple[MusclePolynomial | None, list[str]]:
+    """One muscle over the joints that it crosses, if any, and the other coordinates that move it."""
+    way = model.muscle(theirs)
+    moving = way.coordinates(model.skeleton)
+    plain = {joint: name.removeprefix("-") for joint, name in coordinates.items()}
+    joints = [joint for joint, name in plain.items() if name in moving]
+    if not joints:
+        return None, []
+    sign = {joint: -1.0 if coordinates[joint].startswith("-") else 1.0 for joint in joints}
+    ranges = {}
+    for joint in joints:
+        found = model.skeleton.coordinates[plain[joint]]
+        ends = [sign[joint] * min(max(end, -math.pi), math.pi) for end in (found.lower, found.upper)]
+        if not abs(ends[1] - ends[0]) > 1e-3:
+            raise RecordingError(f"coordinate {plain[joint]}: found the range {ends}, expected one that it can move in")
+        ranges[joint] = (min(ends), max(ends))
+
+    def path(angles: Mapping[str, np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
+        q = {plain[joint]: sign[joint] * angles[joint] for joint in joints}
+        length, arms = way.length(model.skeleton, q, [plain[joint] for joint in joints])
+        return length, arms * np.array([[sign[joint]] for joint in joints])
+
+    others = [name for name in moving if name not in plain.values()]
+    return fitted_polynomial(ours, ranges, path), others
+
+
+def write_polynomials(path: Path, muscles: ModelMuscles) -> Path:
+    """Write muscles, whole or not at all."""
+    rows = {
+        name: {
+            "name_in_the_model": muscles.constants[name].name,
+            **{key: getattr(muscles.constants[name], key) for key in _CONSTANTS},
+            "angles": list(p.angles), "middle": list(p.middle), "half": list(p.half),
+            _ERROR: {key: float(f"{value:.3g}") for key, value in asdict(p.error).items()},
+            "powers": p.powers.tolist(), "coefficients": p.coefficients.tolist(),
+        }
+        for name, p in muscles.polynomials.items()
+    }  # fmt: skip
+    head = {
+        "format": FORMAT, "kind": KIND, "what": WORDS, "source": muscles.source, "sha256": muscles.checksum,
+        "coordinates": dict(muscles.coordinates), "held": dict(muscles.held),
+        "named": dict(muscles.named), "refused": dict(muscles.refused),
+    }  # fmt: skip
+    lines = [f" {json.dumps(key)}: {json.dumps(value, ensure_ascii=False)}," for key, value in head.items()]
+    body = [f"  {json.dumps(name)}: {json.dumps(row, ensure_ascii=False)}" for name, row in rows.items()]
+    return write_text_atomically(path, "\n".join(["{", *lines, ' "muscles": {', ",\n".join(body), " }", "}"]) + "\n")
+
+
+def read_polynomials(path: Path) -> ModelMuscles:
+    """Read muscles again."""
+    path = Path(path)
+    try:
+        table = json.loads(read_given(path).decode("utf-8"))
+    except OSError as error:
+        raise RecordingError(f"{path}: not readable: {error}") from error
+    except PellucidError:
+        raise
+    except (ValueError, RecursionError) as error:
+        raise RecordingError(f"{path.name}: not readable as JSON, truncated or damaged: {error}") from None
+    if not isinstance(table, dict) or table.get("kind") != KIND or table.get("format") != FORMAT:
+        raise RecordingError(
+            f'{path.name}: found no "kind": "{KIND}" of format {FORMAT}, expected what calibrate writes'
+        )
+    try:
+        constants, made = {}, {}
+        for name, row in table["muscles"].items():
+            where = f"{path.name}, muscle {seen(str(name))[:100]}"
+            constants[name] = require_physical(
+                path, MuscleConstants(str(row["name_in_the_model"]), *(float(row[key]) for key in _CONSTANTS))
+            )
+            made[name] = _read_polynomial(where, str(name), row)
+        return ModelMuscles(
+            str(table["source"]), str(table["sha256"]), _strings(table["coordinates"]),
+            {str(k): float(v) for k, v in table["held"].items()}, _strings(table["named"]),
+            constants, made, _strings(table["refused"]),
+        )  # fmt: skip
+    except PellucidError:
+        raise
+    except (KeyError, TypeError, ValueError, AttributeError) as error:
+        raise RecordingError(f"{path.name}: found no whole {KIND}: {error!r}, expected what calibrate writes") from None
+
+
+def _strings(table: Mapping) -> dict[str, str]:
+    return {str(key): str(value) for key, value in table.items()}
+
+
+def _read_polynomial(where: str, name: str, row: Mapping) -> MusclePolynomial:
+    angles = tuple(map(str, row["angles"]))
+    middle, half = (tuple(map(float, row[key])) for key in ("middle", "half"))
+    powers, coefficients = np.array(row["powers"], int), np.array(row["coefficients"], float)
+    whole = (
+        0 < len(angles) == len(middle) == len(half)
+        and powers.shape == (len(coefficients), len(angles))
+        and len(coefficients) <= MOST_TERMS
+        and powers.min(initial=0) >= 0
+        and powers.max(initial=0) <= max(20, MOST_TERMS // 100)
+    )
+    if not whole:
+        raise RecordingError(
+            f"{where}: found {len(coefficients)} coefficients and powers of shape {powers.shape} over "
+            f"{len(angles)} angles, expected one row of powers each, at most {MOST_TERMS}"
+        )
+    finite = np.isfinite([*middle, *half, *coefficients]).all()
+    if not finite or min(half) <= 0.0 or np.abs(coefficients).max() > 1e3 or max(map(abs, middle)) > 10.0:
+        raise RecordingError(f"{where}: found numbers that no muscle has, expected lengths [m] and angles [rad]")
+    return MusclePolynomial(
+        name,
+        angles,
+        middle,
+        half,
+        powers,
+        coefficients,
+        PolynomialError(**{k: float(v) for k, v in row[_ERROR].items()}),
+    )
