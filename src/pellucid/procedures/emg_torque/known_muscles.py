@@ -15,7 +15,6 @@ from ...recordings.study import Study
 from ...recordings.study_muscles import study_geometry, study_muscles
 from ...signals.emg_chain import emg_chain
 
-
 POOR = 1e-3, 2e-3
 """RMS errors of length and moment arm beyond which a polynomial is none of its muscle [m]."""
 
