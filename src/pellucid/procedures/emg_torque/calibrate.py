@@ -80,7 +80,11 @@ def calibrate(study: Study, on_progress: Progress | None = None) -> CalibrationR
             *session_tables(found.sessions),
             *muscle_tables(found.muscles),
         ),
-        verdicts=(*verdicts_of(study, evaluated, trials, chosen), *geometry_verdicts(study), *muscle_verdicts_of(found)),
+        verdicts=(
+            *verdicts_of(study, evaluated, trials, chosen),
+            *geometry_verdicts(study),
+            *muscle_verdicts_of(found),
+        ),
         rows=calibration_rows(study.name, evaluated, trials, found.sessions, chosen),
         cards={**found.cards, **muscle_cards(study, found.muscles, trials)},
         checksums={trial.name: trial.checksum for trial in trials},
