@@ -48,13 +48,15 @@ tesla = volt * second / meter ** 2 = T
 standard_gravity = 9.80665 * meter / second ** 2 = g0
 degree_Celsius = kelvin; offset: 273.15 = degC = °C = celsius
 percent = 0.01 = %
+maximal_contraction = [effort] = MVC
+percent_MVC = 0.01 * maximal_contraction
 """
 
 # The texts SI values are shown in, one of each dimension; N*m and not J because torques are what is measured here.
 _SI_TEXTS = (
     "1", "s", "Hz", "m", "m/s", "m/s^2", "rad", "rad/s", "rad/s^2", "kg", "kg*m^2", "N", "N*m", "W", "A", "V", "ohm",
     "H", "Pa", "T", "K", "count", "N*s/m", "N*m*s/rad", "N*m/rad", "N/m", "N*m/A", "N*m/V", "N/A", "N/V",
-    "V*s/rad", "V*s^2/rad", "V*s^2/m", "A*s/rad", "A*s^2/rad", "A*s^2/m",
+    "V*s/rad", "V*s^2/rad", "V*s^2/m", "A*s/rad", "A*s^2/rad", "A*s^2/m", "MVC",
 )  # fmt: skip
 
 # Pint also reads what only a program may hold, comments for one, and raises numbers to powers without end.
@@ -155,7 +157,7 @@ def _si_text(unit: str) -> str:
         if _parse(text, "unit")[2] == dimension:
             return text
     symbols = {"[mass]": "kg", "[length]": "m", "[count]": "count", "[angle]": "rad", "[current]": "A",
-               "[temperature]": "K", "[time]": "s"}  # fmt: skip
+               "[temperature]": "K", "[effort]": "MVC", "[time]": "s"}  # fmt: skip
     ordered = sorted(dimension, key=lambda item: list(symbols).index(item[0]))
     up = [symbols[k] + (f"^{p:g}" if p != 1 else "") for k, p in ordered if p > 0]
     down = [symbols[k] + (f"^{-p:g}" if p != -1 else "") for k, p in ordered if p < 0]
@@ -206,7 +208,7 @@ def _parse(unit: str, where: str) -> tuple[float, float, frozenset]:
         if _TEXT.fullmatch(unit) is None:
             raise ValueError(unit)
         # Pint reads a leading 1 as a number, which a unit may not hold.
-        text = re.sub(r"^\s*1\s*/", "dimensionless/", unit)
+        text = re.sub(r"^\s*1\s*/", "dimensionless/", unit).replace("%MVC", "percent_MVC")
         parsed = registry.parse_units(text)
         zero, one = (registry.Quantity(v, parsed).to_base_units().magnitude for v in (0.0, 1.0))
         dimension = frozenset((k, float(p)) for k, p in parsed.dimensionality.items())
@@ -218,7 +220,8 @@ def _parse(unit: str, where: str) -> tuple[float, float, frozenset]:
 def _nearest(unit: str) -> str:
     import difflib
 
-    known = [*_SI_TEXTS, "deg", "deg/s", "rpm", "mA", "mV", "%", "ms", "mm", "cm", "mN*m", "kHz", "degC", "turn"]
+    others = ["deg", "deg/s", "rpm", "mA", "mV", "%", "%MVC", "ms", "mm", "cm", "mN*m", "kHz", "degC", "turn"]
+    known = [*_SI_TEXTS, *others]
     close = difflib.get_close_matches(unit, known, 1, 0.5) or [
         k for k in known if k.lower() == re.sub(r"[\s.·]+", "*", unit).lower()
     ]

@@ -54,6 +54,9 @@ PATTERN = 0.6
 BEYOND = 0.25
 """Share of the fitted range by which a value may pass its ends."""
 
+HELD = (0.1, 0.2)
+"""Angle [rad] and rate [rad/s] by which even a joint that was held may differ."""
+
 ELSEWHERE = 0.25
 """Share of a recording out of the fitted ranges, in time, from which nothing tells whether an estimate holds."""
 
@@ -137,7 +140,7 @@ class FittedSession:
         span = np.where(self.span > 0.0, self.span, np.inf)
         risen, level = (floor - self.floor) / span, (top - floor) / span
         many = bool(np.sum((level > LEVEL) | (level < 1.0 / LEVEL)) > max(2, 0.5 * len(self.muscles)))
-        margin = BEYOND * (self.high - self.low)
+        margin = np.maximum(BEYOND * (self.high - self.low), np.tile(HELD, len(self.low) // 2))
         away = ((moved < self.low - margin) | (moved > self.high + margin)).any(axis=1)
         goes_with = self._correlations(x, moved) if np.mean(away) <= ELSEWHERE else None
         changes = [] if many else self._changes(floor, risen, level, goes_with, _together(x))

@@ -22,6 +22,11 @@ WARM = 0.3
 def driven_muscles(trials: Sequence[TorqueTrial]) -> tuple[HillMuscle, ...]:
     """Muscles of the trials' joint that EMG drives, with their anatomical values."""
     first = trials[0]
+    if first.unit != "N*m":
+        raise IdentificationError(
+            f"trial {first.name}: found the torque in shares of a maximal contraction, expected N*m, which muscles "
+            "pull: [emg_torque.largest_moment] says what the maximal contraction reached"
+        )
     if first.muscles is None:
         raise IdentificationError(
             f"trial {first.name}: found no lengths of muscles across the {first.joint}, expected streams length, "

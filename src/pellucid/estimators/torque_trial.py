@@ -21,7 +21,7 @@ class TorqueTrial:
     envelopes: Mapping[str, np.ndarray] = field(repr=False)  # (n,) By muscle: relative [1], or in V
     # (n,) By joint [rad]; the joint itself must be among them, the others are its neighbours
     angles: Mapping[str, np.ndarray] = field(repr=False)
-    torque: np.ndarray = field(repr=False)  # (n,) The reference [N m]
+    torque: np.ndarray = field(repr=False)  # (n,) The reference [`unit`]
     group: str = ""  # What is left out together in cross-validation: a repetition
     heldout: bool = False  # Never fitted
     participant: str | None = None
@@ -30,6 +30,7 @@ class TorqueTrial:
     muscles: MuscleSource | None = field(default=None, repr=False)
     # (k,) Envelopes of the same muscles before the first sample, at the same rate; empty where there are none
     lead: Mapping[str, np.ndarray] = field(default_factory=dict, repr=False)
+    unit: str = "N*m"  # Of the torque; "MVC": shares of a maximal contraction's
 
     def __post_init__(self):
         if self.joint not in self.angles:

@@ -416,7 +416,7 @@ def _channels(columns: Columns, specs: dict[str, ChannelSpec], window) -> dict[s
 
 def _of_columns(columns: Columns, name: str, spec: ChannelSpec) -> np.ndarray:
     less = columns.column(spec.minus.column, name) if spec.minus is not None else None
-    stored = columns.column(spec.column, name)
+    stored = columns.column(spec.column, name) if spec.value is None else np.array([spec.value])
     if less is not None and len(less) != len(stored) and min(len(less), len(stored)) != 1:
         raise RecordingError(
             f"{columns.path.name}: channel {name}: column {spec.column!r} has {len(stored)} samples, column "

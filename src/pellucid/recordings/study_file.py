@@ -401,6 +401,19 @@ def _require_column(column: Any) -> None:
         raise ValueError(f"found {column!r}, expected a column's name or its number from 0")
 
 
+def _constant(table: Mapping[str, Any]) -> dict[str, Any]:
+    """A channel that is one value at all times, as a column of it: `value` is a number with its unit."""
+    others = sorted(key for key in table if key != "value" and not key.startswith(DERIVED))
+    if others or table[DERIVED + "name"] == "time":
+        raise ValueError(f"found value beside {', '.join(others) or 'no times'}, expected it alone: it is every sample")
+    number, _, unit = str(table["value"]).strip().partition(" ")
+    try:
+        value = float(number)
+    except ValueError:
+        raise ValueError(f'value: found {table["value"]!r}, expected a number and its unit, such as "60 deg"') from None
+    return {**table, "value": value, "unit": unit, "column": str(table["value"])}
+
+
 class Subtracted(StudyTable):
     """A column that is taken off another: `column`, as a channel's, and `scale`, the channel's unit per stored count;
     None for the channel's own."""
@@ -438,6 +451,8 @@ class ChannelSpec(StudyTable):
         Added last, in `unit`.
     scale : float
         `unit` per stored count.
+    value : float or None
+        What the channel is at all times [unit], in place of a column: of a joint that was held.
     minus : Subtracted or None
         Another column that is taken off: of two cables that pull against each other, of a spring's two ends.
     wrap_bits : int or None
@@ -468,6 +483,7 @@ class ChannelSpec(StudyTable):
     sign: Literal[1, -1] = 1
     offset: float = 0.0
     scale: Annotated[float, AfterValidator(_not_zero)] = 1.0
+    value: Annotated[float | None, Field(json_schema_extra={"type": "string"})] = None
     minus: Subtracted | None = None
     wrap_bits: int | None = Field(None, ge=6, le=64)
     wrap: Annotated[float | None, Field(gt=0, json_schema_extra={"type": "string"})] = None
@@ -510,6 +526,8 @@ class ChannelSpec(StudyTable):
             if name != "time" or "column" in table:
                 raise ValueError("found rate, which stands in place of the column and the unit of time")
             table = {"column": 0, "unit": "s", **table}
+        if "value" in table:
+            table = _constant(table)
         expected = channel_unit(name, info.context or {}, table.get("unit"))
         if table.get("unit") in (None, ""):
             such = f'expected one such as "{expected}"' if expected else 'expected one such as "V", or "1" for none'
@@ -1058,6 +1076,8 @@ def channel_unit(name: str, units: Mapping[str, Any], given: str | None = None) 
         return channel_unit(head, own, given)
     expected = fixed.get(name)
     parts = name.split(".")
+    if parts[0] == "moment" and given in ("MVC", "%MVC"):
+        return "MVC"
     if expected is None and parts[0] == "emg" and len(parts) > 1:
         expected = "1" if given in ("1", "%") else "V"
     if expected is None and len(parts) > 1:
@@ -1218,7 +1238,12 @@ def _complete(entry: Any, defaults: Mapping[str, Any], joints: list[str]) -> Any
         return entry
     own = _plain_where_single(_flat_channels(entry["channels"]), joints)
     merged = {
-        name: {**defaults[name], **table} if isinstance(table, dict) and isinstance(defaults.get(name), dict) else table
+        name: {**defaults[name], **table} if isinstance(table, dict) and _adds_to(defaults.get(name), table) else table
         for name, table in own.items()
     }
     return {**entry, "channels": merged}
+
+
+def _adds_to(default: Any, own: Mapping[str, Any]) -> bool:
+    """Whether a recording's channel differs from the study's; a constant beside a column is another one."""
+    return isinstance(default, dict) and ("value" in default) == ("value" in own)

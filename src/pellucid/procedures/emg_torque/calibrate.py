@@ -34,6 +34,7 @@ from .muscle_findings import (
     muscle_verdicts_of,
     partial_errors,
 )
+from .relative_envelopes import normalisation_words
 from .seated_swings import SWINGS, seated_swings
 from .sessions import compared_sessions, elsewhere_words, session_tables, session_verdicts
 from .torque_card import torque_card
@@ -127,6 +128,7 @@ def _by_recording(study: Study, tell: Progress) -> Calibrated:
     session, compared = compared_sessions(*parts[joints[0]])
     found.sessions.update(compared)
     found.verdicts.extend(session_verdicts(found.sessions, rescale is not None))
+    found.verdicts.append(Verdict("note", normalisation_words(study)))
     runs = [
         (joint, name, causal)
         for causal, names in ((False, EVALUATED), (True, CAUSAL))
@@ -160,6 +162,7 @@ def _by_recording(study: Study, tell: Progress) -> Calibrated:
                     coverage=None if half is None else float(np.mean(np.abs(trial.torque - made) <= half)),
                     partial=partial_errors(trial.torque, made) if isinstance(fit, HillMap) else (),
                     without_changed=without,
+                    torque_unit=trial.unit,
                 )
             )  # fmt: skip
             if not causal:

@@ -39,7 +39,7 @@ def _tiles(findings: CalibrationResult) -> tuple[Tile, ...]:
         others = [f"{e.recording.replace('_', ' ')} {number(e.score.rmse, digits=3)}" for e in each.judged[1:]]
         bare = [f"angles alone, without EMG: {number(each.bare[0].score.rmse, digits=3)}"] if each.bare else []
         more = "; ".join([each.words, f"R² {best.score.r2:.3f}", *others, *bare])
-        unit = "of the leg's weight, RMS" if best.kind == "normalised" else "N·m RMS"
+        unit = "of the leg's weight, RMS" if best.kind == "normalised" else f"{best.unit.replace('*', '·')} RMS"
         where = f", {best.recording.replace('_', ' ')}" if others else ""
         tiles.append(Tile(f"Torque error, {each.what}{where}", number(best.score.rmse, digits=3), unit, more))
     return tuple(tiles)

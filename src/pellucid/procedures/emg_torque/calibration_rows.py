@@ -29,18 +29,18 @@ def calibration_rows(
     for each in evaluated:
         how, note = each.estimator + (".causal" if each.causal else ""), each.choice
         if each.kind == "steps":
-            add(f"emg.{each.what}.rmse.{how}", each.score.rmse, "N*m", note)
+            add(f"emg.{each.what}.rmse.{how}", each.score.rmse, each.torque_unit, note)
             add(f"emg.{each.what}.r2.{how}", each.score.r2, "1", note)
         elif each.kind == "normalised":
             add(f"{each.what}.{how}.rmse_normalised", each.score.rmse, "1", f"of the leg's own weight; {note}")
             add(f"{each.what}.{how}.r2", each.score.r2, "1", note)
         elif each.kind == "trials":
-            add(f"{each.what}.{how}.rmse", each.score.rmse, "N*m", f"mean over trials left out; {note}")
+            add(f"{each.what}.{how}.rmse", each.score.rmse, each.torque_unit, f"mean over trials left out; {note}")
             add(f"{each.what}.{how}.r2", each.score.r2, "1", note)
         else:
             tail = "" if each.recording == first else f".{each.recording}"
             add(f"{each.what}.{how}.r2{tail}", each.score.r2, "1", note, recording=each.recording)
-            add(f"{each.what}.{how}.rmse{tail}", each.score.rmse, "N*m", note, recording=each.recording)
+            add(f"{each.what}.{how}.rmse{tail}", each.score.rmse, each.torque_unit, note, recording=each.recording)
             if each.without_changed is not None:
                 words = "channels that changed replaced by what the others tell"
                 add(f"{each.what}.{how}.r2.without_changed{tail}", each.without_changed.r2, "1", words,
@@ -54,7 +54,7 @@ def calibration_rows(
                 each.partial,
                 strict=False,
             ):
-                add(f"{each.what}.{how}.rmse.{name}{tail}", value, "N*m", words, recording=each.recording)
+                add(f"{each.what}.{how}.rmse.{name}{tail}", value, each.torque_unit, words, recording=each.recording)
             if not tail:
                 if each.examined is not None:
                     words = f"root mean square over tests within what was fitted: {', '.join(each.examined.words)}"

@@ -50,11 +50,12 @@ class Evaluated:
     partial: tuple[float, ...] = ()
     # The same with envelopes of channels that changed replaced by what the others tell; None where none did
     without_changed: Score | None = None
+    torque_unit: str = "N*m"  # Of the reference; "MVC": shares of a maximal contraction's
 
     @property
     def unit(self) -> str:
         """Of the RMSE."""
-        return "of the leg's weight" if self.kind == "normalised" else "N*m"
+        return "of the leg's weight" if self.kind == "normalised" else self.torque_unit
 
 
 @dataclass(frozen=True, eq=False)

@@ -13,7 +13,7 @@ from ...models.muscle_geometry import muscle_table
 from ...recordings.recording import Recording
 from ...recordings.study import Study
 from ...recordings.study_muscles import study_geometry, study_muscles
-from ...signals.emg_chain import emg_chain
+from .relative_envelopes import is_maximal, is_relative
 
 POOR = 1e-3, 2e-3
 """RMS errors of length and moment arm beyond which a polynomial is none of its muscle [m]."""
@@ -40,20 +40,15 @@ def muscle_source(study: Study, recording: Recording, joint: str) -> MuscleSourc
     if not recorded and not any(joint in path.angles for path in paths.values()):
         return None
     posture = SEATED if recording.protocol in ("leg_extension", "seated_swing") else STANDING
-    own = [r for r in study.recordings() if r.participant == recording.participant]
     return MuscleSource(
         constants,
         recorded,
-        maximal=study.config.emg_torque.chain == "none" or any(r.protocol == "mvc" for r in own),
+        maximal=is_maximal(study, recording.participant),
         sign=-1.0 if joint == "knee" and study.config.rig.lifts == "flexion" else 1.0,
-        relative=study.config.emg_torque.chain == "none" or _normalises(study.config.emg_torque.chain),
+        relative=is_relative(study),
         polynomials={} if model is None else model.polynomials,
         posture=posture if model is None else {j: model.signs.get(j, 1.0) * q for j, q in posture.items()},
     )
-
-
-def _normalises(chain: str) -> bool:
-    return any(stage.kind == "normalise" for stage in emg_chain(chain).stages)
 
 
 def _recorded(recording: Recording, joint: str) -> dict[str, tuple[np.ndarray, np.ndarray, np.ndarray]]:

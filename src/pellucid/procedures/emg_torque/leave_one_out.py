@@ -16,6 +16,7 @@ from ...recordings.study import Study
 from .chosen import chosen_in_folds, examined_if_candidate
 from .evaluated import Calibrated, Evaluated, TorqueTrace, estimators_for
 from .leg_extension_trials import EXTENSION, leg_extension_trials
+from .relative_envelopes import normalisation_words
 from .trial_sources import moment_trials
 
 Progress = Callable[[str, float], None]
@@ -25,6 +26,7 @@ def moments_left_out(study: Study, tell: Progress) -> Calibrated:
     """Recordings with moments, none of them held out: each is predicted by what was fitted to the others. `study`
     [emg_torque]."""
     found, joints = Calibrated(), study.config.emg_torque.joints
+    found.verdicts.append(Verdict("note", normalisation_words(study)))
     for i, joint in enumerate(joints):
         _judge(found, moment_trials(study, joint), joint, "trials", 1.0, _part(tell, i, len(joints)))
     return found
@@ -73,7 +75,11 @@ def _judge(found: Calibrated, trials: list[TorqueTrial], what: str, kind: str, u
         every = {t: Score(s.rmse / unit, s.r2) for t, s in result.by_trial.items()}
         score = Score(float(np.mean([s.rmse for s in every.values()])), result.score.r2)
         words = " / ".join(dict.fromkeys(choice.words for choice in result.choices))
-        own.append(Evaluated(what, name, False, "", score, None, words, kind=kind, by_trial=every))
+        own.append(
+            Evaluated(
+                what, name, False, "", score, None, words, kind=kind, by_trial=every, torque_unit=trials[0].unit
+            )
+        )  # fmt: skip
     found.evaluated.extend(own)
     found.chosen[what] = chosen_in_folds(trials, results, own)
     worst = max(trials, key=lambda t: results[names[0]].by_trial[t.name].rmse)

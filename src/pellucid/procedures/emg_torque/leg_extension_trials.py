@@ -20,7 +20,8 @@ from ...recordings.study import Study
 from ...signals.filters import central_difference, zero_phase_lowpass
 from ...signals.repetitions import find_repetitions
 from .known_muscles import muscle_source
-from .trial_sources import KEPT_RATE, maxima_of, relative_envelopes
+from .relative_envelopes import maxima_of, relative_envelopes
+from .trial_sources import KEPT_RATE
 
 EXTENSION = "leg_extension"
 """Protocol in which a sitting person extends the leg, again and again."""
@@ -41,7 +42,7 @@ def leg_extension_trials(study: Study, participant: str | None) -> tuple[list[To
     height = getattr(person, "height", None) or USUAL_MAN[1]
     leg = winter(mass, shank_length(height))
     sign = 1.0 if study.config.rig.lifts == "flexion" else -1.0
-    top = maxima_of(study, [r for r in own if r.protocol == "mvc"] or found)
+    top = maxima_of(study, participant, found)
     trials = []
     for recording in found:
         where = f"{recording.path.name} (recording {recording.name}), channel angle.knee"

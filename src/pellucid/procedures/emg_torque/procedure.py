@@ -28,6 +28,12 @@ class EmgTorqueTable(ProcedureTable):
         From raw EMG to envelopes: ``"knee"``, ``"able"``, ``"hill"``, or ``"none"`` where envelopes were recorded.
     reference_lowpass : float or None
         Cut-off of the zero-phase low-pass on the reference torque [Hz].
+    largest_moment : dict of str to float
+        What a maximal contraction reached, by joint [N m]: moments given in %MVC are taken as so many of these.
+    normalise : str or None
+        ``"mvc"``: envelopes over the largest of recordings with the protocol mvc, whatever the chain; ``"largest"``:
+        over the largest of what is fitted; ``"none"``: as the chain leaves them. Left out: a chain that normalises by
+        mvc recordings, or by the largest where there is none; one that does not, not.
     rescale : float or None
         Beginning of each recording to be judged by which channels that changed are brought to floor and range as
         fitted [s], exchanged ones exchanged again, those with another muscle's signal told by the others; without it
@@ -48,6 +54,8 @@ class EmgTorqueTable(ProcedureTable):
     moments: Word = "moments"
     chain: Literal["knee", "able", "hill", "none"] = "knee"
     reference_lowpass: quantity("Hz", gt=0) | None = None
+    largest_moment: dict[Word, quantity("N*m", gt=0)] = Field(default_factory=dict)
+    normalise: Literal["mvc", "largest", "none"] | None = None
     rescale: quantity("s", gt=0) | None = None
     muscle_file: Place | None = None
     muscle_names: dict[Word, Said] = Field(default_factory=dict)

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -16,16 +17,15 @@ from ...fit.strap.strap_torque import Limb, Orthosis
 from ...models.parameter_card import ParameterCard, read_parameter_card
 from ...recordings.recording import Recording
 from ...recordings.study import Study
-from ...signals.emg_chain import EmgChain, emg_chain
 from ...signals.filters import zero_phase_lowpass
-from .emg_faults import trial_faults
 from .known_muscles import muscle_source
+from .relative_envelopes import MAXIMAL, inside_of, maxima_of, muscles_of, relative_envelopes, stream_of
 
 STEPS = "torque_steps"
 """Protocol in which a wearer counteracts an orthosis's torque."""
 
 KEPT_RATE = 100.0
-"""Rate at which samples of torque steps are kept [Hz]; nothing in them is faster than the low-pass on the torque."""
+"""Rate at which samples of faster recordings are kept [Hz]: envelopes and movements have nothing above its half."""
 
 SAME_ANGLE = 0.1
 """Medians that are no further apart [rad] are of the same angle held."""
@@ -39,23 +39,35 @@ def moment_trials(study: Study, joint: str) -> list[TorqueTrial]:
     `study` [emg_torque].
     """
     spec = study.config.emg_torque
-    found = [r for r in study.recordings() if f"moment.{joint}" in _stream(r, spec.moments)]
-    top = maxima_of(study, [r for r in found if r.use == "fit"])
+    found = [r for r in study.recordings() if f"moment.{joint}" in stream_of(r, spec.moments) and r.protocol != MAXIMAL]
+    fitted = [r for r in found if r.use == "fit"]
+    top = {
+        person: maxima_of(study, person, [r for r in fitted if r.participant == person] or fitted)
+        for person in dict.fromkeys(r.participant for r in found)
+    }
     trials = []
     for recording in found:
         channel = f"moment.{joint}"
-        moments = _stream(recording, spec.moments)
-        inside = _inside(moments, recording, channel)
+        moments = stream_of(recording, spec.moments)
+        inside = inside_of(moments, recording, channel)
         time, torque = moments.time[inside], moments[channel][inside]
         if spec.reference_lowpass is not None:
             torque = zero_phase_lowpass(torque, spec.reference_lowpass, 4, moments.fs)
+        unit = moments.channels[channel].unit
+        if unit == "MVC" and joint in spec.largest_moment:
+            torque, unit = spec.largest_moment[joint] * torque, "N*m"
+        if unit != (trials[0].unit if trials else unit):
+            raise RecordingError(
+                f"{moments.path.name} (recording {recording.name}), channel {channel}: found the unit {unit}, expected "
+                f"{trials[0].unit} as in the recording {trials[0].name}"
+            )
         angles = {n.removeprefix("angle."): recording[n] for n in recording.channels if n.startswith("angle.")}
         trials.append(
             TorqueTrial(
                 name=recording.name,
                 joint=joint,
                 time=recording.time,
-                envelopes=relative_envelopes(study, recording, top, causal=False),
+                envelopes=relative_envelopes(study, recording, top[recording.participant], causal=False),
                 angles=angles,
                 torque=np.interp(recording.time, time, torque),
                 group=recording.name,
@@ -64,9 +76,34 @@ def moment_trials(study: Study, joint: str) -> list[TorqueTrial]:
                 checksum=recording.checksum,
                 muscles=muscle_source(study, recording, joint),
                 lead=_lead(study, recording),
+                unit=unit,
             )
         )
-    return trials
+    return [_thinned(trial) for trial in trials]
+
+
+def _thinned(trial: TorqueTrial) -> TorqueTrial:
+    """A trial recorded as fast as raw EMG is, at no more than about `KEPT_RATE`; nothing above its half is folded."""
+    every = round(trial.fs / KEPT_RATE)
+    if every < 2:
+        return trial
+
+    def slow(x: np.ndarray) -> np.ndarray:
+        return zero_phase_lowpass(x, 0.4 * trial.fs / every, 4, trial.fs)[::every]
+
+    source = trial.muscles
+    if source is not None and source.recorded:
+        recorded = {muscle: tuple(x[::every] for x in path) for muscle, path in source.recorded.items()}
+        source = replace(source, recorded=recorded)
+    return replace(
+        trial,
+        time=trial.time[::every],
+        envelopes={muscle: np.maximum(slow(x), 0.0) for muscle, x in trial.envelopes.items()},
+        angles={joint: q[::every] for joint, q in trial.angles.items()},
+        torque=slow(trial.torque),
+        lead={muscle: x[::-1][every - 1 :: every][::-1] for muscle, x in trial.lead.items()},
+        muscles=source,
+    )
 
 
 def step_trials(
@@ -81,7 +118,7 @@ def step_trials(
     spec = study.config.emg_torque
     own = [r for r in study.recordings() if r.participant == participant]
     found = [r for r in own if r.protocol == STEPS]
-    top = maxima_of(study, [r for r in own if r.protocol == "mvc"] or found)
+    top = maxima_of(study, participant, found)
     lowpass, repetition = spec.reference_lowpass or MOTION_LOWPASS, repetitions(found)
     trials = []
     for recording in found:
@@ -169,84 +206,12 @@ def _body(card: ParameterCard) -> MovedBody:
     )
 
 
-def _stream(recording: Recording, name: str) -> Recording:
-    return recording.streams.get(name, recording)
-
-
-def _inside(stream: Recording, recording: Recording, channel: str) -> np.ndarray:
-    """The stream's samples within the recording's window; it must have recorded all of it."""
-    start, end, step = recording.time[0], recording.time[-1], 1.0 / stream.fs
-    if stream.time[0] > start + 1.5 * step or stream.time[-1] < end - 1.5 * step:
-        raise RecordingError(
-            f"{stream.path.name} (recording {recording.name}), channel {channel}: found samples from "
-            f"{stream.time[0]:.4g} s to {stream.time[-1]:.4g} s, expected {start:.4g} s to {end:.4g} s as in "
-            f"{recording.path.name}"
-        )
-    return (stream.time > start - 0.5 * step) & (stream.time < end + 0.5 * step)
-
-
-def _muscles(study: Study, stream: Recording) -> list[str]:
-    wanted = study.config.emg_torque.muscles
-    present = [name.removeprefix("emg.") for name in stream.channels if name.startswith("emg.")]
-    missing = [m for m in wanted if m not in present]
-    if missing or not present:
-        raise RecordingError(
-            f"{stream.path.name} (recording {stream.name}): found EMG of {', '.join(present) or 'no muscle'}, expected "
-            f"{', '.join(missing) or 'channels emg.<muscle>'}"
-        )
-    return list(wanted) or present
-
-
-def _chain(study: Study) -> EmgChain | None:
-    name = study.config.emg_torque.chain
-    return None if name == "none" else emg_chain(name)
-
-
-def relative_envelopes(
-    study: Study, recording: Recording, top: Mapping[str, float], *, causal: bool
-) -> dict[str, np.ndarray]:
-    """Envelopes on the recording's clock, refused where EMG is not fit to be used. `study` [emg_torque]; gives (n,)."""
-    stream, chain = _stream(recording, study.config.emg_torque.emg), _chain(study)
-    # A stream that ends early is refused below, muscle by muscle.
-    faults = [fault.message for fault in trial_faults(recording, stream, whole=False) if fault.severity == "refuse"]
-    if faults:
-        raise RecordingError("\n".join(faults))
-    made = {}
-    for muscle in _muscles(study, stream):
-        channel = f"emg.{muscle}"
-        inside = _inside(stream, recording, channel)
-        x = stream[channel][inside]
-        if chain is not None:
-            if stream.channels[channel].unit != "V":
-                raise RecordingError(
-                    f"{stream.path.name} (recording {recording.name}), channel {channel}: found the unit "
-                    f'{stream.channels[channel].unit}, expected V for the chain {chain.name}; use chain = "none" '
-                    "where envelopes were recorded"
-                )
-            chain.require_rate(stream.fs, f"{stream.path.name} (recording {recording.name}), channel {channel}")
-            x = (chain.causal if causal else chain.zero_phase)(x, stream.fs, maximum=top.get(muscle, 1.0))
-        made[muscle] = np.interp(recording.time, stream.time[inside], x)
-    return made
-
-
 def _lead(study: Study, recording: Recording) -> dict[str, np.ndarray]:
     """Envelopes before the recording's first sample, where envelopes were recorded and the recording is no window."""
-    stream = _stream(recording, study.config.emg_torque.emg)
+    stream = stream_of(recording, study.config.emg_torque.emg)
     spec = next(each for each in study.config.recordings if each.name == recording.name)
     count = int((recording.time[0] - stream.time[0]) * recording.fs)
     if study.config.emg_torque.chain != "none" or spec.window is not None or count < 1:
         return {}
     time = recording.time[0] - np.arange(count, 0, -1) / recording.fs
-    return {muscle: np.interp(time, stream.time, stream[f"emg.{muscle}"]) for muscle in _muscles(study, stream)}
-
-
-def maxima_of(study: Study, recordings: Sequence[Recording]) -> dict[str, float]:
-    """Largest envelope of each muscle, where the chain makes envelopes relative."""
-    chain = _chain(study)
-    if chain is None or not any(stage.kind == "normalise" for stage in chain.stages):
-        return {}
-    top: dict[str, float] = {}
-    for recording in recordings:
-        for muscle, envelope in relative_envelopes(study, recording, {}, causal=False).items():
-            top[muscle] = max(top.get(muscle, 0.0), float(envelope.max()))
-    return top
+    return {muscle: np.interp(time, stream.time, stream[f"emg.{muscle}"]) for muscle in muscles_of(study, stream)}

@@ -1,0 +1,144 @@
+"""Envelopes on a recording's clock, and what they are relative to: maximal contractions, or the largest effort seen."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from ..._errors import IdentificationError, RecordingError
+from ...recordings.recording import Recording
+from ...recordings.study import Study
+from ...signals.emg_chain import EmgChain, emg_chain
+from .emg_faults import trial_faults
+
+MAXIMAL = "mvc"
+"""Protocol of a maximal contraction."""
+
+
+def relative_envelopes(
+    study: Study, recording: Recording, top: Mapping[str, float], *, causal: bool
+) -> dict[str, np.ndarray]:
+    """Envelopes on the recording's clock, refused where EMG is not fit to be used. `study` [emg_torque]; gives (n,)."""
+    stream, chain = stream_of(recording, study.config.emg_torque.emg), _chain(study)
+    # A stream that ends early is refused below, muscle by muscle.
+    faults = [fault.message for fault in trial_faults(recording, stream, whole=False) if fault.severity == "refuse"]
+    if faults:
+        raise RecordingError("\n".join(faults))
+    made = {}
+    for muscle in muscles_of(study, stream):
+        channel = f"emg.{muscle}"
+        inside = inside_of(stream, recording, channel)
+        x = stream[channel][inside]
+        if chain is not None:
+            if stream.channels[channel].unit != "V":
+                raise RecordingError(
+                    f"{stream.path.name} (recording {recording.name}), channel {channel}: found the unit "
+                    f'{stream.channels[channel].unit}, expected V for the chain {chain.name}; use chain = "none" '
+                    "where envelopes were recorded"
+                )
+            chain.require_rate(stream.fs, f"{stream.path.name} (recording {recording.name}), channel {channel}")
+            x = (chain.causal if causal else chain.zero_phase)(x, stream.fs, maximum=1.0)
+        made[muscle] = np.interp(recording.time, stream.time[inside], x / top.get(muscle, 1.0))
+    return made
+
+
+def maxima_of(study: Study, participant: str | None, fitted: Sequence[Recording]) -> dict[str, float]:
+    """Largest envelope of each muscle of a participant, in maximal contractions or, where none is asked for nor there,
+    in what is `fitted`; empty where envelopes stay as the chain leaves them. `study` [emg_torque]."""
+    source = _relative_to(study, participant, fitted)
+    top: dict[str, float] = {}
+    for recording in source:
+        for muscle, envelope in relative_envelopes(study, recording, {}, causal=False).items():
+            top[muscle] = max(top.get(muscle, 0.0), float(envelope.max()))
+    lost = [muscle for muscle, most in top.items() if not most > 0.0]
+    if lost:
+        raise IdentificationError(
+            f"recordings {', '.join(r.name for r in source)}: found no activity of {', '.join(lost)}, expected the "
+            "largest envelope of each muscle, which others are relative to"
+        )
+    return top
+
+
+def normalisation_words(study: Study) -> str:
+    """What envelopes are relative to, in a sentence. `study` [emg_torque]."""
+    people = dict.fromkeys(r.participant for r in study.recordings())
+    mvc = [r.name for person in people for r in _maximal(study, person)]
+    chain, asked = _chain(study), study.config.emg_torque.normalise
+    if asked == "largest" or (asked is None and _normalises(chain) and not mvc):
+        return "Envelopes are relative to the largest of what is fitted: a share of that effort, not of a maximal one."
+    if asked == "mvc" or (asked is None and _normalises(chain)):
+        return f"Envelopes are relative to the largest of each muscle in maximal contractions: {', '.join(mvc)}."
+    if chain is None:
+        return "Envelopes are taken as they were recorded: what they are relative to is not known here."
+    return "Envelopes are in V, relative to nothing: another session's electrodes give others."
+
+
+def is_relative(study: Study) -> bool:
+    """Whether envelopes are shares of an effort. `study` [emg_torque]."""
+    asked, chain = study.config.emg_torque.normalise, _chain(study)
+    return asked in ("mvc", "largest") or (asked is None and _normalises(chain)) or chain is None
+
+
+def is_maximal(study: Study, participant: str | None) -> bool:
+    """Whether that effort is a maximal one, as far as is said. `study` [emg_torque]."""
+    asked, chain = study.config.emg_torque.normalise, _chain(study)
+    if asked is None and chain is None:
+        return True
+    return asked != "largest" and bool(_maximal(study, participant) or chain is None)
+
+
+def stream_of(recording: Recording, name: str) -> Recording:
+    """A recording's stream, or itself where it has none of that name."""
+    return recording.streams.get(name, recording)
+
+
+def inside_of(stream: Recording, recording: Recording, channel: str) -> np.ndarray:
+    """The stream's samples within the recording's window; it must have recorded all of it."""
+    start, end, step = recording.time[0], recording.time[-1], 1.0 / stream.fs
+    if stream.time[0] > start + 1.5 * step or stream.time[-1] < end - 1.5 * step:
+        raise RecordingError(
+            f"{stream.path.name} (recording {recording.name}), channel {channel}: found samples from "
+            f"{stream.time[0]:.4g} s to {stream.time[-1]:.4g} s, expected {start:.4g} s to {end:.4g} s as in "
+            f"{recording.path.name}"
+        )
+    return (stream.time > start - 0.5 * step) & (stream.time < end + 0.5 * step)
+
+
+def muscles_of(study: Study, stream: Recording) -> list[str]:
+    """Muscles of a stream that the study uses. `study` [emg_torque]."""
+    wanted = study.config.emg_torque.muscles
+    present = [name.removeprefix("emg.") for name in stream.channels if name.startswith("emg.")]
+    missing = [m for m in wanted if m not in present]
+    if missing or not present:
+        raise RecordingError(
+            f"{stream.path.name} (recording {stream.name}): found EMG of {', '.join(present) or 'no muscle'}, expected "
+            f"{', '.join(missing) or 'channels emg.<muscle>'}"
+        )
+    return list(wanted) or present
+
+
+def _maximal(study: Study, participant: str | None) -> list[Recording]:
+    return [r for r in study.recordings() if r.participant == participant and r.protocol == MAXIMAL]
+
+
+def _relative_to(study: Study, participant: str | None, fitted: Sequence[Recording]) -> Sequence[Recording]:
+    asked, mvc = study.config.emg_torque.normalise, _maximal(study, participant)
+    if asked == "none" or (asked is None and not _normalises(_chain(study))):
+        return []
+    if asked == "mvc" and not mvc:
+        who = f" of {participant}" if participant else ""
+        raise IdentificationError(
+            f'{study.folder}: found no recording with the protocol "mvc"{who}, expected one, as [emg_torque] normalise '
+            '= "mvc" says: a maximal contraction of every muscle'
+        )
+    return fitted if asked == "largest" else mvc or fitted
+
+
+def _normalises(chain: EmgChain | None) -> bool:
+    return chain is not None and any(stage.kind == "normalise" for stage in chain.stages)
+
+
+def _chain(study: Study) -> EmgChain | None:
+    name = study.config.emg_torque.chain
+    return None if name == "none" else emg_chain(name)
