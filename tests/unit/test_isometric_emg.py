@@ -6,6 +6,7 @@ from made_emg import FS, raw_emg
 
 import pellucid
 from pellucid._errors import IdentificationError, RecordingError, StudyError
+from pellucid.models.parameter_card import read_parameter_card
 from pellucid.procedures.emg_torque.trial_sources import moment_trials
 from pellucid.procedures.registry import open_study
 from pellucid.procedures.run import check
@@ -129,12 +130,17 @@ def test_units_that_do_not_agree_and_constants_that_are_none_are_refused(files):
 
 @pytest.mark.slow
 def test_what_is_calibrated_says_its_unit_and_what_envelopes_are_relative_to(files):
-    found = pellucid.calibrate(study(files))
+    made = study(files)
+    found = pellucid.calibrate(made)
     assert "MVC" in found.headline
     assert any("relative to the largest of each muscle in maximal contractions: mvc" in v.text for v in found.verdicts)
     assert any("in shares of a maximal contraction" in v.text for v in found.verdicts)
     ridge = next(r for r in found.rows if r.id == "isometric.knee.ridge.rmse")
     assert ridge.unit == "MVC"
     assert ridge.value < 0.2
+    found.save(made)
+    card = read_parameter_card(made.models_dir / "torque_map_knee.json")
+    assert {p.unit for p in card.parameters if p.name == "offset"} == {"MVC"}
+    assert "Error (MVC)" in pellucid.report(made, found).read_text(encoding="utf-8")
     # Another angle than the one that was held.
     assert found.headline.startswith("No estimate holds on others")

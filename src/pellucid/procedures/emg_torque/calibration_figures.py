@@ -39,9 +39,12 @@ def torque_trace(
     words: Mapping[str, str],
     caption: str,
     half_width: Mapping[str, np.ndarray] | None = None,
+    unit: str = "N*m",
 ) -> Drawing:
     """Torque over time, held out: the reference, what maps made of EMG, and their errors beneath. `time`,
-    `reference` (n,) [s], [N m]; `predicted` (n,) [N m]; `half_width` (n,) [N m]."""
+    `reference` (n,) [s], [`unit`]; `predicted`, `half_width` (n,)
+    [`unit`]."""
+    unit = unit.replace("*", "·")
     shown = {estimator: predicted[estimator] for estimator in SHOWN if estimator in predicted}
     middle = 0.5 * (time[0] + time[-1])
     within = np.abs(time - middle) <= 0.5 * STRETCH
@@ -56,17 +59,18 @@ def torque_trace(
         line(top, time[within], torque[within], color=tone, linewidth=1.2)
         line(bottom, time[within], (torque - reference)[within], color=tone, linewidth=1.0)
     bottom.axhline(0.0, color=colour("faint"), linewidth=0.8, zorder=1)
-    tidy(top, first=True, text="Torque (N·m)")
-    tidy(bottom, first=True, text="Error (N·m)", ticks=4)
+    tidy(top, first=True, text=f"Torque ({unit})")
+    tidy(bottom, first=True, text=f"Error ({unit})", ticks=4)
     bottom.set_xlabel("Time (s)")
     key(top, [("reference", colour("measured")), *((words[e], colour(SHOWN[e])) for e in shown)])
     return Drawing(name, figure, caption)
 
 
 def error_by_estimator(
-    errors: Sequence[tuple[str, str, str, float]], name: str, *, heads: Sequence[str], caption: str
+    errors: Sequence[tuple[str, str, str, float]], name: str, *, heads: Sequence[str], caption: str, unit: str = "N*m"
 ) -> Drawing:
-    """RMSE of every estimator, one panel for each joint or person. `errors` [N m]."""
+    """RMSE of every estimator, one panel for each joint or person. `errors` [`unit`]."""
+    unit = unit.replace("*", "·")
     rows = list(dict.fromkeys((estimator, words) for _, estimator, words, _ in errors))
     figure = Figure(figsize=(FIGURE_WIDTH, 1.2 + 0.3 * len(rows)), layout="constrained")
     axes = figure.subplots(1, len(heads), sharey=True, squeeze=False)[0]
@@ -85,7 +89,7 @@ def error_by_estimator(
         tidy(axis, first=axis is axes[0])
         axis.set_title(head, fontweight="bold")
         axis.set_xlim(0.0, 1.18 * max(found.values()))
-        axis.set_xlabel("RMSE (N·m)")
+        axis.set_xlabel(f"RMSE ({unit})")
     axes[0].set_yticks(range(len(rows)), [words for _, words in rows])
     axes[0].set_ylim(len(rows) - 0.4, -0.6)
     return Drawing(name, figure, caption)

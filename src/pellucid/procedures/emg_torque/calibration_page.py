@@ -54,6 +54,7 @@ def _found(findings: CalibrationResult) -> Section:
         [(e.what, e.estimator, ESTIMATORS[e.estimator].words, e.score.rmse) for e in plain],
         "errors",
         heads=list(dict.fromkeys(e.what for e in plain)),
+        unit=plain[0].torque_unit,
         caption="RMS error of the torque on what was not fitted"
         + (f" ({first})." if first else ", each repetition left out in turn."),
     )
@@ -65,7 +66,7 @@ def _traces(findings: CalibrationResult) -> Section:
     drawings = tuple(
         draw(
             figures.torque_trace, trace.time, trace.reference, trace.predicted, f"torque_{i + 1}", words=words,
-            half_width=trace.half_width,
+            half_width=trace.half_width, unit=findings.evaluated[0].torque_unit,
             caption=f"Torque of {trace.what}, {trace.recording.replace('_', ' ')}: the reference (grey), what maps "
             f"made of EMG and motion they were not fitted to, and their errors{coverage_text(trace)}.",
         )

@@ -58,7 +58,7 @@ def calibration_rows(
             if not tail:
                 if each.examined is not None:
                     words = f"root mean square over tests within what was fitted: {', '.join(each.examined.words)}"
-                    add(f"{each.what}.{how}.rmse.tested", each.examined.mean, "N*m", words, split="fitted")
+                    add(f"{each.what}.{how}.rmse.tested", each.examined.mean, each.torque_unit, words, split="fitted")
                 if each.within is not None:
                     words = "cross-validation within what was fitted"
                     add(f"{each.what}.{how}.r2.cross_validated", each.within.r2, "1", words, split="fitted")
@@ -69,7 +69,7 @@ def calibration_rows(
         for judged in named.judged:
             tail = "" if judged.recording in (first, "") else f".{judged.recording}"
             note = f"chosen within what was fitted: {named.words}"
-            unit = "1" if judged.kind == "normalised" else "N*m"
+            unit = "1" if judged.kind == "normalised" else judged.torque_unit
             add(f"{named.what}.chosen.rmse{tail}", judged.score.rmse, unit, note, recording=judged.recording)
             add(f"{named.what}.chosen.r2{tail}", judged.score.r2, "1", note, recording=judged.recording)
             for trial, one in judged.by_trial.items():

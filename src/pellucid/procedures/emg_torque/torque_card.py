@@ -13,6 +13,7 @@ from ...estimators.torque_trial import TorqueTrial
 from ...models.card import CardParameter
 from ...models.parameter_card import ParameterCard
 from ...recordings.study import Study
+from .relative_envelopes import is_relative
 
 PRODUCT = " * "
 """Between the two factors in a term's name."""
@@ -26,12 +27,12 @@ def torque_card(study: Study, found: TorqueMap, trials: Sequence[TorqueTrial], n
         raise PellucidError(f"card {name}: found a map by {found.name}, expected one by ridge regression")
     seen = features(trials[0], found.choice.features, causal=found.causal)
     chain = study.config.emg_torque.chain
-    envelope = "1" if chain in ("none", "able", "hill") else "V"
+    envelope, torque = "1" if is_relative(study) else "V", trials[0].unit
 
     def unit(term: str) -> str:
         factors = [_UNITS.get(factor.split(".")[0], envelope) for factor in term.split(PRODUCT)]
         below = PRODUCT.strip().join(factor for factor in factors if factor != "1")
-        return f"N*m/({below})" if below and term != "offset" else "N*m"
+        return f"{torque}/({below})" if below and term != "offset" else torque
 
     lowpass = CAUSAL_LOWPASS if found.causal else MOTION_LOWPASS
     return ParameterCard(
