@@ -134,13 +134,13 @@ def power_curve(
     if change is not None:
         moved = [j for j in range(pilot.shape[1]) if j != control] if test == "friedman" else [compared]
         mean[moved] = mean[control] + change
-    factor = _root(np.cov(pilot, rowvar=False))
+    factor = root_of(np.cov(pilot, rowvar=False))
     parts = [(n, i) for n in participants for i in range(-(-studies // PART))]
     arguments = [
         (mean, factor, n, min(PART, studies - i * PART), (seed, n, i), test, control, compared, alpha / comparisons)
         for n, i in parts
     ]
-    counts = _run(_significant, arguments, executor, studies * sum(participants))
+    counts = run_parts(_significant, arguments, executor, studies * sum(participants))
     hits = dict.fromkeys(participants, 0)
     for (n, _), count in zip(parts, counts, strict=True):
         hits[n] += count
@@ -191,7 +191,7 @@ def needed_for_effects(
     How much people differ and how large the change is enter together, as their ratio.
     """
     arguments = [(abs(effect), comparisons, alpha, studies, seed) for effect in effects]
-    return _run(_needed_for, arguments, executor, TRIED * studies * len(effects))
+    return run_parts(_needed_for, arguments, executor, TRIED * studies * len(effects))
 
 
 def _needed_for(effect: float, comparisons: int, alpha: float, studies: int, seed: int) -> int | None:
@@ -212,7 +212,7 @@ class _Here:
         return outcome
 
 
-def _run(function: Callable, arguments: list[tuple], executor: Any, size: int) -> list:
+def run_parts(function: Callable, arguments: list[tuple], executor: Any, size: int) -> list:
     if executor is None and size <= INLINE:
         return [function(*each) for each in arguments]
     with processes() if executor is None else nullcontext(executor) as used:
@@ -244,7 +244,7 @@ def _signed_ranks(differences: np.ndarray, alpha: float) -> np.ndarray:
     return 2.0 * chance[below] < alpha
 
 
-def _root(covariance: np.ndarray) -> np.ndarray:
+def root_of(covariance: np.ndarray) -> np.ndarray:
     """A square root of a covariance, which with few participants need not have full rank."""
     values, vectors = np.linalg.eigh(covariance)
     return vectors * np.sqrt(np.maximum(values, 0.0))

@@ -1,0 +1,238 @@
+r"""Is a change small enough not to matter? Equivalence of paired values within a margin that was stated beforehand.
+
+A test that finds no difference shows none to be absent. Two one-sided tests turn the question round [1]_: the null
+hypotheses are that the change is at or beyond the lower margin, and at or beyond the upper one; both refused at level
+:math:`\alpha`, the change lies within. This is the same as an interval of confidence :math:`1 - 2\alpha` that lies
+within the margins.
+
+Each side is a test of the differences d less that margin: counted signed ranks (exact where differences are as likely
+above as below their middle, which the margin is then said of), Student's t, or a bootstrap of means. Ranks count
+through the means of all pairs of differences, Walsh's averages: as many of them lie above a margin as W+ says, so the
+interval's ends are two of them [2]_.
+
+That a change is *beyond* a margin is a claim too, with a test of its own; between both nothing can be said.
+
+Beside them stands a Bayes factor of "within" against "beyond" [3]_: by how much the data move the odds that the change
+over the standard deviation of changes lies within the margins, from a Cauchy prior of scale :math:`\sqrt{1/2}`.
+
+.. [1] D. J. Schuirmann, "A comparison of the two one-sided tests procedure and the power approach", J. Pharmacokin.
+   Biopharm. 15, 1987.
+.. [2] M. Hollander, D. A. Wolfe, E. Chicken, "Nonparametric Statistical Methods", 3rd ed., 2014, sec. 3.3.
+.. [3] R. D. Morey, J. N. Rouder, "Bayes factor approaches for testing interval null hypotheses", Psychol. Methods 16,
+   2011.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from math import inf, nan
+from typing import Literal
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy import stats
+
+from .._errors import PellucidError
+from .signed_rank import sign_distribution
+
+Method = Literal["signed_rank", "t", "bootstrap"]
+METHODS = ("signed_rank", "t", "bootstrap")
+
+WITHIN, BEYOND, UNDECIDED = "within", "beyond", "undecided"
+
+RESAMPLES = 10_000
+"""Of the bootstrap."""
+
+PRIOR_SCALE = 0.5**0.5
+"""Of the Cauchy prior on the standardised change."""
+
+
+@dataclass(frozen=True)
+class Margin:
+    """How far a change may go: `low` and `high`, in the unit of the differences; one of them may be infinite."""
+
+    low: float
+    high: float
+
+    def __post_init__(self) -> None:
+        if not self.low < self.high or (self.low == -inf and self.high == inf):
+            raise PellucidError(f"margin: found {self.low:g} to {self.high:g}, expected a low end below a high one")
+
+    @classmethod
+    def either_way(cls, size: float) -> Margin:
+        """As far up as down."""
+        return cls(-abs(size), abs(size))
+
+    @classmethod
+    def of_ratio(cls, share: float) -> Margin:
+        """Of logarithms of ratios: up to `share` more, and down to 1/(1 + share)."""
+        return cls.either_way(float(np.log1p(share)))
+
+
+@dataclass(frozen=True, eq=False)
+class Equivalence:
+    """What paired differences say of a margin."""
+
+    margin: Margin
+    pairs: int
+    estimate: float  # Middle of the differences, in their unit: Hodges and Lehmann's, or the mean
+    interval: tuple[float, float]  # Of confidence 1 - 2 alpha; infinite ends where there are too few pairs
+    p_within: float  # Of the larger of the two one-sided tests that it lies within
+    p_beyond: float  # Of the smaller of the two that it lies beyond
+    alpha: float
+    method: str
+    differences: np.ndarray = field(repr=False)  # (n,)
+
+    @property
+    def bayes_factor(self) -> float:
+        """Of within against beyond."""
+        return interval_bayes_factor(self.differences, self.margin)
+
+    @property
+    def verdict(self) -> str:
+        """``"within"``, ``"beyond"`` or ``"undecided"``, each at level alpha and for itself."""
+        if self.p_within <= self.alpha:
+            return WITHIN
+        return BEYOND if self.p_beyond <= self.alpha else UNDECIDED
+
+
+def equivalence(
+    differences: ArrayLike,
+    margin: Margin,
+    *,
+    alpha: float = 0.05,
+    method: Method = "signed_rank",
+    rng: np.random.Generator | None = None,
+) -> Equivalence:
+    """Test whether paired differences lie within a margin.
+
+    Parameters
+    ----------
+    differences : array_like, shape (n,)
+        One a participant, in any one unit.
+    margin : Margin
+        In the same unit.
+    alpha : float
+        Level of each one-sided test, in (0, 0.5).
+    method : str
+        ``"signed_rank"``, ``"t"`` or ``"bootstrap"``.
+    rng : numpy.random.Generator, optional
+        Of the bootstrap; left out, one of the same seed each time.
+
+    Returns
+    -------
+    Equivalence
+
+    Raises
+    ------
+    PellucidError
+        If there are fewer than 2 differences, or one is no number.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> changes = np.random.default_rng(1).normal(0.01, 0.03, 12)
+    >>> equivalence(changes, Margin.either_way(0.05)).verdict
+    'within'
+    >>> equivalence(changes[:4], Margin.either_way(0.05)).verdict
+    'undecided'
+    """
+    d = np.asarray(differences, float)
+    if d.ndim != 1 or len(d) < 2 or not np.isfinite(d).all():
+        raise PellucidError(f"equivalence: found differences of shape {d.shape}, expected (n,) finite numbers, n >= 2")
+    if not 0.0 < alpha < 0.5:
+        raise PellucidError(f"equivalence: found the level {alpha!r}, expected one between 0 and 0.5")
+    if method not in METHODS:
+        raise PellucidError(f"equivalence: found the method {method!r}, expected one of {', '.join(METHODS)}")
+    if method == "signed_rank":
+        p_above, interval = _by_ranks(d, alpha)
+        middle = float(np.median(walsh_averages(d)))
+    elif method == "t":
+        p_above, interval = _by_t(d, alpha)
+        middle = float(d.mean())
+    else:
+        p_above, interval = _by_bootstrap(d, alpha, np.random.default_rng(0) if rng is None else rng)
+        middle = float(d.mean())
+    above_low, below_high = p_above(margin.low, d), p_above(-margin.high, -d)
+    below_low, above_high = p_above(-margin.low, -d), p_above(margin.high, d)
+    return Equivalence(
+        margin, len(d), middle, interval, max(above_low, below_high), min(below_low, above_high), alpha, method,
+        d,
+    )  # fmt: skip
+
+
+def walsh_averages(differences: np.ndarray) -> np.ndarray:
+    """Means of all pairs of differences (n,), each with itself too; shape (n (n + 1)/2,), sorted."""
+    i, j = np.triu_indices(len(differences))
+    return np.sort(0.5 * (differences[i] + differences[j]))
+
+
+def least_rank_sum(pairs: int, alpha: float) -> int | None:
+    """The smallest W+ of so many pairs that is reached by chance in at most alpha of all cases; None where even the
+    largest is likelier."""
+    chance = sign_distribution(np.arange(1, pairs + 1))
+    tail = np.cumsum(chance[::-1])[::-1]
+    enough = np.flatnonzero(tail <= alpha * (1.0 + 1e-12))
+    return int(enough[0]) if len(enough) else None
+
+
+def _by_ranks(d: np.ndarray, alpha: float):
+    tail = np.cumsum(sign_distribution(np.arange(1, len(d) + 1))[::-1])[::-1]
+
+    def p_above(margin: float, d: np.ndarray) -> float:
+        # An average on the margin is none above it: ties are no evidence.
+        return 1.0 if margin == inf else float(tail[int(np.sum(walsh_averages(d) > margin))])
+
+    needed, averages = least_rank_sum(len(d), alpha), walsh_averages(d)
+    interval = (-inf, inf) if needed is None else (float(averages[-needed]), float(averages[needed - 1]))
+    return p_above, interval
+
+
+def _by_t(d: np.ndarray, alpha: float):
+    error = float(np.std(d, ddof=1)) / np.sqrt(len(d))
+    reach = float(stats.t.isf(alpha, len(d) - 1)) * error
+
+    def p_above(margin: float, d: np.ndarray) -> float:
+        gap = float(d.mean()) - margin
+        if error == 0.0:
+            return 0.0 if gap > 0.0 else 1.0
+        return float(stats.t.sf(gap / error, len(d) - 1))
+
+    return p_above, (float(d.mean()) - reach, float(d.mean()) + reach)
+
+
+def _by_bootstrap(d: np.ndarray, alpha: float, rng: np.random.Generator):
+    n = len(d)
+    means = rng.choice(d, (RESAMPLES, n)).mean(axis=1)
+    # Widened for few, as the intervals of `comparison` are.
+    stretched = d.mean() + (means - d.mean()) * np.sqrt(n / (n - 1.0)) * stats.t.isf(alpha, n - 1) / stats.norm.isf(alpha)
+
+    def p_above(margin: float, own: np.ndarray) -> float:
+        drawn = stretched if own is d else -stretched
+        return (1.0 + float(np.sum(drawn <= margin))) / (RESAMPLES + 1.0)
+
+    low, high = np.quantile(stretched, (alpha, 1.0 - alpha))
+    return p_above, (float(low), float(high))
+
+
+def interval_bayes_factor(differences: np.ndarray, margin: Margin) -> float:
+    """Odds that the standardised change lies within the margin, after the data over before; NaN where all are alike."""
+    n, spread = len(differences), float(np.std(differences, ddof=1))
+    if spread == 0.0:
+        return nan
+    t = float(np.mean(differences)) / spread * np.sqrt(n)
+    low, high = margin.low / spread, margin.high / spread
+    # On the angle of the Cauchy prior every effect has a place of the same weight.
+    angle = (np.arange(4000) + 0.5) / 4000.0
+    effect = PRIOR_SCALE * np.tan(np.pi * (angle - 0.5))
+    log_likelihood = stats.nct.logpdf(t, n - 1, np.clip(effect * np.sqrt(n), -37.0, 37.0)) if n < 2000 else (
+        -0.5 * (t - effect * np.sqrt(n)) ** 2
+    )
+    log_likelihood = np.where(np.isfinite(log_likelihood), log_likelihood, -inf)
+    weight = np.exp(log_likelihood - np.max(log_likelihood))
+    inside = (effect > low) & (effect < high)
+    prior, posterior = float(inside.mean()), float(weight[inside].sum() / weight.sum())
+    if not 0.0 < prior < 1.0:
+        return nan
+    with np.errstate(divide="ignore"):
+        return float(np.divide(posterior * (1.0 - prior), (1.0 - posterior) * prior))

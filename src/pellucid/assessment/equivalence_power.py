@@ -1,0 +1,141 @@
+"""With how many participants would "transparent" be said, if it is true? Power of a certificate by simulation.
+
+Changes of all end points are drawn together from a normal distribution with their covariance over participants, about
+the changes that are supposed to be true (none, unless said); each draw is one study, tested as `certificate` would.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from scipy import stats
+
+from .._errors import PellucidError
+from .equivalence import Margin, Method, least_rank_sum
+from .power import PART, Power, root_of, run_parts
+
+SIZES = (5, 6, 8, 10, 12, 16, 20, 24, 32, 48, 64, 96, 128)
+"""Numbers of participants that are tried first; more than the last are not looked for."""
+
+
+def equivalence_power(
+    covariance: np.ndarray,
+    margins: Sequence[Margin],
+    participants: Sequence[int],
+    *,
+    change: Sequence[float] | None = None,
+    alpha: float = 0.05,
+    method: Method = "signed_rank",
+    studies: int = 2000,
+    seed: int = 1,
+    executor: Any = None,
+) -> Power:
+    """Chance that all end points are found within their margins, for studies of several sizes.
+
+    Parameters
+    ----------
+    covariance : ndarray, shape (m, m)
+        Of participants' changes, over end points, in the squared units of the margins.
+    margins : sequence of Margin, length m
+        Of the end points.
+    participants : sequence of int
+        Sizes to try, each at least 2.
+    change : sequence of float, length m, optional
+        Changes that are supposed to be true; left out, none.
+    alpha : float
+        Level of each one-sided test.
+    method : str
+        ``"signed_rank"`` or ``"t"``.
+    studies : int
+        Drawn for each size.
+    seed : int
+        Of the draws.
+    executor : concurrent.futures.Executor, optional
+        Where parts run, such as a Dask client's; left out, large runs use every core.
+
+    Returns
+    -------
+    Power
+
+    Raises
+    ------
+    PellucidError
+        If shapes do not fit, or the method is neither of both.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> margins = [Margin.of_ratio(0.1), Margin.of_ratio(0.1)]
+    >>> curve = equivalence_power(0.06**2 * np.eye(2), margins, (6, 16), studies=500)
+    >>> curve.power[0] < 0.8 < curve.power[1]
+    True
+    """
+    covariance, m = np.atleast_2d(np.asarray(covariance, float)), len(margins)
+    moved = np.zeros(m) if change is None else np.asarray(change, float)
+    if covariance.shape != (m, m) or moved.shape != (m,) or not m:
+        raise PellucidError(
+            f"equivalence power: found a covariance of shape {covariance.shape} and {moved.shape} changes, expected "
+            f"those of {m} end points"
+        )
+    if method not in ("signed_rank", "t"):
+        raise PellucidError(f"equivalence power: found the method {method!r}, expected signed_rank or t")
+    if min(participants) < 2:
+        raise PellucidError(f"equivalence power: found {min(participants)} participants, expected at least 2")
+    ends = np.array([(margin.low, margin.high) for margin in margins])
+    factor = root_of(covariance)
+    parts = [(n, i) for n in participants for i in range(-(-studies // PART))]
+    arguments = [
+        (moved, factor, ends, n, min(PART, studies - i * PART), (seed, n, i), alpha, method) for n, i in parts
+    ]
+    counts = run_parts(_within, arguments, executor, studies * sum(participants) * m)
+    hits = dict.fromkeys(participants, 0)
+    for (n, _), count in zip(parts, counts, strict=True):
+        hits[n] += count
+    share = tuple(hits[n] / studies for n in participants)
+    spread = tuple(float(np.sqrt(max(p * (1.0 - p), 1.0 / studies) / studies)) for p in share)
+    return Power("equivalence", tuple(participants), share, spread)
+
+
+def equivalence_needed(covariance: np.ndarray, margins: Sequence[Margin], *, power: float = 0.9, **options) -> int | None:
+    """The fewest participants with whom the certificate's power is reached; None where more than the most tried."""
+
+    def enough(n: int) -> bool:
+        return equivalence_power(covariance, margins, (n,), **options).power[0] >= power
+
+    last = 1
+    for size in SIZES:
+        if enough(size):
+            low, high = last, size
+            while high - low > 1:
+                middle = (low + high) // 2
+                low, high = (low, middle) if middle > 1 and enough(middle) else (middle, high)
+            return high
+        last = size
+    return None
+
+
+def _within(change, factor, ends, n, studies, seed, alpha, method) -> int:
+    """How many of so many simulated studies say "transparent"."""
+    rng = np.random.default_rng(seed)
+    drawn = change + rng.standard_normal((studies, n, len(change))) @ factor.T
+    within = np.ones(studies, bool)
+    for j, (low, high) in enumerate(ends):
+        for inner in (drawn[:, :, j] - low, high - drawn[:, :, j]):
+            if np.isfinite(inner).all():
+                within &= _above_zero(inner, alpha, method)
+    return int(within.sum())
+
+
+def _above_zero(differences: np.ndarray, alpha: float, method: str) -> np.ndarray:
+    """Which rows, (studies, n), are found above 0."""
+    n = differences.shape[1]
+    if method == "t":
+        spread = np.std(differences, axis=1, ddof=1) / np.sqrt(n)
+        return differences.mean(axis=1) >= stats.t.isf(alpha, n - 1) * spread
+    needed = least_rank_sum(n, alpha)
+    if needed is None:
+        return np.zeros(len(differences), bool)
+    ranks = np.argsort(np.argsort(np.abs(differences), axis=1), axis=1) + 1.0
+    return np.sum(ranks * (differences > 0.0), axis=1) >= needed

@@ -1,0 +1,173 @@
+"""Equivalence of paired values: against other packages, by counting, and at the margin."""
+
+import itertools
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from pellucid._errors import PellucidError
+from pellucid.assessment.certificate import CANNOT_SAY, FAIL, PASS, certificate
+from pellucid.assessment.equivalence import METHODS, Margin, equivalence, interval_bayes_factor
+from pellucid.assessment.equivalence_power import equivalence_needed, equivalence_power
+from pellucid.assessment.group_sequential import looks
+
+
+@pytest.fixture
+def rng():
+    return np.random.default_rng(20261122)
+
+
+def test_two_one_sided_tests_are_those_of_statsmodels(rng):
+    weightstats = pytest.importorskip("statsmodels.stats.weightstats")
+    for n in (3, 8, 30):
+        a, b = rng.normal(1.0, 0.2, n), rng.normal(1.05, 0.2, n)
+        p, low, high = weightstats.ttost_paired(a, b, -0.1, 0.2)
+        ours = equivalence(a - b, Margin(-0.1, 0.2), method="t")
+        assert ours.p_within == pytest.approx(p, rel=1e-12)
+        assert ours.p_within == pytest.approx(max(low[1], high[1]), rel=1e-12)
+
+
+def test_ranks_are_those_of_scipy(rng):
+    for n in (5, 9, 20):
+        d = rng.normal(0.02, 0.1, n)
+        ours = equivalence(d, Margin(-0.1, 0.1))
+        above = stats.wilcoxon(d + 0.1, alternative="greater", method="exact").pvalue
+        below = stats.wilcoxon(d - 0.1, alternative="less", method="exact").pvalue
+        assert ours.p_within == pytest.approx(max(above, below), rel=1e-12)
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_within_is_said_exactly_when_the_interval_lies_inside(rng, method):
+    for _ in range(60):
+        d = rng.normal(0.05, 0.1, 9)
+        found = equivalence(d, Margin(-0.1, 0.12), method=method)
+        inside = found.interval[0] > -0.1 and found.interval[1] < 0.12
+        # The bootstrap's p counts one draw more than its interval.
+        if method != "bootstrap" or abs(found.p_within - found.alpha) > 2e-3:
+            assert (found.verdict == "within") == inside
+
+
+def test_ranks_at_the_margin_err_as_often_as_counted():
+    """Every sign of six differences about the margin, each as likely: "within" in no more than alpha of them."""
+    sizes = np.array([0.01, 0.02, 0.035, 0.05, 0.08, 0.13])
+    said = [
+        equivalence(1.0 - sizes * signs, Margin(-9.0, 1.0)).verdict == "within"
+        for signs in itertools.product((-1.0, 1.0), repeat=6)
+    ]
+    assert 0.0 < np.mean(said) <= 0.05
+
+
+def test_few_participants_cannot_say():
+    assert equivalence([0.0, 0.001, -0.001, 0.0005], Margin.either_way(0.5)).verdict == "undecided"
+    assert equivalence(np.linspace(-1e-3, 1e-3, 5), Margin.either_way(0.5)).verdict == "within"
+
+
+def test_a_change_beyond_is_found_and_one_sided_margins_serve(rng):
+    d = rng.normal(0.5, 0.05, 8)
+    assert equivalence(d, Margin.either_way(0.2)).verdict == "beyond"
+    assert equivalence(d, Margin(-np.inf, 0.9)).verdict == "within"
+    assert equivalence(d, Margin(-np.inf, 0.2)).verdict == "beyond"
+
+
+def test_scale_and_mirror_change_nothing(rng):
+    d = rng.normal(0.03, 0.1, 11)
+    for method in ("signed_rank", "t"):
+        one = equivalence(d, Margin(-0.1, 0.2), method=method)
+        other = equivalence(-1e6 * d, Margin(-0.2e6, 0.1e6), method=method)
+        assert other.p_within == pytest.approx(one.p_within)
+        assert other.estimate == pytest.approx(-1e6 * one.estimate)
+        assert other.bayes_factor == pytest.approx(one.bayes_factor, rel=1e-6)
+
+
+def test_the_bayes_factor_goes_the_way_of_the_data(rng):
+    margin = Margin.either_way(0.5)
+    assert interval_bayes_factor(rng.normal(0.0, 1.0, 60), margin) > 3.0
+    assert interval_bayes_factor(rng.normal(2.0, 1.0, 60), margin) < 1e-3
+
+
+def test_the_bayes_factor_is_the_integral(rng):
+    """Against adaptive integration of likelihood and prior."""
+    from scipy.integrate import quad
+
+    d, scale = rng.normal(0.2, 1.0, 12), 0.5**0.5
+    t, n, half = d.mean() / d.std(ddof=1) * np.sqrt(12), 12, 0.4 / d.std(ddof=1)
+
+    def weighed(delta):
+        return stats.nct.pdf(t, n - 1, delta * np.sqrt(n)) * stats.cauchy.pdf(delta, scale=scale)
+
+    inside = quad(weighed, -half, half)[0]
+    outside = quad(weighed, -8.0, -half)[0] + quad(weighed, half, 8.0)[0]
+    prior = stats.cauchy.cdf(half, scale=scale) - stats.cauchy.cdf(-half, scale=scale)
+    assert interval_bayes_factor(d, Margin.either_way(0.4)) == pytest.approx(
+        inside / outside * (1.0 - prior) / prior, rel=5e-3
+    )
+
+
+def test_all_end_points_must_hold_and_one_may_fail(rng):
+    margins = {"duration": Margin.of_ratio(0.1), "vmax": Margin.of_ratio(0.1)}
+    still, far = rng.normal(0.0, 0.02, 10), rng.normal(0.3, 0.02, 10)
+    wide = rng.normal(0.0, 0.3, 10)
+    assert certificate({"duration": still, "vmax": still[::-1]}, margins).verdict == PASS
+    assert certificate({"duration": still, "vmax": far}, margins).verdict == FAIL
+    unsure = certificate({"duration": still, "vmax": wide}, margins)
+    assert unsure.verdict == CANNOT_SAY
+    assert unsure.said_of("duration") == "within"
+    assert unsure.said_of("vmax") == "undecided"
+
+
+def test_power_is_that_of_the_tests_themselves(rng):
+    covariance = 0.05**2 * np.array([[1.0, 0.5], [0.5, 1.0]])
+    margins = [Margin.of_ratio(0.1)] * 2
+    for method in ("signed_rank", "t"):
+        planned = equivalence_power(covariance, margins, (9,), method=method, studies=4000).power[0]
+        drawn = rng.multivariate_normal(np.zeros(2), covariance, (600, 9))
+        said = [
+            certificate({"a": d[:, 0], "b": d[:, 1]}, {"a": margins[0], "b": margins[1]}, method=method).verdict == PASS
+            for d in drawn
+        ]
+        assert np.mean(said) == pytest.approx(planned, abs=4.0 * np.sqrt(0.25 / 600))
+
+
+def test_participants_needed_grow_with_spread_and_with_end_points():
+    one = [Margin.of_ratio(0.1)]
+    needed = [equivalence_needed(np.diag([s**2]), one, studies=500) for s in (0.02, 0.06, 0.1)]
+    assert needed == sorted(needed)
+    assert needed[0] == 5  # fewer have no test
+    assert equivalence_needed(0.06**2 * np.eye(3), one * 3, studies=500) > needed[1]
+    assert equivalence_needed(np.diag([9.0]), one, studies=200) is None
+
+
+def test_boundaries_are_the_published_ones():
+    """Five looks, two-sided 0.05: DeMets and Lan 1994, Stat. Med. 13, table 1 (their bounds at 0.025 a side)."""
+    assert looks(np.arange(1, 6) / 5, 0.025).boundary == pytest.approx((4.877, 3.357, 2.680, 2.290, 2.031), abs=2e-3)
+    assert looks(np.arange(1, 6) / 5, 0.025, "pocock").boundary == pytest.approx(
+        (2.438, 2.427, 2.410, 2.397, 2.386), abs=2e-3
+    )
+
+
+def test_looks_spend_alpha(rng):
+    plan = looks((0.3, 0.6, 1.0), 0.05, "linear")
+    steps = rng.normal(0.0, np.sqrt(np.diff(plan.share, prepend=0.0)), (200_000, 3))
+    z = np.cumsum(steps, axis=1) / np.sqrt(plan.share)
+    assert np.mean((z > plan.boundary).any(axis=1)) == pytest.approx(0.05, abs=4.0 * np.sqrt(0.05 * 0.95 / 200_000))
+
+
+@pytest.mark.parametrize(
+    ("call", "said"),
+    [
+        (lambda: equivalence([0.1], Margin(-1, 1)), "expected .n,. finite"),
+        (lambda: equivalence([0.1, np.nan], Margin(-1, 1)), "finite"),
+        (lambda: equivalence([0.1, 0.2], Margin(-1, 1), alpha=0.7), "level"),
+        (lambda: equivalence([0.1, 0.2], Margin(-1, 1), method="ranks"), "signed_rank"),
+        (lambda: Margin(1.0, 1.0), "low end below"),
+        (lambda: certificate({}, {"vmax": Margin(-1, 1)}), "vmax"),
+        (lambda: certificate({}, {}), "no margin"),
+        (lambda: equivalence_power(np.eye(2), [Margin(-1, 1)], (5,)), "covariance"),
+        (lambda: looks((0.5, 0.4)), "rise"),
+        (lambda: looks((0.5, 1.0), spending="all"), "obrien_fleming"),
+    ],
+)
+def test_what_cannot_be_tested_is_told(call, said):
+    with pytest.raises(PellucidError, match=said):
+        call()
