@@ -55,9 +55,13 @@ def rows(studies: int = STUDIES) -> Iterator[ResultRow]:
     for (_, shape, which, n, method, _), share in zip(jobs, shares, strict=True):
         if which == "one":
             name = f"certificate.false_transparent.{shape}.{n}" + ("" if method == "signed_rank" else f".{method}")
-            yield _row(name, 100.0 * share, "%", f"{studies} studies of {n} people, one end point at its margin, {method}")
+            yield _row(
+                name, 100.0 * share, "%", f"{studies} studies of {n} people, one end point at its margin, {method}"
+            )
     symmetric = [s for (_, shape, *_), s in zip(jobs, shares, strict=True) if shape != "skewed"]
-    note = f"most of {len(symmetric)} kinds of study, {studies} each: one or all end points at the margin, 6 to 20 people"
+    note = (
+        f"most of {len(symmetric)} kinds of study, {studies} each: one or all end points at the margin, 6 to 20 people"
+    )
     yield _row("certificate.false_transparent", 100.0 * max(symmetric), "%", note)
     skewed = [s for (_, shape, *_), s in zip(jobs, shares, strict=True) if shape == "skewed"]
     yield _row("certificate.false_transparent.skewed", 100.0 * max(skewed), "%", "where ranks are not exact")
@@ -164,7 +168,9 @@ def power_rows(studies: int) -> Iterator[ResultRow]:
         worst = max(worst, abs(found - planned), key=abs)
         yield _row(f"certificate.needed.{words}", n, "1", f"people for 90 %, true changes: {words} of the margins")
         yield _row(f"certificate.power.{words}", 100.0 * found, "%", f"found with {n}, planned {100 * planned:.1f} %")
-    yield _row("certificate.power_error", 100.0 * worst, "%", f"found less planned, the larger of two, {studies} studies")
+    yield _row(
+        "certificate.power_error", 100.0 * worst, "%", f"found less planned, the larger of two, {studies} studies"
+    )
     rng = np.random.default_rng([SEED, 8])
     pilots = [np.cov(participants("normal", 8, np.zeros(4), rng), rowvar=False) for _ in range(60)]
     plan = partial(equivalence_needed, studies=400)

@@ -205,7 +205,9 @@ def _by_bootstrap(d: np.ndarray, alpha: float, rng: np.random.Generator):
     n = len(d)
     means = rng.choice(d, (RESAMPLES, n)).mean(axis=1)
     # Widened for few, as the intervals of `comparison` are.
-    stretched = d.mean() + (means - d.mean()) * np.sqrt(n / (n - 1.0)) * stats.t.isf(alpha, n - 1) / stats.norm.isf(alpha)
+    stretched = d.mean() + (means - d.mean()) * np.sqrt(n / (n - 1.0)) * stats.t.isf(alpha, n - 1) / stats.norm.isf(
+        alpha
+    )
 
     def p_above(margin: float, own: np.ndarray) -> float:
         drawn = stretched if own is d else -stretched
@@ -225,8 +227,10 @@ def interval_bayes_factor(differences: np.ndarray, margin: Margin) -> float:
     # On the angle of the Cauchy prior every effect has a place of the same weight.
     angle = (np.arange(4000) + 0.5) / 4000.0
     effect = PRIOR_SCALE * np.tan(np.pi * (angle - 0.5))
-    log_likelihood = stats.nct.logpdf(t, n - 1, np.clip(effect * np.sqrt(n), -37.0, 37.0)) if n < 2000 else (
-        -0.5 * (t - effect * np.sqrt(n)) ** 2
+    log_likelihood = (
+        stats.nct.logpdf(t, n - 1, np.clip(effect * np.sqrt(n), -37.0, 37.0))
+        if n < 2000
+        else (-0.5 * (t - effect * np.sqrt(n)) ** 2)
     )
     log_likelihood = np.where(np.isfinite(log_likelihood), log_likelihood, -inf)
     weight = np.exp(log_likelihood - np.max(log_likelihood))

@@ -86,9 +86,7 @@ def equivalence_power(
     ends = np.array([(margin.low, margin.high) for margin in margins])
     factor = root_of(covariance)
     parts = [(n, i) for n in participants for i in range(-(-studies // PART))]
-    arguments = [
-        (moved, factor, ends, n, min(PART, studies - i * PART), (seed, n, i), alpha, method) for n, i in parts
-    ]
+    arguments = [(moved, factor, ends, n, min(PART, studies - i * PART), (seed, n, i), alpha, method) for n, i in parts]
     counts = run_parts(_within, arguments, executor, studies * sum(participants) * m)
     hits = dict.fromkeys(participants, 0)
     for (n, _), count in zip(parts, counts, strict=True):
@@ -98,7 +96,9 @@ def equivalence_power(
     return Power("equivalence", tuple(participants), share, spread)
 
 
-def equivalence_needed(covariance: np.ndarray, margins: Sequence[Margin], *, power: float = 0.9, **options) -> int | None:
+def equivalence_needed(
+    covariance: np.ndarray, margins: Sequence[Margin], *, power: float = 0.9, **options
+) -> int | None:
     """The fewest participants with whom the certificate's power is reached; None where more than the most tried."""
 
     def enough(n: int) -> bool:

@@ -94,9 +94,7 @@ def looks(share: Sequence[float], alpha: float = 0.05, spending: str = "obrien_f
         if grid is None:
             density = stats.norm.pdf(onward, scale=np.sqrt(step))
         else:
-            density = np.trapezoid(
-                density * stats.norm.pdf(onward[:, None] - grid, scale=np.sqrt(step)), grid, axis=1
-            )
+            density = np.trapezoid(density * stats.norm.pdf(onward[:, None] - grid, scale=np.sqrt(step)), grid, axis=1)
         grid = onward
     return Looks(
         tuple(map(float, t)), tuple(boundaries), tuple(float(stats.norm.sf(z)) for z in boundaries),

@@ -23,6 +23,7 @@ from ...units import Coordinate
 from .assessment_result import Assessed, AssessmentResult, Needed, Profile, Sensitivity, Settling
 from .assessment_rows import result_rows
 from .assessment_tables import tables
+from .certified import certificate_verdicts, certified
 from .clocks import delay_notes, with_assumed_delays
 from .measured_study import MeasuredStudy, activities, joined, measure
 from .pointing import PointingRecord, assessed, labels, with_rule
@@ -161,6 +162,7 @@ def assess_recordings(
         measured=whole.movements,
     )
     notes = [fault.message for fault in faults] + delay_notes(delays) + _without_index(found, participants, conditions)
+    made = replace(made, certified=certified(made, spec))
     return _told(made, notes)
 
 
@@ -175,7 +177,7 @@ def _told(made: AssessmentResult, notes: Sequence[str]) -> AssessmentResult:
         made,
         headline=headline(made),
         paragraph=paragraph(made),
-        verdicts=verdicts(made, notes),
+        verdicts=(*certificate_verdicts(made), *verdicts(made, notes)),
         tables=tables(made),
         rows=result_rows(made),
     )

@@ -16,6 +16,7 @@ from ...pages.quantities import unit_text
 from ...pages.style import FIGURE_WIDTH, colour
 from ...units import COORDINATES, Coordinate
 from .assessment_result import Assessed, Profile, Settling
+from .certified import Certified
 
 TONES = ("measured", "fitted", "heldout", "directional", "load", "stribeck", "combined", "good")
 """Control's colour, and those of the other conditions in their order; more than these share the last."""
@@ -175,3 +176,46 @@ def _panel(axis, each: Assessed, tone: Mapping[str, str]) -> None:
     axis.set_xticks(at, [condition.replace("_", "\n") for condition in table.conditions])
     axis.set_xlim(-0.6, len(at) - 0.4)
     axis.grid(visible=False, axis="x")
+
+
+SAID = {"within": "good", "undecided": "faint", "beyond": "measured"}
+"""Tone of what is said of an end point."""
+
+
+def certificate_figure(certified: Sequence[Certified]) -> Drawing:
+    """Every end point's interval in its margins' size, condition by condition: inside, across or beyond."""
+    rows = [(each, name) for each in certified for name in each.end_points]
+    figure = Figure(figsize=(FIGURE_WIDTH, 0.9 + 0.3 * len(rows) + 0.12 * len(certified)), layout="constrained")
+    axis = figure.subplots()
+    axis.axvspan(-1.0, 1.0, color=colour("good"), alpha=0.10, linewidth=0.0, zorder=0)
+    axis.axvline(0.0, color=colour("faint"), linewidth=0.8, zorder=1)
+    places, labels, at, last = [], [], 0.0, None
+    reach = 1.0
+    for each, name in rows:
+        own, size = each.certificate.end_points[name], each.end_points[name].margin.high
+        at -= 1.0 if last in (None, each.condition) else 1.4
+        last = each.condition
+        tone = colour(SAID[each.certificate.said_of(name)])
+        low, high = (float(np.clip(end / size, -LIMIT, LIMIT)) for end in own.interval)
+        middle = float(np.clip(own.estimate / size, -LIMIT, LIMIT))
+        reach = max(reach, abs(low), abs(high), abs(middle))
+        axis.plot([low, high], [at, at], color=tone, linewidth=2.2, solid_capstyle="butt",
+                  linestyle="-" if np.isfinite(own.interval[0]) else ":")  # fmt: skip
+        axis.plot([middle], [at], marker="o", color=tone, markersize=5.0)
+        places.append(at)
+        labels.append(f"{each.condition}: {each.end_points[name].index.short}")
+    axis.set_xlim(-1.1 * reach, 1.1 * reach)
+    axis.set_ylim(at - 0.8, 0.0)
+    tidy(axis, first=True, text="")
+    axis.set_yticks(places, labels)
+    axis.set_xlabel("Change from control, in sizes of its margin")
+    return Drawing(
+        "certificate",
+        figure,
+        "Changes from control with their intervals, in sizes of their margins (shaded): inside is shown to be small "
+        f"enough, outside to be too large, across neither. Beyond {LIMIT:g} sizes lines are cut.",
+    )
+
+
+LIMIT = 4.0
+"""Sizes of a margin beyond which lines are cut."""

@@ -13,6 +13,7 @@ from ..result import FigureTable
 from . import assessment_figures as figures
 from . import assessment_tables as tables
 from .assessment_result import AssessmentResult
+from .certified import certificate_sentences, certificate_table
 
 TILES = (
     ("duration_median", "Median duration"),
@@ -29,7 +30,12 @@ DRAWN = (
 
 def page(study: Study, findings: AssessmentResult) -> Page:
     """Everything that an assessment found, as a page."""
-    sections = [_found(findings), _people(findings), _movements(findings)]
+    sections = [
+        *((_certificate(findings),) if findings.certified else ()),
+        _found(findings),
+        _people(findings),
+        _movements(findings),
+    ]
     if findings.isochrony:
         sections.append(_isochrony(findings))
     sections += [_sensitivity(findings)]
@@ -72,6 +78,21 @@ def _tiles(findings: AssessmentResult) -> tuple[Tile, ...]:
         rest = ", ".join(f"{c} {number(v, digits=3)}" for c, v in shown.items() if c != least)
         made.append(Tile(f"{words}, {least}", number(shown[least], digits=3), unit, rest))
     return tuple(made)
+
+
+def _certificate(findings: AssessmentResult) -> Section:
+    drawing = draw(figures.certificate_figure, findings.certified)
+    return Section(
+        "assess_certificate",
+        "Certificate",
+        tuple(map(prose, certificate_sentences(findings))),
+        (_table(certificate_table(findings)),),
+        (drawing,),
+        (
+            "Two one-sided tests of each end point by counted signed ranks of participants' changes; all must lie "
+            "within for the claim, so nothing is divided by their number. Beyond is corrected after Holm.",
+        ),
+    )
 
 
 def _found(findings: AssessmentResult) -> Section:

@@ -14,6 +14,7 @@ from ...assessment.survival import Survival
 from ...recordings.study import Study
 from ...units import COORDINATES, Coordinate
 from ..result import Result
+from .certified import Certified
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,6 +103,7 @@ class AssessmentResult(Result):
     isochrony: tuple[Isochrony, ...] = field(default=(), repr=False)
     sensitivity: tuple[Sensitivity, ...] = field(default=(), repr=False)
     needed: tuple[Needed, ...] = ()
+    certified: tuple[Certified, ...] = ()  # By condition, where margins are stated
     profiles: tuple[Profile, ...] = field(default=(), repr=False)
     settling: tuple[Settling, ...] = field(default=(), repr=False)
     profile_of: str = ""  # Which movements the profiles are the means of

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ...recordings.results import ResultRow, checksum_of_all
+from .certified import certificate_rows
 
 if TYPE_CHECKING:
     from .assessment_result import Assessed, AssessmentResult
@@ -62,7 +63,7 @@ def result_rows(found: AssessmentResult) -> tuple[ResultRow, ...]:
         note += "" if each.participants else "; more than were tried"
         what = f"d_{each.effect:g}" if each.change is None else f"{each.index}.{100 * each.change:g}_percent"
         add(f"assess.needed.{what.replace('.', '_') if each.change is None else what}", each.participants, "1", note)
-    return tuple(rows)
+    return (*rows, *certificate_rows(found, digest))
 
 
 def _index_rows(found: AssessmentResult, each: Assessed, add) -> None:

@@ -8,6 +8,7 @@ import numpy as np
 
 from ...assessment.power import SIZES
 from ..result import FigureTable
+from .certified import certificate_table
 
 if TYPE_CHECKING:
     from .assessment_result import Assessed, AssessmentResult, Needed
@@ -21,12 +22,12 @@ SHOWN = ("duration_median", "unsettled", "duration", "vmax", "end_absolute", "em
 
 def tables(found: AssessmentResult) -> tuple[FigureTable, ...]:
     """Tables of an assessment: a summary, the main indices, pairs, isochrony, other filters, participants needed."""
-    made = [summary_table(found)]
+    made = [*((certificate_table(found),) if found.certified else ()), summary_table(found)]
     if found.settling:
         made.append(settling_table(found))
     made += [description_table(found, found.assessed[name]) for name in SHOWN if name in found.assessed]
     if any(each.comparison.nemenyi is not None for each in found.assessed.values()):
-        made.insert(1, test_table(found))
+        made.insert(1 + bool(found.certified), test_table(found))
         made.append(pair_table(found))
     if found.isochrony:
         made.append(isochrony_table(found))

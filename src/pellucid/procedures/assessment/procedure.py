@@ -42,6 +42,11 @@ class AssessmentTable(ProcedureTable):
         By which EMG is taken earlier than the motion [s].
     confidence : float
         Of the intervals, in (0, 1).
+    margins : dict of str to str
+        By index how far a transparent robot may change it, ``"10 %"`` of control or with a unit; stated before the
+        data are seen.
+    false_transparent : float
+        How often "transparent" may be said where it is not, in (0, 0.5).
     """
 
     control: Said
@@ -59,6 +64,8 @@ class AssessmentTable(ProcedureTable):
     thresholds: tuple[Annotated[float, Field(gt=0, lt=0.5)], ...] = (0.025, 0.05, 0.1)
     advance: quantity("s", ge=0) = 0.1
     confidence: float = Field(0.95, gt=0, lt=1)
+    margins: dict[Word, Said] = Field(default_factory=dict)
+    false_transparent: float = Field(0.05, gt=0, lt=0.5)
 
     def reads(self, channel: str, stream: str) -> bool:
         """The angle, the robot's torque, and EMG."""
