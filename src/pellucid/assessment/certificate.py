@@ -93,7 +93,8 @@ def certificate(
     lacking = [name for name in margins if name not in differences]
     if lacking:
         raise PellucidError(
-            f"certificate: found no values of {', '.join(lacking)}, expected some: found {', '.join(differences) or 'none'}"
+            f"certificate: found values of {', '.join(differences) or 'nothing'}, expected those of "
+            f"{', '.join(lacking)} too"
         )
     made = {
         name: equivalence(differences[name], margin, alpha=alpha, method=method) for name, margin in margins.items()
