@@ -2,8 +2,8 @@ r"""Looking before the end: levels of each look that together spend no more than
 
 A spending function :math:`\alpha^*(t)` says how much of alpha may be used up when a share t of the participants is
 in [1]_; at each look the boundary is where the chance of crossing it now, and none before, is what may newly be spent.
-With information that grows in independent steps the statistic after look k is a sum, whose density is carried from look to
-look by numerical integration [2]_. The levels serve one-sided tests, each of the two of an equivalence test alike.
+With information that grows in independent steps the statistic after look k is a sum, whose density is carried from
+look to look by numerical integration [2]_. The levels serve one-sided tests, each of an equivalence test's two alike.
 
 .. [1] K. K. G. Lan, D. L. DeMets, "Discrete sequential boundaries for clinical trials", Biometrika 70, 1983.
 .. [2] P. Armitage, C. K. McPherson, B. C. Rowe, "Repeated significance tests on accumulating data", J. R. Stat. Soc. A
