@@ -213,6 +213,7 @@ class _Here:
 
 
 def run_parts(function: Callable, arguments: list[tuple], executor: Any, size: int) -> list:
+    """What `function` gives for each of `arguments`, in order: here if their `size` is small, else in processes."""
     if executor is None and size <= INLINE:
         return [function(*each) for each in arguments]
     with processes() if executor is None else nullcontext(executor) as used:
