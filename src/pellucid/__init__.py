@@ -35,9 +35,11 @@ if TYPE_CHECKING:
     from .procedures.run import assess as assess
     from .procedures.run import calibrate as calibrate
     from .procedures.run import check as check
+    from .procedures.run import cocontraction as cocontraction
     from .procedures.run import identify as identify
     from .procedures.run import onset as onset
     from .procedures.run import report as report
+    from .procedures.run import synergies as synergies
     from .recordings.readers import read_columns as read
     from .signals.envelope import envelope as envelope
 
@@ -48,6 +50,8 @@ _WHERE = {
     "calibrate": ("procedures.run", "calibrate"),
     "identify": ("procedures.run", "identify"),
     "onset": ("procedures.run", "onset"),
+    "cocontraction": ("procedures.run", "cocontraction"),
+    "synergies": ("procedures.run", "synergies"),
     "controller": ("control.controller", "controller"),
     "controllers": ("control.controller", "controllers"),
     "Limits": ("control.limits", "Limits"),
@@ -79,6 +83,7 @@ __all__ = [
     "assess",
     "calibrate",
     "check",
+    "cocontraction",
     "compare",
     "compare_conditions",
     "controller",
@@ -100,6 +105,7 @@ __all__ = [
     "reproduce",
     "simulate",
     "supervised",
+    "synergies",
 ]
 
 

@@ -215,6 +215,22 @@ def onset(folder: Folder, json: Json = False, out: Out = None, allow_outside: Ou
 
 
 @app.command()
+def cocontraction(folder: Folder, json: Json = False, out: Out = None, allow_outside: Outside = False) -> None:
+    """How much antagonists work against each other."""
+    from .procedures.run import cocontraction as run
+
+    _found(_opened(folder, out, allow_outside), "cocontraction", json, run)
+
+
+@app.command()
+def synergies(folder: Folder, json: Json = False, out: Out = None, allow_outside: Outside = False) -> None:
+    """Groups of muscles that move together."""
+    from .procedures.run import synergies as run
+
+    _found(_opened(folder, out, allow_outside), "synergies", json, run)
+
+
+@app.command()
 def report(folder: Folder, out: Out = None, allow_outside: Outside = False) -> None:
     """Write the report: one HTML page, figures as SVG and PDF."""
     from .procedures.run import report as run

@@ -15,6 +15,7 @@ NAMES = [
     "assess",
     "calibrate",
     "check",
+    "cocontraction",
     "compare",
     "compare_conditions",
     "controller",
@@ -36,6 +37,7 @@ NAMES = [
     "reproduce",
     "simulate",
     "supervised",
+    "synergies",
 ]
 COMMANDS = [
     "init",
@@ -46,6 +48,8 @@ COMMANDS = [
     "calibrate",
     "assess",
     "onset",
+    "cocontraction",
+    "synergies",
     "report",
     "compare",
     "demo",

@@ -7,6 +7,7 @@ from functools import cache
 from typing import TYPE_CHECKING
 
 from .assessment.procedure import AssessmentProcedure
+from .cocontraction.procedure import CocontractionProcedure
 from .coupling.procedure import CouplingProcedure
 from .emg_torque.procedure import EmgTorqueProcedure
 from .hinge.procedure import HingeProcedure
@@ -16,6 +17,7 @@ from .loaded_swing.procedure import LoadedSwingProcedure
 from .onset.procedure import OnsetProcedure
 from .procedure import Procedure
 from .slider.procedure import SliderProcedure
+from .synergies.procedure import SynergiesProcedure
 from .transfer_function.procedure import TransferFunctionProcedure
 from .tree.procedure import TreeProcedure
 
@@ -34,6 +36,8 @@ PROCEDURES: tuple[Procedure, ...] = (
     EmgTorqueProcedure(),
     IsolatedMuscleProcedure(),
     OnsetProcedure(),
+    CocontractionProcedure(),
+    SynergiesProcedure(),
     AssessmentProcedure(),
 )
 """In the order in which a study is checked and its report shows them."""

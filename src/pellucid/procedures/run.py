@@ -211,6 +211,66 @@ def onset(study: Study, on_progress: Callable[[str, float], None] | None = None)
     return _run(_only(study, "onset"), study, on_progress)
 
 
+def cocontraction(study: Study, on_progress: Callable[[str, float], None] | None = None) -> Result:
+    """How much antagonists work against each other: indices of every pair, with intervals.
+
+    Parameters
+    ----------
+    study : Study
+        With a table ``[cocontraction]``.
+    on_progress : callable, optional
+        Called with a text and the share done, 0 to 1.
+
+    Returns
+    -------
+    Result
+
+    Raises
+    ------
+    IdentificationError
+        If the study asks for no co-contraction.
+    RecordingError
+        If a pair is not in every recording, or its EMG is not fit to be used.
+
+    Examples
+    --------
+    >>> import pellucid as pl
+    >>> result = pl.cocontraction(pl.open("my-leg"))                         # doctest: +SKIP
+    >>> print(result)                                                        # doctest: +SKIP
+    """
+    return _run(_only(study, "cocontraction"), study, on_progress)
+
+
+def synergies(study: Study, on_progress: Callable[[str, float], None] | None = None) -> Result:
+    """Groups of muscles that move together: how many, which, and whether people and conditions share them.
+
+    Parameters
+    ----------
+    study : Study
+        With a table ``[synergies]``.
+    on_progress : callable, optional
+        Called with a text and the share done, 0 to 1.
+
+    Returns
+    -------
+    Result
+
+    Raises
+    ------
+    IdentificationError
+        If the study asks for no synergies, or has fewer than three muscles.
+    RecordingError
+        If a muscle is not in every recording, or its EMG is not fit to be used.
+
+    Examples
+    --------
+    >>> import pellucid as pl
+    >>> result = pl.synergies(pl.open("my-leg"))                         # doctest: +SKIP
+    >>> print(result)                                                        # doctest: +SKIP
+    """
+    return _run(_only(study, "synergies"), study, on_progress)
+
+
 def report(
     study: Study, result: Result | None = None, *, on_progress: Callable[[str, float], None] | None = None
 ) -> Path:

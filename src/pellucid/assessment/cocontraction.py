@@ -1,0 +1,81 @@
+r"""Co-contraction: how much antagonists work against each other, from their envelopes.
+
+With envelopes :math:`e_1, e_2` relative to each muscle's own maximum, at every sample the lower
+:math:`e_l` and the higher :math:`e_h`,
+
+.. math::
+   \mathrm{CCI}_{FW} = 100\,\frac{2\int e_l\,dt}{\int (e_1 + e_2)\,dt}, \qquad
+   \mathrm{CCI}_R = \frac{100}{T} \int \frac{e_l}{e_h}\,(e_l + e_h)\,dt
+
+The first [1]_ is the share of activity that is common, 100 % where both do the same, and does not know how hard they
+work; the second [2]_ weighs it by how hard, and reaches 200 % where both are at their maximum all the time.
+
+.. [1] K. Falconer, D. A. Winter, "Quantitative assessment of co-contraction at the ankle joint in walking",
+   Electromyography and Clinical Neurophysiology 25, 1985.
+.. [2] K. S. Rudolph, M. J. Axe, L. Snyder-Mackler, "Dynamic stability after ACL injury: who can hop?", Knee Surgery,
+   Sports Traumatology, Arthroscopy 8, 2000.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import stats
+
+from .._errors import RecordingError
+
+BLOCK = 1.0
+"""Shortest block that is left out for an interval [s]."""
+
+BLOCKS = (4, 20)
+"""Fewest and most of them."""
+
+
+@dataclass(frozen=True)
+class CocontractionIndex:
+    """An index with its interval; that is None in a recording too short to have one."""
+
+    value: float  # [%]
+    interval: tuple[float, float] | None
+
+
+@dataclass(frozen=True)
+class Cocontraction:
+    """Both indices of a pair over one stretch."""
+
+    common: CocontractionIndex  # After Falconer and Winter
+    weighed: CocontractionIndex  # After Rudolph
+
+
+def cocontraction(time: np.ndarray, first: np.ndarray, second: np.ndarray, *, level: float = 0.95) -> Cocontraction:
+    """Indices of two envelopes, (n,) [1], over `time`, (n,) [s]; intervals leave out block after block of time."""
+    first, second = (np.asarray(x, float) for x in (first, second))
+    for x in (first, second):
+        if not np.isfinite(x).all():
+            at = int(np.flatnonzero(~np.isfinite(x))[0])
+            raise RecordingError(f"found missing samples (NaN), the first at {time[at]:.6g} s, expected none")
+        if np.min(x) < 0.0:
+            raise RecordingError(f"found {np.min(x):.3g} in an envelope, expected none below 0")
+    if not np.any(first + second > 0.0):
+        raise RecordingError("found no activity in either muscle, expected some")
+    low, both = np.minimum(first, second), first + second
+    high = np.maximum(first, second)
+    weighed = np.where(high > 0.0, low / np.where(high > 0.0, high, 1.0), 0.0) * both
+    steps = np.gradient(np.asarray(time, float))
+    span = float(np.sum(steps))
+    blocks = int(min(span / BLOCK, BLOCKS[1]))
+    edges = np.linspace(0, len(time), max(blocks, 1) + 1).astype(int)[:-1]
+    sums = np.array([np.add.reduceat(x * steps, edges) for x in (2.0 * low, both, weighed, np.ones_like(low))])
+    return Cocontraction(_index(sums[0], sums[1], level, blocks), _index(sums[2], sums[3], level, blocks))
+
+
+def _index(above: np.ndarray, below: np.ndarray, level: float, blocks: int) -> CocontractionIndex:
+    value = 100.0 * float(above.sum() / below.sum())
+    rest = below.sum() - below
+    if blocks < BLOCKS[0] or not (rest > 0.0).all():
+        return CocontractionIndex(value, None)
+    without = 100.0 * (above.sum() - above) / rest
+    error = float(np.sqrt((blocks - 1) / blocks * np.sum((without - without.mean()) ** 2)))
+    half = float(stats.t.isf(0.5 * (1.0 - level), blocks - 1)) * error
+    return CocontractionIndex(value, (max(value - half, 0.0), value + half))

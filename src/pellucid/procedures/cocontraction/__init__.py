@@ -1,0 +1,1 @@
+"""How much antagonists work against each other."""

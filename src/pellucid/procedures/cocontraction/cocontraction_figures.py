@@ -1,0 +1,59 @@
+"""Envelopes of antagonists, and what they have in common."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from ...pages.drawing import Drawing, key, line, tidy
+from ...pages.style import FIGURE_WIDTH, colour
+from .find_cocontraction import PairActivity
+
+
+def overlap(each: PairActivity, name: str, caption: str) -> Drawing:
+    """Two envelopes over time, the part that both have shaded."""
+    figure = Figure(figsize=(FIGURE_WIDTH, 2.5), layout="constrained")
+    axis = figure.subplots()
+    low = np.minimum(each.first, each.second)
+    axis.fill_between(each.time, 0.0, low, color=colour("load"), alpha=0.3, linewidth=0.0)
+    line(axis, each.time, each.first, color=colour("fitted"))
+    line(axis, each.time, each.second, color=colour("heldout"))
+    axis.set_ylim(0.0, 1.15 * max(float(np.max(each.first)), float(np.max(each.second)), 1e-3))
+    tidy(axis, first=True, text="Envelope (1)")
+    axis.set_xlabel("Time (s)")
+    names = [muscle.replace("_", " ") for muscle in each.pair]
+    key(axis, [(names[0], colour("fitted")), (names[1], colour("heldout")), ("common", colour("load"))])
+    return Drawing(name, figure, caption)
+
+
+def indices(found: Sequence[PairActivity], name: str, caption: str) -> Drawing:
+    """Both indices of every recording with their intervals, a panel for each."""
+    recordings = list(dict.fromkeys(each.recording for each in found))
+    pairs = list(dict.fromkeys(each.pair for each in found))
+    tones = [colour(role) for role in ("fitted", "heldout", "good", "load", "stribeck", "combined")]
+    figure = Figure(figsize=(FIGURE_WIDTH, 1.2 + 0.28 * len(recordings) * max(1.0, 0.5 * len(pairs))))
+    figure.set_layout_engine("constrained")
+    axes = figure.subplots(1, 2, sharey=True)
+    for axis, head, of in zip(
+        axes, ("common (Falconer and Winter)", "weighed (Rudolph)"), ("common", "weighed"), strict=True
+    ):
+        for i, pair in enumerate(pairs):
+            for each in (e for e in found if e.pair == pair):
+                index = getattr(each.found, of)
+                row = recordings.index(each.recording) + 0.7 * ((i + 0.5) / len(pairs) - 0.5)
+                if index.interval is not None:
+                    axis.plot(index.interval, (row, row), color=tones[i % len(tones)], linewidth=2.0, alpha=0.5)
+                axis.plot([index.value], [row], marker="o", color=tones[i % len(tones)], markersize=5.0)
+        tidy(axis, first=axis is axes[0])
+        axis.set_title(head, fontweight="bold")
+        axis.set_xlabel("%")
+        axis.set_xlim(left=0.0)
+    axes[0].set_yticks(range(len(recordings)), [r.replace("_", " ") for r in recordings])
+    axes[0].set_ylim(len(recordings) - 0.4, -0.9)
+    named = [(" and ".join(p).replace("_", " "), tones[i % len(tones)]) for i, p in enumerate(pairs)]
+    if len(pairs) > 1:
+        for i, (text, tone) in enumerate(named):
+            figure.text(0.995, 0.995 - 0.16 * i / figure.get_figheight(), text, ha="right", va="top", color=tone)
+    return Drawing(name, figure, caption)

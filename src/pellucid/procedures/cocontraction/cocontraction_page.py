@@ -1,0 +1,43 @@
+"""The report of co-contraction: indices with intervals, and envelopes of each pair."""
+
+from __future__ import annotations
+
+from ...pages.drawing import draw
+from ...pages.page import Page, Section
+from ...pages.quantities import prose
+from ...recordings.study import Study
+from ..study_page import figure_tables, study_page
+from .cocontraction_figures import indices, overlap
+from .find_cocontraction import CocontractionResult
+
+DRAWN = 6
+"""Pairs of recordings whose envelopes are drawn."""
+
+
+def page(study: Study, found: CocontractionResult) -> Page:
+    """Indices of all, envelopes of the first few."""
+    level = f"{100 * found.confidence:g} %"
+    drawings = [
+        draw(
+            indices, found.pairs, "cocontraction",
+            f"Indices of every recording with {level} intervals, from leaving out one block of time after another.",
+        ),
+        *(
+            draw(
+                overlap, each, f"pair_{i}",
+                f"{each.recording.replace('_', ' ')}: envelopes over each muscle's maximum; what both have is shaded.",
+            )
+            for i, each in enumerate(found.pairs[:DRAWN], start=1)
+        ),
+    ]  # fmt: skip
+    said = (
+        "Common is twice the lower envelope over the sum of both: 100 % where both do the same, however little. "
+        "Weighed is the lower over the higher, times their sum: how hard they work counts as well."
+    )
+    return study_page(
+        title=f"{found.study}: co-contraction",
+        headline=prose(found.headline),
+        tiles=(),
+        sections=(Section("cocontraction", "Co-contraction", (said,), figure_tables(found), tuple(drawings)),),
+        verdicts=found.verdicts,
+    )

@@ -1,0 +1,1 @@
+"""Muscle synergies."""

@@ -1,0 +1,269 @@
+"""Synergies of every participant and condition, how many there are, and how alike they are."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from itertools import combinations
+
+import numpy as np
+
+from ..._errors import IdentificationError, RecordingError
+from ...estimators.synergies import (
+    ENOUGH,
+    Synergies,
+    SynergyCount,
+    chance_similarity,
+    count_synergies,
+    find_synergies,
+    require_envelopes,
+    similarity,
+    vaf,
+)
+from ...fit.parameter import Verdict
+from ...recordings.fault import Fault
+from ...recordings.results import ResultRow, checksum_of_all
+from ...recordings.study import Study
+from ..muscle_channels import MuscleEnvelopes, emg_faults, refuse, relative_envelopes
+from ..procedure import Progress, quiet
+from ..result import FigureTable, Result
+
+STRETCH = 6.0
+"""Seconds of a recording that are drawn."""
+
+
+@dataclass(frozen=True, eq=False)
+class GroupSynergies:
+    """What belongs together, a participant under one condition."""
+
+    name: str
+    synergies: Synergies
+    count: SynergyCount
+    judged_on: str  # What is held out, in words
+    time: np.ndarray = field(repr=False)  # time, envelopes, activations: (k,), (k, m), (k, s) Of one recording, drawn
+    envelopes: np.ndarray = field(repr=False)
+    activations: np.ndarray = field(repr=False)
+
+
+@dataclass(frozen=True)
+class Alike:
+    """Two groups."""
+
+    one: str
+    other: str
+    cosine: float  # Mean over synergies that belong together
+    chance: float  # That mixed weights exceed once in twenty
+    crossed: float  # VAF of the other's envelopes by the first's weights
+
+
+@dataclass(frozen=True, kw_only=True)
+class SynergiesResult(Result):
+    """What `synergies` found."""
+
+    groups: tuple[GroupSynergies, ...] = field(default=(), repr=False)
+    alike: tuple[Alike, ...] = ()
+
+    def written(self, study: Study) -> str:
+        return "Weights and variances of each group are rows"
+
+
+def faults(study: Study) -> list[Fault]:
+    """EMG that is not fit to be used, or too few muscles."""
+    table = study.config.synergies
+    found = emg_faults(study, table)
+    if not any(fault.severity == "refuse" for fault in found):
+        try:
+            _groups(study, relative_envelopes(study, table))
+        except (RecordingError, IdentificationError) as error:
+            message = str(error)
+            found.append(Fault("refuse", "missing_channel", "study.toml", "", message, "muscles", message))
+    return found
+
+
+def run(study: Study, tell: Progress = quiet) -> SynergiesResult:
+    """Synergies of every group, and how alike groups are. `study` [synergies]."""
+    table = study.config.synergies
+    if table is None:
+        raise IdentificationError(f"{study.folder}: found no table [synergies] in study.toml, expected one")
+    refuse(emg_faults(study, table))
+    tell("envelopes", 0.05)
+    grouped = _groups(study, relative_envelopes(study, table))
+    muscles = tuple(next(iter(grouped.values()))[0].envelopes)
+    if table.number is not None and table.number > len(muscles):
+        raise IdentificationError(
+            f"{study.folder}: [synergies] number: found {table.number}, expected at most {len(muscles)}, of as many "
+            "muscles"
+        )
+    counts, parts = {}, {}
+    for i, (name, members) in enumerate(grouped.items()):
+        tell(f"synergies of {name}" if name else "synergies", 0.1 + 0.8 * i / len(grouped))
+        fitted = [each for each in members if not each.heldout] or members
+        heldout = [each for each in members if each.heldout] if any(not each.heldout for each in members) else []
+        parts[name] = fitted, heldout
+        counts[name] = count_synergies(
+            np.concatenate([each.matrix for each in fitted]), _joined_time(fitted), muscles,
+            np.concatenate([each.matrix for each in heldout]) if heldout else None, table.most,
+        )  # fmt: skip
+    # Groups are compared synergy by synergy: all have as many as the median needs.
+    usual = table.number or int(np.median([count.enough for count in counts.values()]))
+    groups = []
+    for name, (fitted, heldout) in parts.items():
+        found = find_synergies(np.concatenate([each.matrix for each in fitted]), muscles, usual)
+        drawn = (heldout or fitted)[0]
+        middle = 0.5 * (drawn.time[0] + drawn.time[-1])
+        shown = np.abs(drawn.time - middle) <= 0.5 * STRETCH
+        judged = ", ".join(each.name for each in heldout) or "blocks of time left out in turn"
+        envelopes = drawn.matrix[shown]
+        active = found.activations(envelopes)
+        groups.append(GroupSynergies(name, found, counts[name], judged, drawn.time[shown], envelopes, active))
+    alike = tuple(_alike(one, other, parts) for one, other in combinations(groups, 2))
+    checksum = checksum_of_all(each.checksum for members in grouped.values() for each in members)
+    return SynergiesResult(
+        study=study.name,
+        headline=_headline(groups, alike),
+        tables=(*_tables(groups), *_alike_table(alike)),
+        verdicts=_verdicts(groups, alike, table.number),
+        rows=tuple(_rows(study.name, groups, alike, checksum)),
+        cards={},
+        checksums={each.name: each.checksum for members in grouped.values() for each in members},
+        groups=tuple(groups),
+        alike=alike,
+    )
+
+
+def _groups(study: Study, recordings: list[MuscleEnvelopes]) -> dict[str, list[MuscleEnvelopes]]:
+    """Recordings by participant and condition; an error where they cannot be factored."""
+    if not recordings:
+        raise RecordingError(f"{study.folder}: found maximal contractions alone, expected a recording of movement too")
+    grouped: dict[str, list[MuscleEnvelopes]] = {}
+    for each in recordings:
+        if list(each.envelopes) != list(recordings[0].envelopes):
+            raise RecordingError(
+                f"{study.folder}: [synergies], recording {each.name}: found EMG of {', '.join(each.envelopes)}, "
+                f"expected {', '.join(recordings[0].envelopes)} as in {recordings[0].name}"
+            )
+        try:
+            require_envelopes(each.matrix, list(each.envelopes))
+        except IdentificationError as error:
+            raise IdentificationError(f"recording {each.name}, {error}") from None
+        grouped.setdefault(each.group, []).append(each)
+    return grouped
+
+
+def _joined_time(members: list[MuscleEnvelopes]) -> np.ndarray:
+    """Times of one recording after another, (n,) [s]."""
+    times, at = [], 0.0
+    for each in members:
+        times.append(at + each.time - each.time[0])
+        at = float(times[-1][-1]) + 1.0
+    return np.concatenate(times)
+
+
+def _alike(one: GroupSynergies, other: GroupSynergies, parts: dict) -> Alike:
+    envelopes = np.concatenate([each.matrix for group in parts[other.name] for each in group])
+    return Alike(
+        one.name, other.name, similarity(one.synergies, other.synergies)[0],
+        chance_similarity(one.synergies, other.synergies), vaf(envelopes, one.synergies.rebuilt(envelopes)),
+    )  # fmt: skip
+
+
+def _headline(groups: list[GroupSynergies], alike: tuple[Alike, ...]) -> str:
+    count, number = groups[0].count, len(groups[0].synergies)
+    several = "y accounts" if number == 1 else "ies account"
+    where = list(count.numbers).index(number) if number in count.numbers else -1
+    said = f"{number} synerg{several} for {100 * count.heldout[where]:.0f} % of what was not fitted"
+    if len(groups) == 1:
+        return said + "."
+    least = min(100 * g.count.heldout[where] for g in groups)
+    above = sum(each.cosine > each.chance for each in alike)
+    return (
+        f"{number} synerg{several} for at least {least:.0f} % of what was not fitted in {len(groups)} groups; {above} "
+        f"of {len(alike)} pairs of groups are more alike than mixed weights are."
+    )
+
+
+def _tables(groups: list[GroupSynergies]) -> list[FigureTable]:
+    heads = ("Synergies", "VAF fitted", "held out", "worst muscle", "shifted", "R² of a muscle left out")
+    made = []
+    for g in groups:
+        c = g.count
+        rows = zip(c.numbers, c.fitted, c.heldout, c.least, c.shuffled, c.left_out, strict=True)
+        title = "How many synergies" + (f": {g.name}" if g.name else "")
+        made.append(FigureTable(title, heads, tuple((int(r[0]), *(round(float(x), 3) for x in r[1:])) for r in rows)))
+    return made
+
+
+def _alike_table(alike: tuple[Alike, ...]) -> tuple[FigureTable, ...]:
+    if not alike:
+        return ()
+    rows = tuple((a.one, a.other, a.cosine, a.chance, a.crossed) for a in alike)
+    heads = ("Synergies of", "and of", "cosine", "by chance", "VAF across")
+    return (FigureTable("How alike synergies are", heads, rows),)
+
+
+def _verdicts(groups: list[GroupSynergies], alike: tuple[Alike, ...], asked: int | None) -> tuple[Verdict, ...]:
+    said = []
+    for g in groups:
+        name, c = f"{g.name}: " if g.name else "", g.count
+        if c.heldout.max() < ENOUGH:
+            said.append(
+                Verdict(
+                    "warning",
+                    f"{name}{c.numbers[-1]} synergies account for {100 * c.heldout[-1]:.0f} % of what was not fitted, "
+                    f"less than {100 * ENOUGH:g} %: what was fitted does not hold there, or most is low.",
+                )
+            )
+        chance = float(c.shuffled[list(c.numbers).index(c.enough)])
+        if chance > ENOUGH - 0.05 and c.heldout.max() >= ENOUGH:
+            said.append(
+                Verdict(
+                    "warning",
+                    f"{name}{c.enough} synergies account for {100 * chance:.0f} % of the same envelopes shifted apart "
+                    "in time too: with so few muscles any activity can be factored.",
+                )
+            )
+        if c.left_out.max() <= 0.0:
+            said.append(
+                Verdict(
+                    "warning",
+                    f"{name}no number of synergies tells a muscle that is left out from the others (R² below 0): do "
+                    "not fill in unrecorded muscles with them.",
+                )
+            )
+        elif c.predicting != c.enough and asked is None:
+            said.append(
+                Verdict(
+                    "note",
+                    f"{name}{100 * ENOUGH:g} % of the variance needs {c.enough}; a muscle left out is told best by "
+                    f"{c.predicting} (R² {c.left_out.max():.2f}).",
+                )
+            )
+    return tuple(said)
+
+
+def _rows(study: str, groups: list[GroupSynergies], alike: tuple[Alike, ...], checksum: str) -> list[ResultRow]:
+    made = []
+
+    def row(name: str, value: float, split: str, note: str = "") -> None:
+        made.append(ResultRow(name, value, "1", "synergies", split, checksum, note))
+
+    def part(name: str) -> str:
+        return name.replace(", ", ".").replace(" ", "_")
+
+    for g in groups:
+        base = f"{study}.{part(g.name)}" if g.name else study
+        c = g.count
+        row(f"{base}.synergies.number", c.enough, "heldout", f"fewest with a VAF of {ENOUGH:g} on {g.judged_on}")
+        row(f"{base}.synergies.predicting", c.predicting, "heldout", "number that tells a muscle left out best")
+        for i, number in enumerate(c.numbers):
+            row(f"{base}.synergies.{number}.vaf", c.heldout[i], "heldout")
+            row(f"{base}.synergies.{number}.vaf.fitted", c.fitted[i], "fitted")
+            row(f"{base}.synergies.{number}.vaf.shifted", c.shuffled[i], "heldout", "envelopes shifted in time")
+            row(f"{base}.synergies.{number}.left_out.r2", c.left_out[i], "heldout", "each muscle in turn, together")
+        for i, weights in enumerate(g.synergies.weights, start=1):
+            for muscle, weight in zip(g.synergies.muscles, weights, strict=True):
+                row(f"{base}.synergies.weight.{i}.{muscle}", float(weight), "fitted")
+    for a in alike:
+        base = f"{study}.synergies.alike.{part(a.one)}.{part(a.other)}"
+        row(f"{base}.cosine", a.cosine, "fitted", f"mixed weights exceed {a.chance:.3f} once in twenty")
+        row(f"{base}.vaf", a.crossed, "heldout", "of the second's envelopes by the first's weights")
+    return made

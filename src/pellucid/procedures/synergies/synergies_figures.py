@@ -1,0 +1,80 @@
+"""Synergies: how many, which muscles, and when."""
+
+from __future__ import annotations
+
+from matplotlib.figure import Figure
+
+from ...pages.drawing import Drawing, key, line, tidy
+from ...pages.style import FIGURE_WIDTH, colour
+from .find_synergies import GroupSynergies
+
+TONES = ("fitted", "heldout", "good", "load", "stribeck", "combined", "directional", "symmetric")
+
+
+def numbers(group: GroupSynergies, name: str, caption: str) -> Drawing:
+    """Variance accounted for by each number of synergies, and how well a muscle left out is told."""
+    c = group.count
+    figure = Figure(figsize=(FIGURE_WIDTH, 2.8), layout="constrained")
+    left, right = figure.subplots(1, 2)
+    for values, tone in ((c.shuffled, "faint"), (c.least, "load"), (c.fitted, "fitted"), (c.heldout, "heldout")):
+        left.plot(c.numbers, 100 * values, color=colour(tone), marker="o", markersize=4.0)
+    left.axhline(90.0, color=colour("faint"), linewidth=0.8)
+    tidy(left, first=True, text="Variance accounted for (%)")
+    left.set_ylim(bottom=max(-5.0, left.get_ylim()[0]))
+    words = (("fitted", "fitted"), ("held out", "heldout"), ("worst muscle", "load"), ("shifted in time", "faint"))
+    for i, (text, tone) in enumerate(words):
+        left.annotate(
+            text, (1.0, 0.0), xytext=(-6, 8 + 12 * (3 - i)), xycoords="axes fraction", textcoords="offset points",
+            ha="right", color=colour(tone), fontsize=8.5,
+        )  # fmt: skip
+    right.plot(c.numbers, c.left_out, color=colour("heldout"), marker="o", markersize=4.0)
+    right.axhline(0.0, color=colour("faint"), linewidth=0.8)
+    tidy(right, first=True, text="R² of a muscle left out")
+    right.set_ylim(bottom=max(-1.0, right.get_ylim()[0]))
+    for axis in (left, right):
+        axis.set_xlabel("Number of synergies")
+        axis.set_xticks(c.numbers)
+    return Drawing(name, figure, caption)
+
+
+def weights_and_activations(group: GroupSynergies, name: str, caption: str) -> Drawing:
+    """Weights of each synergy, and its activation over time."""
+    k = len(group.synergies)
+    figure = Figure(figsize=(FIGURE_WIDTH, 0.9 + 1.15 * k), layout="constrained")
+    axes = figure.subplots(k, 2, width_ratios=(1.0, 1.7), sharex="col", squeeze=False)
+    places = range(len(group.synergies.muscles))
+    for i in range(k):
+        tone = colour(TONES[i % len(TONES)])
+        axes[i, 0].bar(places, group.synergies.weights[i], color=tone, width=0.7)
+        tidy(axes[i, 0], first=True, text=f"{i + 1}", ticks=3)
+        axes[i, 0].set_ylim(0.0, 1.05)
+        line(axes[i, 1], group.time, group.activations[:, i], color=tone)
+        tidy(axes[i, 1], first=True, ticks=3)
+        axes[i, 1].set_ylim(bottom=0.0)
+    names = [muscle.replace("_", " ") for muscle in group.synergies.muscles]
+    axes[-1, 0].set_xticks(places, names, rotation=60, ha="right")
+    axes[-1, 1].set_xlabel("Time (s)")
+    axes[0, 0].set_title("Weights")
+    axes[0, 1].set_title("Activation")
+    return Drawing(name, figure, caption)
+
+
+def rebuilt(group: GroupSynergies, name: str, caption: str) -> Drawing:
+    """Envelopes, and what the synergies make of them."""
+    made = group.activations @ group.synergies.weights
+    count = len(group.synergies.muscles)
+    rows = (count + 1) // 2
+    figure = Figure(figsize=(FIGURE_WIDTH, 0.6 + 0.95 * rows), layout="constrained")
+    axes = figure.subplots(rows, 2, sharex=True, squeeze=False)
+    for i, axis in enumerate(axes.flat):
+        if i >= count:
+            axis.set_axis_off()
+            continue
+        line(axis, group.time, group.envelopes[:, i], color=colour("measured"), linewidth=2.0, alpha=0.6)
+        line(axis, group.time, made[:, i], color=colour("heldout"), linewidth=1.2)
+        tidy(axis, first=True, ticks=3)
+        axis.set_title(group.synergies.muscles[i].replace("_", " "))
+    key(axes[0, 0], [("recorded", colour("measured")), ("by synergies", colour("heldout"))])
+    for axis in axes[-1]:
+        axis.set_xlabel("Time (s)")
+    return Drawing(name, figure, caption)

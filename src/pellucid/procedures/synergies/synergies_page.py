@@ -1,0 +1,59 @@
+"""The report of synergies: how many, which, when, and whose are alike."""
+
+from __future__ import annotations
+
+from ...pages.drawing import draw
+from ...pages.page import Page, Section
+from ...pages.quantities import prose
+from ...recordings.study import Study
+from ..study_page import figure_tables, study_page
+from . import synergies_figures as figures
+from .find_synergies import SynergiesResult
+
+DRAWN = 4
+"""Groups that are drawn."""
+
+
+def page(study: Study, found: SynergiesResult) -> Page:
+    """How many, which muscles when, and whose are alike."""
+    how_many, which = [], []
+    for i, group in enumerate(found.groups[:DRAWN], start=1):
+        of = f"{group.name.replace('_', ' ')}: " if group.name else ""
+        how_many.append(
+            draw(
+                figures.numbers, group, f"synergy_count_{i}",
+                f"{of}Variance that each number of synergies accounts for, held out: "
+                f"{group.judged_on.replace('_', ' ')}. Grey: the same envelopes shifted apart in time, which share "
+                "nothing. Right: one muscle left out in turn and told from the others.",
+            )
+        )  # fmt: skip
+        which.append(
+            draw(
+                figures.weights_and_activations, group, f"synergies_{i}",
+                f"{of}Weights of each muscle, and how active each synergy is.",
+            )
+        )  # fmt: skip
+        which.append(
+            draw(figures.rebuilt, group, f"synergies_rebuilt_{i}", f"{of}Envelopes, and as the synergies make them.")
+        )
+    said = (
+        "Weights are fitted on one part, and variance is counted on another. More synergies always account for more of "
+        "it; a muscle left out is told best by a number of its own."
+    )
+    sections = [
+        Section("synergy_count", "How many synergies", (said,), figure_tables(found, "How many"), tuple(how_many)),
+        Section("synergies", "Which muscles, and when", drawings=tuple(which)),
+    ]
+    if found.alike:
+        said = (
+            "Synergies that belong together are found by the largest cosines of their weights. By chance: what mixed "
+            "weights exceed once in twenty. VAF across: envelopes of the second by weights of the first."
+        )
+        sections.append(Section("synergies_alike", "How alike", (said,), figure_tables(found, "How alike")))
+    return study_page(
+        title=f"{found.study}: muscle synergies",
+        headline=prose(found.headline),
+        tiles=(),
+        sections=sections,
+        verdicts=found.verdicts,
+    )

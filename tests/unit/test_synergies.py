@@ -1,0 +1,149 @@
+"""Muscle synergies: known ones are found again, their number is, and bad input is named."""
+
+import numpy as np
+import pytest
+
+from pellucid._errors import IdentificationError, PellucidError
+from pellucid.estimators.synergies import (
+    Synergies,
+    chance_similarity,
+    count_synergies,
+    find_synergies,
+    non_negative,
+    similarity,
+)
+from pellucid.procedures.registry import open_study
+from pellucid.procedures.run import check, report, synergies
+
+MUSCLES = ("a", "b", "c", "d", "e", "f", "g")
+TIME = np.arange(0.0, 20.0, 0.02)
+WEIGHTS = np.array([[1, 0.8, 0.1, 0, 0, 0.3, 0], [0, 0.1, 1, 0.7, 0.2, 0, 0.4], [0.2, 0, 0, 0.3, 1, 0.9, 0.6]])
+STUDY = """
+name = "groups"
+[rig]
+joint = "leg"
+motion = "rotary"
+lifts = "flexion"
+[participants.P1]
+[participants.P2]
+[channels]
+time = {{ column = "time", unit = "s" }}
+{channels}
+[synergies]
+chain = "none"
+{more}
+{recordings}
+"""
+
+
+def envelopes(seed: int, weights=WEIGHTS, noise: float = 0.03) -> np.ndarray:
+    rng = np.random.default_rng(seed)
+    phases = 2.0 * np.pi * np.arange(len(weights)) / len(weights)
+    cycle = 2.0 * np.pi * TIME[:, None] * rng.uniform(0.9, 1.1) + phases
+    size = np.repeat(rng.uniform(0.7, 1.0, (20, len(weights))), 50, axis=0)
+    active = size * np.clip(np.sin(cycle), 0.0, None) ** 2
+    return np.clip(active @ weights + noise * rng.standard_normal((len(TIME), weights.shape[1])), 0.0, None)
+
+
+def study(folder, *, muscles=MUSCLES, more="", people=("P1", "P2"), change=lambda x: x):
+    folder.mkdir()
+    recordings = []
+    for i, person in enumerate(people):
+        for j, use in enumerate(("fit", "validate")):
+            name = f"{person}_{use}"
+            x = change(envelopes(10 * i + j))[:, : len(muscles)]
+            np.savetxt(
+                folder / f"{name}.csv", np.column_stack([TIME, x]), delimiter=",", header=",".join(("time", *muscles)),
+                comments="", fmt="%.6g",
+            )  # fmt: skip
+            recordings.append(
+                f'[[recordings]]\nname = "{name}"\nfile = "{name}.csv"\nuse = "{use}"\nparticipant = "{person}"\n'
+            )
+    channels = "\n".join(f'emg.{m} = {{ column = "{m}", unit = "1" }}' for m in muscles)
+    text = STUDY.format(channels=channels, more=more, recordings="\n".join(recordings))
+    (folder / "study.toml").write_text(text, encoding="utf-8")
+    return open_study(folder)
+
+
+def test_known_synergies_are_found_again():
+    found = find_synergies(envelopes(1), MUSCLES, 3)
+    alike, order = similarity(Synergies(MUSCLES, WEIGHTS), found)
+    assert alike > 0.98
+    assert sorted(order.tolist()) == [0, 1, 2]
+    assert alike > chance_similarity(Synergies(MUSCLES, WEIGHTS), found)
+
+
+def test_other_weights_are_not_alike():
+    other = np.random.default_rng(3).permuted(WEIGHTS, axis=1)
+    one, two = find_synergies(envelopes(1), MUSCLES, 3), find_synergies(envelopes(2, other), MUSCLES, 3)
+    assert similarity(one, two)[0] < chance_similarity(one, two) + 0.05
+
+
+@pytest.mark.parametrize("heldout", [None, envelopes(5)])
+def test_their_number_is_found_by_what_was_not_fitted(heldout):
+    count = count_synergies(envelopes(1), TIME, MUSCLES, heldout, most=5)
+    assert count.enough == 3
+    assert count.predicting == 3
+    assert count.heldout[2] > 0.95
+    assert count.left_out[2] > 0.9
+    assert count.shuffled[2] < count.heldout[2] - 0.1
+
+
+def test_a_muscle_left_out_is_told_from_the_others():
+    found, new = find_synergies(envelopes(1), MUSCLES, 3), envelopes(7)
+    assert np.corrcoef(found.filled(new, 2), new[:, 2])[0, 1] > 0.95
+    assert np.array_equal(found.filled(new, 2), found.filled(np.where(np.arange(7) == 2, 0.0, new), 2))
+
+
+def test_non_negative_least_squares_are_those_of_scipy():
+    from scipy.optimize import nnls
+
+    rng = np.random.default_rng(0)
+    a, b = rng.random((8, 4)), rng.standard_normal((8, 30)) + 0.5
+    assert non_negative(a, b) == pytest.approx(np.column_stack([nnls(a, x)[0] for x in b.T]), abs=1e-5)
+
+
+@pytest.mark.parametrize(
+    ("change", "muscles", "said"),
+    [
+        (lambda x: x[:, :2], ("a", "b"), "found 2 muscles"),
+        (
+            lambda x: np.where(np.arange(x.size).reshape(x.shape) == 66, np.nan, x),
+            MUSCLES,
+            r"d: found missing samples \(NaN\)",
+        ),
+        (lambda x: x - 0.5, MUSCLES, "none below 0: rectify"),
+        (lambda x: x * (np.arange(7) != 4), MUSCLES, "e: found no activity at all"),
+    ],
+)
+def test_what_cannot_be_factored_is_refused(change, muscles, said):
+    with pytest.raises(IdentificationError, match=said):
+        find_synergies(change(envelopes(1)), muscles, 2)
+    with pytest.raises(IdentificationError, match="expected 1 to 7"):
+        find_synergies(envelopes(1), MUSCLES, 9)
+
+
+def test_people_share_them(tmp_path):
+    opened = study(tmp_path / "groups", more="most = 4")
+    assert not check(opened)
+    found = synergies(opened)
+    rows = {row.id: row.value for row in found.rows}
+    assert rows["groups.P1.synergies.number"] == rows["groups.P2.synergies.number"] == 3
+    assert rows["groups.synergies.alike.P1.P2.cosine"] > 0.98
+    page = report(opened, found).read_text()
+    assert all(part in page for part in ("synergy_count_1", "synergies_2", "How alike"))
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        ({"muscles": MUSCLES[:2]}, "found 2 muscles"),
+        ({"more": "number = 9"}, "found 9, expected at most 7"),
+        ({"more": 'muscles = ["a", "b", "z"]'}, "expected z too"),
+        ({"change": lambda x: x - 0.5}, "below 0"),
+    ],
+)
+def test_a_study_that_cannot_be_answered_is_refused(tmp_path, options, said):
+    opened = study(tmp_path / "groups", people=("P1",), **options)
+    with pytest.raises(PellucidError, match=said):
+        synergies(opened)
