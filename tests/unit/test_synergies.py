@@ -45,7 +45,7 @@ def envelopes(seed: int, weights=WEIGHTS, noise: float = 0.03) -> np.ndarray:
     return np.clip(active @ weights + noise * rng.standard_normal((len(TIME), weights.shape[1])), 0.0, None)
 
 
-def study(folder, *, muscles=MUSCLES, more="", people=("P1", "P2"), change=lambda x: x):
+def study(folder, *, muscles=MUSCLES, more="most = 3", people=("P1", "P2"), change=lambda x: x):
     folder.mkdir()
     recordings = []
     for i, person in enumerate(people):

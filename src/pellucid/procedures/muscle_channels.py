@@ -174,6 +174,12 @@ def _recorded(stream: Recording, muscle: str) -> np.ndarray:
             f'{where(stream, muscle)}: found the unit V, expected an envelope for chain = "none"; name the chain that '
             "makes one of raw EMG"
         )
+    # A filter run both ways may leave a little below 0 behind a burst.
+    if np.min(channel.samples) < -0.02 * np.max(channel.samples):
+        raise RecordingError(
+            f"{where(stream, muscle)}: found {np.min(channel.samples):.3g}, expected an envelope, none below 0: raw "
+            "EMG has a unit of volts and needs a chain"
+        )
     return channel.samples
 
 
