@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import os
+import sys
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import FIRST_COMPLETED, ProcessPoolExecutor, wait
+from concurrent.futures import FIRST_COMPLETED, ProcessPoolExecutor, ThreadPoolExecutor, wait
 from contextlib import contextmanager
-from multiprocessing import get_context
+from multiprocessing import parent_process
+from multiprocessing.context import SpawnContext, SpawnProcess
+from threading import Lock
 from typing import Any
 
 VARIABLES = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
@@ -43,10 +46,71 @@ def in_order(
     return [found[i] for i in range(len(jobs))]
 
 
+def among_helpers(
+    jobs: Sequence[Job], workers: int | None = None, begun: Callable[[int, float], None] = lambda i, share: None
+) -> list:
+    """What each of `jobs` gave, in their order, this process being one of the `workers`: it has loaded already what
+    helpers load first. `begun` hears which job begins, and the share of them that is done. The longest are best first.
+    """
+    from threadpoolctl import threadpool_limits
+
+    # Helpers have no helpers of their own.
+    workers = 1 if parent_process() else min(workers or os.cpu_count() or 1, len(jobs))
+    left, found, turn = iter(enumerate(jobs)), {}, Lock()
+
+    def work(do: Callable) -> None:
+        nonlocal left
+        try:
+            while True:
+                with turn:
+                    i, job = next(left, (-1, ()))
+                    if not job:
+                        return
+                    begun(i, len(found) / len(jobs))
+                found[i] = do(*job)
+        except BaseException:
+            # Where one fails no other begins.
+            left = iter(())
+            raise
+
+    # One thread here too, so that a job gives the same bits wherever it is done.
+    with threadpool_limits(1):
+        if workers <= 1:
+            work(_do)
+        else:
+            with processes(workers - 1) as pool, ThreadPoolExecutor(workers - 1) as threads:
+                helped = [threads.submit(work, lambda *job: pool.submit(*job).result()) for _ in range(workers - 1)]
+                work(_do)
+                for each in helped:
+                    each.result()
+    return [found[i] for i in range(len(jobs))]
+
+
+def _do(make: Callable, *arguments: Any) -> Any:
+    return make(*arguments)
+
+
+class _Helper(SpawnProcess):
+    """A process that does not run once more the script that calls Pellucid: no job is of the script's making."""
+
+    def start(self) -> None:
+        script = sys.modules["__main__"]
+        path = vars(script).pop("__file__", None) if getattr(script, "__spec__", None) is None else None
+        try:
+            super().start()
+        finally:
+            if path is not None:
+                script.__file__ = path
+
+
+class _Helpers(SpawnContext):
+    Process = _Helper
+
+
 @contextmanager
 def processes(workers: int | None = None) -> Iterator[ProcessPoolExecutor]:
     """A pool of `workers`, as many as there are processors if None; forked, they would inherit libraries' locks."""
-    with one_thread_each(), ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
+    with one_thread_each(), ProcessPoolExecutor(workers, mp_context=_Helpers()) as pool:
         yield pool
 
 

@@ -6,13 +6,14 @@ import numpy as np
 import pytest
 
 from pellucid._errors import IdentificationError, RecordingError
+from pellucid.estimators import torque_map
 from pellucid.estimators.cross_validation import block_folds, grouped_folds, score
 from pellucid.estimators.families import ESTIMATORS
 from pellucid.estimators.families.family import Family
 from pellucid.estimators.features import LAGS, FeatureSet, feature_sets, features
 from pellucid.estimators.ridge import Ridge
 from pellucid.estimators.smoothing import smooth, smoothing_delay
-from pellucid.estimators.torque_map import GAP, fit_torque_map, torque_map_cv
+from pellucid.estimators.torque_map import GAP, MapJob, fit_torque_map, fit_torque_maps, torque_map_cv
 from pellucid.estimators.torque_reference import MovedBody, human_torque
 from pellucid.estimators.torque_trial import TorqueTrial
 
@@ -50,6 +51,16 @@ def test_ridge_is_scikit_learns(alpha):
     scaler = StandardScaler().fit(x)
     reference = Reference(alpha).fit(scaler.transform(x), y)
     assert Ridge(alpha).fit(x, y).predict(new) == pytest.approx(reference.predict(scaler.transform(new)), rel=1e-10)
+
+
+def test_ridges_that_share_their_singular_values_are_the_same():
+    rng = np.random.default_rng(2)
+    x, y = rng.standard_normal((60, 5)), rng.standard_normal(60)
+    penalties = (0.0, 1e-2, 300.0)
+    shared = Ridge(products=(0, 1)).fit_each(x, y, penalties)
+    for alpha, each in zip(penalties, shared, strict=True):
+        assert each.alpha == alpha
+        np.testing.assert_array_equal(each.predict(x), Ridge(alpha, (0, 1)).fit(x, y).predict(x))
 
 
 def test_ridge_bears_constant_and_repeated_features():
@@ -186,6 +197,19 @@ def test_one_recording_is_chosen_on_in_blocks():
     assert max(LAGS) < GAP
     unseen = trial("b", 77)
     assert score(unseen.torque, found.predict(unseen)).r2 > 0.98
+
+
+def test_maps_are_the_same_whoever_fits_them(monkeypatch):
+    monkeypatch.setattr(torque_map, "WORTH", 0)
+    seen, told = trial("b", 4), []
+    jobs = [MapJob([trial("a", 3)], name, causal) for name in ("linear", "mbp", "tree") for causal in (False, True)]
+    maps = fit_torque_maps(jobs, lambda i, share: told.append(i), workers=2)
+    assert sorted(told) == list(range(len(jobs)))
+    for (trials, name, causal, _), (made, _) in zip(jobs, maps, strict=True):
+        assert (made.name, made.causal) == (name, causal)
+        alone = fit_torque_map(trials, name, causal=causal)
+        assert alone.choice.words == made.choice.words
+        np.testing.assert_array_equal(made.predict(seen), alone.predict(seen))
 
 
 def test_a_family_is_one_entry(monkeypatch):

@@ -5,11 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from .._errors import IdentificationError
+from .._processes import among_helpers
 from .cross_validation import Fold, Score, block_folds, grouped_folds, score
 from .families import ESTIMATORS, family_of
 from .families.family import Family, Regressor
@@ -30,6 +31,9 @@ MOST_SAMPLES = 4000
 MOST_TRIED = 1500
 """Samples fitted while features and settings are chosen, which is done dozens of times."""
 
+
+WORTH = 15000
+"""Samples to be fitted, over all maps, from which on other processes are worth their start."""
 
 MOST_SCORED = 6000
 """Samples scored meanwhile, evenly thinned; thinner than this, an output is not smoothed."""
@@ -87,6 +91,36 @@ def fit_torque_map(trials: Sequence[TorqueTrial], name: str, *, causal: bool = F
     return TorqueMap(name, choice, regressor, causal)
 
 
+class MapJob(NamedTuple):
+    """A map to be fitted, and what is asked of it there."""
+
+    trials: Sequence[TorqueTrial]
+    name: str  # Of the estimator
+    causal: bool = False
+    examine: Callable[[Any, Sequence[TorqueTrial]], Any] | None = None  # Of the map and its trials
+
+
+def fit_torque_maps(
+    jobs: Sequence[MapJob], begun: Callable[[int, float], None] = lambda i, share: None, workers: int | None = None
+) -> list[tuple[TorqueMap, Any]]:
+    """`fit_torque_map` of each job and what was asked of it, by `workers` processes where that is worth their start;
+    `begun` hears which job begins and what share of all is done.
+    """
+    order = sorted(range(len(jobs)), key=lambda i: list(ESTIMATORS).index(family_of(jobs[i].name)[0]))
+    size = sum(min(sum(len(trial) for trial in job.trials), MOST_TRIED) for job in jobs)
+    made = among_helpers(
+        [(_fitted, jobs[i]) for i in order],
+        1 if size < WORTH else workers,
+        lambda i, share: begun(order[i], share),
+    )
+    return [each for _, each in sorted(zip(order, made, strict=True), key=lambda pair: pair[0])]
+
+
+def _fitted(job: MapJob) -> tuple[TorqueMap, Any]:
+    made = fit_torque_map(job.trials, job.name, causal=job.causal)
+    return made, None if job.examine is None else job.examine(made, job.trials)
+
+
 @dataclass(frozen=True, eq=False)
 class CrossValidated:
     """An estimator scored on trials it did not see."""
@@ -114,17 +148,21 @@ def torque_map_cv(
         raise IdentificationError(
             f"torque map: found {len(groups)} groups of trials ({', '.join(map(repr, groups))}), expected at least 3"
         )
-    results = {}
-    for i, name in enumerate(estimators):
+    others = {group: [t for t in trials if t.group != group] for group in groups}
+    runs = [(name, group) for name in estimators for group in groups]
+    fitted = fit_torque_maps(
+        [MapJob(others[group], name, causal, examine) for name, group in runs],
+        lambda i, share: tell(f"{ESTIMATORS[family_of(runs[i][0])[0]].words}, without {runs[i][1]}", share),
+    )
+    made, results = dict(zip(runs, fitted, strict=True)), {}
+    for name in estimators:
         predicted, choices, examined = {}, [], []
-        for j, group in enumerate(groups):
-            tell(f"{name}, without {group}", (i + j / len(groups)) / len(estimators))
-            others = [t for t in trials if t.group != group]
-            fitted = fit_torque_map(others, name, causal=causal)
-            choices.append(fitted.choice)
+        for group in groups:
+            fit, found = made[name, group]
+            choices.append(fit.choice)
             if examine is not None:
-                examined.append(examine(fitted, others))
-            predicted |= {t.name: fitted.predict(t) for t in trials if t.group == group}
+                examined.append(found)
+            predicted |= {t.name: fit.predict(t) for t in trials if t.group == group}
         by_trial = {t.name: score(t.torque, predicted[t.name]) for t in trials}
         whole = score(np.concatenate([t.torque for t in trials]), np.concatenate([predicted[t.name] for t in trials]))
         results[name] = CrossValidated(whole, by_trial, predicted, tuple(choices), tuple(examined))

@@ -13,7 +13,7 @@ from ...estimators.families import ESTIMATORS
 from ...estimators.hill import HillMap
 from ...estimators.smoothing import smoothing_delay
 from ...estimators.strapped_reference import StrappedBodies
-from ...estimators.torque_map import fit_torque_map, torque_map_cv
+from ...estimators.torque_map import MapJob, fit_torque_map, fit_torque_maps, torque_map_cv
 from ...estimators.torque_reference import MovedBody
 from ...estimators.torque_trial import TorqueTrial
 from ...fit.parameter import Verdict
@@ -135,12 +135,16 @@ def _by_recording(study: Study, tell: Progress) -> Calibrated:
         for joint in joints
         for name in estimators_for(trials[joint], joint, found, names)
     ]
+    fits = fit_torque_maps(
+        [
+            MapJob(parts[joint][0], name, causal, None if causal else examined_if_candidate)
+            for joint, name, causal in runs
+        ],
+        lambda i, share: tell(f"{runs[i][0]}, {ESTIMATORS[runs[i][1]].words}", share),
+    )
     traces: dict[tuple[str, str], TorqueTrace] = {}
-    for i, (joint, name, causal) in enumerate(runs):
-        tell(f"{joint}, {ESTIMATORS[name].words}", i / len(runs))
+    for (joint, name, causal), (fit, away) in zip(runs, fits, strict=True):
         fitted, held = parts[joint]
-        fit = fit_torque_map(fitted, name, causal=causal)
-        away = None if causal else examined_if_candidate(fit, fitted)
         if causal and name == CARD:
             found.cards[f"torque_map_{joint}"] = torque_card(study, fit, fitted, f"torque_map_{joint}")
         if isinstance(fit, HillMap) and name == "hill" and not causal:
