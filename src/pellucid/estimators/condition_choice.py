@@ -44,6 +44,10 @@ REST = 0.8
 LEVEL = 0.9
 """Of the band about what is predicted."""
 
+KNOWN = 9
+"""Conditions from which a band of that level may be known: of fewer, the largest error is passed more than once in ten
+others that are like them."""
+
 
 @dataclass(frozen=True, eq=False)
 class ConditionTest:
@@ -60,7 +64,8 @@ class Examined:
 
     words: tuple[str, ...]  # What each test was
     rmse: tuple[float, ...]  # [N m]; nan where it could not be fitted
-    half_width: float  # Of the band that holds `LEVEL` of the samples judged [N m]
+    half_width: float  # Of the band that holds `LEVEL` of the samples judged, every test counted the same [N m]
+    conditions: int = 1  # Recordings, sessions or repetitions that were left out in turn; 1: parts of a single one
 
     @property
     def mean(self) -> float:
@@ -99,7 +104,7 @@ def condition_tests(trials: Sequence[TorqueTrial]) -> tuple[ConditionTest, ...]:
     def test(words: str, fitted: np.ndarray, judged: np.ndarray) -> ConditionTest:
         return ConditionTest(words, np.flatnonzero(fitted & counted), np.flatnonzero(judged & counted))
 
-    of = [t.group for t in trials] if len({t.group for t in trials}) > 1 else [t.name for t in trials]
+    of = _conditions_of(trials)
     conditions = _conditions(trials, of)
     if len(conditions) > 1:
         member = np.repeat(of, [len(t) for t in trials])
@@ -161,13 +166,29 @@ def examined(fit: Any, trials: Sequence[TorqueTrial]) -> Examined:
             errors.append(predict(test) - torque[test.judged])
         except IdentificationError:  # nothing to fit in there
             errors.append(np.full(max(1, len(test.judged)), np.nan))
-    known = np.abs(np.concatenate(errors))
-    known = known[np.isfinite(known)]
     return Examined(
         tuple(test.words for test in tests),
         tuple(float(np.sqrt(np.mean(e**2))) for e in errors),
-        float(np.quantile(known, LEVEL)) if len(known) else float("nan"),
+        _half_width(errors),
+        len(set(_conditions_of(trials))),
     )
+
+
+def _half_width(errors: Sequence[np.ndarray]) -> float:
+    """Which `LEVEL` of the errors do not pass, every test counted the same [N m]."""
+    errors = [np.abs(e) for e in errors if np.isfinite(e).all()]
+    if not errors:
+        return float("nan")
+    size, weight = np.concatenate(errors), np.concatenate([np.full(len(e), 1.0 / len(e)) for e in errors])
+    order = np.argsort(size)
+    share = np.cumsum(weight[order]) / len(errors)
+    return float(size[order][min(np.searchsorted(share, LEVEL), len(size) - 1)])
+
+
+def _conditions_of(trials: Sequence[TorqueTrial]) -> list[str]:
+    """Which condition each trial is of: its group, or where there is but one, itself."""
+    groups = [t.group for t in trials]
+    return groups if len(set(groups)) > 1 else [t.name for t in trials]
 
 
 def _of_features(

@@ -29,7 +29,7 @@ class Section:
     """A part of a page: paragraphs, then drawings, then tables, then links, then muted notes; all text is plain.
 
     `id` is the anchor; the `heading` stands in the navigation too; `links` are words and where they lead; `folded` are
-    tables below a line that opens them.
+    tables below a line that opens them; `verdicts`, of a kind each, stand last.
     """
 
     id: str
@@ -40,6 +40,7 @@ class Section:
     notes: tuple[str, ...] = ()
     links: tuple[tuple[str, str], ...] = ()
     folded: tuple[tuple[str, Table], ...] = ()
+    verdicts: tuple[tuple[str, str], ...] = ()
 
 
 @dataclass(frozen=True)

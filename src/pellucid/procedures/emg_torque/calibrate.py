@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from ..._errors import IdentificationError
+from ...estimators.condition_choice import KNOWN, LEVEL
 from ...estimators.cross_validation import score
 from ...estimators.families import ESTIMATORS
 from ...estimators.hill import HillMap
@@ -40,6 +41,9 @@ from .sessions import compared_sessions, elsewhere_words, session_tables, sessio
 from .torque_card import torque_card
 from .trial_sources import STEPS, moment_trials, moved_body, step_trials
 
+BANDS = "bands"
+"""Finding that bands are not known to hold."""
+
 CARD = "ridge"
 """The estimator whose causal map becomes a card: a robot can run a sum of products."""
 
@@ -71,13 +75,15 @@ def calibrate(study: Study, on_progress: Progress | None = None) -> CalibrationR
     evaluated, trials = found.evaluated, found.trials
     for what in dict.fromkeys(each.what for each in evaluated if each.what not in found.chosen):
         found.chosen[what] = chosen_of(evaluated, what)
-    chosen = tuple(found.chosen.values())
+    chosen, bands = tuple(found.chosen.values()), _bands(found)
+    found.verdicts.extend(Verdict("warning", each, finding=BANDS) for each in bands)
     return CalibrationResult(
         study=study.name,
-        headline=_nowhere(found) + _headline(chosen),
+        headline=_nowhere(found) + "".join(f"{each} " for each in bands) + _headline(chosen),
         tables=(
             *_chosen_tables(chosen),
             *_tables(evaluated),
+            *_examined_tables(evaluated),
             *session_tables(found.sessions),
             *muscle_tables(found.muscles),
         ),
@@ -164,17 +170,18 @@ def _by_recording(study: Study, tell: Progress) -> Calibrated:
                     examined=away,
                     seconds=fit.fit.seconds if isinstance(fit, HillMap) else None,
                     coverage=None if half is None else float(np.mean(np.abs(trial.torque - made) <= half)),
+                    held=None if away is None else float(np.mean(np.abs(trial.torque - made) <= away.half_width)),
                     partial=partial_errors(trial.torque, made) if isinstance(fit, HillMap) else (),
                     without_changed=without,
                     torque_unit=trial.unit,
                 )
             )  # fmt: skip
             if not causal:
-                empty = TorqueTrace(joint, trial.name, trial.time, trial.torque, {}, {})
+                empty = TorqueTrace(joint, trial.name, trial.time, trial.torque, {}, {}, LEVEL)
                 trace = traces.setdefault((joint, trial.name), empty)
                 trace.predicted[name] = made
-                if half is not None:
-                    trace.half_width[name] = half
+                if away is not None:
+                    trace.half_width[name] = np.full(len(made), away.half_width)
     found.traces.extend(
         traces[joint, trial.name] for joint in joints for trial in trials[joint] if (joint, trial.name) in traces
     )
@@ -270,20 +277,63 @@ def _chosen_tables(chosen: Sequence[Chosen]) -> tuple[FigureTable, ...]:
     """What is named first, condition by condition or trial by trial, angles alone beside it."""
     made = []
     for each in chosen:
-        unit = each.judged[0].unit
-        heads = ["Judged on", "Chosen", f"RMSE ({unit})", "R²", "RMSE without EMG"]
-        rows = [
-            (name.replace("_", " "), by, own.rmse, own.r2, None if bare is None else bare.rmse)
-            for name, by, own, bare in each.by_condition()
-        ]
-        made.append(FigureTable(f"Named first: {each.what}", tuple(heads), tuple(rows)))
+        heads = (
+            "Judged on",
+            "By",
+            f"RMSE ({each.judged[0].unit})",
+            "R²",
+            "RMSE without EMG",
+            f"{100 * LEVEL:g} % band",
+        )
+        rows = tuple(
+            (
+                one.name.replace("_", " "),
+                ESTIMATORS[one.estimator].words,
+                one.score.rmse,
+                one.score.r2,
+                None if one.bare is None else one.bare.rmse,
+                None if one.held is None else f"{100.0 * one.held:.0f} %",
+            )
+            for one in each.by_condition()
+        )
+        made.append(FigureTable(f"Named first: {each.what}", heads, rows))
+    return tuple(made)
+
+
+def _examined_tables(evaluated: Sequence[Evaluated]) -> tuple[FigureTable, ...]:
+    """What chose: errors away from what was fitted, test by test; where trials are left out each fold has its own."""
+    made = []
+    for what in dict.fromkeys(e.what for e in evaluated if e.examined is not None):
+        own = {e.estimator: e for e in evaluated if e.what == what and e.examined is not None}
+        tests = next(iter(own.values())).examined.words
+        heads = ("Estimator", "All", *(word[0].upper() + word[1:] for word in tests))
+        rows = tuple((ESTIMATORS[n].words, e.examined.mean, *e.examined.rmse) for n, e in own.items())
+        unit = next(iter(own.values())).torque_unit
+        title = f"What chose: {what}, RMSE ({unit}) on what was fitted, away from what each was fitted to for the test"
+        made.append(FigureTable(title, heads, rows))
     return tuple(made)
 
 
 def _nowhere(found: Calibrated) -> str:
     """Recordings on which no figure may be believed, said before any; empty without one."""
-    said = [f"{name} ({elsewhere_words(c)})" for name, c in found.sessions.items() if not c.holds]
-    return f"No estimate holds on {', '.join(said)}. " if said else ""
+    away = [f"{name} ({elsewhere_words(c)})" for name, c in found.sessions.items() if not c.holds]
+    return f"No estimate holds on {', '.join(away)}. " if away else ""
+
+
+def _bands(found: Calibrated) -> list[str]:
+    """Where bands are not known to hold, by what EMG and angles show: no reference is looked at."""
+    said = []
+    changed = [
+        f"{name} ({', '.join(m.replace('_', ' ') for m in c.changed)})"
+        for name, c in found.sessions.items()
+        if c.holds and c.changed
+    ]
+    if changed:
+        said.append(f"Bands do not hold on {', '.join(changed)}: channels changed.")
+    few = [f"{each.what} by {each.conditions}" for each in found.chosen.values() if 1 < each.conditions < KNOWN]
+    if few:
+        said.append(f"Bands are not known to hold, chosen by fewer than {KNOWN} trials: {', '.join(few)}.")
+    return said
 
 
 def _headline(chosen: Sequence[Chosen]) -> str:
@@ -310,7 +360,8 @@ def _headline(chosen: Sequence[Chosen]) -> str:
         by_trial = each.judged[0].by_trial
         if by_trial:
             name = max(by_trial, key=lambda t: by_trial[t].rmse)
-            first += f" over all trials left out, {by_trial[name].rmse:.3g} at worst ({name.replace('_', ' ')})"
+            worst = f"{by_trial[name].rmse:.3g} {each.judged[0].unit} at worst ({name.replace('_', ' ')})"
+            first = f"{worst} and {first} over all trials left out,"
         bare = " and ".join(f"{e.score.rmse:.3g}" for e in each.bare[:3])
         said.append(
             f"{each.what}: off by {' and '.join([first, *others])} by {each.words}"

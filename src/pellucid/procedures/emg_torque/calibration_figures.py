@@ -11,8 +11,8 @@ from ...pages.drawing import Drawing, key, line, tidy
 from ...pages.quantities import number
 from ...pages.style import FIGURE_WIDTH, colour
 
-SHOWN = {"boost": "fitted", "ridge": "heldout", "hill": "good"}
-"""Estimators whose torque is drawn over time, and their colours."""
+CHOSEN, BARE, MUSCLES = "heldout", "faint", "good"
+"""Colours of what is drawn over time: what is named first, angles alone, and muscles where they are not named."""
 
 TONES = {
     "boost": "fitted",
@@ -36,40 +36,49 @@ def torque_trace(
     predicted: Mapping[str, np.ndarray],
     name: str,
     *,
+    chosen: str,
+    bare: str,
     words: Mapping[str, str],
     caption: str,
     half_width: Mapping[str, np.ndarray] | None = None,
     unit: str = "N*m",
 ) -> Drawing:
-    """Torque over time, held out: the reference, what maps made of EMG, and their errors beneath. `time`,
-    `reference` (n,) [s], [`unit`]; `predicted`, `half_width` (n,)
-    [`unit`]."""
+    """Torque over time, held out: the reference, what is `chosen` with its band, the `bare` angles, muscles, and their
+    errors beneath. `time`, `reference` (n,) [s], [`unit`]; `predicted`, `half_width` (n,) [`unit`]."""
     unit = unit.replace("*", "·")
-    shown = {estimator: predicted[estimator] for estimator in SHOWN if estimator in predicted}
+    shown = {e: c for e, c in ((bare, BARE), ("hill", MUSCLES), (chosen, CHOSEN)) if e in predicted}
     middle = 0.5 * (time[0] + time[-1])
     within = np.abs(time - middle) <= 0.5 * STRETCH
     figure = Figure(figsize=(FIGURE_WIDTH, 4.2), layout="constrained")
     top, bottom = figure.subplots(2, 1, sharex=True, height_ratios=(2.4, 1.0))
     line(top, time[within], reference[within], color=colour("measured"), linewidth=2.2, alpha=0.6)
-    for estimator, torque in shown.items():
-        tone = colour(SHOWN[estimator])
-        if half_width and estimator in half_width:
+    for estimator, name_of_tone in shown.items():
+        torque, tone, style = predicted[estimator], colour(name_of_tone), "--" if estimator == bare else "-"
+        if half_width and estimator == chosen and estimator in half_width:
             low, high = torque - half_width[estimator], torque + half_width[estimator]
-            top.fill_between(time[within], low[within], high[within], color=tone, alpha=0.12, linewidth=0.0, zorder=1)
-        line(top, time[within], torque[within], color=tone, linewidth=1.2)
-        line(bottom, time[within], (torque - reference)[within], color=tone, linewidth=1.0)
+            top.fill_between(time[within], low[within], high[within], color=tone, alpha=0.14, linewidth=0.0, zorder=1)
+        line(top, time[within], torque[within], color=tone, linewidth=1.2, linestyle=style)
+        line(bottom, time[within], (torque - reference)[within], color=tone, linewidth=1.0, linestyle=style)
     bottom.axhline(0.0, color=colour("faint"), linewidth=0.8, zorder=1)
     tidy(top, first=True, text=f"Torque ({unit})")
     tidy(bottom, first=True, text=f"Error ({unit})", ticks=4)
     bottom.set_xlabel("Time (s)")
-    key(top, [("reference", colour("measured")), *((words[e], colour(SHOWN[e])) for e in shown)])
+    key(top, [("reference", colour("measured")), *((words[e], colour(tone)) for e, tone in shown.items())])
     return Drawing(name, figure, caption)
 
 
 def error_by_estimator(
-    errors: Sequence[tuple[str, str, str, float]], name: str, *, heads: Sequence[str], caption: str, unit: str = "N*m"
+    errors: Sequence[tuple[str, str, str, float]],
+    name: str,
+    *,
+    heads: Sequence[str],
+    chosen: Mapping[str, str],
+    bare: str,
+    caption: str,
+    unit: str = "N*m",
 ) -> Drawing:
-    """RMSE of every estimator, one panel for each joint or person. `errors` [`unit`]."""
+    """RMSE of every estimator, one panel for each joint or person, a line where angles alone (`bare`) are; `chosen` by
+    panel are set in bold. `errors` [`unit`]."""
     unit = unit.replace("*", "·")
     rows = list(dict.fromkeys((estimator, words) for _, estimator, words, _ in errors))
     figure = Figure(figsize=(FIGURE_WIDTH, 1.2 + 0.3 * len(rows)), layout="constrained")
@@ -80,12 +89,15 @@ def error_by_estimator(
             if estimator not in found:
                 continue
             tone = colour(TONES.get(estimator.split("_published")[0], "ink"))
+            bold = "bold" if chosen.get(head) == estimator else "normal"
             axis.plot((0.0, found[estimator]), (row, row), color=tone, linewidth=2.0, alpha=0.4, zorder=2)
             axis.plot([found[estimator]], [row], color=tone, marker="o", markersize=6.0, markeredgewidth=0.0, zorder=3)
             axis.annotate(
                 number(found[estimator], digits=3), (found[estimator], row), xytext=(7, -0.5),
-                textcoords="offset points", va="center", color=tone, fontsize=8.5,
+                textcoords="offset points", va="center", color=tone, fontsize=8.5, fontweight=bold,
             )  # fmt: skip
+        if bare in found:
+            axis.axvline(found[bare], color=colour("faint"), linewidth=1.0, linestyle="--", zorder=1)
         tidy(axis, first=axis is axes[0])
         axis.set_title(head, fontweight="bold")
         axis.set_xlim(0.0, 1.18 * max(found.values()))

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from ...estimators.families import ESTIMATORS
+from ...fit.parameter import Verdict, ranked
 from ...pages.drawing import draw
 from ...pages.page import Page, Section, Tile
 from ...pages.quantities import number, prose
@@ -15,8 +18,15 @@ from ..result import ParameterTable
 from ..study_page import figure_tables, study_page
 from . import calibration_figures as figures
 from . import muscle_figures
-from .calibrate import CalibrationResult
+from .calibrate import BANDS, CalibrationResult
+from .chosen import BASELINE, Chosen
 from .evaluated import TorqueTrace
+
+SHORT = {
+    BASELINE: "angles alone", "hill": "muscles", "nmco": "NM-CO", "nmnc": "NM-NC", "mbp": "M-BP",
+    "ridge_lags": "ridge with lags",
+}  # fmt: skip
+"""Words of estimators where there is little room."""
 
 
 def page(study: Study, findings: CalibrationResult) -> Page:
@@ -26,53 +36,101 @@ def page(study: Study, findings: CalibrationResult) -> Page:
         headline=prose(findings.headline),
         tiles=_tiles(findings),
         sections=tuple(
-            filter(None, (_found(findings), _traces(findings), _muscles(findings), _choices(findings), _method(study)))
+            filter(
+                None,
+                (
+                    _found(findings), _traces(findings), _known(findings), _choices(findings), _muscles(findings),
+                    _method(study),
+                ),
+            )
         ),
-        verdicts=findings.verdicts,
-    )
+        # What makes all figures void stands above them; what else is to be known, below the first.
+        verdicts=[v for v in findings.verdicts if _first(v)],
+    )  # fmt: skip
+
+
+def _first(verdict: Verdict) -> bool:
+    """Whether it makes figures void, or bands."""
+    return verdict.kind == "wrong" or verdict.finding == BANDS
 
 
 def _tiles(findings: CalibrationResult) -> tuple[Tile, ...]:
     tiles = []
     for each in findings.chosen:
-        best = each.judged[0]
-        others = [f"{e.recording.replace('_', ' ')} {number(e.score.rmse, digits=3)}" for e in each.judged[1:]]
-        bare = [f"angles alone, without EMG: {number(each.bare[0].score.rmse, digits=3)}"] if each.bare else []
-        more = "; ".join([each.words, f"R² {best.score.r2:.3f}", *others, *bare])
-        unit = "of the leg's weight, RMS" if best.kind == "normalised" else f"{best.unit.replace('*', '·')} RMS"
-        where = f", {best.recording.replace('_', ' ')}" if others else ""
-        tiles.append(Tile(f"Torque error, {each.what}{where}", number(best.score.rmse, digits=3), unit, more))
+        judged = sorted(each.by_condition(), key=lambda one: -one.score.rmse)
+        worst, others = judged[0], judged[1:4]
+        more = [ESTIMATORS[worst.estimator].words, f"R² {worst.score.r2:.3f}"]
+        if worst.bare is not None:
+            more.append(f"angles alone, without EMG: {number(worst.bare.rmse, digits=3)}")
+        more += [f"{one.name.replace('_', ' ')} {number(one.score.rmse, digits=3)}" for one in others]
+        unit = (
+            "of the leg's weight, RMS"
+            if each.judged[0].kind == "normalised"
+            else f"{each.judged[0].unit.replace('*', '·')} RMS"
+        )
+        unit += ", the worst" if others else ""
+        where = f"{each.what}, {worst.name.replace('_', ' ')}" if others else each.what
+        tiles.append(Tile(f"Torque error, {where}", number(worst.score.rmse, digits=3), unit, "; ".join(more)))
     return tuple(tiles)
 
 
 def _found(findings: CalibrationResult) -> Section:
     tables = figure_tables(findings)
-    first = findings.evaluated[0].recording
-    plain = [e for e in findings.evaluated if not e.causal and e.recording == first]
+    first = tuple(t for t in tables if t.caption.startswith("Named first"))
+    rest = tuple(t for t in tables if t not in first and not t.caption.startswith("What chose"))
+    shown = {each.what: _shown(findings, each) for each in findings.chosen}
+    several = len({recording for recording in shown.values() if recording}) > 1
+    head = {w: f"{w}, {r.replace('_', ' ')}" if several else w for w, r in shown.items()}
+    plain = [
+        e for e in findings.evaluated
+        if not e.causal and e.recording == shown[e.what] and not ESTIMATORS[e.estimator].told
+    ]  # fmt: skip
+    where = next(iter(shown.values()))
+    on = " on what was not fitted" + ("" if several or not where else f" ({where.replace('_', ' ')}, the worst)")
     drawing = draw(
         figures.error_by_estimator,
-        [(e.what, e.estimator, ESTIMATORS[e.estimator].words, e.score.rmse) for e in plain],
+        [(head[e.what], e.estimator, ESTIMATORS[e.estimator].words, e.score.rmse) for e in plain],
         "errors",
-        heads=list(dict.fromkeys(e.what for e in plain)),
-        unit=plain[0].torque_unit,
-        caption="RMS error of the torque on what was not fitted"
-        + (f" ({first})." if first else ", each repetition left out in turn."),
+        heads=list(dict.fromkeys(head[e.what] for e in plain)),
+        chosen={head[each.what]: each.judged[0].estimator for each in findings.chosen},
+        bare=BASELINE,
+        unit=plain[0].torque_unit if plain[0].kind != "normalised" else "of the leg's weight",
+        caption=f"RMS error of the torque{on}. The dashed line is what angles alone tell, without EMG; the figure in "
+        "bold is what is named first, which tests within what was fitted chose.",
     )
-    return Section("emg_found", "What was found", (), tables, (drawing,))
+    return Section("emg_found", "What was found", (), (*first, *rest), (drawing,))
+
+
+def _shown(findings: CalibrationResult, chosen: Chosen) -> str:
+    """The worst of the recordings on which estimates hold; of all where they hold on none."""
+    void = {v.said.partition(":")[0] for v in findings.verdicts if v.finding == "another_condition"}
+    return next((e.recording for e in chosen.judged if e.recording not in void), chosen.judged[0].recording)
 
 
 def _traces(findings: CalibrationResult) -> Section:
     words = {name: family.words for name, family in ESTIMATORS.items()}
-    drawings = tuple(
-        draw(
-            figures.torque_trace, trace.time, trace.reference, trace.predicted, f"torque_{i + 1}", words=words,
-            half_width=trace.half_width, unit=findings.evaluated[0].torque_unit,
-            caption=f"Torque of {trace.what}, {trace.recording.replace('_', ' ')}: the reference (grey), what maps "
-            f"made of EMG and motion they were not fitted to, and their errors{coverage_text(trace)}.",
-        )
-        for i, trace in enumerate(findings.traces)
-    )  # fmt: skip
-    return Section("emg_torque", "Torque over time", drawings=drawings)
+    by = {each.what: each for each in findings.chosen}
+    drawings = []
+    for i, trace in enumerate(findings.traces, start=1):
+        each = by[trace.what]
+        chosen = each.by.get(trace.recording, each.judged[0].estimator)
+        bands = {chosen: trace.half_width[chosen]} if chosen in trace.half_width else {}
+        drawings.append(
+            draw(
+                figures.torque_trace, trace.time, trace.reference, trace.predicted, f"torque_{i}", chosen=chosen,
+                bare=BASELINE, words=words | SHORT, half_width=bands, unit=findings.evaluated[0].torque_unit,
+                caption=f"Torque of {trace.what}, {trace.recording.replace('_', ' ')}: the reference (grey), what "
+                "was made of EMG and motion that were not fitted, what angles alone make (dashed), and their errors"
+                f"{coverage_text(replace(trace, half_width=bands))}.",
+            )
+        )  # fmt: skip
+    return Section("emg_torque", "Torque over time", drawings=tuple(drawings))
+
+
+def _known(findings: CalibrationResult) -> Section | None:
+    """What is to be known of figures and muscles, worst first; None where there is nothing."""
+    said = tuple((v.kind, prose(v.said)) for v in ranked(v for v in findings.verdicts if not _first(v)))
+    return Section("emg_known", "What is to be known", verdicts=said) if said else None
 
 
 def coverage_text(trace: TorqueTrace) -> str:
@@ -80,7 +138,8 @@ def coverage_text(trace: TorqueTrace) -> str:
     said = []
     for name, half in trace.half_width.items():
         share = 100.0 * float(np.mean(np.abs(trace.reference - trace.predicted[name]) <= half))
-        said.append(f"; the band of {ESTIMATORS[name].words}, meant for 95 %, holds {share:.0f} % of this torque")
+        words, level = ESTIMATORS[name].words, 100.0 * trace.level
+        said.append(f"; the band of {words}, meant for {level:g} %, holds {share:.0f} % of this torque")
     return "".join(said)
 
 
@@ -143,7 +202,8 @@ def _choices(findings: CalibrationResult) -> Section:
     )
     heads = ("Torque of", "Estimator", "Sees; settings", "R² within what was fitted")
     caption = "What cross-validation chose, within what was fitted alone."
-    return Section("emg_choices", "What each map sees", tables=(Table(heads, rows, frozenset({3}), caption, True),))
+    tables = (*figure_tables(findings, "What chose"), Table(heads, rows, frozenset({3}), caption, True))
+    return Section("emg_choices", "What each map sees, and which is named first", tables=tables)
 
 
 def _method(study: Study) -> Section:
@@ -157,6 +217,10 @@ def _method(study: Study) -> Section:
         said.append(f"The reference torque passes a zero-phase low-pass at {spec.reference_lowpass:g} Hz (order 4).")
     said.append(
         "Features and settings are chosen by cross-validation that leaves out whole repetitions, or blocks of time "
-        "with gaps as long as the features remember; what is judged takes no part in it."
+        "with gaps as long as the features remember; what is judged takes no part in it. Which estimator is named "
+        "first is chosen where it will be used, away from what it is fitted to: by leaving out whole recordings or "
+        "repetitions where there are several, else by slow strides that judge fast ones, the reverse, and the fifth of "
+        "the samples with the most effort and speed. Where these tests cannot tell two apart, muscles come before "
+        "what is linear and that before trees. The 90 % band is as wide as errors were there."
     )
     return Section("emg_method", "How", (" ".join(said),), notes=study.notes)

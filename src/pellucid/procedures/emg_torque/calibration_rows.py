@@ -72,9 +72,13 @@ def calibration_rows(
             unit = "1" if judged.kind == "normalised" else judged.torque_unit
             add(f"{named.what}.chosen.rmse{tail}", judged.score.rmse, unit, note, recording=judged.recording)
             add(f"{named.what}.chosen.r2{tail}", judged.score.r2, "1", note, recording=judged.recording)
-            for trial, one in judged.by_trial.items():
-                note = "left out, chosen without it"
-                add(f"{named.what}.chosen.rmse.{trial}", one.rmse, unit, note, recording=trial)
+        for one in named.by_condition():
+            tail = f".{one.name}" if named.by or one.name != first else ""
+            if named.by:
+                add(f"{named.what}.chosen.rmse{tail}", one.score.rmse, unit, f"by {one.estimator}", recording=one.name)
+            if one.held is not None:
+                words = "share of samples within the 90 % band"
+                add(f"{named.what}.chosen.coverage90{tail}", one.held, "1", words, recording=one.name)
     for recording, compared in (sessions or {}).items():
         at = {"recording": recording}
         add(f"session.{recording}.channels_changed", len(compared.changed), "1", ", ".join(compared.changed), **at)

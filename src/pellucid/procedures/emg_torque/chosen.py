@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -20,6 +20,17 @@ BASELINE = "motion"
 
 
 @dataclass(frozen=True)
+class Judged:
+    """What is named first, on one recording or trial."""
+
+    name: str
+    estimator: str
+    score: Score
+    bare: Score | None  # Of angles alone
+    held: float | None  # Share of the reference within the band
+
+
+@dataclass(frozen=True)
 class Chosen:
     """What is named first for one joint or participant."""
 
@@ -28,15 +39,19 @@ class Chosen:
     judged: tuple[Evaluated, ...]  # Its figures by recording, the worst first
     bare: tuple[Evaluated, ...]  # Those of angles alone, in the same order; empty where nothing was fitted to them
 
-    by: tuple[tuple[str, str], ...] = ()  # Estimator by trial, where trials are left out in turn
+    conditions: int = 1  # That were left out in turn to choose it, the fewest in any fold; 1: parts of one recording
+    by: Mapping[str, str] = field(default_factory=dict)  # Estimator by trial, where trials are left out in turn
+    half_width: Mapping[str, float] = field(default_factory=dict)  # Of the band by trial there [N m]
+    held: Mapping[str, float] = field(default_factory=dict)  # Share of the reference within, by trial there
 
-    def by_condition(self) -> list[tuple[str, str, Score, Score | None]]:
-        """Each recording or trial, the words of what was chosen for it, its score, and that of angles alone."""
+    def by_condition(self) -> list[Judged]:
+        """How it did on each recording or trial."""
         if not self.by:
             bare = {e.recording: e.score for e in self.bare}
-            return [(e.recording, self.words, e.score, bare.get(e.recording)) for e in self.judged]
+            return [Judged(e.recording, e.estimator, e.score, bare.get(e.recording), e.held) for e in self.judged]
         bare = self.bare[0].by_trial if self.bare else {}
-        return [(t, ESTIMATORS[n].words, self.judged[0].by_trial[t], bare.get(t)) for t, n in self.by]
+        own = self.judged[0].by_trial
+        return [Judged(t, name, own[t], bare.get(t), self.held.get(t)) for t, name in self.by.items()]
 
     @property
     def words(self) -> str:
@@ -59,7 +74,8 @@ def chosen_of(evaluated: Sequence[Evaluated], what: str) -> Chosen:
     best = named({e.estimator: e.examined for e in own if e.examined is not None})
     judged = sorted((e for e in own if e.estimator == best), key=lambda e: -e.score.rmse)
     bare = {e.recording: e for e in own if e.estimator == BASELINE}
-    return Chosen(what, (best,), tuple(judged), tuple(bare[e.recording] for e in judged if e.recording in bare))
+    bare = tuple(bare[e.recording] for e in judged if e.recording in bare)
+    return Chosen(what, (best,), tuple(judged), bare, judged[0].examined.conditions)
 
 
 def chosen_in_folds(
@@ -81,10 +97,19 @@ def chosen_in_folds(
         alike, estimator=Counter(best).most_common(1)[0][0], score=Score(rmse, whole.r2), by_trial=by_trial,
         choice=", ".join(f"{name} without {group}" for group, name in of.items()),
     )  # fmt: skip
+    within = {g: results[name].examined[j] for j, (g, name) in enumerate(of.items())}
+    width = {t.name: within[t.group].half_width for t in trials}
+    held = {
+        t.name: float(np.mean(np.abs(t.torque - results[of[t.group]].predicted[t.name]) <= width[t.name]))
+        for t in trials
+    }
     return Chosen(
         one.what,
         tuple(best),
         (one,),
         tuple(e for e in evaluated if e.estimator == BASELINE),
-        tuple((t.name, of[t.group]) for t in trials),
+        min(each.conditions for each in within.values()),
+        {t.name: of[t.group] for t in trials},
+        width,
+        held,
     )

@@ -45,7 +45,8 @@ class Evaluated:
     kind: str = "recording"
     seconds: float | None = None  # One calibration took, all starts included, where that is a figure of its own
     coverage: float | None = None  # Share of held-out samples within the 95 % interval about what is predicted
-    coverage90: float | None = None  # The same of the 90 % band
+    # Share within the band of `condition_choice.LEVEL`, as wide as errors were away from what was fitted
+    held: float | None = None
     # RMSE where the reference pulls along its main direction, and of both torques cut off at 0 [N m]; or empty
     partial: tuple[float, ...] = ()
     # The same with envelopes of channels that changed replaced by what the others tell; None where none did
@@ -67,8 +68,9 @@ class TorqueTrace:
     time: np.ndarray  # time, reference: (n,) [s] and [N m]
     reference: np.ndarray
     predicted: Mapping[str, np.ndarray]  # (n,) By estimator [N m]
-    # (n,) Half the 95 % interval about what is predicted, of estimators that have one [N m]
+    # (n,) Half the band about what is predicted, of estimators that have one [N m]
     half_width: Mapping[str, np.ndarray] = field(default_factory=dict)
+    level: float = 0.95  # What the bands are meant for
 
 
 @dataclass(frozen=True, eq=False)

@@ -7,6 +7,7 @@ from collections.abc import Callable
 import numpy as np
 
 from ..._errors import IdentificationError
+from ...estimators.condition_choice import LEVEL
 from ...estimators.cross_validation import Score
 from ...estimators.families import ESTIMATORS
 from ...estimators.torque_map import fit_torque_map, torque_map_cv
@@ -82,9 +83,12 @@ def _judge(found: Calibrated, trials: list[TorqueTrial], what: str, kind: str, u
         )  # fmt: skip
     found.evaluated.extend(own)
     found.chosen[what] = chosen_in_folds(trials, results, own)
-    worst = max(trials, key=lambda t: results[names[0]].by_trial[t.name].rmse)
+    # The worst of what is named first, with its band.
+    chosen = found.chosen[what]
+    worst = max(trials, key=lambda t: chosen.judged[0].by_trial[t.name].rmse)
     made = {name: result.predicted[worst.name] for name, result in results.items()}
-    found.traces.append(TorqueTrace(what, worst.name, worst.time, worst.torque, made))
+    band = {chosen.by[worst.name]: np.full(len(worst), chosen.half_width[worst.name])}
+    found.traces.append(TorqueTrace(what, worst.name, worst.time, worst.torque, made, band, LEVEL))
     found.trials.extend(trials)
     if any(ESTIMATORS[name].whole is not None for name in names):
         found.muscles[what], found.shown[what] = fit_torque_map(trials, "hill"), worst

@@ -156,6 +156,7 @@ def _judge(found: Calibrated, trials: list[TorqueTrial], who: str, tell: Callabl
                     examined=away,
                     seconds=fit.fit.seconds if muscles else None,
                     coverage=None if inside is None else float(np.mean(inside)),
+                    held=None if away is None else float(np.mean(np.abs(trial.torque - torque) <= away.half_width)),
                     partial=partial_errors(trial.torque, torque) if muscles else (),
                 )
             )  # fmt: skip
