@@ -223,8 +223,9 @@ def test_where_trials_are_left_out_the_others_choose():
     own = [replace(told(n, 1.0, ""), by_trial={t.name: Score(1.0 * i, 0.5) for t in trials}, kind="trials")
            for i, n in enumerate(names)]  # fmt: skip
     chosen = chosen_in_folds(trials, results, own)
-    assert chosen.by == (("a", "hill"), ("b", "ridge"), ("c", "ridge"))
+    assert chosen.by == {"a": "hill", "b": "ridge", "c": "ridge"}
     assert chosen.judged[0].score.rmse == pytest.approx(2.0 / 3.0)
+    assert chosen.held == {"a": 1.0, "b": 1.0, "c": 1.0}
 
 
 def test_a_band_says_what_it_holds():
