@@ -175,7 +175,7 @@ def _recorded(stream: Recording, muscle: str) -> np.ndarray:
             "makes one of raw EMG"
         )
     # A filter run both ways may leave a little below 0 behind a burst.
-    if np.min(channel.samples) < -0.02 * np.max(channel.samples):
+    if np.min(channel.samples) < -0.2 * np.max(channel.samples):
         raise RecordingError(
             f"{where(stream, muscle)}: found {np.min(channel.samples):.3g}, expected an envelope, none below 0: raw "
             "EMG has a unit of volts and needs a chain"
