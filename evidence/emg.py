@@ -15,12 +15,14 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
+from scipy import signal
 
 from pellucid.datasets import init
 from pellucid.datasets.fetch import path as data_set
 from pellucid.estimators.cross_validation import score
 from pellucid.estimators.emg_session import FittedSession
 from pellucid.estimators.families import ESTIMATORS
+from pellucid.estimators.raw_session import RawChannels
 from pellucid.estimators.session_watch import SessionWatch
 from pellucid.estimators.torque_map import fit_torque_map
 from pellucid.estimators.torque_trial import TorqueTrial
@@ -49,6 +51,7 @@ def rows() -> Iterator[ResultRow]:
         yield from changed_rows(study, Path(folder) / "spoilt")
         yield from drawn_rows(study)
         yield from live_rows(study)
+        yield from raw_rows(Path(folder) / "raw")
         yield from elsewhere_rows(study, Path(folder) / "elsewhere")
     yield from choice_rows()
     yield from export_rows()
@@ -270,6 +273,55 @@ def live_rows(study: Study) -> Iterator[ResultRow]:
     yield row("live.seconds", np.median(waited), "s", f"median until every channel is named; {said}")
     share = len(false) / (LIVE * len(session.muscles))
     yield row("live.wrongly_named", share, "1", f"channels named at any time before anything changed; {said}")
+
+
+# --- raw EMG --------------------------------------------------------------------------------------------------------
+
+RAW, PER_KIND = "uci_lower_limb", 40  # recordings of seven people; spoilings of each kind
+
+
+def worn_otherwise(x: np.ndarray, other: np.ndarray, kind: str, fs: float, rng: np.random.Generator) -> np.ndarray:
+    """A raw channel (n,) [V] with one thing wrong with its electrode; `other` (n,) [V] is what leaks into it."""
+    if kind == "spectrum":
+        return signal.sosfilt(signal.butter(2, rng.uniform(25.0, 45.0), fs=fs, output="sos"), x)
+    if kind == "hum":
+        return x + rng.uniform(0.8, 2.0) * np.std(x) * np.sin(2.0 * np.pi * 60.0 * np.arange(len(x)) / fs)
+    if kind == "saturation":
+        most = np.quantile(np.abs(x), 1.0 - rng.uniform(0.005, 0.03))
+        return np.clip(x, -most, most)
+    return x + rng.uniform(1.0, 3.0) * other * np.std(x) / np.std(other)
+
+
+def raw_rows(folder: Path) -> Iterator[ResultRow]:
+    """Raw channels of seven people: the second half of each recording, and standing, against sitting before."""
+    recordings = {r.name: r for r in init(folder, dataset=RAW).recordings()}
+
+    def raw(name: str, part: slice) -> tuple[dict[str, np.ndarray], float]:
+        found = recordings[name]
+        emg = {n.removeprefix("emg."): c.samples[part] for n, c in found.channels.items() if n.startswith("emg.")}
+        return emg, found.fs
+
+    pairs = []
+    for name, found in recordings.items():
+        half = len(found.time) // 2
+        pairs.append((RawChannels.of([raw(name, slice(half))]), raw(name, slice(half, None))))
+        if f"{name}_standing" in recordings:
+            pairs.append((RawChannels.of([raw(name, slice(None))]), raw(f"{name}_standing", slice(None))))
+    named = [before.changes(RawChannels.of([now])) for before, now in pairs]
+    channels = sum(len(before.muscles) for before, _ in pairs)
+    said = f"raw EMG of {len(recordings)} recordings of people who extend a leg, or bend it standing"
+    wrong = sum(len({c.muscle for c in each}) for each in named)
+    yield row("raw.wrongly_named.unspoilt", wrong / channels, "1", f"of {channels} channels as recorded; {said}")
+    rng = np.random.default_rng(SEED + 3)
+    for kind in ("spectrum", "hum", "saturation", "shared"):
+        hit = []
+        for _ in range(PER_KIND):
+            before, (emg, fs) = pairs[rng.integers(len(pairs))]
+            muscle, other = (str(m) for m in rng.choice(before.muscles, 2, replace=False))
+            spoilt = {**emg, muscle: worn_otherwise(emg[muscle], emg[other], kind, fs, rng)}
+            changes = before.changes(RawChannels.of([(spoilt, fs)]))
+            hit.append(any((c.muscle, c.kind) == (muscle, kind) for c in changes))
+        yield row(f"raw.named.{kind}", np.mean(hit), "1", f"of {PER_KIND} drawn; {said}")
 
 
 # --- another condition ----------------------------------------------------------------------------------------------

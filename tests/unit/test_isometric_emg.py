@@ -128,6 +128,16 @@ def test_units_that_do_not_agree_and_constants_that_are_none_are_refused(files):
         study(files, STUDY.replace('"-60 deg"', '"-60 %MVC"'))
 
 
+def test_an_electrode_that_came_loose_is_named_by_check(files):
+    table = np.loadtxt(files / "others.csv", delimiter=",", skiprows=1)
+    table[:, 0] += 1.5 * np.std(table[:, 0]) * np.sin(2.0 * np.pi * 50.0 * np.arange(len(table)) / FS)
+    np.savetxt(files / "loose.csv", table, fmt="%.5f", delimiter=",", header="VL,BF,torque", comments="")
+    named = check(study(files, recordings=RECORDINGS.replace("others.csv", "loose.csv")))
+    told = [f for f in named if f.kind == "changed_channel"]
+    assert {f.channel for f in told} == {"emg.vastus_lateralis"}
+    assert any("% of the power at the mains' frequencies, expected about" in f.message for f in told)
+
+
 @pytest.mark.slow
 def test_what_is_calibrated_says_its_unit_and_what_envelopes_are_relative_to(files):
     made = study(files)

@@ -69,7 +69,7 @@ class ChannelChange:
     """One channel that is not what it was."""
 
     muscle: str
-    kind: str  # "floor", "level", "swapped", "pattern" or "crosstalk"
+    kind: str  # "floor", "level", "swapped", "pattern" or "crosstalk"; of raw EMG as in `raw_session`
     found: str
     expected: str
     other: str = ""  # The muscle that it goes with
@@ -167,7 +167,8 @@ class FittedSession:
         swapped = {c.muscle: c.other for c in compared.changes if c.kind == "swapped"}
         foreign = {c.muscle for c in compared.changes if c.kind in ("pattern", "crosstalk")}
         back = {muscle: trial.envelopes[swapped.get(muscle, muscle)] for muscle in self.muscles}
-        scaled = [m for m in compared.changed if m not in swapped and m not in foreign]
+        moved = dict.fromkeys(c.muscle for c in compared.changes if c.kind in ("floor", "level"))
+        scaled = [m for m in moved if m not in swapped and m not in foreign]
         made = self.rescaled(replace(trial, envelopes=back, lead={}), seconds, scaled)
         return self.without(made, foreign) if foreign and len(foreign) < len(self.muscles) else made
 

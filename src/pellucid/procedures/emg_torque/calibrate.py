@@ -131,7 +131,7 @@ def _by_recording(study: Study, tell: Progress) -> Calibrated:
     found, joints, rescale = Calibrated(), study.config.emg_torque.joints, study.config.emg_torque.rescale
     trials = {joint: moment_trials(study, joint) for joint in joints}
     parts = {joint: _fitted_and_held(study, joint, trials[joint]) for joint in joints}
-    session, compared = compared_sessions(*parts[joints[0]])
+    session, compared = compared_sessions(study, *parts[joints[0]])
     found.sessions.update(compared)
     found.verdicts.extend(session_verdicts(found.sessions, rescale is not None))
     found.verdicts.append(Verdict("note", normalisation_words(study)))

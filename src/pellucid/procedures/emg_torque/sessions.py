@@ -3,14 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
 
 from ..._errors import PellucidError
-from ...estimators.emg_session import Compared, FittedSession
+from ...estimators.emg_session import ChannelChange, Compared, FittedSession
+from ...estimators.raw_session import SHORTEST, RawChannels
 from ...estimators.torque_trial import TorqueTrial
 from ...fit.parameter import Verdict
 from ...recordings.fault import Fault
+from ...recordings.recording import Recording
 from ...recordings.study import Study
 from ..result import FigureTable
+from .relative_envelopes import MAXIMAL, inside_of, muscles_of, stream_of
 from .trial_sources import moment_trials
 
 RESCALE = '[emg_torque] rescale = "3 s"'
@@ -18,6 +24,7 @@ FOREIGN = (
     f"Look at electrodes and cables; {RESCALE} puts what the other channels tell in its place.",
     "What the other channels tell stands in its place.",
 )
+ELECTRODE = ("Look at the electrode, its contact and its cable: no scaling mends that.",) * 2
 WHAT_TO_DO = {
     "swapped": (
         f"Look at cables and columns; {RESCALE} exchanges them again.",
@@ -25,6 +32,7 @@ WHAT_TO_DO = {
     ),
     "crosstalk": FOREIGN,
     "pattern": FOREIGN,
+    **dict.fromkeys(("spectrum", "hum", "saturation", "shared"), ELECTRODE),
     "floor": (
         f"{RESCALE} brings floor and range of a channel that changed to those fitted.",
         "Its floor and range were brought to those fitted.",
@@ -34,39 +42,76 @@ WHAT_TO_DO = {
 
 
 def compared_sessions(
-    fitted: Sequence[TorqueTrial], held: Sequence[TorqueTrial]
+    study: Study, fitted: Sequence[TorqueTrial], held: Sequence[TorqueTrial]
 ) -> tuple[FittedSession, dict[str, Compared]]:
-    """What the channels of fitted trials were, and those of every other trial against them."""
-    session = FittedSession.of(fitted)
-    return session, {trial.name: session.compared(trial) for trial in held}
+    """What the channels of fitted trials were, and those of every other trial against them, raw ones too. `study`
+    [emg_torque]."""
+    session, raw = FittedSession.of(fitted), raw_changes(study)
+    found = {trial.name: session.compared(trial) for trial in held}
+    return session, {name: replace(c, changes=(*c.changes, *raw.get(name, ()))) for name, c in found.items()}
+
+
+def raw_changes(study: Study) -> dict[str, tuple[ChannelChange, ...]]:
+    """By recording to be judged, raw channels that are not what they were in what is fitted of the same person.
+    `study` [emg_torque]."""
+    if study.config.emg_torque.chain == "none":
+        return {}
+    found: dict[str, tuple[ChannelChange, ...]] = {}
+    read = [(r, stream_of(r, study.config.emg_torque.emg)) for r in study.recordings()]
+    wired = [(r, s) for r, s in read if any(c.startswith("emg.") for c in s.channels)]
+    long = [(r, s) for r, s in wired if r.time[-1] - r.time[0] >= SHORTEST]
+    for person in dict.fromkeys(r.participant for r, _ in long):
+        own = [(r, s) for r, s in long if r.participant == person]
+        fitted = [(r, s) for r, s in own if r.use == "fit" and r.protocol != MAXIMAL]
+        judged = [(r, s) for r, s in own if r.use != "fit" and r.protocol != MAXIMAL]
+        if fitted and judged:
+            before = RawChannels.of([_raw(study, r, s) for r, s in fitted])
+            found |= {r.name: before.changes(RawChannels.of([_raw(study, r, s)])) for r, s in judged}
+    return found
+
+
+def _raw(study: Study, recording: Recording, stream: Recording) -> tuple[dict[str, np.ndarray], float]:
+    """Raw EMG by muscle [V] within the recording's window, and its rate [Hz]."""
+    channels = {muscle: f"emg.{muscle}" for muscle in muscles_of(study, stream)}
+    return {m: stream[c][inside_of(stream, recording, c)] for m, c in channels.items()}, stream.fs
 
 
 def session_faults(study: Study) -> list[Fault]:
     """Channels that are not what they were in the recordings to be fitted. `study` [emg_torque]."""
     asked = study.config.emg_torque
-    uses = {r.use for r in study.recordings() if f"moment.{asked.joints[0]}" in r.streams.get(asked.moments, r)}
-    if uses != {"fit", "validate"}:
-        return []
     try:
-        trials = moment_trials(study, asked.joints[0])
-        _, found = compared_sessions([t for t in trials if not t.heldout], [t for t in trials if t.heldout])
+        found = _compared(study)
+        changes = {name: compared.changes for name, compared in found.items()}
+        if any(r.name not in found for r in study.recordings("validate")):
+            changes = {**raw_changes(study), **changes}
     except PellucidError:  # told where it is found
         return []
-    files = {r.name: r.streams.get(asked.emg, r).path.name for r in study.recordings()}
+    files = {r.name: stream_of(r, asked.emg).path.name for r in study.recordings()}
     faults = []
-    for name, compared in found.items():
+    for name, changed in changes.items():
         where = f"{files[name]} (recording {name})"
-        if not compared.holds:
+        compared = found.get(name)
+        if compared is not None and not compared.holds:
             text, wanted = elsewhere_words(compared), "envelopes and movement like those to be fitted"
             message = f"{where}, channels emg: found {text}, expected {wanted}: record such movements to fit, too"
             faults.append(Fault("warn", "another_condition", files[name], "emg", text, wanted, message))
-        for change in compared.changes:
+        for change in changed:
             message = f"{where}, channel emg.{change.muscle}: found {change.found}, expected {change.expected}"
             channel = f"emg.{change.muscle}"
             faults.append(
                 Fault("warn", "changed_channel", files[name], channel, change.found, change.expected, message)
             )
     return faults
+
+
+def _compared(study: Study) -> dict[str, Compared]:
+    """Recordings with moments to be judged against those to be fitted; none where there are not both."""
+    asked = study.config.emg_torque
+    uses = {r.use for r in study.recordings() if f"moment.{asked.joints[0]}" in stream_of(r, asked.moments)}
+    if uses != {"fit", "validate"}:
+        return {}
+    trials = moment_trials(study, asked.joints[0])
+    return compared_sessions(study, [t for t in trials if not t.heldout], [t for t in trials if t.heldout])[1]
 
 
 def elsewhere_words(compared: Compared) -> str:
