@@ -12,7 +12,9 @@ import pytest
 from pellucid import datasets
 from pellucid.estimators.cross_validation import score
 from pellucid.estimators.torque_map import fit_torque_map
+from pellucid.procedures.emg_torque.evaluated import Calibrated
 from pellucid.procedures.emg_torque.sessions import session_faults
+from pellucid.procedures.emg_torque.together import muscles_together
 from pellucid.procedures.emg_torque.trial_sources import moment_trials
 from pellucid.procedures.registry import open_study
 
@@ -78,3 +80,19 @@ def test_channels_that_changed_after_the_fitted_seconds_are_named_and_no_others(
         ("changed_channel", "emg.semimembranosus"),
     }  # fmt: skip
     assert all("emgFilt.sto (recording rest)" in f.message for f in found)
+
+
+def test_one_set_of_muscles_moves_knee_and_ankle(study):
+    """Calibrated on five seconds of both joints, judged on the last 36: with 10 to 100 ms from envelope to force, and
+    with the offset of the EMG's stream, which is the recording's."""
+    found = Calibrated(across={joint: moment_trials(study, joint) for joint in ("knee", "ankle")})
+    both = muscles_together(found, lambda text, share: None)
+    reached = {(s.how, s.joint): s.score.r2 for s in both.scores if s.recording == "rest"}
+    assert reached["hill", "knee"] > 0.68
+    assert reached["hill", "ankle"] > 0.80
+    assert reached["hill.offset", "knee"] > 0.76
+    assert reached["hill.offset", "ankle"] > 0.84
+    delays = both.fits["hill"].delays
+    assert 0.01 <= delays.min() <= delays.max() <= 0.1
+    offset = both.fits["hill.offset"].offset
+    assert 0.0 < offset.low < 0.1 < offset.high < 0.2

@@ -84,11 +84,9 @@ def reported_covariance(fit: MuscleFit) -> np.ndarray:
 def bounds_told_as_estimates(fit: MuscleFit, reported: Sequence[Parameter]) -> int:
     """How many of the parameters `reported` stand on a bound of the fit and are given as if they had been found."""
     found = {p.name: p for p in reported}
-    low, high = fit.problem.values(fit.problem.lower), fit.problem.values(fit.problem.upper)
     return sum(
-        (found[name].value <= a or found[name].value >= b)
-        and (found[name].identifiable or found[name].trusted or bool(np.isfinite(found[name].standard_error)))
-        for name, a, b in zip(fit.problem.names, low, high, strict=True)
+        found[name].identifiable or found[name].trusted or bool(np.isfinite(found[name].standard_error))
+        for name in np.array(fit.problem.names)[fit.at_bound]
     )
 
 

@@ -38,6 +38,15 @@ from .muscle_findings import (
 from .relative_envelopes import normalisation_words
 from .seated_swings import SWINGS, seated_swings
 from .sessions import compared_sessions, elsewhere_words, session_tables, session_verdicts
+from .together import muscles_together
+from .together_findings import (
+    TogetherShown,
+    together_cards,
+    together_rows,
+    together_shown,
+    together_tables,
+    together_verdicts,
+)
 from .torque_card import torque_card
 from .trial_sources import STEPS, moment_trials, moved_body, step_trials
 
@@ -58,6 +67,7 @@ class CalibrationResult(Result):
     chosen: tuple[Chosen, ...] = field(default=(), repr=False)  # What is named first, by joint or participant
     traces: tuple[TorqueTrace, ...] = field(default=(), repr=False)
     muscles: tuple[MuscleSummary, ...] = field(default=(), repr=False)  # Calibrated ones, by joint or participant
+    together: TogetherShown | None = field(default=None, repr=False)  # Those of all joints at once
 
 
 def calibrate(study: Study, on_progress: Progress | None = None) -> CalibrationResult:
@@ -72,6 +82,7 @@ def calibrate(study: Study, on_progress: Progress | None = None) -> CalibrationR
         raise IdentificationError(f"{study.folder}: found no table [emg_torque] in study.toml, expected one")
     tell = on_progress or (lambda text, share: None)
     found = _judge_by(study)(study, tell)
+    together = muscles_together(found, tell)
     evaluated, trials = found.evaluated, found.trials
     for what in dict.fromkeys(each.what for each in evaluated if each.what not in found.chosen):
         found.chosen[what] = chosen_of(evaluated, what)
@@ -86,19 +97,29 @@ def calibrate(study: Study, on_progress: Progress | None = None) -> CalibrationR
             *_examined_tables(evaluated),
             *session_tables(found.sessions),
             *muscle_tables(found.muscles),
+            *together_tables(together, evaluated),
         ),
         verdicts=(
             *verdicts_of(study, evaluated, trials, chosen),
             *geometry_verdicts(study),
             *muscle_verdicts_of(found),
+            *together_verdicts(together, found),
         ),
-        rows=calibration_rows(study.name, evaluated, trials, found.sessions, chosen),
-        cards={**found.cards, **muscle_cards(study, found.muscles, trials)},
+        rows=(
+            *calibration_rows(study.name, evaluated, trials, found.sessions, chosen),
+            *together_rows(study.name, together, found, trials),
+        ),
+        cards={
+            **found.cards,
+            **muscle_cards(study, found.muscles, trials),
+            **together_cards(study, together, trials),
+        },
         checksums={trial.name: trial.checksum for trial in trials},
         evaluated=tuple(evaluated),
         chosen=chosen,
         traces=tuple(found.traces),
         muscles=muscle_summaries(found),
+        together=together_shown(together),
     )
 
 
@@ -133,6 +154,11 @@ def _by_recording(study: Study, tell: Progress) -> Calibrated:
     parts = {joint: _fitted_and_held(study, joint, trials[joint]) for joint in joints}
     session, compared = compared_sessions(study, *parts[joints[0]])
     found.sessions.update(compared)
+    for joint, (fitted, held) in parts.items():
+        found.across[joint] = [
+            *fitted,
+            *(session.mended(t, rescale, compared[t.name]) if rescale and compared[t.name].changed else t for t in held),
+        ]
     found.verdicts.extend(session_verdicts(found.sessions, rescale is not None))
     found.verdicts.append(Verdict("note", normalisation_words(study)))
     runs = [

@@ -21,6 +21,7 @@ from . import muscle_figures
 from .calibrate import BANDS, CalibrationResult
 from .chosen import BASELINE, Chosen
 from .evaluated import TorqueTrace
+from .together import WORDS
 
 SHORT = {
     BASELINE: "angles alone", "hill": "muscles", "nmco": "NM-CO", "nmnc": "NM-NC", "mbp": "M-BP",
@@ -39,7 +40,8 @@ def page(study: Study, findings: CalibrationResult) -> Page:
             filter(
                 None,
                 (
-                    _found(findings), _traces(findings), _known(findings), _choices(findings), _muscles(findings),
+                    _found(findings), _traces(findings), _known(findings), _choices(findings),
+                    _together(findings), _muscles(findings),
                     _method(study),
                 ),
             )
@@ -184,6 +186,27 @@ def _muscles(findings: CalibrationResult) -> Section | None:
         if isinstance(table, ParameterTable)
     )  # fmt: skip
     return Section("emg_muscles", "Muscles", tables=tables, drawings=tuple(drawings))
+
+
+def _together(findings: CalibrationResult) -> Section | None:
+    """One calibration over all joints; None where there is none."""
+    if findings.together is None:
+        return None
+    summary, traces = findings.together.summary, findings.together.traces
+    over, where = summary.what.removesuffix(" together"), summary.recording.replace("_", " ")
+    drawings = (
+        draw(
+            muscle_figures.joints_together, traces, WORDS, "joints_together",
+            caption=f"Torques of {over} by one set of muscles, {where}, which was not fitted: with 10 to 100 ms from "
+            "every envelope to its force (and its 95 % band), and with the offset of the EMG's stream found too.",
+        ),
+        draw(
+            muscle_figures.departures, summary, "muscles_together",
+            caption=f"Muscles of {over} together: how far each number moved from the anatomical model, with its 95 % "
+            "interval. A diamond ended on a bound and is undetermined.",
+        ),
+    )  # fmt: skip
+    return Section("emg_together", "Muscles across joints", drawings=drawings)
 
 
 def _choices(findings: CalibrationResult) -> Section:

@@ -80,6 +80,8 @@ class Calibrated:
     evaluated: list[Evaluated] = field(default_factory=list)
     traces: list[TorqueTrace] = field(default_factory=list)
     trials: list[TorqueTrial] = field(default_factory=list)  # That took part
+    # Of each joint, as judged: what muscles of all joints together are calibrated on; empty where there is one joint
+    across: dict[str, list[TorqueTrial]] = field(default_factory=dict)
     cards: dict = field(default_factory=dict)
     # Muscles fitted to all that may be fitted, by joint or participant
     muscles: dict[str, HillMap] = field(default_factory=dict)

@@ -29,7 +29,8 @@ def moments_left_out(study: Study, tell: Progress) -> Calibrated:
     found, joints = Calibrated(), study.config.emg_torque.joints
     found.verdicts.append(Verdict("note", normalisation_words(study)))
     for i, joint in enumerate(joints):
-        _judge(found, moment_trials(study, joint), joint, "trials", 1.0, _part(tell, i, len(joints)))
+        found.across[joint] = moment_trials(study, joint)
+        _judge(found, found.across[joint], joint, "trials", 1.0, _part(tell, i, len(joints)))
     return found
 
 

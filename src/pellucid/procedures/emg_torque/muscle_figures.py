@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
+
 import numpy as np
 from matplotlib.figure import Figure
 
-from ...pages.drawing import Drawing, line, tidy
+from ...pages.drawing import Drawing, key, line, tidy
 from ...pages.style import FIGURE_WIDTH, colour
+from .evaluated import TorqueTrace
 from .muscle_findings import MuscleSummary
 
 SHARED = "joint"
@@ -17,8 +20,8 @@ def departures(found: MuscleSummary, name: str, *, caption: str) -> Drawing:
     """Every parameter's departure from anatomy with its interval: a panel per quantity, a row per muscle."""
     split = [_split(p) for p in found.parameters]
     quantities = list(dict.fromkeys(quantity for quantity, _ in split))
-    own = [q for q in quantities if any(s == q and m for s, m in split)]
     rows = list(found.muscles)
+    own = [q for q in quantities if any(s == q and m in rows for s, m in split)]
     figure = Figure(figsize=(FIGURE_WIDTH, 1.2 + 0.28 * len(rows)), layout="constrained")
     axes = figure.subplots(1, len(own), sharey=True, squeeze=False)[0]
     for axis, quantity in zip(axes, own, strict=True):
@@ -64,3 +67,28 @@ def _split(parameter: str) -> tuple[str, str]:
     """Quantity, and the muscle it belongs to; none for what several share."""
     quantity, _, muscle = parameter.partition(".")
     return (parameter, "") if quantity == SHARED or not muscle else (quantity, muscle)
+
+
+def joints_together(
+    traces: Sequence[TorqueTrace], words: Mapping[str, str], name: str, *, caption: str, seconds: float = 5.0
+) -> Drawing:
+    """Torque of every joint over the middle `seconds` of a recording, a panel each: the reference, and what one
+    calibration of all muscles makes of it in each way that has `words`, the first with its band."""
+    tones = dict(zip(words, ("good", "heldout"), strict=True))
+    figure = Figure(figsize=(FIGURE_WIDTH, 0.8 + 1.9 * len(traces)), layout="constrained")
+    axes = figure.subplots(len(traces), 1, sharex=True, squeeze=False)[:, 0]
+    for axis, trace in zip(axes, traces, strict=True):
+        near = np.abs(trace.time - 0.5 * (trace.time[0] + trace.time[-1])) <= 0.5 * seconds
+        line(axis, trace.time[near], trace.reference[near], color=colour("measured"), linewidth=2.2, alpha=0.6)
+        for i, how in enumerate(words):
+            made, tone = trace.predicted[how], colour(tones[how])
+            if i == 0:
+                low, high = made - trace.half_width[how], made + trace.half_width[how]
+                axis.fill_between(
+                    trace.time[near], low[near], high[near], color=tone, alpha=0.12, linewidth=0.0, zorder=1
+                )
+            line(axis, trace.time[near], made[near], color=tone, linewidth=1.2)
+        tidy(axis, first=True, text=f"{trace.what.capitalize()} (N·m)", ticks=4)
+    axes[-1].set_xlabel("Time (s)")
+    key(axes[0], [("reference", colour("measured")), *((words[h], colour(tones[h])) for h in words)], room=0.12)
+    return Drawing(name, figure, caption)

@@ -1,0 +1,220 @@
+"""What one calibration over all joints says: tables, verdicts, rows, cards, and what figures need."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from importlib.metadata import version
+
+import numpy as np
+
+from ...estimators.torque_trial import TorqueTrial
+from ...fit.muscles.muscle_information import (
+    bounds_told_as_estimates,
+    covariance,
+    muscle_parameters,
+    muscle_verdicts,
+    reported_covariance,
+)
+from ...fit.parameter import Verdict
+from ...models.muscle_card import CARD_KIND
+from ...models.parameter_card import ParameterCard
+from ...recordings.results import ResultRow
+from ...recordings.study import Study
+from ..result import FigureTable, ParameterTable
+from .evaluated import Calibrated, Evaluated, TorqueTrace
+from .muscle_findings import MuscleSummary
+from .together import WORDS, Together
+
+
+@dataclass(frozen=True, eq=False)
+class TogetherShown:
+    """One calibration over all joints, as figures draw it."""
+
+    summary: MuscleSummary
+    traces: tuple[TorqueTrace, ...]  # Of one recording, a joint each; predicted by way, in `WORDS`
+
+
+HELD = 0.9
+"""Share of held-out torque within its 95 % band from which on the band is said to hold."""
+
+
+def together_tables(found: Together | None, evaluated: Sequence[Evaluated]) -> tuple:
+    """How far off both ways are beside each joint's own muscles among those `evaluated`; the parameters."""
+    if found is None:
+        return ()
+    alone = {(e.what, e.recording): e.score for e in evaluated if e.estimator == "hill" and not e.causal}
+    rows = []
+    for joint, recording in dict.fromkeys((s.joint, s.recording) for s in found.scores):
+        where = recording.replace("_", " ") or "each left out"
+        by = alone.get((joint, recording))
+        if by is not None:
+            rows.append((joint, where, "that joint's muscles alone", by.rmse, by.r2, None))
+        rows += [
+            (joint, where, WORDS[s.how], s.score.rmse, s.score.r2, 100.0 * s.coverage)
+            for s in found.scores
+            if (s.joint, s.recording) == (joint, recording)
+        ]
+    heads = ("Joint", "Recording", "Calibrated", "RMSE (N*m)", "R²", "Within the 95 % band (%)")
+    return (
+        FigureTable(f"Muscles of {found.what} together: 10 to 100 ms from envelope to force", heads, tuple(rows)),
+        ParameterTable(f"Muscles together: {found.what}", found.fits["hill"].parameters),
+    )
+
+
+def together_verdicts(found: Together | None, alone: Calibrated) -> tuple[Verdict, ...]:
+    """What both ways say of the muscles and of the recording, and whether bands hold."""
+    if found is None:
+        return ()
+    said = [*muscle_verdicts(found.fits["hill"].fit, f"{found.what} together")]
+    said.append(_of_offset(found))
+    for muscle, strengths in _shared(found, alone).items():
+        said.append(
+            Verdict(
+                "note",
+                f"{muscle.replace('_', ' ')}: {strengths}, of what the anatomical model has. It is one muscle, "
+                "whatever joint is asked.",
+            )
+        )
+    for how, words in WORDS.items():
+        own = [s for s in found.scores if s.how == how]
+        least, shares = min(own, key=lambda s: s.coverage), sorted(100.0 * s.coverage for s in own)
+        where = f"; least at the {least.joint}, {least.recording.replace('_', ' ') or 'each left out'}"
+        held = least.coverage >= HELD
+        said.append(
+            Verdict(
+                "good" if held else "warning",
+                f"{found.what}, {words}: {shares[0]:.0f} to {shares[-1]:.0f} % of each torque lies within the 95 % "
+                f"band that was stated beforehand{where * (not held)}.",
+            )
+        )
+    return tuple(said)
+
+
+def _of_offset(found: Together) -> Verdict:
+    fit = found.fits["hill.offset"]
+    offset, r2 = fit.offset, _r2_words(found)
+    span = f"{1e3 * offset.low:.0f} to {1e3 * offset.high:.0f} ms at 95 %"
+    if next(p for p in fit.parameters if p.name == "delay").at_bound:
+        return Verdict(
+            "warning",
+            f"{found.what} together: the offset of the EMG's stream ends on the limit of what is looked for and is "
+            "undetermined.",
+            "Check whether EMG, angles and moments are of one clock.",
+        )
+    if not offset.certain:
+        text = f"EMG and moments are in time: an offset of {span} leaves muscles their 10 to 100 ms."
+        return Verdict("good", f"{found.what} together: {text}")
+    way = "ahead of" if offset.value > 0.0 else "behind"
+    return Verdict(
+        "warning",
+        f"{found.what} together: the EMG's stream runs {abs(1e3 * offset.value):.0f} ms {way} the moments ({span}), "
+        f"whatever from 10 to 100 ms each muscle takes. That is the recording's own, not the person's; with it {r2}.",
+        "Look for filters that are late on one side, and for clocks that were joined.",
+    )
+
+
+def _r2_words(found: Together) -> str:
+    """R² without and with the offset, on what was judged last."""
+    last = found.scores[-1].recording
+    by = {(s.joint, s.how): s.score.r2 for s in found.scores if s.recording == last}
+    joints = found.fits["hill"].joints
+    parts = [f"{by[j, 'hill']:.2f} to {by[j, 'hill.offset']:.2f} at the {j}" for j in joints]
+    return f"R² goes from {' and '.join(parts)}" + (f" ({last.replace('_', ' ')})" if last else "")
+
+
+def _shared(found: Together, alone: Calibrated) -> dict[str, str]:
+    """Strength of each muscle that several joints have, alone and together, in words."""
+    said = {}
+    for muscle in found.fits["hill"].driven:
+        name = f"strength.{muscle}"
+        own = {
+            joint: next((p for p in muscle_parameters(each.fit) if p.name == name), None)
+            for joint, each in alone.muscles.items()
+        }
+        own = {joint: p for joint, p in own.items() if p is not None}
+        if len(own) < 2:
+            continue
+        both = next(p for p in found.fits["hill"].parameters if p.name == name)
+        parts = [f"{p.value:.2f}{' (on a bound)' * p.at_bound} by the {joint} alone" for joint, p in own.items()]
+        said[muscle] = f"strength {', '.join(parts)}, {both.value:.2f}{' (on a bound)' * both.at_bound} by both"
+    return said
+
+
+def together_rows(
+    study: str, found: Together | None, alone: Calibrated, trials: Sequence[TorqueTrial]
+) -> tuple[ResultRow, ...]:
+    """Every figure; the first held-out recording's have no name in their id, the others' have."""
+    rows: list[ResultRow] = []
+
+    def add(name: str, value: float, unit: str, note: str, split: str = "fitted", recording: str = "") -> None:
+        rows.append(ResultRow(f"{study}.together.{name}", value, unit, "calibrate", split, sums.get(recording), note))
+
+    sums = {trial.name: trial.checksum for trial in trials}
+    told = sum(bounds_told_as_estimates(each.fit, muscle_parameters(each.fit)) for each in alone.muscles.values())
+    if found is None:
+        return ()
+    first = found.scores[0].recording
+    for s in found.scores:
+        tail, choice = "" if s.recording == first else f".{s.recording}", found.fits[s.how].choice
+        note = f"{choice.timing.words}; weight of anatomy {choice.weight:g}"
+        at = {"split": "heldout", "recording": s.recording}
+        add(f"{s.joint}.{s.how}.r2{tail}", s.score.r2, "1", note, **at)
+        add(f"{s.joint}.{s.how}.rmse{tail}", s.score.rmse, "N*m", note, **at)
+        add(f"{s.joint}.{s.how}.coverage{tail}", s.coverage, "1", "share of samples within the 95 % band", **at)
+    for how, fit in found.fits.items():
+        late = "from the recorded envelope on" if how != "hill" else "delay and lags together"
+        add(f"{how}.delay.largest", float(fit.delays.max()), "s", late)
+        add(f"{how}.delay.smallest", float(fit.delays.min()), "s", late)
+        add(f"{how}.at_bound", int(fit.fit.at_bound.sum()), "1", f"of {len(fit.fit.at_bound)}, undetermined")
+        add(f"{how}.seconds", fit.fit.seconds, "s", "one calibration, all starts included")
+        for joint, each in fit.choice.scores.items():
+            add(f"{joint}.{how}.r2.cross_validated", each.r2, "1", "within what was fitted")
+        told += bounds_told_as_estimates(fit.fit, fit.parameters)
+    offset = found.fits["hill.offset"].offset
+    for name, value in (("", offset.value), (".low", offset.low), (".high", offset.high)):
+        add(f"hill.offset.emg{name}", value, "s", "the recording's EMG runs ahead of its moments by so much")
+    add("hill.at_bound_unreported", told, "1", "parameters on a bound told as estimates, joint by joint and together")
+    return tuple(rows)
+
+
+def together_cards(study: Study, found: Together | None, trials: Sequence[TorqueTrial]) -> dict[str, ParameterCard]:
+    """The whole leg's muscles, both ways, with their covariance in the parameters' units."""
+    cards = {}
+    for how, fit in found.fits.items() if found else ():
+        name = "muscles_together" if how == "hill" else "muscles_together_offset"
+        offset = fit.offset
+        ahead = {} if offset is None else {"emg_offset": offset.value, "emg_offset.low": offset.low,
+                                           "emg_offset.high": offset.high}  # fmt: skip
+        cards[name] = ParameterCard(
+            kind=CARD_KIND,
+            study=study.name,
+            name=name,
+            parameters=tuple(p.on_card(0.95) for p in fit.parameters),
+            covariance=tuple(map(tuple, reported_covariance(fit.fit).tolist())),
+            settings={
+                **fit.kept().settings(),
+                "weight": fit.choice.weight,
+                **ahead,
+                **{f"residual_sd.{joint}": each.rmse for joint, each in fit.choice.scores.items()},
+                **{f"delay.{m}": float(late) for m, late in zip(fit.driven, fit.delays, strict=True)},
+            },
+            processing="factors of the anatomical model's strength, tendon slack length and optimal fibre length; "
+            f"{fit.choice.timing.words}, weight of anatomy {fit.choice.weight:g}",
+            checksums={trial.name: trial.checksum for trial in trials if not trial.heldout},
+            pellucid=version("pellucid"),
+        )
+    return cards
+
+
+def together_shown(found: Together | None) -> TogetherShown | None:
+    """What figures need."""
+    if found is None:
+        return None
+    fit = found.fits["hill"]
+    half = 1.96 * np.sqrt(np.diag(covariance(fit.fit)))
+    summary = MuscleSummary(
+        f"{found.what} together", fit.fit.problem.names, tuple(map(float, fit.fit.z)), tuple(map(float, half)),
+        tuple(map(bool, fit.fit.at_bound)), tuple(fit.driven), found.traces[0].recording, (), (), (),
+    )  # fmt: skip
+    return TogetherShown(summary, found.traces)

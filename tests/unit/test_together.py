@@ -1,0 +1,117 @@
+"""What is said of muscles calibrated over knee and ankle at once: scores, verdicts, rows, cards, or why nothing is."""
+
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from made_muscles import across
+
+from pellucid.estimators.hill import fit_hill
+from pellucid.models.muscle_card import calibrated_muscles
+from pellucid.procedures.emg_torque.evaluated import Calibrated
+from pellucid.procedures.emg_torque.muscle_figures import departures, joints_together
+from pellucid.procedures.emg_torque.together import WORDS, muscles_together
+from pellucid.procedures.emg_torque.together_findings import (
+    together_cards,
+    together_rows,
+    together_shown,
+    together_tables,
+    together_verdicts,
+)
+
+TRUE = {"strength.gastrocnemius_medialis": 1.4, "strength.soleus": 1.3, "delay": 0.02, "time_constant": 0.02}
+
+
+def silent(text, share):
+    """No progress."""
+
+
+@pytest.fixture(scope="module")
+def alone():
+    """An EMG stream 0.1 s ahead; joint by joint beside it."""
+    fitted = across("fitted", seconds=6.0, true=TRUE, early=0.1)
+    judged = across("judged", seconds=4.0, seed=5, true=TRUE, early=0.1, heldout=True)
+    made = Calibrated(across={joint: [fitted[joint], judged[joint]] for joint in fitted})
+    made.muscles.update({joint: fit_hill([trial], weights=(0.02,)) for joint, trial in fitted.items()})
+    made.trials.extend(made.across["knee"])
+    return made
+
+
+@pytest.fixture(scope="module")
+def found(alone):
+    return muscles_together(alone, silent)
+
+
+def test_rows_name_both_ways_and_no_bound_is_told_as_an_estimate(found, alone):
+    rows = {row.id: row.value for row in together_rows("made", found, alone, [])}
+    for joint in ("knee", "ankle"):
+        assert rows[f"made.together.{joint}.hill.offset.r2"] > 0.9
+        assert rows[f"made.together.{joint}.hill.r2"] < rows[f"made.together.{joint}.hill.offset.r2"]
+        assert 0.0 <= rows[f"made.together.{joint}.hill.coverage"] <= 1.0
+    assert 0.01 <= rows["made.together.hill.delay.smallest"] <= rows["made.together.hill.delay.largest"] <= 0.1
+    assert rows["made.together.hill.offset.emg.low"] < 0.1 < rows["made.together.hill.offset.emg.high"]
+    assert rows["made.together.hill.at_bound"] > 0
+    assert rows["made.together.hill.at_bound_unreported"] == 0
+
+
+def test_the_offset_is_the_recordings_own(found, alone):
+    said = [v.said for v in together_verdicts(found, alone)]
+    assert any("runs" in text and "ahead of the moments" in text and "the recording's own" in text for text in said)
+    assert any("undetermined" in text and "delay (0.0" in text for text in said)
+    gastrocnemius = next(text for text in said if text.startswith("gastrocnemius medialis"))
+    assert "by the knee alone" in gastrocnemius
+    assert "by both" in gastrocnemius
+    assert sum("95 % band" in text for text in said) == 2
+
+
+def test_cards_keep_one_set_of_muscles_for_both_joints(found):
+    study = SimpleNamespace(name="made")
+    cards = together_cards(study, found, [])
+    assert set(cards) == {"muscles_together", "muscles_together_offset"}
+    for name, how in (("muscles_together", "hill"), ("muscles_together_offset", "hill.offset")):
+        kept = calibrated_muscles(cards[name])
+        assert kept.joints == ("knee", "ankle")
+        assert kept.muscles == found.fits[how].muscles
+        assert kept.driven["gastrocnemius_lateralis"] == ("gastrocnemius_medialis",)
+        bound = [p for p in cards[name].parameters if p.at_bound]
+        assert all(p.refused and not p.identifiable and np.isnan(p.standard_error) for p in bound)
+    late = cards["muscles_together_offset"].settings
+    assert late["emg_offset.low"] < late["emg_offset"] < late["emg_offset.high"]
+
+
+def test_tables_and_figures_have_every_joint(found):
+    figures, parameters = together_tables(found, [])
+    assert [row[:3] for row in figures.rows] == [(j, "judged", w) for j in ("knee", "ankle") for w in WORDS.values()]
+    assert len(parameters.parameters) == len(found.fits["hill"].parameters)
+    shown = together_shown(found)
+    assert len(joints_together(shown.traces, WORDS, "joints", caption="").figure.axes) == 2
+    titles = [axis.get_title() for axis in departures(shown.summary, "muscles", caption="").figure.axes]
+    assert titles[:4] == ["strength", "tendon slack length", "optimal fibre length", "passive scale"]
+    assert not {"knee", "ankle"} & set(titles)
+
+
+def test_each_trial_is_left_out_where_none_is_held(alone):
+    made = [across(f"t{i}", seconds=3.0, seed=i, true=TRUE) for i in range(3)]
+    trials = {j: [replace(t[j], group=t[j].name) for t in made] for j in ("knee", "ankle")}
+    found = muscles_together(Calibrated(across=trials), silent)
+    assert {(s.joint, s.recording) for s in found.scores} == {("knee", ""), ("ankle", "")}
+    assert min(s.score.r2 for s in found.scores) > 0.9
+    assert found.traces[0].recording == "t0"
+
+
+def test_joints_of_different_recordings_are_passed_over_with_the_reason(alone):
+    other = {"knee": alone.across["knee"], "ankle": [replace(t, name=f"{t.name}_b") for t in alone.across["ankle"]]}
+    made = Calibrated(across=other)
+    assert muscles_together(made, silent) is None
+    assert "expected both in the same recordings" in made.passed_over["knee and ankle together"]
+
+
+def test_one_joint_or_no_muscles_give_nothing(alone):
+    assert muscles_together(Calibrated(across={"knee": alone.across["knee"]}), silent) is None
+    refused = Calibrated(across=alone.across, passed_over={"knee": "found envelopes in V"})
+    assert muscles_together(refused, silent) is None
+    for made in (together_tables(None, []), together_verdicts(None, alone), together_rows("x", None, alone, [])):
+        assert made == ()
+    assert together_cards(SimpleNamespace(name="x"), None, []) == {}
+    assert together_shown(None) is None
