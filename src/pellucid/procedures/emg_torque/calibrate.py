@@ -155,10 +155,9 @@ def _by_recording(study: Study, tell: Progress) -> Calibrated:
     session, compared = compared_sessions(study, *parts[joints[0]])
     found.sessions.update(compared)
     for joint, (fitted, held) in parts.items():
-        found.across[joint] = [
-            *fitted,
-            *(session.mended(t, rescale, compared[t.name]) if rescale and compared[t.name].changed else t for t in held),
-        ]
+        again = rescale is not None
+        judged = [session.mended(t, rescale, c) if again and (c := compared[t.name]).changed else t for t in held]
+        found.across[joint] = [*fitted, *judged]
     found.verdicts.extend(session_verdicts(found.sessions, rescale is not None))
     found.verdicts.append(Verdict("note", normalisation_words(study)))
     runs = [
