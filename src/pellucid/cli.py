@@ -317,10 +317,10 @@ def reproduce(
 @app.command()
 def export(
     folder: Folder,
-    to: Annotated[str, typer.Option("--to", metavar="LANGUAGE", help="c: C interface, C++17 inside.")] = "c",
+    to: Annotated[str, typer.Option("--to", metavar="LANGUAGE", help="c; of muscles osim, ceinms.")] = "c",
     out: Annotated[Path | None, typer.Option("--out", metavar="FOLDER", help="Folder to make.")] = None,
     participant: Annotated[str | None, typer.Option(metavar="NAME", help="Who wears it.")] = None,
-    card: Annotated[str | None, typer.Option(metavar="FILE", help="Card in models/, for a joint.")] = None,
+    card: Annotated[str | None, typer.Option(metavar="FILE", help="Card in models/, of a joint or muscles.")] = None,
     slider: Annotated[float | None, typer.Option(metavar="M", help="Where the carriage is [m].")] = None,
     controller: Annotated[
         str | None, typer.Option(metavar="NAME", help="For a carriage: fc, transparent, force_sensor ...")
@@ -331,19 +331,25 @@ def export(
     period: Annotated[float | None, typer.Option(metavar="S", help="Of the controller [s].")] = None,
     allow_outside: Outside = False,
 ) -> None:
-    """Write the controller as source for a microcontroller."""
+    """Write the controller as source for a microcontroller, or calibrated muscles for OpenSim or CEINMS."""
     from .deployment.export import export as run
     from .deployment.microcontroller import measure, missing_tools, save_measured
+    from .deployment.subject import muscles_said
 
     study = _opened(folder, None, allow_outside)
     with _progress() as tell:
         tell("building the controller", 0.1)
         asked = {"participant": participant, "card": card, "slider": slider, "controller": controller}
         made = run(study, to, out, **asked, exponents=exponents, period=period, allow_outside=allow_outside)
-        tell("running it on a Cortex-M4F in QEMU", 0.7)
+        muscles = made.is_file()
         absent = missing_tools()
-        found = None if absent else measure(made)
+        if not muscles:
+            tell("running it on a Cortex-M4F in QEMU", 0.7)
+        found = None if absent or muscles else measure(made)
     console = _console()
+    if muscles:
+        _say(console, f"{made}: {muscles_said(made, to)}")
+        return
     if found is None:
         _say(console, f"Not run on a Cortex-M4F: {', '.join(absent)} not installed.")
     else:

@@ -1,4 +1,4 @@
-"""An identified study's controller as source for a microcontroller."""
+"""An identified study's controller as source for a microcontroller; its calibrated muscles for other programs."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ from .c_folder import write_c_folder
 from .controller_values import ControllerValues
 from .elbow_values import elbow_values
 from .joint_values import joint_values
+from .subject import ENDINGS, export_subject
 from .tree_folder import write_tree_folder
 from .tree_values import tree_values
 from .worn_values import worn_values
@@ -32,7 +33,8 @@ def export(
     period: float | None = None,
     allow_outside: bool = False,
 ) -> Path:
-    """Write the controller that the study's model cards make possible, ready to be compiled for a robot.
+    """Write the controller that the study's model cards make possible, ready to be compiled for a robot; or a person's
+    calibrated muscles, for a program that knows muscles.
 
     A joint's card gives compensation of gravity and friction, the cards of an orthosis and its wearer the residual
     compensator of its zero-impedance mode, the card of a robot of several joints what carries all of them; each ends in
@@ -43,11 +45,12 @@ def export(
     study : Study
         Identified.
     to : str
-        ``"c"``.
+        ``"c"``; ``"osim"``: a copy of the study's OpenSim model with the calibrated constants in it; ``"ceinms"``: a
+        CEINMS subject.
     out : Path or None
-        Folder to make; None: ``controller`` in the study's folder.
+        Folder to make; None: ``controller`` in the study's folder, of muscles ``subject``; of muscles it may be a file.
     card : str or None
-        File name in the study's models folder, of a joint; None: the best.
+        File name in the study's models folder, of a joint or of muscles; None: the best, or the one of most joints.
     slider : float or None
         Where the carriage is, for a joint that has one [m]; None: the middle of its rail.
     participant : str or None
@@ -58,14 +61,14 @@ def export(
     exponents : tuple of float or None
         k of equation 8, upwards and downwards, for "fc" and "pcfr"; None: the paper's.
     period : float or None
-        Of the controller [s]; None: 1 ms, or that of the recordings of an orthosis.
+        Of the controller [s]; None: 1 ms, or that of the recordings of an orthosis, or of a CEINMS subject.
     allow_outside : bool
         Whether `card` may lie outside the study's folder.
 
     Returns
     -------
     Path
-        The folder.
+        The folder, or the file of muscles.
 
     Raises
     ------
@@ -82,6 +85,10 @@ def export(
     >>> folder.name
     'controller'
     """
+    if to in ENDINGS:
+        given = {"slider": slider, "participant": participant, "controller": controller, "exponents": exponents}
+        _require_none(f"export to {to} of {study.name}", given, "muscles have none")
+        return export_subject(study, to, out, card=card, period=period)
     place = study.place("controller") if out is None else Path(out)
     if study.config.tree is not None:
         refused = {"slider": slider, "participant": participant, "exponents": exponents}
@@ -99,12 +106,17 @@ def export(
 def _require_language(study: Study, to: str, period: float | None, refused: Mapping[str, object]) -> None:
     """PellucidError for another language, a period of no controller, or what means nothing for this study."""
     if to not in LANGUAGES:
-        raise PellucidError(f'export: found to = "{to}", expected "{LANGUAGES[0]}"')
+        known = ", ".join(f'"{each}"' for each in (*LANGUAGES, *ENDINGS))
+        raise PellucidError(f'export: found to = "{to}", expected one of {known}')
     if period is not None and not 0.0 < period <= 0.1:
         raise PellucidError(f"export: found a period of {period:g} s, expected one above 0 and up to 0.1 s")
+    _require_none(f"export of {study.name}", refused, "this robot has several joints")
+
+
+def _require_none(where: str, refused: Mapping[str, object], why: str) -> None:
     for name, given in refused.items():
         if given is not None:
-            raise PellucidError(f"export of {study.name}: found {name}, expected none: this robot has several joints")
+            raise PellucidError(f"{where}: found {name}, expected none: {why}")
 
 
 def values_for(

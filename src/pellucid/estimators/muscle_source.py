@@ -57,13 +57,18 @@ class MuscleSource:
     maximal: bool = True
     relative: bool = True  # Whether they are relative at all
 
+    def crossing(self, joint: str) -> tuple[str, ...]:
+        """Muscles across a joint."""
+        if self.recorded:
+            return tuple(self.recorded)
+        paths = self.polynomials or muscle_table().geometry
+        return tuple(name for name, path in paths.items() if joint in path.angles)
+
     def driven(self, joint: str, envelopes: Mapping[str, np.ndarray]) -> dict[str, tuple[str, ...]]:
         """Muscles across a joint that some EMG drives, each with the channels whose mean it is."""
         channels = {ALIASES.get(name, name): name for name in envelopes}
-        paths = self.polynomials or muscle_table().geometry
-        crossing = self.recorded or {name: None for name, path in paths.items() if joint in path.angles}
         found = {}
-        for muscle in crossing:
+        for muscle in self.crossing(joint):
             if muscle not in self.constants:
                 continue
             own = (muscle,) if muscle in channels else COMPANIONS.get(muscle, ())

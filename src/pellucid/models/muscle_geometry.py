@@ -107,6 +107,7 @@ class MuscleTable:
     citation: str
     geometry: Mapping[str, MuscleGeometry]  # By muscle
     constants: Mapping[str, HillMuscle]  # The model's anatomical constants; everything else is `HillMuscle`'s own
+    labels: Mapping[str, str]  # What the model calls its muscles
 
 
 @lru_cache(maxsize=4)
@@ -123,4 +124,5 @@ def muscle_table(model: str = "gait2392") -> MuscleTable:
         geometry[name] = MuscleGeometry(name, tuple(row["angles"]), knots, np.array(row["coefficients"], float))
         fixed = ("max_isometric_force", "optimal_fibre_length", "tendon_slack_length", "pennation")
         constants[name] = HillMuscle(name, **{key: row[key] for key in fixed})
-    return MuscleTable(raw["source"], raw["licence"], raw["citation"], geometry, constants)
+    labels = {name: row["label"] for name, row in raw["muscles"].items()}
+    return MuscleTable(raw["source"], raw["licence"], raw["citation"], geometry, constants, labels)

@@ -66,18 +66,25 @@ def study_geometry(study: Study) -> ModelMuscles | None:
     if not path.is_file():
         kept = f'; what was kept of it is there: muscle_file = "{FILE}"' if (study.folder / FILE).is_file() else ""
         raise RecordingError(f"{path}: not readable: no such file{kept}")
-    coordinates = dict(spec.coordinates)
-    if not coordinates:
-        known = set(_known_coordinates(path, path.stat().st_mtime_ns))
-        coordinates = {
-            name.removeprefix("angle."): str(channel.column) if channel.sign > 0 else f"-{channel.column}"
-            for name, channel in study.config.channels.items()
-            if name.startswith("angle.") and channel.column in known
-        }
+    coordinates = study_coordinates(study)
     if not coordinates:
         return None
     asked = tuple(coordinates.items()), tuple(spec.muscle_names.items())
     return _kept_or_made(path, study.place(FILE), path.stat().st_mtime_ns, *asked)
+
+
+def study_coordinates(study: Study) -> dict[str, str]:
+    """The OpenSim model's coordinate of each joint, with a minus where it grows the other way. `study` [emg_torque]."""
+    spec = study.config.emg_torque
+    if spec.coordinates or spec.muscle_file is None or not spec.muscle_file.lower().endswith(".osim"):
+        return dict(spec.coordinates)
+    path = study.inside(spec.muscle_file, "[emg_torque] muscle_file")
+    known = set(_known_coordinates(path, path.stat().st_mtime_ns))
+    return {
+        name.removeprefix("angle."): str(channel.column) if channel.sign > 0 else f"-{channel.column}"
+        for name, channel in study.config.channels.items()
+        if name.startswith("angle.") and channel.column in known
+    }
 
 
 @lru_cache(maxsize=8)

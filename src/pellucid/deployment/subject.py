@@ -1,0 +1,110 @@
+"""Calibrated muscles for other programs: a copy of the study's OpenSim model with their constants, a CEINMS subject."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from .._errors import PellucidError, RecordingError
+from ..models.hill import QUANTITIES
+from ..models.muscle_card import CARD_KIND, CalibratedMuscles, calibrated_muscles
+from ..models.muscle_geometry import muscle_table
+from ..models.parameter_card import ParameterCard, read_parameter_card
+from ..procedures.emg_torque.known_muscles import muscle_source
+from ..recordings.ceinms_writer import write_subject
+from ..recordings.muscle_remark import MuscleRemark, read_calibrated
+from ..recordings.osim_writer import write_osim
+from ..recordings.study import Study
+from ..recordings.study_muscles import study_coordinates
+
+ENDINGS = {"osim": ".osim", "ceinms": ".xml"}
+"""Of what muscles can be exported to."""
+
+
+def export_subject(
+    study: Study, to: str, out: Path | None = None, *, card: str | None = None, period: float | None = None
+) -> Path:
+    """Write the study's calibrated muscles to a file, ``"osim"`` or ``"ceinms"``.
+
+    `out` is a folder, or a file by its ending; `period` of a subject's recursion [s], None: that of the recordings.
+    `study` [emg_torque].
+    """
+    if study.config.emg_torque is None:
+        raise PellucidError(f"export of {study.name}: found no [emg_torque], expected the study of muscles for {to}")
+    if period is not None and not 0.0 < period <= 1.0:
+        raise PellucidError(f"export: found a period of {period:g} s, expected one above 0 and up to 1 s")
+    kept = calibrated_muscles(_card(study, card))
+    folder = study.place("subject") if out is None else Path(out)
+    path = folder if folder.suffix.lower() == ENDINGS[to] else folder / f"{study.name}{ENDINGS[to]}"
+    path.parent.mkdir(parents=True, exist_ok=True)
+    if to == "osim":
+        return write_osim(path, _model(study), MuscleRemark(kept, _names(study, kept)))
+    step = period or float(np.median([1.0 / r.fs for r in study.recordings()]))
+    return write_subject(path, MuscleRemark(kept, _names(study, kept), step), _moved(study, kept))
+
+
+def _card(study: Study, name: str | None) -> ParameterCard:
+    if name is not None:
+        return read_parameter_card(study.card(name))
+    found = [read_parameter_card(path) for path in study.cards("muscles_*.json")]
+    found = [card for card in found if card.kind == CARD_KIND]
+    if not found:
+        raise PellucidError(
+            f"{study.models_dir}: found no card of muscles, expected one: pellucid calibrate {study.folder}"
+        )
+    # One set of muscles over all joints before several sets of one joint each.
+    most = max(len(calibrated_muscles(card).joints) for card in found)
+    widest = [card for card in found if len(calibrated_muscles(card).joints) == most]
+    if len(widest) > 1:
+        raise PellucidError(
+            f"export of {study.name}: found the cards {', '.join(c.name for c in widest)}, expected one: say which by "
+            f"--card {widest[0].name}.json"
+        )
+    return widest[0]
+
+
+def _model(study: Study) -> Path:
+    said = study.config.emg_torque.muscle_file
+    if said is None or not said.lower().endswith(".osim"):
+        raise PellucidError(
+            f"export of {study.name}: found {said or 'no muscle_file'}, expected [emg_torque] muscle_file to name the "
+            "OpenSim model (.osim) that is copied"
+        )
+    path = study.inside(said, "[emg_torque] muscle_file")
+    if not path.is_file():
+        raise RecordingError(f"{path}: not readable: no such file")
+    return path
+
+
+def _names(study: Study, kept: CalibratedMuscles) -> dict[str, str]:
+    """What other programs call each muscle: as study.toml says, else as the package's own leg has it."""
+    said, table = study.config.emg_torque.muscle_names, muscle_table().labels
+    own = study.config.emg_torque.muscle_file is None
+    return {m.name: said.get(m.name, table.get(m.name, m.name) if own else m.name) for m in kept.muscles}
+
+
+def _moved(study: Study, kept: CalibratedMuscles) -> dict[str, list[str]]:
+    """Muscles that move each joint, by the coordinate's name where it is known."""
+    recording, coordinates = study.recordings()[0], study_coordinates(study)
+    moved = {}
+    for joint in kept.joints:
+        source = muscle_source(study, recording, joint)
+        crossing = source.crossing(joint) if source is not None else {m.name for m in kept.muscles}
+        name = coordinates.get(joint, joint).removeprefix("-")
+        moved[name] = [m.name for m in kept.muscles if m.name in crossing]
+    return moved
+
+
+def muscles_said(path: Path, to: str) -> str:
+    """What a file has of calibrated muscles, and what the other program has no place for, in words."""
+    kept = read_calibrated(path)
+    lacking = ["the joints' own tissue"] if any(any(numbers) for numbers in kept.tissue.values()) else []
+    lacking += ["delays"] if any(m.delay for m in kept.muscles) else []
+    lacking += ["the share of a maximal contraction"] if kept.effort != 1.0 else []
+    lacking += ["activation and curves, which are its own"] if to == "osim" else []
+    shared = ("optimal_length_shift", "damping", *QUANTITIES[-4:], "force_length_width", "passive_scale")
+    if to == "ceinms" and any(len({getattr(m, q) for m in kept.muscles}) > 1 for q in shared):
+        lacking.append("curves of each muscle: it has the mean's")
+    end = f" Kept as a remark alone: {', '.join(lacking)}." if lacking else ""
+    return f"{len(kept.muscles)} calibrated muscles of the {' and '.join(kept.joints)}.{end}"
