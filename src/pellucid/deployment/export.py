@@ -106,8 +106,8 @@ def export(
 def _require_language(study: Study, to: str, period: float | None, refused: Mapping[str, object]) -> None:
     """PellucidError for another language, a period of no controller, or what means nothing for this study."""
     if to not in LANGUAGES:
-        known = ", ".join(f'"{each}"' for each in (*LANGUAGES, *ENDINGS))
-        raise PellucidError(f'export: found to = "{to}", expected one of {known}')
+        known = " or ".join(f'"{each}"' for each in (*LANGUAGES, *ENDINGS))
+        raise PellucidError(f'export: found to = "{to}", expected {known}')
     if period is not None and not 0.0 < period <= 0.1:
         raise PellucidError(f"export: found a period of {period:g} s, expected one above 0 and up to 0.1 s")
     _require_none(f"export of {study.name}", refused, "this robot has several joints")
