@@ -50,6 +50,18 @@ def test_a_header_from_another_century(tmp_path):
     assert columns.column("q", "position").tolist() == [1.0]
 
 
+@pytest.mark.parametrize("rows", [3, 400_000])
+def test_settings_above_the_table_are_none_of_its_rows(tmp_path, rows):
+    """A name and a value each, then an empty line, names and rows; in long files too, which another parser reads."""
+    path = tmp_path / "pointing.csv"
+    head = "Parameters :\nInstruction;3. balance\nBlock;1\nGain;1.000\n\nTime (s);dots;x (mm)\n"
+    path.write_text(head + "".join(f"{0.01 * i:.2f};{i};{-0.5 * i}\n" for i in range(rows)), encoding="utf-8")
+    found = read_columns(path)
+    assert list(found.values) == ["Time (s)", "dots", "x (mm)"]
+    assert len(found["x (mm)"]) == rows
+    assert found["x (mm)"][-1] == -0.5 * (rows - 1)
+
+
 def test_columns_without_a_header_have_numbers(tmp_path):
     columns = text(tmp_path, "0,1.5\n1,2.5\n")
     assert columns.column(1, "position").tolist() == [1.5, 2.5]

@@ -23,7 +23,7 @@ from ...units import Coordinate
 from .assessment_result import Assessed, AssessmentResult, Needed, Profile, Sensitivity, Settling
 from .assessment_rows import result_rows
 from .assessment_tables import tables
-from .certified import certificate_verdicts, certified
+from .certified import certificate_verdicts, certified, end_points
 from .clocks import delay_notes, with_assumed_delays
 from .measured_study import MeasuredStudy, activities, joined, measure
 from .pointing import PointingRecord, assessed, labels, with_rule
@@ -100,6 +100,7 @@ def assess_recordings(
     records = [record for record in records if record.recording.participant in participants]
     used = [record.recording for record in records]
     along = _along(records)
+    end_points(spec, indices_along(along))  # what cannot be held against anything is told before it is computed
     named = labels(records)
     faults = [fault for record in records for fault in pointing_faults(record, spec, named)]
     _require_none_refused(faults)
@@ -162,7 +163,7 @@ def assess_recordings(
         measured=whole.movements,
     )
     notes = [fault.message for fault in faults] + delay_notes(delays) + _without_index(found, participants, conditions)
-    made = replace(made, certified=certified(made, spec))
+    made = replace(made, certified=certified(made, spec, executor))
     return _told(made, notes)
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from math import inf
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -92,7 +92,7 @@ def end_points(spec: AssessmentTable, indices: Mapping[str, Index]) -> dict[str,
     return made
 
 
-def certified(found: AssessmentResult, spec: AssessmentTable) -> tuple[Certified, ...]:
+def certified(found: AssessmentResult, spec: AssessmentTable, executor: Any = None) -> tuple[Certified, ...]:
     """Every condition but control against the margins; empty where none are stated. `spec` [assessment]."""
     wanted = end_points(spec, found.indices)
     if not wanted:
@@ -109,12 +109,12 @@ def certified(found: AssessmentResult, spec: AssessmentTable) -> tuple[Certified
                     "margin: a claim about what was not recorded cannot be tested; record it or take the margin out "
                     "before the data are seen"
                 )
-            made.append(_certified(found, spec, wanted, condition))
+            made.append(_certified(found, spec, wanted, condition, executor))
     return tuple(made)
 
 
 def _certified(
-    found: AssessmentResult, spec: AssessmentTable, wanted: Mapping[str, EndPoint], condition: str
+    found: AssessmentResult, spec: AssessmentTable, wanted: Mapping[str, EndPoint], condition: str, executor: Any
 ) -> Certified:
     people = [p for p in found.participants if all(p in found.assessed[n].table.participants for n in wanted)]
     seen = {name: _differences(found.assessed[name], point, condition, found.control, people)
@@ -132,7 +132,7 @@ def _certified(
                   for d, point in zip(seen.values(), wanted.values(), strict=True)]  # fmt: skip
         needed = equivalence_needed(
             covariance, list(margins.values()), power=PLANNED_POWER, change=change, alpha=spec.false_transparent,
-            studies=STUDIES,
+            studies=STUDIES, executor=executor,
         )  # fmt: skip
     return Certified(condition, made, wanted, len(people), needed)
 

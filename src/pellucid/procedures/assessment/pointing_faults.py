@@ -68,11 +68,11 @@ def usable_records(recordings: Sequence[Recording], spec: PointingSettings) -> t
 
 
 def _gaps(record: PointingRecord, spec: PointingSettings) -> str:
-    """Why most movements cannot be seen, where it is that samples are missing; else empty."""
+    """Why most movements cannot be used, where it is mostly that samples are missing; else empty."""
     _, found, left_out = record.movements(with_rule(spec))
     lost = sum(each.kind == "lost" for each in left_out)
     total = len(found) + len(left_out)
-    if lost <= 0.5 * total:
+    if len(left_out) <= 0.5 * total or lost < max(Counter(each.kind for each in left_out).values()):
         return ""
     one = next(each for each in left_out if each.kind == "lost")
     return (

@@ -15,6 +15,8 @@ from ._number_table import LONG, number_table
 
 ENDINGS = (".csv", ".tsv", ".txt", ".dat")
 
+ABOVE = 40  # lines among which the first of the table is
+
 HEAD = 1 << 16  # bytes that hold all that stands above the numbers
 
 _COMMENT = ("#", "%", "//", "!")
@@ -44,7 +46,7 @@ def read(path: Path) -> Columns:
         raise RecordingError(f"{path.name}: found no row of data")
     require_narrow(path, (line for _, line in lines[:20]))
     delimiter = _delimiter([line for _, line in lines[:20]])
-    first = next((i for i, (_, line) in enumerate(lines[:20]) if _is_data(_split(line, delimiter))), None)
+    first = _first_row([_split(line, delimiter) for _, line in lines[:ABOVE]])
     if first is None:
         raise RecordingError(f'{path.name}: found no row of numbers; the first line is "{lines[0][1][:60]}"')
     header = _header(lines[:first], comments, delimiter, len(_split(lines[first][1], delimiter)))
@@ -82,7 +84,7 @@ def _long(path: Path) -> Columns | None:
     comments = [line for _, line in lines if line.lstrip().startswith(_COMMENT)]
     lines = [(i, line) for i, line in lines if not line.lstrip().startswith(_COMMENT)]
     delimiter = _delimiter([line for _, line in lines[:20]])
-    first = next((i for i, (_, line) in enumerate(lines[:20]) if _is_data(_split(line, delimiter))), None)
+    first = _first_row([_split(line, delimiter) for _, line in lines[:ABOVE]])
     if delimiter is None or first is None:
         return None
     at, row = lines[first]
@@ -142,6 +144,21 @@ def _number(text: str) -> float | None:
 def _is_data(fields: list[str]) -> bool:
     numbers = [_number(f) for f in fields]
     return any(n is not None and not np.isnan(n) for n in numbers)
+
+
+def _first_row(lines: list[list[str]]) -> int | None:
+    """The first row of the table, of lines divided into fields; None without one. Settings above it, a name and a value
+    each, are none: a line of names follows them, and below it rows of another width."""
+    first = next((i for i, fields in enumerate(lines) if _is_data(fields)), None)
+    if first is None:
+        return None
+    widths = {len(fields) for fields in lines[first:] if _is_data(fields)}
+    for i in range(first + 1, len(lines) - 1 if len(widths) > 1 else 0):
+        names, below = lines[i], lines[i + 1]
+        named = len(names) > 1 and all(name and _number(name) is None for name in names)
+        if named and len(below) == len(names) and _is_data(below):
+            return first if any(len(fields) == len(names) for fields in lines[first:i]) else i + 1
+    return first
 
 
 def _header(above: list[tuple[int, str]], comments: list[str], delimiter: str | None, width: int) -> list[str] | None:
