@@ -1,4 +1,4 @@
-"""People who point quickly or precisely, as instructed: a within-subject factor of known direction, through `assess`."""
+"""People who point quickly or precisely, as told: a within-subject factor of known direction, through `assess`."""
 
 import shutil
 
