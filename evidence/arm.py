@@ -18,6 +18,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from pellucid._processes import in_order
+from pellucid.control.tree_laws import with_measured_drives
 from pellucid.control.tree_stability import (
     LIMBS,
     LinearShares,
@@ -32,12 +33,14 @@ from pellucid.control.tree_stability import (
 from pellucid.fit.tree.fit_tree import fit_tree
 from pellucid.fit.tree.segments_out import heldout_errors
 from pellucid.fit.tree.tree_estimate import TreeEstimate
-from pellucid.lab.arm.card_law import motions_of
+from pellucid.lab.arm.card_law import card_of, identified, motions_of, sensor_points
 from pellucid.lab.arm.free_shoulder import compare_shoulders
 from pellucid.lab.arm.human_motion import JOINTS
 from pellucid.lab.arm.protocol import ArmTrial, limits_of
 from pellucid.lab.arm.rig import ArmRig, able_arm, drawn_arms
+from pellucid.lab.arm.single_faults import KINDS, ONSET, WATCHED, ArmFaultTrial, fault_trials
 from pellucid.lab.arm.wearer import CUFFS, HANDLE, HANDLE_AT, UPPER_CUFF, UPPER_CUFF_AT, Person
+from pellucid.lab.arm.worn_trial import motion_of
 from pellucid.papers.able.arm_identification import (
     LOAD,
     ArmIdentified,
@@ -45,12 +48,13 @@ from pellucid.papers.able.arm_identification import (
     identified_many,
     judging,
 )
-from pellucid.papers.able.arm_worn import BEST, LAWS, PUBLISHED, arms_worn
+from pellucid.papers.able.arm_worn import BEST, LAWS, PUBLISHED, arms_worn, wearers_of
 from pellucid.procedures.tree_excitation import tree_information
 from pellucid.protocols.step_by_step import step_by_step
 from pellucid.protocols.tree_fourier import optimised_tree_fourier, random_tree_fourier, within
 from pellucid.recordings.results import ResultRow
 
+FAULTY = 4  # of the drawn arms, with single faults: as many as joints, so that every one is every joint's once
 ARMS, SEEDS = 5, 3  # drawn arms beside the rig itself; seeds of it
 FUNDAMENTAL, HARMONICS, PERIODS = 0.1, 5, 4  # of the motions compared
 RANDOM = 3  # random motions that an optimised one is compared with
@@ -68,6 +72,7 @@ def rows(arms: int = ARMS, seeds: int = SEEDS) -> Iterator[ResultRow]:
     yield from excitation_rows(rig)
     yield from margin_rows(found[0].best)
     yield from worn_rows(drawn)
+    yield from fault_rows(drawn[:FAULTY])
     yield from shoulder_rows(rig)
     yield from speed_rows()
 
@@ -311,6 +316,52 @@ def _median(name: str, values: Sequence[float], unit: str, note: str) -> ResultR
     middle = float(np.median(values))
     said = f"median; {note}; {min(values):.3g} to {max(values):.3g}"
     return row(name, middle if np.isfinite(middle) else None, unit, said)
+
+
+def faulted(rig: ArmRig, person: Person, first: int) -> dict[str, list[ArmFaultTrial]]:
+    """Single faults on one robot and person under the published law and the best, joints in turn from the `first`."""
+    card, motion, points = card_of(rig, identified(rig)), motion_of(person, rig, repetition=3), sensor_points(person)
+    laws = {name: with_measured_drives(LAWS[name](card)) for name in (PUBLISHED, BEST)}
+    felt = {PUBLISHED: None, BEST: points}
+    return {name: list(fault_trials(rig, person, law, motion, felt[name], first=first)) for name, law in laws.items()}
+
+
+def fault_rows(arms: Sequence[ArmRig]) -> Iterator[ResultRow]:
+    """Single faults until the supervisor has stopped the arm, and after, when its weight is theirs."""
+    wearers, motion = wearers_of(arms)
+    jobs = [(faulted, rig, person, k) for k, (rig, person) in enumerate(zip(arms, wearers, strict=True))]
+    made = in_order(jobs)
+    said = f"{len(arms)} robots and people, {motion}; {WATCHED:g} s from the onset, {ONSET:g} s after the start"
+    every: list[ArmFaultTrial] = []
+    for law in (PUBLISHED, BEST):
+        trials = [trial for one in made for trial in one[law]]
+        every += trials
+        for fault, kind in KINDS.items():
+            of = [trial for trial in trials if trial.fault == fault]
+            if not of:
+                continue
+            found = [1e3 * t.found for t in of if np.isfinite(t.found)]
+            when = f", at the latest after {max(found):.0f} ms" if found else ""
+            words = f"{kind['sentence']}; found in {len(found)} of {len(of)}{when}; largest; {said}"
+            head = f"single_fault.{law}.{fault}"
+            yield row(
+                f"{head}.excess",
+                max(t.excess for t in of),
+                "J",
+                f"positive work on the limb beyond that without the fault; {words}",
+            )
+            yield row(
+                f"{head}.peak",
+                max(t.peak for t in of),
+                "N*m",
+                f"at one of the wearer's joints, {max(t.healthy_peak for t in of):.2g} without; {words}",
+            )
+    silent = [t for t in every if not np.isfinite(t.found)]
+    yield row("single_fault.worst_excess", max(t.excess for t in every), "J", f"{len(every)} trials; {said}")
+    yield row("single_fault.worst_peak", max(t.peak for t in every), "N*m", f"{len(every)} trials; {said}")
+    yield row("single_fault.not_found.excess", max((t.excess for t in silent), default=0.0), "J",
+              f"largest of {len(silent)} trials in which nothing was found; {said}")  # fmt: skip
+    yield row("single_fault.early", sum(t.found < 0.0 for t in every), "1", f"stopped before there was a fault; {said}")
 
 
 def shoulder_rows(rig: ArmRig) -> Iterator[ResultRow]:

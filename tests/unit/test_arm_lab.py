@@ -9,13 +9,14 @@ import numpy as np
 import pytest
 
 from pellucid._errors import StudyError
-from pellucid.control.tree_laws import carried, with_force_sensor
+from pellucid.control.tree_laws import carried, with_force_sensor, with_measured_drives
 from pellucid.lab.arm.bodies import JOINT_NUMBERS, built_tree
 from pellucid.lab.arm.card_law import CardLaw, card_of, sensor_points
 from pellucid.lab.arm.free_shoulder import LAWS, ElbowAndShoulder, elbow_constants, figures_of, pointing
 from pellucid.lab.arm.human_motion import JOINTS, generated_motion
 from pellucid.lab.arm.protocol import ArmTrial, limits_of
 from pellucid.lab.arm.rig import able_arm, drawn_arms
+from pellucid.lab.arm.single_faults import fault_trials
 from pellucid.lab.arm.wearer import DONNED, HANDLE_AT, Person, drawn_people, worn_arguments
 from pellucid.lab.arm.worn_trial import run
 from pellucid.lab.known_rigs import parse_rig, shipped_rig
@@ -185,13 +186,18 @@ def test_a_free_shoulder_that_is_kept_still_changes_little_at_the_elbow(rig):
     assert found[False].shoulder_peak < 0.1
 
 
-def test_force_sensors_in_cuffs_are_taken_to_the_joints(rig):
-    """With the robot's own numbers on a card, feedback of what both cuffs feel leaves less than the weight alone."""
+def built_card(rig):
+    """Of the robot's own numbers, without friction."""
     estimate = SimpleNamespace(
         name="built", method="known", robot=rig.robot, families=((),) * 4,
         links=lambda: rig.drawing.links_array, joints=lambda: np.zeros((4, len(JOINT_NUMBERS))),
     )  # fmt: skip
-    card = card_of(rig, estimate)
+    return card_of(rig, estimate)
+
+
+def test_force_sensors_in_cuffs_are_taken_to_the_joints(rig):
+    """With the robot's own numbers on a card, feedback of what both cuffs feel leaves less than the weight alone."""
+    card = built_card(rig)
     person = Person("one")
     points = sensor_points(person)
     heard = CardLaw(with_force_sensor(carried(card), proportional=2.0, lowpass=15.0), points)
@@ -236,3 +242,19 @@ def test_what_lacks_is_named():
         parse_rig(text.replace("stiffness = 1600.0\n", ""), "mine")
     with pytest.raises(StudyError, match=r"\[assembly\] lacks tilt"):
         parse_rig(text.replace("tilt = [0.003, -0.004]", ""), "mine")
+
+
+def test_single_faults_stop_a_worn_arm(rig):
+    """A drive that is dead is found by its measurement at once, without only by where the arm goes."""
+    law, person = carried(built_card(rig)), Person("one")
+    motion, short = generated_motion(4, rig["sampling"]["rate"], 2.0), {"onset": 0.8, "watched": 0.5}
+    faults = ("encoder_nan", "drive_dead", "encoder_flipped", "force_lost")
+    tried = list(fault_trials(rig, person, with_measured_drives(law), motion, faults=faults, **short))
+    assert [trial.fault for trial in tried] == ["encoder_nan", "drive_dead", "encoder_flipped"]
+    nan, dead, mirrored = tried
+    assert (nan.joint, nan.said, nan.found) == (0, "not_finite", 0.0)
+    assert (dead.joint, mirrored.said) == (1, "none")
+    assert 0.0 < dead.found < 0.01
+    assert dead.peak > dead.healthy_peak
+    (blind,) = fault_trials(rig, person, law, motion, faults=("drive_dead",), first=1, **short)
+    assert not blind.found < 0.1

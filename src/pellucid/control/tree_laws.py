@@ -2,8 +2,8 @@
 
 `full_compensation` carries weight and friction as they were identified; `carried` less of friction, so that nothing is
 driven; `transparent` also a share of inertia, by each joint's energy; `with_force_sensor`, `with_emg` and `with_dither`
-add to it. What a card does not say is refused by name: a joint whose efforts are in its drive's unit, a joint of which
-no speed is known.
+add to it, `with_measured_drives` to what its supervisor sees. What a card does not say is refused by name: a joint
+whose efforts are in its drive's unit, a joint of which no speed is known.
 """
 
 from __future__ import annotations
@@ -236,6 +236,12 @@ def with_force_sensor(
     place = {} if body is None else {"sensor_link": law.card.bodies.index(body) + 1.0}
     place |= dict(zip(("sensor_x", "sensor_y", "sensor_z"), map(float, point), strict=True))
     return replace(law, kind=f"{law.kind} with a force sensor", shares=shares, whole={**law.whole, **place})
+
+
+def with_measured_drives(law: TreeLaw) -> TreeLaw:
+    """A law whose supervisor is told what each motor's drive measures of its effort, and compares it with what was
+    asked for: without, a drive that is dead or stuck shows only by where it takes the arm."""
+    return replace(law, watches=tuple({**watch, "drive_expected": 1.0} for watch in law.watches))
 
 
 def with_emg(law: TreeLaw, joint: str, limb: Segment, *, share: float = 0.5, viscous: float = 0.1) -> TreeLaw:

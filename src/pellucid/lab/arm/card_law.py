@@ -47,13 +47,17 @@ class CardLaw:
         """Torque asked of each joint, shape (4,) [N m]."""
         if self.points is None:
             return self.running.step(time, position, wrench=wrench[1])
+        return self.running.step(time, position, interaction=self.felt(position, wrench))
+
+    def felt(self, position: np.ndarray, wrench: np.ndarray) -> np.ndarray:
+        """What both force sensors read, at the joints, shape (4,) [N m]."""
         tree, felt = self.law.card.tree, np.zeros(len(JOINTS))
         frames = tree.placements(position)
         for link, point, read in zip(SENSED, self.points, wrench, strict=True):
             turn = frames[link, :, :3]
             jacobian = tree.jacobian(position, link, np.array(point))
             felt += jacobian[:3].T @ (turn @ read[:3]) + jacobian[3:].T @ (turn @ read[3:])
-        return self.running.step(time, position, interaction=felt)
+        return felt
 
 
 def sensor_points(person: Person) -> tuple[Point, Point]:

@@ -59,11 +59,16 @@ def worn(
     return made
 
 
-def arms_worn(arms: Sequence[ArmRig]) -> tuple[list[dict[str, ArmWorn]], str]:
-    """Every law on each of some robots, and how their wearers moved, in words."""
+def wearers_of(arms: Sequence[ArmRig]) -> tuple[Sequence[Person], str]:
+    """Whom each of some robots is worn by, and how they move, in words."""
     try:
         recorded, said = people(), "recorded reaching"
     except PellucidError:
         recorded, said = (), "generated reaching"
-    wearers = drawn_people(len(arms), recorded=recorded)
+    return drawn_people(len(arms), recorded=recorded), said
+
+
+def arms_worn(arms: Sequence[ArmRig]) -> tuple[list[dict[str, ArmWorn]], str]:
+    """Every law on each of some robots, and how their wearers moved, in words."""
+    wearers, said = wearers_of(arms)
     return in_order([(worn, rig, person) for rig, person in zip(arms, wearers, strict=True)]), said
