@@ -103,11 +103,12 @@ def arm_sections(chapter: ArmChapter) -> tuple[Section, ...]:
     ]
     whole = chapter.compared[counts[-1]]
     load, sets = whole["load"], whole.get("sets_errata", whole["sets_own"])
+    gives = f"{sets.creates:.0f} %" if sets.creates else "none"
     said = (
         f"With {counts[-1]} joints, one body whose friction follows the load has {load.parameters} parameters and errs "
         f"by {load.mean:.1f} % of the torque on motions never fitted; sets of all directions have {sets.parameters} "
         f"and err by {sets.mean:.1f} %. Sets know nothing of each other: on the worst of 200 closed paths they "
-        f"lose {sets.least:.2f} of what one body does, and along {sets.creates:.0f} % of them they give energy out."
+        f"lose {sets.least:.2f} of what one body does, and along {gives} of them they give energy out."
     )
     drawing = draw(
         cost_by_joints,
