@@ -51,6 +51,7 @@ def test_rows_name_both_ways_and_no_bound_is_told_as_an_estimate(found, alone):
         assert 0.0 <= rows[f"made.together.{joint}.hill.coverage"] <= 1.0
     assert 0.01 <= rows["made.together.hill.delay.smallest"] <= rows["made.together.hill.delay.largest"] <= 0.1
     assert rows["made.together.hill.offset.emg.low"] < 0.1 < rows["made.together.hill.offset.emg.high"]
+    assert rows["made.together.hill.offset.carries_over"] == 1.0
     assert rows["made.together.hill.at_bound"] > 0
     assert rows["made.together.hill.at_bound_unreported"] == 0
 
@@ -63,6 +64,13 @@ def test_the_offset_is_the_recordings_own(found, alone):
     assert "by the knee alone" in gastrocnemius
     assert "by both" in gastrocnemius
     assert sum("95 % band" in text for text in said) == 2
+
+
+def test_an_offset_that_does_not_carry_over_is_not_the_recordings(found, alone):
+    worse = [replace(s, score=replace(s.score, r2=-1.0)) if s.how == "hill.offset" else s for s in found.scores]
+    said = [v for v in together_verdicts(replace(found, scores=tuple(worse)), alone) if "would fit better" in v.text]
+    assert [v.kind for v in said] == ["note"]
+    assert "not taken for the recording's" in said[0].text
 
 
 def test_cards_keep_one_set_of_muscles_for_both_joints(found):

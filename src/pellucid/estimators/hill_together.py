@@ -139,7 +139,7 @@ def _simplest(tried: Sequence[tuple[Timing, _Tried]]) -> Timing:
     chosen, best = tried[0]
     for timing, each in tried[1:]:
         gain = best.folds - each.folds
-        if best.missed - each.missed > float(np.std(gain, ddof=1)) / np.sqrt(len(gain)):
+        if np.mean(gain) > np.std(gain, ddof=1) / np.sqrt(len(gain)):
             chosen, best = timing, each
     return chosen
 

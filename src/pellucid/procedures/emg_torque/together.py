@@ -43,7 +43,13 @@ class Together:
     @property
     def what(self) -> str:
         """The joints in words."""
-        return " and ".join(self.fits["hill"].joints)
+        return _words(self.fits["hill"].joints)
+
+    @property
+    def offset_carries_over(self) -> bool:
+        """Whether the EMG stream's offset makes R² larger on what was not fitted, in the mean over joints."""
+        r2 = {how: np.mean([s.score.r2 for s in self.scores if s.how == how]) for how in WORDS}
+        return bool(r2["hill.offset"] > r2["hill"])
 
 
 def muscles_together(found: Calibrated, tell: Callable[[str, float], None]) -> Together | None:
@@ -52,7 +58,7 @@ def muscles_together(found: Calibrated, tell: Callable[[str, float], None]) -> T
     across = found.across
     if len(across) < 2 or any(joint in found.passed_over for joint in across):
         return None
-    what = " and ".join(across)
+    what = _words(tuple(across))
     tell(f"muscles of {what} together", 1.0)
     try:
         return _judged(across)
@@ -95,6 +101,10 @@ def _judged(across: Mapping[str, Sequence[TorqueTrial]]) -> Together:
         scores += each if names else [_mean(how, joint, each) for joint in fit.joints]
     first = names[0] if names else next(name for _, name in shown)
     return Together(fits, tuple(scores), tuple(t for (_, name), t in shown.items() if name == first))
+
+
+def _words(joints: Sequence[str]) -> str:
+    return f"{', '.join(joints[:-1])} and {joints[-1]}"
 
 
 def _trial(across: Mapping[str, Sequence[TorqueTrial]], name: str) -> dict[str, TorqueTrial]:
