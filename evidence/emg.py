@@ -19,14 +19,19 @@ from scipy import signal
 
 from pellucid.datasets import init
 from pellucid.datasets.fetch import path as data_set
+from pellucid.deployment.estimator_folder import write_estimator_folder
+from pellucid.deployment.microcontroller import measure, missing_tools
 from pellucid.estimators.cross_validation import score
 from pellucid.estimators.emg_session import FittedSession
 from pellucid.estimators.families import ESTIMATORS
+from pellucid.estimators.live_torque import LiveTorque
 from pellucid.estimators.raw_session import RawChannels
 from pellucid.estimators.session_watch import SessionWatch
 from pellucid.estimators.torque_map import fit_torque_map
 from pellucid.estimators.torque_trial import TorqueTrial
 from pellucid.procedures.emg_torque.calibrate import CalibrationResult
+from pellucid.procedures.emg_torque.estimator_cards import estimator_cards
+from pellucid.procedures.emg_torque.evaluated import Calibrated
 from pellucid.procedures.emg_torque.trial_sources import moment_trials
 from pellucid.procedures.registry import open_study
 from pellucid.procedures.run import calibrate, check
@@ -423,5 +428,37 @@ def over_best(name: str, result: CalibrationResult) -> Iterator[ResultRow]:
 
 
 def export_rows() -> Iterator[ResultRow]:
-    """What was calibrated, in C."""
-    yield from ()
+    """What was calibrated, in C: ten muscles of walking, played through a motion that was not fitted."""
+    found = Calibrated()
+    with tempfile.TemporaryDirectory() as folder:
+        study = init(Path(folder) / "walking", dataset=WALKING)
+        trials = moment_trials(study, "knee")
+        found.causal["knee", "hill"] = fit = fit_torque_map([t for t in trials if not t.heldout], "hill", causal=True)
+        (card,) = estimator_cards(study, found).values()
+        judged = next(t for t in trials if t.heldout)
+        emg, angles = ({name: of[name] for name in names} for of, names in
+                       ((judged.envelopes, [c.name for c in card.channels]), (judged.angles, card.angles)))  # fmt: skip
+        time = 1.0 + card.period * np.arange(len(judged))
+        live, batch = LiveTorque(card).run(time, emg, angles)["knee"], fit.predict(judged)
+        single = card.build(single=True).run(np.round(1e6 * time), [*emg.values()], [*angles.values()])[0][0]
+        what = f"{len(card.muscles)} muscles of the knee, {len(judged)} steps of walking that were not fitted"
+        yield row("export.live_beside_batch", float(np.max(np.abs(live - batch))), "N*m", f"largest difference, {what}")
+        yield row(
+            "export.float_beside_double", float(np.max(np.abs(single - live))), "N*m", f"the same in float, {what}"
+        )
+        if missing_tools():
+            yield row(
+                "export.wrong_bits", None, "1", f"not run: {', '.join(missing_tools())} not installed", "simulated"
+            )
+            return
+        motion = np.column_stack([*emg.values()]), np.column_stack([*angles.values()])
+        out = write_estimator_folder(study.name, card, Path(folder) / "c", motion=motion)
+        on_m4 = measure(out)
+    how = f"{what}, and faults: {on_m4.steps} steps, torque and stiffness; Cortex-M4F in QEMU beside this machine"
+    yield row("export.wrong_bits", on_m4.wrong, "1", how, "simulated")
+    said = (
+        f"mean over the motion, QEMU -icount shift=0; the costliest step {on_m4.most}, which makes up for a missed one"
+    )
+    yield row("export.instructions_per_step", on_m4.instructions, "1", said, "simulated")
+    yield row("export.bytes", on_m4.bytes, "B", f"code {on_m4.code}, configuration {on_m4.constants}", "simulated")
+    yield row("export.memory", on_m4.memory, "B", "one context", "simulated")

@@ -68,7 +68,7 @@ template <class S> struct EmgChannelParams {
   S scale{S(1)}, rest{}, ceiling{S(1)};
 
   template <class P, class V> static constexpr void walk(P& p, V& visit) noexcept {
-    visit(p.scale, {"scale", unit::one, above(0), "from what the filters give to the envelope"});
+    visit(p.scale, {"scale", unit::one, above(0), "of the envelope that is made or given"});
     visit(p.rest, {"rest", unit::one, any_number(), "envelope of a channel that is lost"});
     visit(p.ceiling, {"ceiling", unit::one, any_number(), "an envelope above it is no muscle's, and is cut off there"});
   }
@@ -284,7 +284,7 @@ template <class S, class Size> void advance(const EmgEstimatorCoefficients<S, Si
   for (std::size_t i = 0; i < c.channels; ++i) {
     ChannelState<S, Size::lag>& state = s.channel[i];
     const EmgChannelParams<S>& p = c.channel[i];
-    const S x = c.raw ? state.level * p.scale : in.envelope[i];
+    const S x = (c.raw ? state.level : in.envelope[i]) * p.scale;
     if (first) state.heard = p.rest;
     if (heard && is_finite(x) && (!c.raw || state.fresh)) {
       state.heard = x;

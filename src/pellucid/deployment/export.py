@@ -11,6 +11,7 @@ from ..recordings.study import Study
 from .c_folder import write_c_folder
 from .controller_values import ControllerValues
 from .elbow_values import elbow_values
+from .estimator_folder import chosen_card, write_estimator_folder
 from .joint_values import joint_values
 from .subject import ENDINGS, export_subject
 from .tree_folder import write_tree_folder
@@ -38,7 +39,7 @@ def export(
 
     A joint's card gives compensation of gravity and friction, the cards of an orthosis and its wearer the residual
     compensator of its zero-impedance mode, the card of a robot of several joints what carries all of them; each ends in
-    the safety gate.
+    the safety gate. A study that was calibrated gives its estimator of torque from EMG, which is no law and has none.
 
     Parameters
     ----------
@@ -57,11 +58,12 @@ def export(
         Whose cards, for an orthosis, None where there is one only; who wears it, for a controller led by EMG.
     controller : str or None
         For a joint with a carriage, a name of `ELBOW_CONTROLLERS`; None: gravity and friction alone. For a robot of
-        several joints ``"full"``, ``"carried"`` or ``"transparent"``; None: ``"carried"``.
+        several joints ``"full"``, ``"carried"`` or ``"transparent"``; None: ``"carried"``. For torque from EMG
+        ``"hill"`` or ``"ridge"``; None: muscles where there are any.
     exponents : tuple of float or None
         k of equation 8, upwards and downwards, for "fc" and "pcfr"; None: the paper's.
     period : float or None
-        Of the controller [s]; None: 1 ms, or that of the recordings of an orthosis, or of a CEINMS subject.
+        Of the controller [s]; None: 1 ms, or that of the recordings of an orthosis, of EMG, or of a CEINMS subject.
     allow_outside : bool
         Whether `card` may lie outside the study's folder.
 
@@ -92,10 +94,17 @@ def export(
     place = study.place("controller") if out is None else Path(out)
     if study.config.tree is not None:
         refused = {"slider": slider, "participant": participant, "exponents": exponents}
-        _require_language(study, to, period, refused)
+        _require_language(study, to, period, refused, "this robot has several joints")
         given = {} if period is None else {"period": period}
         values = tree_values(study, card=card, controller=controller, allow_outside=allow_outside, **given)
         return write_tree_folder(study.name, values, place)
+    if _steps_emg(study, card):
+        refused = {"slider": slider, "exponents": exponents}
+        _require_language(study, to, period, refused, "torque from EMG has none")
+        found = chosen_card(
+            study, card=card, controller=controller, participant=participant, allow_outside=allow_outside
+        )
+        return write_estimator_folder(study.name, found, place, period=period)
     values = values_for(
         study, to, card=card, slider=slider, participant=participant, controller=controller, exponents=exponents,
         period=period, allow_outside=allow_outside,
@@ -103,14 +112,23 @@ def export(
     return write_c_folder(study.name, values, place)
 
 
-def _require_language(study: Study, to: str, period: float | None, refused: Mapping[str, object]) -> None:
+def _steps_emg(study: Study, card: str | None) -> bool:
+    """Whether what is asked for is the estimator of torque from EMG: of a study with nothing else, or by its card."""
+    if study.config.emg_torque is None:
+        return False
+    return not asked(study, "identify") or (card is not None and Path(card).name.startswith("emg_"))
+
+
+def _require_language(
+    study: Study, to: str, period: float | None, refused: Mapping[str, object], why: str = ""
+) -> None:
     """PellucidError for another language, a period of no controller, or what means nothing for this study."""
     if to not in LANGUAGES:
         known = " or ".join(f'"{each}"' for each in (*LANGUAGES, *ENDINGS))
         raise PellucidError(f'export: found to = "{to}", expected {known}')
     if period is not None and not 0.0 < period <= 0.1:
         raise PellucidError(f"export: found a period of {period:g} s, expected one above 0 and up to 0.1 s")
-    _require_none(f"export of {study.name}", refused, "this robot has several joints")
+    _require_none(f"export of {study.name}", refused, why)
 
 
 def _require_none(where: str, refused: Mapping[str, object], why: str) -> None:

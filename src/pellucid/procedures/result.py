@@ -14,6 +14,7 @@ from .._atomic import remove_leftovers
 from .._errors import PellucidError
 from ..fit.parameter import Parameter, Verdict, ranked
 from ..models.card import Card, write_card
+from ..models.emg_estimator import EmgEstimatorCard, write_estimator_card
 from ..models.parameter_card import ParameterCard, write_parameter_card
 from ..models.tree_card import TreeCard, write_tree_card
 from ..recordings.kept import keep, read_kept
@@ -60,7 +61,7 @@ class Result:
         What the recordings do and do not show, worst first.
     rows : tuple of ResultRow
         Every figure, all of one command.
-    cards : Mapping[str, Card or ParameterCard or TreeCard]
+    cards : Mapping[str, Card or ParameterCard or TreeCard or EmgEstimatorCard]
         By the name of their file in ``models/``, without its ending.
     checksums : Mapping[str, str]
         SHA-256 of the files it came from, by recording.
@@ -77,7 +78,7 @@ class Result:
     tables: tuple[ParameterTable | FigureTable, ...]
     verdicts: tuple[Verdict, ...]
     rows: tuple[ResultRow, ...] = field(repr=False)
-    cards: Mapping[str, Card | ParameterCard | TreeCard] = field(repr=False)
+    cards: Mapping[str, Card | ParameterCard | TreeCard | EmgEstimatorCard] = field(repr=False)
     checksums: Mapping[str, str] = field(repr=False)
     confidence: float = 0.95
     procedure: str = ""
@@ -219,9 +220,11 @@ class Result:
         return found if isinstance(found, cls) else None
 
 
-def _write(path: Path, card: Card | ParameterCard | TreeCard) -> None:
+def _write(path: Path, card: Card | ParameterCard | TreeCard | EmgEstimatorCard) -> None:
     if isinstance(card, TreeCard):
         write_tree_card(path, card)
+    elif isinstance(card, EmgEstimatorCard):
+        write_estimator_card(path, card)
     else:
         (write_card if isinstance(card, Card) else write_parameter_card)(path, card)
 

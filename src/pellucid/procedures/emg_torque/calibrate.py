@@ -23,6 +23,7 @@ from ...signals.emg_chain import emg_chain
 from ..result import FigureTable, Result
 from .calibration_rows import calibration_rows
 from .chosen import BASELINE, Chosen, chosen_in_folds, chosen_of, examined_if_candidate
+from .estimator_cards import estimator_cards
 from .evaluated import CAUSAL, EVALUATED, Calibrated, Evaluated, TorqueTrace, estimators_for
 from .known_muscles import geometry_verdicts
 from .leave_one_out import moments_left_out, repetitions_left_out
@@ -55,6 +56,9 @@ BANDS = "bands"
 
 CARD = "ridge"
 """The estimator whose causal map becomes a card: a robot can run a sum of products."""
+
+STEPPED = (CARD, "hill")
+"""Estimators whose causal maps become cards of what a session or a robot steps."""
 
 Progress = Callable[[str, float], None]
 
@@ -113,6 +117,7 @@ def calibrate(study: Study, on_progress: Progress | None = None) -> CalibrationR
             **found.cards,
             **muscle_cards(study, found.muscles, trials),
             **together_cards(study, together, trials),
+            **estimator_cards(study, found),
         },
         checksums={trial.name: trial.checksum for trial in trials},
         evaluated=tuple(evaluated),
@@ -176,6 +181,8 @@ def _by_recording(study: Study, tell: Progress) -> Calibrated:
     traces: dict[tuple[str, str], TorqueTrace] = {}
     for (joint, name, causal), (fit, away) in zip(runs, fits, strict=True):
         fitted, held = parts[joint]
+        if causal and name in STEPPED:
+            found.causal[joint, name] = fit
         if causal and name == CARD:
             found.cards[f"torque_map_{joint}"] = torque_card(study, fit, fitted, f"torque_map_{joint}")
         if isinstance(fit, HillMap) and name == "hill" and not causal:

@@ -83,6 +83,7 @@ class Calibrated:
     # Of each joint, as judged: what muscles of all joints together are calibrated on; empty where there is one joint
     across: dict[str, list[TorqueTrial]] = field(default_factory=dict)
     cards: dict = field(default_factory=dict)
+    causal: dict = field(default_factory=dict)  # Maps of the past alone that can be stepped, by joint and estimator
     # Muscles fitted to all that may be fitted, by joint or participant
     muscles: dict[str, HillMap] = field(default_factory=dict)
     shown: dict[str, TorqueTrial] = field(default_factory=dict)  # A trial to show them with

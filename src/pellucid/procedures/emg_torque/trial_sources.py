@@ -31,8 +31,8 @@ SAME_ANGLE = 0.1
 """Medians that are no further apart [rad] are of the same angle held."""
 
 
-def moment_trials(study: Study, joint: str) -> list[TorqueTrial]:
-    """Recordings whose joint moments were found by inverse dynamics.
+def moment_trials(study: Study, joint: str, *, causal: bool = False) -> list[TorqueTrial]:
+    """Recordings whose joint moments were found by inverse dynamics; `causal`: raw EMG is filtered forwards only.
 
     Whatever is filtered is cut to the recording's window first: nothing beyond its ends is seen.
 
@@ -67,7 +67,7 @@ def moment_trials(study: Study, joint: str) -> list[TorqueTrial]:
                 name=recording.name,
                 joint=joint,
                 time=recording.time,
-                envelopes=relative_envelopes(study, recording, top[recording.participant], causal=False),
+                envelopes=relative_envelopes(study, recording, top[recording.participant], causal=causal),
                 angles=angles,
                 torque=np.interp(recording.time, time, torque),
                 group=recording.name,

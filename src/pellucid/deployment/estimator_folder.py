@@ -1,0 +1,223 @@
+"""A calibrated estimator of torque from EMG as a folder of C and C++, with a test vector of a motion and of faults."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from importlib.metadata import version
+from pathlib import Path
+
+import numpy as np
+
+from .. import _core
+from .._errors import PellucidError
+from ..models.emg_estimator import EmgEstimatorCard, read_estimator_card
+from ..models.fields import model_fields
+from ..recordings.study import Study
+from .c_folder import (
+    HEADERS,
+    OUTPUTS,
+    TEMPLATES,
+    core_headers,
+    literal,
+    needed_headers,
+    place_of,
+    put_down,
+    recorded,
+    refuse_other_makefile,
+    rendered,
+)
+from .replay_vector import ReplayVector
+
+TITLE = "torque of joints from EMG"
+
+SHARED = ("Makefile", "CMakeLists.txt", "say.h", "say_host.c", "m4.c", "m4.ld")
+"""Templates that are those of a controller."""
+
+MOTION, WRONG = 200, 24
+"""Steps of the test vector's motion, and of each stretch in which something goes wrong."""
+
+FAULT_WORDS = {
+    "none": "as good as its calibration",
+    "configuration": "the configuration makes no sense: every torque is 0",
+    "time": "the time did not go on: the last answer once more",
+    "angle": "an angle is lost, or was never heard: every torque is 0",
+    "channel": "a channel is lost, and taken for a muscle at rest",
+    "ceiling": "an envelope is above what a muscle gives, and was cut off",
+    "limit": "a torque was beyond its limit, and was cut off",
+    "restarted": "the first step, or the first after a gap: lags and rates begin anew",
+}
+ESTIMATORS = ("hill", "ridge")
+"""What a card may be of, the first preferred."""
+
+
+@dataclass(frozen=True)
+class Heard:
+    """What one step is given."""
+
+    now: int  # [us]
+    emg: np.ndarray  # Envelopes, or how large raw EMG is
+    angle: np.ndarray
+    before: int = 0
+
+    @property
+    def text(self) -> str:
+        """As a C initialiser."""
+
+        def bits(values: np.ndarray) -> str:
+            return ", ".join(f"0x{int(x):08x}u" for x in np.asarray(values, np.float32).view(np.uint32))
+
+        return f"{{{self.before}u, {self.now}, {{{bits(self.emg)}}}, {{{bits(self.angle)}}}}}"
+
+
+def chosen_card(
+    study: Study, *, card: str | None = None, controller: str | None = None, participant: str | None = None,
+    allow_outside: bool = False,
+) -> EmgEstimatorCard:  # fmt: skip
+    """The estimator that a calibrated study can step: by file name, else the first joint's, of muscles before a map."""
+    if controller is not None and controller not in ESTIMATORS:
+        raise PellucidError(f'export: found the controller "{controller}", expected one of {", ".join(ESTIMATORS)}')
+    if card is not None:
+        path = Path(card) if allow_outside and Path(card).is_absolute() else study.card(card)
+        return read_estimator_card(path)
+    who = ("together", *((participant,) if participant else ()), *study.config.emg_torque.joints)
+    names = [f"emg_{what}_{kind}.json" for what in who for kind in ([controller] if controller else ESTIMATORS)]
+    found = next((path for path in map(study.card, names) if path.is_file()), None)
+    if found is None:
+        raise PellucidError(
+            f"export of {study.name}: found none of the cards {', '.join(names)} in {study.models_dir}, expected one; "
+            f"use: pellucid calibrate {study.folder}. Recordings without one held out, and the chain able, give none"
+        )
+    return read_estimator_card(found)
+
+
+def write_estimator_folder(
+    study: str,
+    card: EmgEstimatorCard,
+    out: Path,
+    *,
+    period: float | None = None,
+    motion: tuple[np.ndarray, np.ndarray] | None = None,
+) -> Path:
+    """Write the folder; files that it has from before are replaced, all others stay. `motion`: envelopes (n, channels)
+    and angles (n, angles) [rad] for the test vector, in place of made ones.
+    """
+    refuse_other_makefile(out)
+    card.build(period)  # refuses what cannot be stepped
+    arrays, raw = card.arrays(period), card.chain != "none"
+    headers = needed_headers("emg_estimator.hpp")
+    files = {f"{HEADERS}/{name}": (core_headers() / "pellucid" / name).read_text(encoding="utf-8") for name in headers}
+    terms, joints, muscles, surface = [], [], [], []
+    for joint, named in zip(arrays["joints"], card.joints, strict=True):
+        own = arrays["terms"][len(joints)]
+        joints.append({"joint": named, "angle": joint[0], "first": len(terms), "terms": len(own)})
+        terms += [
+            {"weight": weight, "first": _factor(first), "second": _factor(second), "name": _product(term)}
+            for (weight, first, second), term in zip(own, named.terms, strict=True)
+        ]
+    for muscle, shares in zip(card.muscles, arrays["shares"], strict=True):
+        rows = muscle.surface.rows(card.angles)
+        axes = [
+            {"angle": _factor(int(row[0])), "sign": row[1], "offset": row[2], "start": row[3], "step": row[4] or 1.0,
+             "cells": int(row[5]) or 1, "name": axis.angle if axis else "none"}
+            for row, axis in zip(rows, (*muscle.surface.axes, None), strict=False)
+        ]  # fmt: skip
+        made = {"muscle": muscle, "shares": shares, "axes": axes, "count": len(muscle.surface.axes)}
+        muscles.append({**made, "surface": len(surface)})
+        surface += muscle.surface.coefficients
+    late = max((m.numbers["delay"] for m in card.muscles), default=0.0) / arrays["period"]
+    sizes = {"delay": int(np.ceil(late)) + 4, "lag": 1 + max(arrays["lags"], default=0)}
+    vector = estimator_vector(card, arrays["period"], motion)
+    content = {
+        "title": TITLE, "card": card, "arrays": arrays, "study": study, "version": version("pellucid"), "raw": raw,
+        "headers": headers, "literal": literal, "vector": vector, "joints": joints, "terms": terms,
+        "muscles": muscles, "surface": surface, "lags": arrays["lags"], **sizes,
+        "before": arrays["before"] if raw else (), "after": arrays["after"] if raw else (),
+        "fields": {name: model_fields(name) for name in ("muscle", "emg_channel", "estimated_joint")},
+        "faults": _core.EMG_FAULTS, "fault_words": FAULT_WORDS, "period_us": round(1e6 * arrays["period"]),
+        "listened": max(1, round(card.emg_rate * arrays["period"])) if raw else 0,
+        "storage": _storage(card, len(terms), **sizes),
+    }  # fmt: skip
+    for name in TEMPLATES:
+        files[place_of(name)] = rendered(f"{name}.j2" if name in SHARED else f"estimator/{name}.j2", **content)
+    outputs = [(int(said), [int(x, 16) for x in bits]) for said, *bits in map(str.split, recorded(files, out))]
+    wrong = {said & 0xFF for said, _ in outputs[1 : vector.motion]} - {0}
+    if wrong:
+        raise PellucidError(f"{out}: found {_core.EMG_FAULTS[wrong.pop()]} in the test vector's motion, expected none")
+    if outputs:
+        files[OUTPUTS] = rendered("estimator/vector_outputs.h.j2", outputs=outputs)
+    return put_down(files, out)
+
+
+def estimator_vector(
+    card: EmgEstimatorCard, period: float, motion: tuple[np.ndarray, np.ndarray] | None = None, seed: int = 1
+) -> ReplayVector:
+    """A motion with a missed period and a channel that is silent for a moment; then each fault, and an end of it."""
+    emg, angle = _motion(card, period, seed) if motion is None else motion
+    step, patience = round(1e6 * period), max(1, card.periods(card.patience, period))
+
+    def heard(i: int) -> Heard:
+        return Heard(
+            1_000_000 + i * step, emg[i % len(emg)].astype(np.float32), angle[i % len(angle)].astype(np.float32)
+        )
+
+    rows = [heard(i) for i in range(len(emg)) if i != len(emg) // 3]
+    rows[0] = replace(rows[0], before=1)
+    if card.chain == "none":
+        rows[len(rows) // 2].emg[0] = np.nan
+    last = len(emg)
+    steps = [*rows, *_wrong(heard, last, patience, step)]
+    return ReplayVector(tuple(steps), len(rows))
+
+
+def _wrong(heard: Callable[[int], Heard], at: int, patience: int, step: int) -> Iterator[Heard]:
+    """Every fault, each after a power-on of its own, and what comes after it."""
+    for number in (np.nan, np.inf, -np.inf, 3e38):
+        for of in ("emg", "angle"):
+            for i in range(WRONG + patience):
+                row = replace(heard(at + i), before=int(i == 0))
+                if 6 <= i < 10 + patience:
+                    getattr(row, of)[-1] = number
+                yield row
+    for changed in (0, -10 * step, 5 * step, 40 * step):
+        for i in range(WRONG):
+            row = replace(heard(at + i), before=int(i == 0))
+            yield replace(row, now=row.now + changed) if i >= 12 else row
+    for i in range(WRONG):  # not every angle was heard at first
+        row = replace(heard(at + i), before=int(i == 0))
+        if i < 4:
+            row.angle[0] = np.nan
+        yield row
+
+
+def _motion(card: EmgEstimatorCard, period: float, seed: int) -> tuple[np.ndarray, np.ndarray]:
+    """Bursts of every channel and angles within every surface, (n, channels) and (n, angles)."""
+    rng, t = np.random.default_rng(seed), period * np.arange(MOTION)
+    rate = 2.0 * np.pi * 3.0 / (MOTION * period)
+    waves = 0.5 + 0.5 * np.sin(rate * t[:, None] + rng.uniform(0.0, 6.0, len(card.channels)))
+    low, high = (np.array([getattr(c, end) for c in card.channels]) for end in ("rest", "ceiling"))
+    emg = low + (0.4 * high - low) * waves**2
+    emg = emg / np.array([c.scale for c in card.channels])
+    middle, swing = np.zeros(len(card.angles)), np.full(len(card.angles), 0.3)
+    for muscle in card.muscles:
+        for axis in muscle.surface.axes:
+            if axis.angle in card.angles:
+                k = card.angles.index(axis.angle)
+                middle[k] = (axis.start + 0.5 * axis.cells * axis.step - axis.offset) * axis.sign
+                swing[k] = min(swing[k], 0.3 * axis.cells * axis.step)
+    return emg, middle + swing * np.sin(0.7 * rate * t[:, None] + np.arange(len(card.angles)))
+
+
+def _storage(card: EmgEstimatorCard, terms: int, *, delay: int, lag: int) -> int:
+    """Bytes of a context, some to spare; the compiler refuses too few."""
+    c, a, m, j = len(card.channels), len(card.angles), max(len(card.muscles), 1), len(card.joints)
+    numbers = 512 + c * (80 + 4 * lag) + 80 * a + m * (432 + 4 * c + 4 * delay) + 96 * j + 16 * terms + c * 40
+    return (numbers + 63) // 64 * 64
+
+
+def _factor(index: int) -> str:
+    return "PELLUCID_NONE" if index < 0 else f"{index}u"
+
+
+def _product(term) -> str:
+    return " * ".join(name for name in (term.first, term.second) if name) or "offset"

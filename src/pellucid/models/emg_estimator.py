@@ -1,0 +1,207 @@
+"""A calibrated estimator of torque as a card: channels, muscles or a map, joints, and all that stepping it needs.
+
+The core steps it (``include/pellucid/emg_estimator.hpp``): live from Python, in batches and off the PC, always the same
+code.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from .. import _core
+from .._atomic import write_text_atomically
+from .._errors import PellucidError
+from .card import FORMAT, CardParameter, read_table
+from .card_schema import LARGEST, fields_of, require_between, require_sound
+from .hill import QUANTITIES
+from .muscle_surface import MuscleSurface
+
+KIND = "emg_estimator"
+
+PATIENCE = 0.05
+"""That a channel or an angle keeps its last value before it is lost [s]."""
+
+GAMMA, GAMMA_SPREAD = 23.4, 0.15
+"""Short-range stiffness of a fibre in its force over l_o, and its standard error's share: one number for six muscles of
+cats, within 30 % (Cui et al. 2008)."""
+
+TENDON_STRAIN = 0.033
+"""Of a tendon under F_0."""
+
+MOST_DELAY, MOST_LAG = 509, 511
+"""Samples that the core's module has room for."""
+
+
+@dataclass(frozen=True)
+class EstimatorChannel:
+    """One channel of EMG."""
+
+    name: str
+    scale: float  # Of the envelope that the chain makes, or that is given
+    rest: float  # Envelope of a channel that is lost
+    ceiling: float  # Above it no muscle's, cut off there
+
+
+@dataclass(frozen=True)
+class EstimatorMuscle:
+    """One muscle."""
+
+    name: str
+    numbers: Mapping[str, float]  # Of `QUANTITIES`, SI
+    shares: Mapping[str, float]  # Of each channel's envelope in its excitation
+    surface: MuscleSurface
+
+
+@dataclass(frozen=True)
+class EstimatorTerm:
+    """Weight times one feature or two, by their names; times none: an offset."""
+
+    weight: float
+    first: str = ""
+    second: str = ""
+
+
+@dataclass(frozen=True)
+class EstimatorJoint:
+    """A joint and its own tissue: offset - stiffness q - damping dq/dt."""
+
+    name: str
+    offset: float  # [N m]
+    stiffness: float  # [N m/rad]
+    damping: float  # [N m s/rad]
+    limit: float  # Of |torque| [N m]
+    terms: tuple[EstimatorTerm, ...] = ()
+
+
+@dataclass(frozen=True)
+class EmgEstimatorCard:
+    """Everything that stepping an estimator needs."""
+
+    study: str
+    name: str
+    channels: tuple[EstimatorChannel, ...]
+    angles: tuple[str, ...]  # Joints whose angles it needs
+    muscles: tuple[EstimatorMuscle, ...]
+    joints: tuple[EstimatorJoint, ...]
+    period: float  # From one step to the next [s]
+    motion_lowpass: float  # On angles before they are differentiated, order 2 [Hz]
+    lags: tuple[float, ...] = ()  # How much earlier a map sees envelopes too [s]
+    patience: float = PATIENCE  # [s]
+    chain: str = "none"  # From raw EMG to the envelope; none: envelopes are given
+    emg_rate: float = 0.0  # Of raw EMG [Hz]
+    before: tuple[tuple[float, ...], ...] = ()  # before, after: Second-order sections of the chain at this rate
+    after: tuple[tuple[float, ...], ...] = ()
+    gamma: float = GAMMA
+    tendon_strain: float = TENDON_STRAIN
+    notes: tuple[str, ...] = ()
+    checksums: Mapping[str, str] = field(default_factory=dict)
+    pellucid: str = ""
+    kind: str = KIND
+    parameters: tuple[CardParameter, ...] = ()
+    covariance: tuple[tuple[float, ...], ...] = ()
+    confidence: float = 0.95
+    format: int = FORMAT
+
+    @property
+    def features(self) -> tuple[str, ...]:
+        """Names of what a map may multiply, in the core's order."""
+        lags = ("", *(f" {1e3 * lag:.0f} ms ago" for lag in self.lags))
+        return (
+            *(f"emg.{channel.name}{lag}" for channel in self.channels for lag in lags),
+            *(f"{what}.{angle}" for angle in self.angles for what in ("angle", "velocity", "acceleration")),
+        )
+
+    def at(self, period: float | None) -> float:
+        """The period to step at, its own where none is given [s]."""
+        return self.period if period is None else period
+
+    def periods(self, seconds: float, period: float | None = None) -> int:
+        """Whole periods nearest to a time [s]."""
+        return round(seconds / self.at(period))
+
+    def arrays(self, period: float | None = None) -> dict:
+        """What the core's module takes, by name."""
+        from scipy.signal import butter
+
+        names, step = [channel.name for channel in self.channels], self.at(period)
+        known = {name: i for i, name in enumerate(self.features)} | {"": -1}
+        return {
+            "channels": np.array([(c.scale, c.rest, c.ceiling) for c in self.channels]).reshape(-1, 3),
+            "angles": len(self.angles),
+            "muscles": np.array([[m.numbers[q] for q in QUANTITIES] for m in self.muscles]).reshape(
+                -1, len(QUANTITIES)
+            ),
+            "shares": np.array([[m.shares.get(n, 0.0) for n in names] for m in self.muscles]).reshape(-1, len(names)),
+            "axes": np.array([m.surface.rows(self.angles) for m in self.muscles]).reshape(-1, 2, 6),
+            "surfaces": [np.array(m.surface.coefficients) for m in self.muscles],
+            "joints": [(self.angles.index(j.name), j.offset, j.stiffness, j.damping, j.limit) for j in self.joints],
+            "terms": [[(t.weight, known[t.first], known[t.second]) for t in j.terms] for j in self.joints],
+            "lags": [self.periods(lag, step) for lag in self.lags],
+            "motion": butter(2, self.motion_lowpass, fs=1.0 / step, output="sos"),
+            "before": np.array(self.before).reshape(-1, 6) if self.chain != "none" else None,
+            "after": np.array(self.after).reshape(-1, 6) if self.chain != "none" else None,
+            "gamma": self.gamma,
+            "tendon_strain": self.tendon_strain,
+            "period": step,
+            "patience": max(1, self.periods(self.patience, step)),
+        }
+
+    def build(self, period: float | None = None, *, single: bool = False) -> _core.EmgEstimator:
+        """The core's estimator, at rest; `single` in float, as a microcontroller has it."""
+        try:
+            return (_core.EmgEstimatorFloat if single else _core.EmgEstimator)(**self.arrays(period))
+        except ValueError as error:
+            raise PellucidError(f"card {self.name}: no estimator that can be stepped: {error}") from None
+
+
+def write_estimator_card(path: Path, card: EmgEstimatorCard) -> Path:
+    """Write a card as JSON, atomically; a list of numbers stays on its line."""
+    table = asdict(card)
+    surfaces = [m["surface"].pop("coefficients") for m in table["muscles"]]
+    text = json.dumps(table, indent=1, ensure_ascii=False, allow_nan=False)
+    parts = text.split('"surface": {')
+    made = [
+        f'"coefficients": {json.dumps(c)},'.join(('"surface": {\n    ', p))
+        for c, p in zip(surfaces, parts[1:], strict=True)
+    ]
+    return write_text_atomically(path, "".join((parts[0], *made)) + "\n")
+
+
+def read_estimator_card(path: Path) -> EmgEstimatorCard:
+    """Read a card again."""
+    table = read_table(path)
+    if table.get("kind") != KIND:
+        raise PellucidError(f"{path}: not the card of an estimator of torque from EMG")
+    try:
+        card = EmgEstimatorCard(**fields_of(EmgEstimatorCard, table))
+        _require_estimator(card)
+    except ValueError as error:
+        raise PellucidError(f"{path}: not a card that can be used: {error}") from None
+    require_sound(path, card)
+    return card
+
+
+def _require_estimator(card: EmgEstimatorCard) -> None:
+    """ValueError where parts of a card do not fit each other."""
+    require_between("period", card.period, 1e-5, 1.0)
+    require_between("motion_lowpass", card.motion_lowpass, 1e-3, 0.499 / card.period)
+    names, angles = [c.name for c in card.channels], set(card.angles)
+    for kind, all_of in (("channels", names), ("angles", card.angles), ("muscles", [m.name for m in card.muscles])):
+        if len(set(all_of)) != len(all_of):
+            raise ValueError(f"{kind}: found a name twice, expected each once")
+    for m in card.muscles:
+        if set(m.numbers) != set(QUANTITIES) or not set(m.shares) <= set(names):
+            raise ValueError(f"{m.name}: found other numbers or channels than {', '.join((*QUANTITIES, *names))}")
+        if {a.angle for a in m.surface.axes} - angles - {""}:
+            raise ValueError(f"{m.name}: found a surface over other angles than {', '.join(card.angles)}")
+        for x in m.surface.coefficients:
+            require_between(f"{m.name}, surface", x, -LARGEST, LARGEST)
+    for joint in card.joints:
+        wrong = {x for t in joint.terms for x in (t.first, t.second)} - set(card.features) - {""}
+        if joint.name not in angles or wrong:
+            raise ValueError(f"{joint.name}: found {', '.join(sorted(wrong)) or 'no angle of it'}, expected features")

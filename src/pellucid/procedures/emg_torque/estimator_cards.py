@@ -1,0 +1,201 @@
+"""Cards of what a session or a robot steps: causal maps of muscles or by ridge regression, with all that they need."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from importlib.metadata import version
+
+import numpy as np
+
+from ..._errors import PellucidError
+from ...estimators.features import CAUSAL_LOWPASS
+from ...estimators.hill import HillMap
+from ...estimators.torque_map import TorqueMap, fit_torque_map
+from ...estimators.torque_trial import TorqueTrial
+from ...models.emg_estimator import (
+    EmgEstimatorCard,
+    EstimatorChannel,
+    EstimatorJoint,
+    EstimatorMuscle,
+    EstimatorTerm,
+)
+from ...models.hill import QUANTITIES
+from ...models.muscle_card import CalibratedMuscles
+from ...models.muscle_geometry import muscle_table
+from ...models.muscle_surface import MuscleSurface, fitted_surface, sampled_surface, surface_of
+from ...recordings.study import Study
+from ...signals.emg_chain import FILTERS, emg_chain
+from .evaluated import Calibrated
+from .relative_envelopes import maxima_of, stream_of
+from .torque_card import PRODUCT
+from .trial_sources import moment_trials
+
+CEILING = 2.0
+"""Times the largest envelope that was fitted: what is above is no muscle's."""
+
+REST = 0.01
+"""Share of the samples fitted whose envelope is below that of a channel at rest."""
+
+LIMIT = 1.5
+"""Times the largest torque that was fitted."""
+
+COARSE = 2e-3
+"""A surface that misses arms by more is said to [m]."""
+
+
+def estimator_cards(study: Study, found: Calibrated) -> dict[str, EmgEstimatorCard]:
+    """Cards of the causal maps that were fitted, by joint and estimator. `study` [emg_torque]."""
+    cards, chain = {}, study.config.emg_torque.chain
+    if chain != "none" and any(stage.kind == "advance" for stage in emg_chain(chain).stages):
+        return cards
+    for (joint, estimator), fit in found.causal.items():
+        trials = [t for t in moment_trials(study, joint, causal=True) if not t.heldout]
+        if trials[0].unit != "N*m":
+            continue
+        if chain != "none":
+            # What was judged saw envelopes filtered both ways; what runs live cannot.
+            fit = fit_torque_map(trials, estimator, causal=True)
+        name = f"emg_{joint}_{estimator}"
+        if isinstance(fit, HillMap):
+            muscles = CalibratedMuscles(fit.fit.muscles, fit.driven, {joint: fit.fit.passive}, fit.effort)
+            cards[name] = muscle_estimator(study, name, muscles, {joint: trials})
+        else:
+            cards[name] = map_estimator(study, name, fit, trials)
+    return cards
+
+
+def muscle_estimator(
+    study: Study, name: str, muscles: CalibratedMuscles, trials: Mapping[str, Sequence[TorqueTrial]]
+) -> EmgEstimatorCard:
+    """Of calibrated muscles, whatever joints they move; `trials` that were fitted, by joint. `study` [emg_torque]."""
+    surfaces, notes = {}, []
+    for muscle in muscles.muscles:
+        surfaces[muscle.name], said = _surface(muscle.name, trials)
+        notes += said
+    made = [
+        EstimatorMuscle(
+            m.name,
+            dict(zip(QUANTITIES, map(float, m.vector()), strict=True)),
+            {channel: muscles.effort / len(muscles.driven[m.name]) for channel in muscles.driven[m.name]},
+            surfaces[m.name],
+        )
+        for m in muscles.muscles
+    ]
+    used = {channel for m in made for channel in m.shares}
+    needed = {a.angle for m in made for a in m.surface.axes} | set(muscles.joints)
+    joints = tuple(
+        EstimatorJoint(joint, *map(float, tissue), _limit(trials[joint])) for joint, tissue in muscles.tissue.items()
+    )
+    return _card(study, name, next(iter(trials.values())), tuple(made), joints, used, needed, notes)
+
+
+def map_estimator(study: Study, name: str, found: TorqueMap, trials: Sequence[TorqueTrial]) -> EmgEstimatorCard:
+    """Of a map by ridge regression. `study` [emg_torque]."""
+    chosen, joint = found.choice.features, trials[0].joint
+    if chosen.lags:
+        raise PellucidError(f"card {name}: found earlier envelopes, expected a map of present ones")
+    joints = [joint, *(j for j in trials[0].angles if j != joint)] if chosen.neighbours else [joint]
+    names = [f"emg.{muscle}" for muscle in trials[0].envelopes]
+    for each in joints:
+        names += [f"angle.{each}", *([f"velocity.{each}"] if chosen.velocities else [])]
+        names += [f"acceleration.{each}"] if chosen.accelerations else []
+    terms = []
+    for term, weight in found.regressor.plain(names).items():
+        first, _, second = ("", "", "") if term == "offset" else term.partition(PRODUCT)
+        terms.append(EstimatorTerm(weight, first, second))
+    one = EstimatorJoint(joint, 0.0, 0.0, 0.0, _limit(trials), tuple(terms))
+    return _card(study, name, trials, (), (one,), set(trials[0].envelopes), set(joints), [])
+
+
+def _card(
+    study: Study,
+    name: str,
+    trials: Sequence[TorqueTrial],
+    muscles: tuple[EstimatorMuscle, ...],
+    joints: tuple[EstimatorJoint, ...],
+    used: set[str],
+    needed: set[str],
+    notes: Sequence[str],
+) -> EmgEstimatorCard:
+    spec, notes, raw = study.config.emg_torque, list(notes), {}
+    fitted = [r for r in study.recordings() if r.use == "fit" and r.participant == trials[0].participant]
+    top = maxima_of(study, trials[0].participant, [r for r in fitted if r.name in {t.name for t in trials}])
+    if spec.chain != "none":
+        rate = stream_of(fitted[0], spec.emg).fs
+        raw = {"chain": spec.chain, "emg_rate": rate, **_sections(spec.chain, rate)}
+        late = emg_chain(spec.chain).delay(rate).filters
+        notes.append(f"The chain {spec.chain} makes envelopes {1e3 * late:.0f} ms late; muscles were fitted to that.")
+    channels = []
+    for channel in trials[0].envelopes:
+        if channel in used:
+            seen = np.concatenate([t.envelopes[channel] for t in trials])
+            rest, ceiling = float(np.quantile(seen, REST)), CEILING * float(seen.max())
+            channels.append(EstimatorChannel(channel, 1.0 / top.get(channel, 1.0), rest, max(ceiling, rest + 1e-9)))
+    return EmgEstimatorCard(
+        study.name,
+        name,
+        tuple(channels),
+        tuple(angle for angle in trials[0].angles if angle in needed),
+        muscles,
+        joints,
+        1.0 / float(np.mean([t.fs for t in trials])),
+        CAUSAL_LOWPASS,
+        notes=tuple(notes),
+        checksums={t.name: t.checksum for t in trials},
+        pellucid=version("pellucid"),
+        **raw,
+    )
+
+
+def _surface(muscle: str, trials: Mapping[str, Sequence[TorqueTrial]]) -> tuple[MuscleSurface, list[str]]:
+    """Length over the trials' angles: the leg's model as it is, the study's own, or what is nearest to recordings."""
+    across = {joint: own for joint, own in trials.items() if own[0].muscles.driven(joint, own[0].envelopes).get(muscle)}
+    first = next(iter(across.values()))
+    source, angles = first[0].muscles, first[0].angles
+    moved = {a: np.concatenate([np.asarray(t.angles[a], float) for t in first]) for a in angles}
+    if muscle not in source.recorded and not source.polynomials:
+        geometry = muscle_table().geometry[muscle]
+        surface = surface_of(geometry, {"knee": source.sign})
+        return surface.held({a: source.posture.get(a, 0.0) for a in geometry.angles if a not in angles}), []
+    if muscle not in source.recorded:
+        path = source.polynomials[muscle]
+        own = {a: moved.get(a, np.full(len(moved[first[0].joint]), source.posture.get(a, 0.0))) for a in path.angles}
+        arms = {a: path.moment_arm(a, own) for a in path.angles}
+        # The joints themselves, then what else moves the muscle most.
+        ranked = sorted(own, key=lambda a: (a not in across, -float(np.std(own[a]) * np.mean(np.abs(arms[a])))))
+        kept = [a for a in ranked if a in moved][:2]
+        surface = sampled_surface(path, kept, {a: float(np.mean(q)) for a, q in own.items()})
+        length, slope, _ = surface.path({a: own[a] for a in kept})
+        missed = float(np.sqrt(np.mean((length - path.length(own)) ** 2)))
+        arm = float(np.sqrt(np.mean([(slope[j] + arms[j]) ** 2 for j in across])))
+        return surface, _coarse(muscle, surface, missed, arm)
+    length = np.concatenate([t.muscles.recorded[muscle][0] for t in first])
+    arms = {joint: np.concatenate([t.muscles.recorded[muscle][2] for t in own]) for joint, own in across.items()}
+    surface, missed, arm = fitted_surface(length, moved, arms)
+    return surface, _coarse(muscle, surface, missed, arm)
+
+
+def _coarse(muscle: str, surface: MuscleSurface, missed: float, arm: float) -> list[str]:
+    """What is said of a surface that misses lengths and arms [m]."""
+    if arm <= COARSE:
+        return []
+    return [
+        f"{muscle}: lengths and arms are met within {1e3 * missed:.2g} and {1e3 * arm:.2g} mm over "
+        f"{' and '.join(a.angle for a in surface.axes)}: they hang on other angles too."
+    ]
+
+
+def _limit(trials: Sequence[TorqueTrial]) -> float:
+    return LIMIT * max(float(np.max(np.abs(t.torque))) for t in trials)
+
+
+def _sections(chain: str, rate: float) -> dict[str, tuple[tuple[float, ...], ...]]:
+    """Second-order sections before and after a chain rectifies."""
+    parts: dict[str, list] = {"before": [], "after": []}
+    where = "before"
+    for stage in emg_chain(chain).stages:
+        if stage.kind == "rectify":
+            where = "after"
+        if stage.kind in FILTERS:
+            parts[where] += map(tuple, stage.sections(rate).tolist())
+    return {key: tuple(rows) for key, rows in parts.items()}
