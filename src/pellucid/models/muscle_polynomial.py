@@ -25,7 +25,9 @@ LENGTH, ARM = 1e-4, 5e-4
 DEGREES = range(2, 13)
 MOST_TERMS = 220
 POSES = (0, 300, 1200, 2400)
-"""Over one, two and three angles; a third of them judge."""
+"""Over one, two and three angles; two in seven judge."""
+
+PRIMES = (2, 3, 5, 7, 11, 13, 17, 19, 23, 29)
 
 
 @dataclass(frozen=True)
@@ -66,16 +68,14 @@ def fitted_polynomial(
     path: Callable[[Mapping[str, np.ndarray]], tuple[np.ndarray, np.ndarray]],
 ) -> MusclePolynomial:
     """The polynomial over `ranges` [rad] of what `path` gives: length (n,) and arms (k, n) [m] at angles (n,) [rad]."""
-    from scipy.stats import qmc
-
     names = tuple(ranges)
     low, high = np.array(list(ranges.values()), float).T
     middle, half = 0.5 * (low + high), 0.5 * (high - low)
     count = POSES[min(len(names), len(POSES) - 1)]
     # A little beyond the ends, and back onto them: errors are largest there.
-    x = np.clip(1.04 * (2.0 * qmc.Halton(len(names), seed=0).random(count) - 1.0), -1.0, 1.0)
+    x = np.clip(1.04 * (2.0 * _spread(count, len(names)) - 1.0), -1.0, 1.0)
     length, arms = path(dict(zip(names, (middle + half * x).T, strict=True)))
-    judged = np.arange(count) % 3 == 2
+    judged = np.arange(count) % 7 >= 5  # no multiple of a base: those would judge one corner
     best = None
     for degree in DEGREES:
         powers = np.array([p for p in product(range(degree + 1), repeat=len(names)) if sum(p) <= degree])
@@ -98,6 +98,17 @@ def fitted_polynomial(
         if worst < 0.5:
             break
     return best[1]
+
+
+def _spread(count: int, dimensions: int) -> np.ndarray:
+    """Points evenly spread over the unit cube: Halton's, each number written backwards behind the point; (n, k)."""
+    made = np.zeros((count, dimensions))
+    for column, base in zip(made.T, PRIMES, strict=False):
+        left, share = np.arange(1, count + 1), 1.0 / base
+        while left.any():
+            column += share * (left % base)
+            left, share = left // base, share / base
+    return made
 
 
 def _error(missed: Sequence[np.ndarray]) -> PolynomialError:
