@@ -6,8 +6,9 @@ samples with the most effort, and that with the most speed, judges what was fitt
 on the same samples, with the features and settings that it chose before.
 
 With :math:`e_{ki}` the RMSE of method k in test i, the least mean of :math:`e_{ki}^2` is found; of methods whose mean
-is no more than one standard error of the paired differences above it, those whose form goes furthest beyond what was
-fitted come first: muscles, then what is linear in its terms, then what stays within the torques it has seen.
+is no more than one standard error of the paired differences above it, those come first whose form says most beyond what
+was fitted: muscles held by anatomy, muscles that are not, what is linear in its terms, then what stays within the
+torques it has seen.
 """
 
 from __future__ import annotations
@@ -64,7 +65,7 @@ class Examined:
 
     words: tuple[str, ...]  # What each test was
     rmse: tuple[float, ...]  # [N m]; nan where it could not be fitted
-    half_width: float  # Of the band that holds `LEVEL` of the samples judged, every test counted the same [N m]
+    half_width: float  # Of the band that holds `LEVEL` of the samples judged, as the mean over tests is [N m]
     conditions: int = 1  # Recordings, sessions or repetitions that were left out in turn; 1: parts of a single one
 
     @property
@@ -74,9 +75,9 @@ class Examined:
 
 
 def candidate(name: str) -> bool:
-    """Whether an estimator may be named: it sees EMG, is not told the torque, and is no other tool's fixed default."""
+    """Whether an estimator may be named: it sees EMG, is not told the torque, and has no fixed settings."""
     family = ESTIMATORS[name]
-    return family.muscles and not family.told and (family.fixed is None or len(family.settings) > 1)
+    return family.muscles and not family.told and (family.whole is not None or len(family.settings) > 1)
 
 
 def named(found: Mapping[str, Examined]) -> str:
@@ -175,14 +176,9 @@ def examined(fit: Any, trials: Sequence[TorqueTrial]) -> Examined:
 
 
 def _half_width(errors: Sequence[np.ndarray]) -> float:
-    """Which `LEVEL` of the errors do not pass, every test counted the same [N m]."""
-    errors = [np.abs(e) for e in errors if np.isfinite(e).all()]
-    if not errors:
-        return float("nan")
-    size, weight = np.concatenate(errors), np.concatenate([np.full(len(e), 1.0 / len(e)) for e in errors])
-    order = np.argsort(size)
-    share = np.cumsum(weight[order]) / len(errors)
-    return float(size[order][min(np.searchsorted(share, LEVEL), len(size) - 1)])
+    """Half the band that holds `LEVEL` of a test's errors, its mean square over all tests [N m]."""
+    each = [np.quantile(np.abs(e), LEVEL) for e in errors if np.isfinite(e).all()]
+    return float(np.sqrt(np.mean(np.square(each)))) if each else float("nan")
 
 
 def _conditions_of(trials: Sequence[TorqueTrial]) -> list[str]:

@@ -32,6 +32,9 @@ GAP, EDGES = 3, 2
 
 _FIGURE = re.compile(r"[<>+−-]?\.?\d")
 
+_JOINTS = re.compile(r"(?<=[._])")
+"""Where a name may be broken."""
+
 
 def print_result(out: Console, result: Result) -> None:
     """Headline, every table, every verdict."""
@@ -106,8 +109,21 @@ def _fitted(columns: Sequence[tuple[str, Sequence[str]]], width: int) -> Table:
         more = min(whole - least, free)
         column.width, column.no_wrap, column.overflow, free = least + more, False, "fold", free - more
     for cells in zip(*(cells for _, cells in columns), strict=True):
-        table.add_row(*map(markup.escape, cells))
+        fitted = (_broken(cell, column.width) for cell, column in zip(cells, table.columns, strict=True))
+        table.add_row(*map(markup.escape, fitted))
     return table
+
+
+def _broken(cell: str, width: int) -> str:
+    """A name that is too long for its column, on several lines: broken behind a dot or an underscore."""
+    if cell_len(cell) <= width or " " in cell or _FIGURE.match(cell):
+        return cell
+    lines = [""]
+    for part in _JOINTS.split(cell):
+        if lines[-1] and cell_len(lines[-1] + part) > width:
+            lines.append("")
+        lines[-1] += part
+    return "\n".join(lines)
 
 
 def _widths(head: str, cells: Sequence[str]) -> tuple[int, int]:
@@ -115,7 +131,8 @@ def _widths(head: str, cells: Sequence[str]) -> tuple[int, int]:
     head = head.removeprefix(">").removesuffix("~")
     parts = [line for cell in (head, *cells) for line in cell.splitlines()]
     whole = max(map(cell_len, parts), default=0)
-    unbroken = [cell for cell in cells if _FIGURE.match(cell)] + head.split() + " ".join(cells).split()
+    words = [part for cell in cells for word in cell.split() for part in _JOINTS.split(word)]
+    unbroken = [cell for cell in cells if _FIGURE.match(cell)] + head.split() + words
     return min(max(map(cell_len, unbroken), default=0), whole), whole
 
 

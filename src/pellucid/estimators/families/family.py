@@ -50,8 +50,9 @@ class Family:
     whole: Callable[[Any, str, bool], Any] | None = None
     aliases: tuple[str, ...] = ()  # What it may also be called
     rank: int = 100  # Its place in tables, the lowest first
-    # Beyond what was fitted its form is 0: muscles' own; 1: linear in its terms; 2: within the torques it has seen
-    reach: int = 2
+    # Beyond what was fitted it is 0: muscles held by anatomy; 1: muscles that are not; 2: linear in its terms;
+    # 3: within the torques it has seen
+    reach: int = 3
 
     def candidates(self, *, neighbours: bool) -> tuple[FeatureSet, ...]:
         """Feature sets it may choose from; `neighbours`: whether other joints' angles are there."""

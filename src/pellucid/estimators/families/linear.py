@@ -23,7 +23,7 @@ def ridge(settings: Mapping[str, Any], seen: Features) -> Regressor:
     return Ridge(settings["penalty"], columns)
 
 
-SHARED = {"along": "penalty", "smoothing": 0.0, "reach": 1}
+SHARED = {"along": "penalty", "smoothing": 0.0, "reach": 2}
 
 FAMILIES = {
     "ridge": Family("ridge regression", ridge, PENALISED, lags=False, every=True, rank=40, **SHARED),

@@ -31,7 +31,7 @@ FAMILIES = {
             smoothing=0.0,
             whole=_reconstruction(f"fit_{name}"),
             rank=rank,
-            reach=0,
+            reach=1,
             told=name == "nmcoa",
         )
         for rank, name, words in (
