@@ -38,6 +38,13 @@ def test_a_gain_is_named_where_the_others_stay(session):
     assert [(c.muscle, c.kind) for c in found.changes] == [("vastus", "level")]
 
 
+def test_what_all_channels_changed_by_is_taken_off(session):
+    trial = walking(1, strength=2.0)
+    vastus = trial.envelopes["vastus"]
+    assert session.compared(changed(trial, vastus=1.8 * vastus)).changes == ()
+    assert session.compared(changed(trial, vastus=6.0 * vastus)).changed == ("vastus",)
+
+
 @pytest.mark.parametrize("pair", [("soleus", "tibialis"), ("vastus", "rectus"), ("hamstring", "soleus")])
 def test_two_channels_exchanged_are_both_named(session, pair):
     trial = walking(1)

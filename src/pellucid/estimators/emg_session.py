@@ -143,7 +143,7 @@ class FittedSession:
         margin = np.maximum(BEYOND * (self.high - self.low), np.tile(HELD, len(self.low) // 2))
         away = ((moved < self.low - margin) | (moved > self.high + margin)).any(axis=1)
         goes_with = self._correlations(x, moved) if np.mean(away) <= ELSEWHERE else None
-        changes = [] if many else self._changes(floor, risen, level, goes_with, _together(x))
+        changes = [] if many else self._changes(floor, risen, level / _common(level), goes_with, _together(x))
         named = {change.muscle for change in changes}
         loud = [
             (x[:, k] > self.floor[k] + (1.0 + 2.0 * BEYOND) * self.span[k])
@@ -224,8 +224,8 @@ class FittedSession:
                 expected = f"{self.floor[k]:.2g}, within {100 * RISEN:g} % of its range, as fitted"
                 found.append(ChannelChange(muscle, "floor", f"a floor of {floor[k]:.2g}", expected))
             if not 1.0 / LEVEL <= level[k] <= LEVEL:
-                expected = f"{1 / LEVEL:.1g} to {LEVEL:g} times"
-                found.append(ChannelChange(muscle, "level", f"{level[k]:.2g} times the range as fitted", expected))
+                said = f"{level[k]:.2g} times the range as fitted, what all changed by taken off"
+                found.append(ChannelChange(muscle, "level", said, f"{1 / LEVEL:.1g} to {LEVEL:g} times"))
             if k in copies:
                 i, other = copies[k], self.muscles[copies[k]]
                 said = f"the signal of {other} (correlation of envelopes {np.tanh(together[i, k]):.3f})"
@@ -274,6 +274,14 @@ class FittedSession:
             if i not in pairs and k not in pairs:
                 pairs |= {i: k, k: i}
         return pairs
+
+
+def _common(level: np.ndarray) -> float:
+    """What all ranges changed by, of `level` (k,): another speed's or load's; of few channels the one nearest to 1."""
+    known = np.log(level[level > 0.0])
+    if not len(known):
+        return 1.0
+    return float(np.exp(np.median(known) if len(known) > 3 else known[np.argmin(np.abs(known))]))
 
 
 def _unexplained(correlation: np.ndarray) -> np.ndarray:
