@@ -1,4 +1,4 @@
-"""Bagged trees, from scikit-learn."""
+"""Bagged trees."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ leaves of at least 5, a third of the predictors drawn at each split."""
 
 def bagged(settings: Mapping[str, Any], seen: Features) -> Regressor:
     """Trees of samples drawn with replacement, averaged."""
-    from sklearn.ensemble import RandomForestRegressor
+    from ..tree_ensembles import BaggedTrees
 
-    return RandomForestRegressor(random_state=SEED, **settings)
+    return BaggedTrees(random_state=SEED, **settings)
 
 
 FAMILIES = {

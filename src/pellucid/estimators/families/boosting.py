@@ -1,4 +1,4 @@
-"""Least-squares boosting of trees, from scikit-learn."""
+"""Least-squares boosting of trees."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ splits a tree at most 10 times, leaves hold at least 5, and steps are not shrunk
 
 
 def boosted(settings: Mapping[str, Any], seen: Features) -> Regressor:
-    """Trees one after another; a limit on leaves is one on splits, and depth must not be one as well."""
-    from sklearn.ensemble import GradientBoostingRegressor
+    """Trees one after another; a limit on leaves is one on splits."""
+    from ..tree_ensembles import BoostedTrees
 
-    return GradientBoostingRegressor(random_state=SEED, max_depth=None, **settings)
+    return BoostedTrees(random_state=SEED, **settings)
 
 
 FAMILIES = {
