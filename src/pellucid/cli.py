@@ -443,7 +443,8 @@ def _tree_protocol(name: str, study: Path | None, folder: Path, **asked: Any) ->
 
     if study is None:
         raise PellucidError(f"{name}: found no --study, expected one with [tree] and limits of each joint")
-    made = tree_protocol(name, _opened(study, None, False), folder, **asked)
+    with _progress() as tell:
+        made = tree_protocol(name, _opened(study, None, False), folder, on_progress=tell, **asked)
     out = _console()
     limits = made.limits
     held = ["position", "velocity", "acceleration"]
@@ -566,9 +567,10 @@ def _say(out: Console, text: str) -> None:
 
 @contextmanager
 def _progress() -> Iterator[Callable[[str, float], None]]:
-    """A progress bar on standard error; where that is not a terminal a line now and then."""
+    """A progress bar on standard error; where that is not a terminal a line after two seconds, and one now and then."""
     if not sys.stderr.isatty():
-        yield _now_and_then()
+        with _first_line() as tell:
+            yield tell
         return
     from rich.console import Console
     from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeElapsedColumn
@@ -577,6 +579,30 @@ def _progress() -> Iterator[Callable[[str, float], None]]:
     with Progress(*columns, console=Console(stderr=True), transient=True) as progress:
         task = progress.add_task("", total=1.0)
         yield lambda text, share: progress.update(task, description=text, completed=share)
+
+
+@contextmanager
+def _first_line(seconds: float = 2.0) -> Iterator[Callable[[str, float], None]]:
+    """Says what takes longer than so many seconds, even where nothing has been done by then; more now and then."""
+    from threading import Timer
+
+    later, told = _now_and_then(), []
+
+    def tell(text: str, share: float) -> None:
+        told[:] = text, share
+        later(text, share)
+
+    first = Timer(seconds, lambda: told and _tell_line(*told))
+    first.daemon = True
+    first.start()
+    try:
+        yield tell
+    finally:
+        first.cancel()
+
+
+def _tell_line(text: str, share: float) -> None:
+    typer.echo(f"pellucid: {100.0 * share:.0f} % {text}", err=True)
 
 
 def _now_and_then(seconds: float = 5.0) -> Callable[[str, float], None]:
@@ -588,7 +614,7 @@ def _now_and_then(seconds: float = 5.0) -> Callable[[str, float], None]:
     def tell(text: str, share: float) -> None:
         if monotonic() - last[0] >= seconds and share < 1.0:
             last[0] = monotonic()
-            typer.echo(f"pellucid: {100.0 * share:.0f} % {text}", err=True)
+            _tell_line(text, share)
 
     return tell
 

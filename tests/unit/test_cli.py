@@ -98,7 +98,7 @@ def test_families_can_be_chosen(bench):
 
 def test_identify_prints_json(bench, fit):
     result = run(cli.app, ["identify", str(bench.folder), "--json"])
-    rows = {row["id"]: row for row in json.loads(result.output)["figures"]}
+    rows = {row["id"]: row for row in json.loads(result.stdout)["figures"]}
     assert rows["bench.symmetric.inertia"]["value"] == pytest.approx(fit.families["symmetric"]["inertia"].value)
     assert rows["bench.symmetric.inertia"]["unit"] == "kg"
 

@@ -1,11 +1,12 @@
 """Studies side by side: one that fails stops no other, and a table over all shows what each found."""
 
+import time
 from concurrent.futures import ThreadPoolExecutor
 
 import pytest
 from typer.testing import CliRunner
 
-from pellucid.cli import _now_and_then, app
+from pellucid.cli import _first_line, _now_and_then, app
 from pellucid.lab.bench.rig import bench_joint
 from pellucid.lab.study import write_study
 from pellucid.procedures.several import Outcome, identify_several, table_of
@@ -62,3 +63,12 @@ def test_progress_where_there_is_no_terminal_is_a_line_now_and_then(capsys, monk
     for share in (0.1, 0.2, 0.3, 0.4, 1.0):
         tell("fitting", share)
     assert capsys.readouterr().err == "pellucid: 20 % fitting\npellucid: 40 % fitting\n"
+
+
+def test_what_takes_long_is_told_before_anything_is_done(capsys):
+    with _first_line(0.02) as tell:
+        tell("fitting", 0.0)
+        time.sleep(0.2)
+    with _first_line(60.0) as tell:
+        tell("reading", 0.0)
+    assert capsys.readouterr().err == "pellucid: 0 % fitting\n"

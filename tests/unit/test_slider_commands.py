@@ -96,7 +96,7 @@ def test_the_commands_go_through(elbow):
         assert f'id="{anchor}"' in page
     assert "http" not in re.sub(r"http://www\.w3\.org\S*|https?://[\w./]*matplotlib\S*", "", page.lower())
     result = run(cli.app, ["identify", str(elbow), "--json"])
-    assert {"elbow.load.error"} <= {row["id"] for row in json.loads(result.output)["figures"]}
+    assert {"elbow.load.error"} <= {row["id"] for row in json.loads(result.stdout)["figures"]}
 
 
 def test_families_are_for_other_joints(small):

@@ -18,6 +18,7 @@ from ..protocols.protocol import write_references
 from ..protocols.step_by_step import StepByStep, step_by_step
 from ..protocols.tree_fourier import Excitation, Information, optimised_tree_fourier
 from ..protocols.tree_limits import TreeLimits
+from .procedure import Progress, quiet
 
 if TYPE_CHECKING:
     from ..recordings.study import Study
@@ -148,6 +149,7 @@ def tree_protocol(
     clearance: float = 0.02,
     posture: Sequence[float] = (),
     seed: int = 1,
+    on_progress: Progress = quiet,
 ) -> TreeProtocol:
     """Write a motion of all joints of a study's robot to a `folder`, CSV of time and of a reference for each joint.
 
@@ -170,6 +172,7 @@ def tree_protocol(
         return TreeProtocol((file,), limits, steps.duration, steps, parameters)
     made, files = None, []
     for i in range(realisations):
+        on_progress(f"optimising the motion of {len(robot.names)} joints", i / realisations)
         one = optimised_tree_fourier(
             information, limits, np.random.default_rng([seed, i]), fundamental=resolution or 0.1, harmonics=harmonics,
             criterion=criterion,
