@@ -144,7 +144,7 @@ def identify(
         str | None, typer.Option(metavar="ADDRESS", help="Dask scheduler whose workers take the studies.")
     ] = None,
 ) -> None:
-    """Identify what study.toml asks for, with intervals and verdicts."""
+    """Identify what study.toml asks for, with intervals."""
     from .procedures.run import identify as run
 
     if len(folders) > 1 or scheduler:
@@ -180,7 +180,7 @@ def _several(folders: list[Path], families: list[str] | None, allow_outside: boo
 
 @app.command()
 def calibrate(folder: Folder, json: Json = False, out: Out = None, allow_outside: Outside = False) -> None:
-    """Torque from EMG by several methods, judged on held-out data."""
+    """Torque from EMG by several methods, judged held out."""
     from .procedures.run import calibrate as run
 
     _found(_opened(folder, out, allow_outside), "calibrate", json, run)
