@@ -9,6 +9,7 @@ from pellucid._atomic import write_text_atomically
 
 from . import (
     arm,
+    calibration,
     commands,
     elbow,
     export,
@@ -33,6 +34,7 @@ MODULES = (
     laws,
     export,
     commands,
+    calibration,
 )
 
 

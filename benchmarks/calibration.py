@@ -1,0 +1,89 @@
+"""What `pellucid calibrate` costs on five seconds of walking, knee and ankle by every method, in a fresh process.
+
+Beside it stands what is published of CEINMS, the calibration of one knee's muscles alone, on another machine; and
+beside the part of it that scikit-learn could do, its ridge regressions, the plain GridSearchCV over the same
+candidates, folds and rows. Both of these are fresh processes too, in turn; figures are medians.
+"""
+
+from __future__ import annotations
+
+import statistics
+import tempfile
+import time
+from pathlib import Path
+
+import numpy as np
+
+from pellucid import datasets
+from pellucid._errors import PellucidError
+from pellucid.estimators.families.linear import PENALTIES
+from pellucid.estimators.features import LAGS, FeatureSet, features
+from pellucid.procedures.emg_torque.trial_sources import moment_trials
+
+from .commands import COMMAND_LINE, processor_seconds
+
+DATASET, CEINMS, REPEATS = "lower_limb_walking", 208.0, 3
+OURS = """
+import sys
+import numpy as np
+import pellucid as pl
+told = np.load(sys.argv[1])
+made = pl.TorqueRegressor("ridge", columns=told["names"].tolist()).fit(told["x"], told["y"])
+print(made.settings_, min(made.tried_.values()))
+"""
+PLAIN = """
+import sys
+import numpy as np
+from sklearn.compose import ColumnTransformer
+from sklearn.linear_model import Ridge
+from sklearn.model_selection import GridSearchCV, KFold
+from sklearn.pipeline import Pipeline
+from sklearn.preprocessing import PolynomialFeatures, StandardScaler
+told = np.load(sys.argv[1])
+every = PolynomialFeatures(2, include_bias=False)
+motion = [i for i, name in enumerate(told["names"]) if not str(name).startswith("emg.")]
+some = ColumnTransformer([("motion", every, motion)], remainder="passthrough")
+steps = Pipeline([("products", "passthrough"), ("scale", StandardScaler()), ("ridge", Ridge())])
+candidates = {"products": ["passthrough", some, every], "ridge__alpha": told["penalties"].tolist()}
+made = GridSearchCV(steps, candidates, cv=KFold(5), scoring="neg_root_mean_squared_error")
+print(made.fit(told["x"], told["y"]).best_params_, -made.best_score_)
+"""
+
+
+def run() -> list[dict]:
+    """One row for the whole command by the clock and by processors, and the ridge regressions beside scikit-learn's."""
+    with tempfile.TemporaryDirectory() as folder:
+        try:
+            study = datasets.init(Path(folder) / "walking", dataset=DATASET)
+        except PellucidError:
+            return []
+        trial = next(t for t in moment_trials(study, "knee") if not t.heldout)
+        seen = features(trial, FeatureSet(neighbours=True, velocities=True, lags=LAGS))
+        arrays = Path(folder) / "ridge.npz"
+        np.savez(arrays, x=seen.x, y=trial.torque, names=np.array(seen.names), penalties=PENALTIES)
+        jobs = {
+            "pellucid calibrate": ("-c", COMMAND_LINE, "calibrate", str(study.folder)),
+            "ridge": ("-c", OURS, str(arrays)),
+            "plain": ("-c", PLAIN, str(arrays)),
+        }
+        taken: dict[str, list[tuple[float, float]]] = {name: [] for name in jobs}
+        for _ in range(REPEATS):
+            for name, arguments in jobs.items():
+                began = time.perf_counter()
+                used = processor_seconds(*arguments)
+                taken[name].append((time.perf_counter() - began, used))
+    wall, used = ({name: statistics.median(each) for name, each in (
+        (name, [pair[i] for pair in pairs]) for name, pairs in taken.items())} for i in (0, 1))  # fmt: skip
+    what = f"knee and ankle by every method, {REPEATS} runs"
+    return [
+        {"name": "pellucid calibrate, walking", "value": wall["pellucid calibrate"], "unit": "s",
+         "note": f"by the clock: {what}; CEINMS is published with {CEINMS:g} s for the muscles of one knee"},
+        {"name": "pellucid calibrate, walking, processors", "value": used["pellucid calibrate"], "unit": "s",
+         "note": f"of all processes together: {what}"},
+        {"name": "ridge regression with its choice", "value": used["ridge"], "unit": "s",
+         "note": f"{seen.x.shape[0]} rows, {seen.x.shape[1]} columns, 18 candidates, 5 folds; a fresh process"},
+        {"name": "scikit-learn: GridSearchCV of the same", "value": used["plain"], "unit": "s",
+         "note": "the same rows, candidates and folds; a fresh process"},
+        {"name": "ridge regression over GridSearchCV", "value": used["ridge"] / used["plain"], "unit": "1",
+         "note": "medians of processor seconds"},
+    ]  # fmt: skip
