@@ -331,7 +331,7 @@ def export(
     period: Annotated[float | None, typer.Option(metavar="S", help="Of the controller [s].")] = None,
     allow_outside: Outside = False,
 ) -> None:
-    """Write the controller as C, or muscles for OpenSim or CEINMS."""
+    """Write the controller as C, or muscles for other programs."""
     from .deployment.export import export as run
     from .deployment.microcontroller import measure, missing_tools, save_measured
     from .deployment.subject import muscles_said
