@@ -32,6 +32,7 @@ if TYPE_CHECKING:
     from .papers.reproduce import reproduce as reproduce
     from .procedures.compare import compare as compare
     from .procedures.registry import open_study as open
+    from .procedures.run import activations as activations
     from .procedures.run import assess as assess
     from .procedures.run import calibrate as calibrate
     from .procedures.run import check as check
@@ -50,6 +51,7 @@ _WHERE = {
     "calibrate": ("procedures.run", "calibrate"),
     "identify": ("procedures.run", "identify"),
     "onset": ("procedures.run", "onset"),
+    "activations": ("procedures.run", "activations"),
     "cocontraction": ("procedures.run", "cocontraction"),
     "synergies": ("procedures.run", "synergies"),
     "controller": ("control.controller", "controller"),
@@ -80,6 +82,7 @@ __all__ = [
     "Muscle",
     "TorqueRegressor",
     "__version__",
+    "activations",
     "assess",
     "calibrate",
     "check",

@@ -231,6 +231,14 @@ def synergies(folder: Folder, json: Json = False, out: Out = None, allow_outside
 
 
 @app.command()
+def activations(folder: Folder, json: Json = False, out: Out = None, allow_outside: Outside = False) -> None:
+    """What muscles do where the torque was measured, near their EMG."""
+    from .procedures.run import activations as run
+
+    _found(_opened(folder, out, allow_outside), "activations", json, run)
+
+
+@app.command()
 def report(folder: Folder, out: Out = None, allow_outside: Outside = False) -> None:
     """Write the report: one HTML page, figures as SVG and PDF."""
     from .procedures.run import report as run

@@ -6,6 +6,7 @@ import os
 from functools import cache
 from typing import TYPE_CHECKING
 
+from .activations.procedure import ActivationsProcedure
 from .assessment.procedure import AssessmentProcedure
 from .cocontraction.procedure import CocontractionProcedure
 from .coupling.procedure import CouplingProcedure
@@ -34,6 +35,7 @@ PROCEDURES: tuple[Procedure, ...] = (
     CouplingProcedure(),
     LoadedSwingProcedure(),
     EmgTorqueProcedure(),
+    ActivationsProcedure(),
     IsolatedMuscleProcedure(),
     OnsetProcedure(),
     CocontractionProcedure(),

@@ -271,6 +271,36 @@ def synergies(study: Study, on_progress: Callable[[str, float], None] | None = N
     return _run(_only(study, "synergies"), study, on_progress)
 
 
+def activations(study: Study, on_progress: Callable[[str, float], None] | None = None) -> Result:
+    """Activations of all muscles, near their EMG, with which a measured torque follows; electrodes that are lost.
+
+    Parameters
+    ----------
+    study : Study
+        With tables ``[activations]`` and ``[emg_torque]``.
+    on_progress : callable, optional
+        Called with a text and the share done, 0 to 1.
+
+    Returns
+    -------
+    Result
+
+    Raises
+    ------
+    IdentificationError
+        If the study asks for no activations, or there is nothing to fit or to judge.
+    RecordingError
+        If a recording is not fit to be used.
+
+    Examples
+    --------
+    >>> import pellucid as pl
+    >>> result = pl.activations(pl.open("my-leg"))                           # doctest: +SKIP
+    >>> print(result)                                                        # doctest: +SKIP
+    """
+    return _run(_only(study, "activations"), study, on_progress)
+
+
 def report(
     study: Study, result: Result | None = None, *, on_progress: Callable[[str, float], None] | None = None
 ) -> Path:

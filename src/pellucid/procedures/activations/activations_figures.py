@@ -1,0 +1,104 @@
+"""Activations: what EMG gives, what the torque asks for, and what an electrode that was taken away had seen."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from ...estimators.unrecorded import TOLD, WAYS, FilledIn
+from ...pages.drawing import Drawing, key, line, tidy
+from ...pages.style import FIGURE_WIDTH, colour
+from .find_activations import AssistedRecording
+
+STRETCH = 5.0
+"""Seconds of a recording that are drawn."""
+
+SHOWN = {"synergies": "good", "linear": "fitted", "assisted": "heldout"}
+"""Ways that are drawn over time, and their colours."""
+
+LOWEST = -1.5
+"""R2 below which a mark stands at the edge."""
+
+
+def _middle(count: int, fs: float) -> slice:
+    half = int(0.5 * STRETCH * fs)
+    return slice(max(0, count // 2 - half), count // 2 + half)
+
+
+def torque_and_activations(each: AssistedRecording, name: str, caption: str) -> Drawing:
+    """The torque, and each muscle's activation by EMG and assisted."""
+    fs = (len(each.time) - 1) / (each.time[-1] - each.time[0])
+    part = _middle(len(each.time), fs)
+    time, count = each.time[part], len(each.muscles)
+    rows = (count + 1) // 2
+    figure = Figure(figsize=(FIGURE_WIDTH, 2.6 + 0.95 * rows), layout="constrained")
+    grid = figure.add_gridspec(rows + 1, 2, height_ratios=(2.2, *([1.0] * rows)))
+    top = figure.add_subplot(grid[0, :])
+    line(top, time, each.torque[part], color=colour("measured"), linewidth=2.2, alpha=0.6)
+    line(top, time, each.driven[part], color=colour("fitted"), linewidth=1.2)
+    line(top, time, each.followed[part], color=colour("heldout"), linewidth=1.2)
+    tidy(top, first=True, text="Torque (N·m)")
+    names = (("measured", "measured"), ("EMG-driven", "fitted"), ("assisted: told it", "heldout"))
+    key(top, [(text, colour(tone)) for text, tone in names], room=0.15)
+    for i, muscle in enumerate(each.muscles):
+        axis = figure.add_subplot(grid[1 + i // 2, i % 2], sharex=top)
+        line(axis, time, each.by_emg[i, part], color=colour("fitted"), linewidth=1.2)
+        line(axis, time, each.activation[i, part], color=colour("heldout"), linewidth=1.0)
+        tidy(axis, first=True, ticks=3)
+        axis.set_ylim(bottom=0.0)
+        axis.set_title(muscle.replace("_", " ") + (" (no EMG)" if muscle in each.filled else ""))
+        if i >= count - 2:
+            axis.set_xlabel("Time (s)")
+    return Drawing(name, figure, caption)
+
+
+def ways_compared(found: Sequence[FilledIn], name: str, caption: str) -> Drawing:
+    """R2 and correlation of every electrode taken away, way by way, with medians."""
+    ways = [way for way in WAYS if any(each.way == way for each in found)]
+    figure = Figure(figsize=(FIGURE_WIDTH, 1.0 + 0.32 * len(ways)), layout="constrained")
+    axes = figure.subplots(1, 2, sharey=True)
+    for axis, of, head, low in (
+        (axes[0], "r2", "R² of its activation", LOWEST), (axes[1], "correlation", "Correlation", -1.0)
+    ):  # fmt: skip
+        for row, way in enumerate(ways):
+            values = np.maximum([getattr(each, of) for each in found if each.way == way], low)
+            tone = colour("heldout" if way in TOLD else "fitted")
+            axis.plot(values, np.full(len(values), row), linestyle="", marker="o", color=tone, alpha=0.3, markersize=5)
+            axis.plot([np.median(values)] * 2, (row - 0.3, row + 0.3), color=tone, linewidth=2.5)
+        axis.axvline(0.0, color=colour("faint"), linewidth=0.8)
+        tidy(axis, first=axis is axes[0])
+        axis.set_title(head, fontweight="bold")
+        axis.set_xlim(low - 0.05, 1.05)
+    axes[0].set_yticks(range(len(ways)), [WAYS[way] for way in ways])
+    axes[0].set_ylim(len(ways) - 0.4, -0.6)
+    return Drawing(name, figure, caption)
+
+
+def electrodes_taken_away(found: Sequence[FilledIn], fs: float, name: str, caption: str) -> Drawing:
+    """Activation by the electrode that was taken away, and as it is filled in, of one recording."""
+    channels = list(dict.fromkeys(each.channel for each in found))
+    rows = (len(channels) + 1) // 2
+    figure = Figure(figsize=(FIGURE_WIDTH, 0.7 + 1.15 * rows), layout="constrained")
+    axes = figure.subplots(rows, 2, sharex=True, squeeze=False)
+    for i, axis in enumerate(axes.flat):
+        if i >= len(channels):
+            axis.set_axis_off()
+            continue
+        own = {each.way: each for each in found if each.channel == channels[i]}
+        truth = next(iter(own.values())).recorded
+        part = _middle(len(truth), fs)
+        time = np.arange(len(truth))[part] / fs
+        line(axis, time, truth[part], color=colour("measured"), linewidth=2.2, alpha=0.6)
+        for way, role in SHOWN.items():
+            if way in own:
+                line(axis, time, own[way].filled[part], color=colour(role), linewidth=1.1)
+        tidy(axis, first=True, ticks=3)
+        axis.set_ylim(0.0, 1.6 * float(np.max(truth[part])) + 1e-6)
+        axis.set_title(channels[i].replace("_", " "))
+    words = [("electrode", colour("measured")), *((w, colour(r)) for w, r in SHOWN.items())]
+    key(axes[0, 1 if len(channels) > 1 else 0], words)
+    for axis in axes[-1]:
+        axis.set_xlabel("Time (s)")
+    return Drawing(name, figure, caption)

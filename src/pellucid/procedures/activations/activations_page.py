@@ -1,0 +1,64 @@
+"""The report of activations: electrodes taken away first, then what muscles do."""
+
+from __future__ import annotations
+
+from ...pages.drawing import draw
+from ...pages.page import Page, Section
+from ...pages.quantities import prose
+from ...recordings.study import Study
+from ..study_page import figure_tables, study_page
+from . import activations_figures as figures
+from .find_activations import ActivationsResult
+
+DRAWN = 4
+"""Recordings that are drawn."""
+
+
+def page(study: Study, found: ActivationsResult) -> Page:
+    """What taking electrodes away says, then torque and activations of the first recordings."""
+    judged, shown = [], []
+    for i, joint in enumerate(dict.fromkeys(joint for joint, _ in found.left_out), start=1):
+        own = [each for j, each in found.left_out if j == joint]
+        judged.append(
+            draw(
+                figures.ways_compared, own, f"ways_{i}",
+                f"{joint}: one electrode after another taken away from the recordings that judge, and its muscle's "
+                "activation filled in. Lines are medians; orange ways are told the torque. Marks at the left edge lie "
+                "beyond it.",
+            )
+        )  # fmt: skip
+        first = next(each for each in found.recordings if each.joint == joint)
+        fs = (len(first.time) - 1) / (first.time[-1] - first.time[0])
+        judged.append(
+            draw(
+                figures.electrodes_taken_away, [each for each in own if each.recording == first.recording], fs,
+                f"taken_away_{i}",
+                f"{joint}, {first.recording.replace('_', ' ')}: activation by the electrode taken away (grey), and as "
+                "it was filled in.",
+            )
+        )  # fmt: skip
+    for i, each in enumerate(found.recordings[:DRAWN], start=1):
+        shown.append(
+            draw(
+                figures.torque_and_activations, each, f"activations_{i}",
+                f"{each.joint}, {each.recording.replace('_', ' ')}: the torque, and what muscles do by their EMG "
+                "(blue) and so that the torque follows (orange).",
+            )
+        )  # fmt: skip
+    sections = []
+    if judged:
+        said = (
+            "That assisted muscles meet a torque says nothing of them: they are told it. An electrode that was there, "
+            "taken away, does. Of ways that see EMG and angles alone the torque that follows is judged as well."
+        )
+        tables = figure_tables(found, "taken away")
+        sections.append(Section("taken_away", "An electrode taken away", (said,), tables, tuple(judged)))
+    tables = figure_tables(found, "Torque by EMG")
+    sections.append(Section("activations", "Torque and activations", (), tables, tuple(shown)))
+    return study_page(
+        title=f"{found.study}: activations",
+        headline=prose(found.headline),
+        tiles=(),
+        sections=sections,
+        verdicts=found.verdicts,
+    )
