@@ -80,7 +80,7 @@ def test_what_has_no_effect_is_undetermined_in_rows_and_on_pages(make_study):
 
 @pytest.mark.slow
 def test_the_chosen_familys_figures_agree_on_every_kernel(make_study):
-    study, told = make_study(), {}
+    study, told = make_study(make_study.swing(1000)), {}
     for kernel in KERNELS:
         environment = os.environ | {"OPENBLAS_CORETYPE": kernel, "OPENBLAS_NUM_THREADS": "1"}
         run = subprocess.run(

@@ -47,9 +47,9 @@ def test_offsets_and_noise_do_not_make_the_angle_drift(rng):
 
 @pytest.mark.slow
 def test_errors_of_axes_lie_within_their_standard_errors():
-    """Tilts of the axis over its own standard errors, 30 draws: neither hopeful nor timid by a factor of 3."""
+    """Tilts of the axis over its own standard errors, 12 draws: neither hopeful nor timid by a factor of 3."""
     ratios = []
-    for seed in range(30):
+    for seed in range(12):
         made = turned_hinge(np.random.default_rng(seed), fs=50.0, seconds=10.0, noise=0.02)
         hinge = first_seconds(made)
         sense = np.sign(hinge.axes[0] @ made.axes[0])

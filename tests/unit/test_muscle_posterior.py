@@ -45,6 +45,6 @@ def test_lengths_that_do_the_same_are_both_kept():
     still = np.exp(-((made.offsets / 8e-3) ** 2))[:, None] * np.ones(len(TIME))
     noise = 0.05 * np.random.default_rng(3).standard_normal(len(TIME))
     both = replace(made, forces=still, measured=np.exp(-((TRUE / 8e-3) ** 2)) + noise)
-    draws = offset_posterior(both)["offset"].draws
+    draws = offset_posterior(both, most=1500)["offset"].draws
     assert 0.2 < np.mean(draws > 0.0) < 0.8
     assert np.mean(np.abs(np.abs(draws) - TRUE) < 1e-3) > 0.9
