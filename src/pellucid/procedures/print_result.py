@@ -163,10 +163,13 @@ def _tables(result: Result) -> list[tuple[str, tuple[str, ...], list[tuple[str, 
 
 def _parameter(p: Parameter, level: float) -> tuple[str, ...]:
     low, high = p.interval(level)
+    half = number(0.5 * (high - low), p.standard_error) if high > low else "–"
+    if p.refused:
+        half = "undetermined" if p.at_bound else "refused"
     return (
         p.name,
         number(p.value, p.standard_error),
-        "refused" if p.refused else number(0.5 * (high - low), p.standard_error) if high > low else "–",
+        half,
         unit_text(p.unit),
         relative_sd(p),
         parameter_note(p, level),

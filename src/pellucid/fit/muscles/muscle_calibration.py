@@ -52,6 +52,9 @@ PASSIVE = (("offset", "N*m", -20.0, 20.0, 5.0), ("stiffness", "N*m/rad", 0.0, 40
            ("damping", "N*m*s/rad", 0.0, 3.0, 0.5))  # fmt: skip
 """The joint's own tissue: name, unit, bounds, and standard deviation about 0."""
 
+NEAR = 0.01
+"""A parameter this close to a bound, in standard deviations among people, is on it."""
+
 WEIGHT = 0.01
 """Of anatomy, lambda, where none is given."""
 
@@ -225,8 +228,8 @@ class MuscleFit:
 
     @property
     def at_bound(self) -> np.ndarray:
-        """Which parameters ended on a bound, shape (p,)."""
-        return (self.z <= self.problem.lower) | (self.z >= self.problem.upper)
+        """Which parameters ended on a bound, or so near it that no descent tells the two apart, shape (p,)."""
+        return (self.z <= self.problem.lower + NEAR) | (self.z >= self.problem.upper - NEAR)
 
     def predict(self, samples: MuscleSamples) -> np.ndarray:
         """Torque of other samples, shape (n,) or (j, n) [N m]; their own torque is not looked at."""
