@@ -193,6 +193,18 @@ def test_what_an_export_of_muscles_needs_is_said(walking):
         pellucid.export(study, "opensim")
     with pytest.raises(PellucidError, match="found slider, expected none: muscles have none"):
         pellucid.export(study, "osim", slider=0.1)
-    (folder / "models" / "muscles_together.json").unlink()
+    cards = folder / "models"
+    for name in ("muscles_one", "muscles_two"):
+        text = (cards / "muscles_together.json").read_text().replace("muscles_together", name)
+        (cards / f"{name}.json").write_text(text)
+    assert pellucid.export(study, "ceinms").name == "walker.xml"
+    (cards / "muscles_together.json").unlink()
+    with pytest.raises(
+        PellucidError, match=r"found the cards muscles_one, muscles_two, expected one: say which by --card"
+    ):
+        pellucid.export(study, "ceinms")
+    assert pellucid.export(study, "ceinms", card="muscles_two.json").name == "walker.xml"
+    for name in ("muscles_one", "muscles_two"):
+        (cards / f"{name}.json").unlink()
     with pytest.raises(PellucidError, match=r"found no card of muscles, expected one: pellucid calibrate"):
         pellucid.export(study, "ceinms")

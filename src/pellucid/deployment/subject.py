@@ -21,6 +21,9 @@ from ..recordings.study_muscles import study_coordinates
 ENDINGS = {"osim": ".osim", "ceinms": ".xml"}
 """Of what muscles can be exported to."""
 
+TOGETHER = "muscles_together"
+"""The card of muscles over all joints."""
+
 
 def export_subject(
     study: Study, to: str, out: Path | None = None, *, card: str | None = None, period: float | None = None
@@ -56,6 +59,8 @@ def _card(study: Study, name: str | None) -> ParameterCard:
     # One set of muscles over all joints before several sets of one joint each.
     most = max(len(calibrated_muscles(card).joints) for card in found)
     widest = [card for card in found if len(calibrated_muscles(card).joints) == most]
+    # What takes the EMG's times as they were recorded, before what shifts them as this recording wants it.
+    widest = [card for card in widest if card.name == TOGETHER] or widest
     if len(widest) > 1:
         raise PellucidError(
             f"export of {study.name}: found the cards {', '.join(c.name for c in widest)}, expected one: say which by "

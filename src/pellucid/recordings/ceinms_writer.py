@@ -57,7 +57,8 @@ def _sequence(tag: str, name: str, muscles: Sequence[str]) -> list[str]:
 
 
 def _mean(muscles: Sequence[HillMuscle], quantity: str) -> float:
-    return float(np.mean([getattr(m, quantity) for m in muscles]))
+    values = [getattr(m, quantity) for m in muscles]
+    return float(values[0] if len(set(values)) == 1 else np.mean(values))
 
 
 def curves(muscles: Sequence[HillMuscle]) -> dict[str, tuple[np.ndarray, np.ndarray]]:
