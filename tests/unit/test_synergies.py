@@ -124,7 +124,7 @@ def test_what_cannot_be_factored_is_refused(change, muscles, said):
 
 
 def test_people_share_them(tmp_path):
-    opened = study(tmp_path / "groups", more="most = 4")
+    opened = study(tmp_path / "groups", more="most = 3")
     assert not check(opened)
     found = synergies(opened)
     rows = {row.id: row.value for row in found.rows}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import numpy as np
 from matplotlib.figure import Figure
 
 from ...pages.drawing import Drawing, key, line, tidy
@@ -17,20 +18,20 @@ def numbers(group: GroupSynergies, name: str, caption: str) -> Drawing:
     figure = Figure(figsize=(FIGURE_WIDTH, 2.8), layout="constrained")
     left, right = figure.subplots(1, 2)
     for values, tone in ((c.shuffled, "faint"), (c.least, "load"), (c.fitted, "fitted"), (c.heldout, "heldout")):
-        left.plot(c.numbers, 100 * values, color=colour(tone), marker="o", markersize=4.0)
+        left.plot(c.numbers, 100 * np.maximum(values, -0.02), color=colour(tone), marker="o", markersize=4.0)
     left.axhline(90.0, color=colour("faint"), linewidth=0.8)
     tidy(left, first=True, text="Variance accounted for (%)")
-    left.set_ylim(bottom=max(-5.0, left.get_ylim()[0]))
+    left.set_ylim(min(40.0, left.get_ylim()[0]), 103.0)
     words = (("fitted", "fitted"), ("held out", "heldout"), ("worst muscle", "load"), ("shifted in time", "faint"))
     for i, (text, tone) in enumerate(words):
         left.annotate(
             text, (1.0, 0.0), xytext=(-6, 8 + 12 * (3 - i)), xycoords="axes fraction", textcoords="offset points",
             ha="right", color=colour(tone), fontsize=8.5,
         )  # fmt: skip
-    right.plot(c.numbers, c.left_out, color=colour("heldout"), marker="o", markersize=4.0)
+    right.plot(c.numbers, np.maximum(c.left_out, -1.0), color=colour("heldout"), marker="o", markersize=4.0)
     right.axhline(0.0, color=colour("faint"), linewidth=0.8)
     tidy(right, first=True, text="R² of a muscle left out")
-    right.set_ylim(bottom=max(-1.0, right.get_ylim()[0]))
+    right.set_ylim(min(0.0, right.get_ylim()[0]) - 0.05, 1.03)
     for axis in (left, right):
         axis.set_xlabel("Number of synergies")
         axis.set_xticks(c.numbers)

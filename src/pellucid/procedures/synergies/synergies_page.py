@@ -24,7 +24,7 @@ def page(study: Study, found: SynergiesResult) -> Page:
                 figures.numbers, group, f"synergy_count_{i}",
                 f"{of}Variance that each number of synergies accounts for, held out: "
                 f"{group.judged_on.replace('_', ' ')}. Grey: the same envelopes shifted apart in time, which share "
-                "nothing. Right: one muscle left out in turn and told from the others.",
+                "nothing. Right: one muscle left out in turn and told from the others; less than -1 is drawn there.",
             )
         )  # fmt: skip
         which.append(
