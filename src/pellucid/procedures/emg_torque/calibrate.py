@@ -12,6 +12,7 @@ from ...estimators.condition_choice import KNOWN, LEVEL
 from ...estimators.cross_validation import score
 from ...estimators.families import ESTIMATORS
 from ...estimators.hill import HillMap
+from ...estimators.joint_stiffness import JointStiffness
 from ...estimators.smoothing import smoothing_delay
 from ...estimators.strapped_reference import StrappedBodies
 from ...estimators.torque_map import MapJob, fit_torque_map, fit_torque_maps, torque_map_cv
@@ -39,6 +40,13 @@ from .muscle_findings import (
 from .relative_envelopes import normalisation_words
 from .seated_swings import SWINGS, seated_swings
 from .sessions import compared_sessions, elsewhere_words, session_tables, session_verdicts
+from .stiffness_findings import (
+    stiffness_cards,
+    stiffness_found,
+    stiffness_rows,
+    stiffness_tables,
+    stiffness_verdicts,
+)
 from .together import muscles_together
 from .together_findings import (
     TogetherShown,
@@ -71,6 +79,7 @@ class CalibrationResult(Result):
     chosen: tuple[Chosen, ...] = field(default=(), repr=False)  # What is named first, by joint or participant
     traces: tuple[TorqueTrace, ...] = field(default=(), repr=False)
     muscles: tuple[MuscleSummary, ...] = field(default=(), repr=False)  # Calibrated ones, by joint or participant
+    stiffness: tuple[JointStiffness, ...] = field(default=(), repr=False)  # By those muscles, a joint each
     together: TogetherShown | None = field(default=None, repr=False)  # Those of all joints at once
 
 
@@ -91,6 +100,8 @@ def calibrate(study: Study, on_progress: Progress | None = None) -> CalibrationR
     for what in dict.fromkeys(each.what for each in evaluated if each.what not in found.chosen):
         found.chosen[what] = chosen_of(evaluated, what)
     chosen, bands = tuple(found.chosen.values()), _bands(found)
+    stepped = estimator_cards(study, found)
+    stiffness = stiffness_found(found, stepped)
     found.verdicts.extend(Verdict("warning", each, finding=BANDS) for each in bands)
     return CalibrationResult(
         study=study.name,
@@ -102,22 +113,26 @@ def calibrate(study: Study, on_progress: Progress | None = None) -> CalibrationR
             *session_tables(found.sessions),
             *muscle_tables(found.muscles),
             *together_tables(together, evaluated),
+            *stiffness_tables(stiffness),
         ),
         verdicts=(
             *verdicts_of(study, evaluated, trials, chosen),
             *geometry_verdicts(study),
             *muscle_verdicts_of(found),
             *together_verdicts(together, found),
+            *stiffness_verdicts(stiffness),
         ),
         rows=(
             *calibration_rows(study.name, evaluated, trials, found.sessions, chosen),
             *together_rows(study.name, together, found, trials),
+            *stiffness_rows(study.name, stiffness, {trial.name: trial.checksum for trial in trials}),
         ),
         cards={
             **found.cards,
             **muscle_cards(study, found.muscles, trials),
             **together_cards(study, together, trials),
-            **estimator_cards(study, found),
+            **stepped,
+            **stiffness_cards(study, stiffness),
         },
         checksums={trial.name: trial.checksum for trial in trials},
         evaluated=tuple(evaluated),
@@ -125,6 +140,7 @@ def calibrate(study: Study, on_progress: Progress | None = None) -> CalibrationR
         traces=tuple(found.traces),
         muscles=muscle_summaries(found),
         together=together_shown(together),
+        stiffness=stiffness,
     )
 
 

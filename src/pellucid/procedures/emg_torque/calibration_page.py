@@ -17,7 +17,7 @@ from ...signals.emg_chain import emg_chain
 from ..result import ParameterTable
 from ..study_page import figure_tables, study_page
 from . import calibration_figures as figures
-from . import muscle_figures
+from . import muscle_figures, stiffness_figures
 from .calibrate import BANDS, CalibrationResult
 from .chosen import BASELINE, Chosen
 from .evaluated import TorqueTrace
@@ -41,7 +41,7 @@ def page(study: Study, findings: CalibrationResult) -> Page:
                 None,
                 (
                     _found(findings), _traces(findings), _known(findings), _choices(findings),
-                    _together(findings), _muscles(findings),
+                    _together(findings), _muscles(findings), _stiffness(findings),
                     _method(study),
                 ),
             )
@@ -79,7 +79,7 @@ def _tiles(findings: CalibrationResult) -> tuple[Tile, ...]:
 def _found(findings: CalibrationResult) -> Section:
     tables = figure_tables(findings)
     first = tuple(t for t in tables if t.caption.startswith("Named first"))
-    rest = tuple(t for t in tables if t not in first and not t.caption.startswith("What chose"))
+    rest = tuple(t for t in tables if t not in first and not t.caption.startswith(("What chose", "Stiffness")))
     shown = {each.what: _shown(findings, each) for each in findings.chosen}
     several = len({recording for recording in shown.values() if recording}) > 1
     head = {w: f"{w}, {r.replace('_', ' ')}" if several else w for w, r in shown.items()}
@@ -207,6 +207,23 @@ def _together(findings: CalibrationResult) -> Section | None:
         ),
     )  # fmt: skip
     return Section("emg_together", "Muscles across joints", drawings=drawings)
+
+
+def _stiffness(findings: CalibrationResult) -> Section | None:
+    """Along a movement; None where muscles were passed over."""
+    if not findings.stiffness:
+        return None
+    drawings = tuple(
+        draw(
+            stiffness_figures.stiffness_over_time, found, f"stiffness_{found.joint}",
+            caption=f"Stiffness of the {found.joint}, {found.recording.replace('_', ' ')}, by calibrated muscles and "
+            "tissue, with 95 % intervals: the calibration's covariance and what muscles and tendons differ by. Nothing "
+            "was perturbed: a band cannot say whether the model is right.",
+        )
+        for found in findings.stiffness
+    )  # fmt: skip
+    tables = figure_tables(findings, "Stiffness")
+    return Section("emg_stiffness", "Joint stiffness", tables=tables, drawings=drawings)
 
 
 def _choices(findings: CalibrationResult) -> Section:

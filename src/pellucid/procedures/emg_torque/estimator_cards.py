@@ -48,13 +48,13 @@ def estimator_cards(study: Study, found: Calibrated) -> dict[str, EmgEstimatorCa
     cards, chain = {}, study.config.emg_torque.chain
     if chain != "none" and any(stage.kind == "advance" for stage in emg_chain(chain).stages):
         return cards
-    for (joint, estimator), fit in found.causal.items():
+    for (joint, estimator), fit in list(found.causal.items()):
         trials = [t for t in moment_trials(study, joint, causal=True) if not t.heldout]
         if trials[0].unit != "N*m":
             continue
         if chain != "none":
             # What was judged saw envelopes filtered both ways; what runs live cannot.
-            fit = fit_torque_map(trials, estimator, causal=True)
+            found.causal[joint, estimator] = fit = fit_torque_map(trials, estimator, causal=True)
         name = f"emg_{joint}_{estimator}"
         if isinstance(fit, HillMap):
             muscles = CalibratedMuscles(fit.fit.muscles, fit.driven, {joint: fit.fit.passive}, fit.effort)

@@ -1,0 +1,85 @@
+"""The calibrated estimator of torque from EMG, ten muscles of a knee: nanoseconds a step here, instructions on an M4.
+
+Stepping includes the joint's stiffness. Beside it stands the same estimator with a loop of Python around its step, as a
+live session has it.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from time import perf_counter
+
+import numpy as np
+
+from pellucid.deployment.estimator_folder import write_estimator_folder
+from pellucid.deployment.microcontroller import measure, missing_tools
+from pellucid.estimators.live_torque import LiveTorque
+from pellucid.models.emg_estimator import EmgEstimatorCard, EstimatorChannel, EstimatorJoint, EstimatorMuscle
+from pellucid.models.hill import QUANTITIES
+from pellucid.models.muscle_geometry import muscle_table
+from pellucid.models.muscle_surface import surface_of
+
+from .identification import _row
+
+KNEE = (
+    "rectus_femoris", "vastus_medialis", "vastus_intermedius", "vastus_lateralis", "biceps_femoris_long",
+    "biceps_femoris_short", "semimembranosus", "semitendinosus", "gastrocnemius_medialis", "gastrocnemius_lateralis",
+)  # fmt: skip
+SAMPLES, STEPS, REPEATS, PERIOD = 20_000, 2_000, 7, 1e-3
+
+
+def card() -> EmgEstimatorCard:
+    """Anatomical muscles, each with a channel of its own."""
+    table = muscle_table()
+    muscles = tuple(
+        EstimatorMuscle(
+            name,
+            dict(zip(QUANTITIES, map(float, table.constants[name].vector()), strict=True)),
+            {name: 1.0},
+            surface_of(table.geometry[name]),
+        )
+        for name in KNEE
+    )
+    channels = tuple(EstimatorChannel(name, 1.0, 0.0, 1.0) for name in KNEE)
+    joints = (EstimatorJoint("knee", 0.0, 5.0, 0.5, 300.0),)
+    return EmgEstimatorCard(
+        "benchmark", "emg_knee_hill", channels, ("hip", "knee", "ankle"), muscles, joints, PERIOD, 12.0
+    )
+
+
+def run() -> list[dict]:
+    """Rows for benchmarks.json."""
+    own, t = card(), PERIOD * np.arange(SAMPLES)
+    emg = 0.3 + 0.25 * np.sin(6.0 * t + np.arange(len(KNEE))[:, None])
+    angles = np.array([0.2 + 0.3 * np.sin(5.0 * t), -0.6 + 0.5 * np.sin(5.0 * t + 1.0), 0.1 * np.sin(5.0 * t + 2.0)])
+    whole, stepped, time = [], [], np.round(1e6 * t)
+    for _ in range(REPEATS):
+        estimator = own.build()
+        start = perf_counter()
+        estimator.run(time, emg, angles)
+        whole.append((perf_counter() - start) / SAMPLES)
+        live, seconds = LiveTorque(own), PERIOD * np.arange(STEPS)
+        heard = [dict(zip(KNEE, row, strict=True)) for row in emg.T[:STEPS].tolist()]
+        moved = [dict(zip(own.angles, row, strict=True)) for row in angles.T[:STEPS].tolist()]
+        start = perf_counter()
+        for each in zip(seconds, heard, moved, strict=True):
+            live.step(*each)
+        stepped.append((perf_counter() - start) / STEPS)
+    rows = [
+        _row("emg_estimator.step", [1e9 * s for s in whole], "ns", "ten muscles and their stiffness"),
+        _row("emg_estimator.live_step", [1e9 * s for s in stepped], "ns", "the same by names, from Python"),
+    ]
+    if missing_tools():
+        print(f"emg_estimator: not measured on an M4, {', '.join(missing_tools())} not installed")
+        return rows
+    with TemporaryDirectory() as folder:
+        found = measure(write_estimator_folder("benchmark", own, Path(folder)))
+    where = f"Cortex-M4F in QEMU, ten muscles, ten channels; the costliest step {found.most}"
+    return [
+        *rows,
+        _row("emg_estimator.m4.instructions_per_step", [found.instructions], "1", where),
+        _row("emg_estimator.m4.bytes", [found.bytes], "B", f"code {found.code}, configuration {found.constants}"),
+        _row("emg_estimator.m4.memory", [found.memory], "B", "one context"),
+        _row("emg_estimator.m4.wrong", [found.wrong], "1", f"steps of {found.steps} with a bit that differs from here"),
+    ]

@@ -1,0 +1,114 @@
+"""What calibration says of joint stiffness: by posture with intervals, rows, cards, and what of it cannot be proven."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from importlib.metadata import version
+
+import numpy as np
+
+from ...estimators.hill import HillMap
+from ...estimators.joint_stiffness import KINDS, JointStiffness, joint_stiffness
+from ...fit.parameter import Verdict
+from ...models.card import CardParameter
+from ...models.emg_estimator import EmgEstimatorCard
+from ...models.parameter_card import ParameterCard
+from ...recordings.results import ResultRow
+from ...recordings.study import Study
+from ..result import FigureTable
+from .evaluated import Calibrated
+
+UNIT = "N*m/rad"
+
+WORDS = {"short_range": "at once", "slope": "by Hill's slope"}
+"""The kinds in words."""
+
+
+def stiffness_found(found: Calibrated, cards: Mapping[str, EmgEstimatorCard]) -> tuple[JointStiffness, ...]:
+    """Of every joint whose muscles are stepped, along the recording that muscles are shown with."""
+    made = []
+    for (joint, estimator), fit in found.causal.items():
+        card = cards.get(f"emg_{joint}_{estimator}")
+        if isinstance(fit, HillMap) and card is not None and joint in found.shown:
+            made.append(joint_stiffness(card, fit.fit, found.shown[joint]))
+    return tuple(made)
+
+
+def stiffness_tables(stiffness: Sequence[JointStiffness]) -> tuple[FigureTable, ...]:
+    """By posture, a table for each joint."""
+    heads = ("Angle (°)", "Torque (N·m)", *(f"{WORDS[kind].capitalize()} ± 95 % (N·m/rad)" for kind in KINDS))
+    return tuple(
+        FigureTable(
+            f"Stiffness by calibrated muscles: {s.joint}, {s.recording.replace('_', ' ')}",
+            heads,
+            tuple(
+                (
+                    f"{np.degrees(p.low):.0f} to {np.degrees(p.high):.0f}",
+                    float(p.torque),
+                    *(f"{p.value[kind]:.3g} ± {1.96 * p.error[kind]:.2g}" for kind in KINDS),
+                )
+                for p in (*s.postures, s.whole)
+            ),
+        )
+        for s in stiffness
+    )
+
+
+def stiffness_rows(study: str, stiffness: Sequence[JointStiffness], checksums: Mapping[str, str]) -> list[ResultRow]:
+    """Means over the movement, with standard errors, and the largest."""
+    rows = []
+    for s in stiffness:
+        for kind in KINDS:
+            note = f"{WORDS[kind]}, muscles and tissue; ± {1.96 * s.whole.error[kind]:.3g} (95 %)"
+            for name, value, words in (
+                ("mean", s.whole.value[kind], note),
+                (
+                    "mean.error",
+                    s.whole.error[kind],
+                    "standard error: calibration, and what muscles and tendons differ by",
+                ),
+                ("largest", float(np.max(s.value[kind])), WORDS[kind]),
+            ):
+                where = f"{study}.{s.joint}.stiffness.{kind}.{name}"
+                rows.append(ResultRow(where, value, UNIT, "calibrate", "heldout", checksums.get(s.recording), words))
+    return rows
+
+
+def stiffness_cards(study: Study, stiffness: Sequence[JointStiffness]) -> dict[str, ParameterCard]:
+    """By posture, with standard errors."""
+    cards = {}
+    for s in stiffness:
+        parameters, ranges = [], {}
+        for i, p in enumerate((s.whole, *s.postures)):
+            for kind in KINDS:
+                value, error = p.value[kind], p.error[kind]
+                half, name = 1.96 * error, f"{kind}.{'mean' if i == 0 else f'posture_{i}'}"
+                parameters.append(CardParameter(name, UNIT, value, error, (value - half, value + half)))
+            if i:
+                ranges |= {f"posture_{i}.low": p.low, f"posture_{i}.high": p.high, f"posture_{i}.torque": p.torque}
+        name = f"stiffness_{s.joint}"
+        cards[name] = ParameterCard(
+            kind="joint_stiffness",
+            study=study.name,
+            name=name,
+            parameters=tuple(parameters),
+            settings={"joint": s.joint, "recording": s.recording, **ranges},
+            processing="-d torque / d angle of calibrated muscles and tissue, mean over shares of a movement's time",
+            pellucid=version("pellucid"),
+        )
+    return cards
+
+
+def stiffness_verdicts(stiffness: Sequence[JointStiffness]) -> list[Verdict]:
+    """What a stiffness without a perturbation is worth."""
+    return [
+        Verdict(
+            "note",
+            f"{s.joint}: stiffness is {s.whole.value['short_range']:.3g} N*m/rad at once and "
+            f"{s.whole.value['slope']:.3g} by Hill's slope, in the mean over {s.recording.replace('_', ' ')}. Nothing "
+            "was perturbed here: it follows from muscles that fit the torque and from muscles of cats, and antagonists "
+            "that pull against each other do not show in a torque. Knees that were held still and perturbed were 17 % "
+            "(extension) and 42 % (flexion) less stiff than such an estimate (Pfeifer et al. 2011).",
+        )
+        for s in stiffness
+    ]
