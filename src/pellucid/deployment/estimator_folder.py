@@ -80,7 +80,7 @@ def chosen_card(
     if card is not None:
         path = Path(card) if allow_outside and Path(card).is_absolute() else study.card(card)
         return read_estimator_card(path)
-    who = ("together", *((participant,) if participant else ()), *study.config.emg_torque.joints)
+    who = (*((participant,) if participant else ()), *study.config.emg_torque.joints, "together")
     names = [f"emg_{what}_{kind}.json" for what in who for kind in ([controller] if controller else ESTIMATORS)]
     found = next((path for path in map(study.card, names) if path.is_file()), None)
     if found is None:

@@ -100,7 +100,7 @@ def calibrate(study: Study, on_progress: Progress | None = None) -> CalibrationR
     for what in dict.fromkeys(each.what for each in evaluated if each.what not in found.chosen):
         found.chosen[what] = chosen_of(evaluated, what)
     chosen, bands = tuple(found.chosen.values()), _bands(found)
-    stepped = estimator_cards(study, found)
+    stepped = estimator_cards(study, found, together)
     stiffness = stiffness_found(found, stepped)
     found.verdicts.extend(Verdict("warning", each, finding=BANDS) for each in bands)
     return CalibrationResult(

@@ -27,6 +27,7 @@ from ...recordings.study import Study
 from ...signals.emg_chain import FILTERS, emg_chain
 from .evaluated import Calibrated
 from .relative_envelopes import maxima_of, stream_of
+from .together import Together
 from .torque_card import PRODUCT
 from .trial_sources import moment_trials
 
@@ -39,12 +40,16 @@ REST = 0.01
 LIMIT = 1.5
 """Times the largest torque that was fitted."""
 
+ACROSS = ("Muscles were fitted with angles filtered both ways: stepped, the angles' rates come 19 ms late.",)
+"""Of muscles over all joints, which are not fitted to the past alone."""
+
 COARSE = 2e-3
 """A surface that misses arms by more is said to [m]."""
 
 
-def estimator_cards(study: Study, found: Calibrated) -> dict[str, EmgEstimatorCard]:
-    """Cards of the causal maps that were fitted, by joint and estimator. `study` [emg_torque]."""
+def estimator_cards(study: Study, found: Calibrated, together: Together | None = None) -> dict[str, EmgEstimatorCard]:
+    """Cards of the causal maps that were fitted, by joint and estimator, and of muscles over all joints. `study`
+    [emg_torque]."""
     cards, chain = {}, study.config.emg_torque.chain
     if chain != "none" and any(stage.kind == "advance" for stage in emg_chain(chain).stages):
         return cards
@@ -61,14 +66,24 @@ def estimator_cards(study: Study, found: Calibrated) -> dict[str, EmgEstimatorCa
             cards[name] = muscle_estimator(study, name, muscles, {joint: trials})
         else:
             cards[name] = map_estimator(study, name, fit, trials)
+    # Of raw EMG these muscles saw envelopes filtered both ways.
+    if together is not None and chain == "none":
+        trials = {joint: [t for t in own if not t.heldout] for joint, own in found.across.items()}
+        name = "emg_together_hill"
+        cards[name] = muscle_estimator(study, name, together.fits["hill"].kept(), trials, ACROSS)
     return cards
 
 
 def muscle_estimator(
-    study: Study, name: str, muscles: CalibratedMuscles, trials: Mapping[str, Sequence[TorqueTrial]]
+    study: Study,
+    name: str,
+    muscles: CalibratedMuscles,
+    trials: Mapping[str, Sequence[TorqueTrial]],
+    known: Sequence[str] = (),
 ) -> EmgEstimatorCard:
-    """Of calibrated muscles, whatever joints they move; `trials` that were fitted, by joint. `study` [emg_torque]."""
-    surfaces, notes = {}, []
+    """Of calibrated muscles, whatever joints they move; `trials` that were fitted, by joint; what is `known` already.
+    `study` [emg_torque]."""
+    surfaces, notes = {}, [*known]
     for muscle in muscles.muscles:
         surfaces[muscle.name], said = _surface(muscle.name, trials)
         notes += said
