@@ -275,8 +275,8 @@ def _torque_errors(made: KneePaper) -> tuple[Drawing, ...]:
         return ()
     return (
         draw(
-            calibration_figures.error_by_estimator, errors, "torque-errors", heads=list(made.wearers),
-            caption="Torque error on repetitions that were left out, by subject.",
+            calibration_figures.error_by_estimator, errors, "torque-errors", heads=list(made.wearers), chosen={},
+            bare="motion", caption="Torque error on repetitions that were left out, by subject.",
         ),
     )  # fmt: skip
 
