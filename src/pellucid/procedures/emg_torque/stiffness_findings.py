@@ -36,7 +36,7 @@ def stiffness_found(found: Calibrated, cards: Mapping[str, EmgEstimatorCard]) ->
 
 def stiffness_tables(stiffness: Sequence[JointStiffness]) -> tuple[FigureTable, ...]:
     """By posture, a table for each joint."""
-    heads = ("Angle (°)", "Torque (N·m)", *(f"{WORDS[kind].capitalize()} ± 95 % (N·m/rad)" for kind in KINDS))
+    heads = ("Angle (°)", "Torque (N·m)", *(f"{w[0].upper()}{w[1:]} ± 95 % (N·m/rad)" for w in WORDS.values()))
     return tuple(
         FigureTable(
             f"Stiffness by calibrated muscles: {s.joint}, {s.recording.replace('_', ' ')}",
@@ -45,7 +45,7 @@ def stiffness_tables(stiffness: Sequence[JointStiffness]) -> tuple[FigureTable, 
                 (
                     f"{np.degrees(p.low):.0f} to {np.degrees(p.high):.0f}",
                     float(p.torque),
-                    *(f"{p.value[kind]:.3g} ± {1.96 * p.error[kind]:.2g}" for kind in KINDS),
+                    *(f"{p.value[kind]:.0f} ± {1.96 * p.error[kind]:.0f}" for kind in KINDS),
                 )
                 for p in (*s.postures, s.whole)
             ),
