@@ -79,11 +79,11 @@ template <class S, class Size> struct EmgEstimatorParams {
   bool raw = false;                             ///< whether EMG comes as it was recorded, through `listen`
   BiquadCoefficients<S, 6> before{};            ///< before it is rectified, at the rate of `listen`
   BiquadCoefficients<S, 4> after{};             ///< after
-  EmgChannelParams<S> channel[Size::channels]{};
+  EmgChannelParams<S> channel[Size::channels]{};  ///< in the order of its samples
   BiquadCoefficients<S, 1> motion{};            ///< low-pass on angles before they are differentiated
-  DrivenMuscleParams<S, Size> muscle[Size::muscles]{};
-  EstimatedJointParams<S> joint[Size::joints]{};
-  ShortRangeParams<S> short_range{};
+  DrivenMuscleParams<S, Size> muscle[Size::muscles]{};  ///< none beside a map
+  EstimatedJointParams<S> joint[Size::joints]{};  ///< whose torques are told
+  ShortRangeParams<S> short_range{};            ///< of stiffness
   std::uint32_t lag[most_emg_lags]{};           ///< how much earlier a map sees envelopes too, in samples
   std::uint32_t lags = 0;                       ///< how many of them
   S period{};                                   ///< from one step to the next [s]
@@ -106,7 +106,7 @@ template <class S, class Size> struct EmgEstimatorCoefficients {
   BiquadCoefficients<S, 4> after{};               ///< after
   EmgChannelParams<S> channel[Size::channels]{};  ///< as they are
   BiquadCoefficients<S, 1> motion{};              ///< on angles
-  DrivenMuscleCoefficients<S, Size> muscle[Size::muscles]{};
+  DrivenMuscleCoefficients<S, Size> muscle[Size::muscles]{};  ///< each
   EstimatedJointParams<S> joint[Size::joints]{};  ///< as they are
   ShortRangeCoefficients<S> short_range{};        ///< of stiffness
   std::uint32_t lag[most_emg_lags]{};             ///< in samples

@@ -232,7 +232,7 @@ def synergies(folder: Folder, json: Json = False, out: Out = None, allow_outside
 
 @app.command()
 def activations(folder: Folder, json: Json = False, out: Out = None, allow_outside: Outside = False) -> None:
-    """What muscles do where the torque was measured, near their EMG."""
+    """Muscles' activations near EMG, by a measured torque."""
     from .procedures.run import activations as run
 
     _found(_opened(folder, out, allow_outside), "activations", json, run)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
@@ -77,9 +76,8 @@ class ActivationsResult(Result):
             heads = ["time_s", "torque_Nm", "emg_driven_Nm", "assisted_Nm"]
             heads += [f"{m}_{how}" for how in ("emg", "assisted") for m in each.muscles]
             columns = np.vstack((each.time, each.torque, each.driven, each.followed, each.by_emg, each.activation)).T
-            text = io.StringIO()
-            np.savetxt(text, columns, fmt="%.6g", delimiter=",", header=",".join(heads), comments="")
-            write_text_atomically(folder / each.file, text.getvalue())
+            lines = [",".join(heads), *(",".join(f"{x:.6g}" for x in row) for row in columns)]
+            write_text_atomically(folder / each.file, "\n".join(lines) + "\n")
 
 
 def find_activations(study: Study, tell: Progress = quiet) -> ActivationsResult:
