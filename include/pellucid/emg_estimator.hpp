@@ -74,6 +74,7 @@ template <class S> struct EmgChannelParams {
   }
 };
 
+/// What an estimator of torque from EMG is.
 template <class S, class Size> struct EmgEstimatorParams {
   std::uint32_t channels = 0, angles = 0, muscles = 0, joints = 0;  ///< how many of each are used
   bool raw = false;                             ///< whether EMG comes as it was recorded, through `listen`
@@ -249,9 +250,9 @@ template <class S, std::size_t lag> struct ChannelState {
 
 /// What the estimator remembers. Zeros are a beginning.
 template <class S, class Size> struct EmgEstimatorState {
-  ChannelState<S, Size::lag> channel[Size::channels]{};
-  AngleState<S> angle[Size::angles]{};
-  EmgMuscleState<S, Size::delay> muscle[Size::muscles]{};
+  ChannelState<S, Size::lag> channel[Size::channels]{};  ///< each one's filters and lags
+  AngleState<S> angle[Size::angles]{};  ///< each, with its speed
+  EmgMuscleState<S, Size::delay> muscle[Size::muscles]{};  ///< activation and what is on its way
   MusclePath<S> path[Size::muscles]{};  ///< at the last step
   S stretch[Size::muscles]{};           ///< rate of each length [m/s]
   std::size_t next = 0;                 ///< where the next envelope goes in a ring
