@@ -23,7 +23,7 @@ python-test: $(VENV)/.installed
 	$(PYTEST) -q $(TESTS)
 
 numeric-test: $(VENV)/.installed
-	$(PYTEST) -q $(NUMERIC)
+	$(PYTEST) -q -m 'not slow' $(NUMERIC)
 
 core-test: $(VENV)/.installed
 	$(BIN)/cmake -G Ninja -S tests/core -B build/core -DCMAKE_MAKE_PROGRAM=$(abspath $(BIN))/ninja >/dev/null

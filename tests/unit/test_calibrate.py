@@ -303,6 +303,7 @@ def test_steps_are_judged_repetition_by_repetition(tmp_path, quick):
     assert any("is 113 ms late" in verdict.text for verdict in found.verdicts)
 
 
+@pytest.mark.slow
 def test_the_torque_of_the_wearer_goes_through_the_strap_that_has_a_card(tmp_path, quick):
     study = orthosis(tmp_path / "orthosis")
     one = moved_body(study, "S1")

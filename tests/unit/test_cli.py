@@ -103,6 +103,7 @@ def test_identify_prints_json(bench, fit):
     assert rows["bench.symmetric.inertia"]["unit"] == "kg"
 
 
+@pytest.mark.slow
 def test_report_says_where_it_is(bench):
     run(cli.app, ["identify", str(bench.folder)])
     result = run(cli.app, ["report", str(bench.folder)])

@@ -199,6 +199,7 @@ def test_different_joints_are_not_compared(virtual, tmp_path, fit):
         compare(virtual.models_dir / "joint.json", other)
 
 
+@pytest.mark.slow
 def test_two_payloads_give_the_drive_constant_of_a_study(tmp_path):
     """Recorded bare and with 1.5 kg at 0.2 m: the study then knows its torque per ampere, with an interval."""
     mass, distance = 1.5, 0.2

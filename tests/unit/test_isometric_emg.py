@@ -139,6 +139,7 @@ def test_an_electrode_that_came_loose_is_named_by_check(files):
 
 
 @pytest.mark.slow
+@pytest.mark.slow
 def test_what_is_calibrated_says_its_unit_and_what_envelopes_are_relative_to(files):
     made = study(files)
     found = pellucid.calibrate(made)

@@ -68,6 +68,7 @@ def test_a_sound_study_is_fit(small):
     assert told(small, "refuse") == []
 
 
+@pytest.mark.slow
 def test_the_commands_go_through(elbow):
     result = run(cli.app, ["check", str(elbow)])
     assert result.exit_code == 0, result.output

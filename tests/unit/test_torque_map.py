@@ -199,6 +199,7 @@ def test_one_recording_is_chosen_on_in_blocks():
     assert score(unseen.torque, found.predict(unseen)).r2 > 0.98
 
 
+@pytest.mark.slow
 def test_maps_are_the_same_whoever_fits_them(monkeypatch):
     monkeypatch.setattr(torque_map, "WORTH", 0)
     seen, told = trial("b", 4), []
