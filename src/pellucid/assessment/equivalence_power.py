@@ -14,7 +14,8 @@ from scipy import stats
 
 from .._errors import PellucidError
 from .equivalence import Margin, Method, least_rank_sum
-from .power import PART, Power, root_of, run_parts
+from .power import Power, fewest, root_of, simulated_power
+from .signed_rank import rank_sums
 
 SIZES = (5, 6, 8, 10, 12, 16, 20, 24, 32, 48, 64, 96, 128)
 """Numbers of participants that are tried first; more than the last are not looked for."""
@@ -84,16 +85,8 @@ def equivalence_power(
     if min(participants) < 2:
         raise PellucidError(f"equivalence power: found {min(participants)} participants, expected at least 2")
     ends = np.array([(margin.low, margin.high) for margin in margins])
-    factor = root_of(covariance)
-    parts = [(n, i) for n in participants for i in range(-(-studies // PART))]
-    arguments = [(moved, factor, ends, n, min(PART, studies - i * PART), (seed, n, i), alpha, method) for n, i in parts]
-    counts = run_parts(_within, arguments, executor, studies * sum(participants) * m)
-    hits = dict.fromkeys(participants, 0)
-    for (n, _), count in zip(parts, counts, strict=True):
-        hits[n] += count
-    share = tuple(hits[n] / studies for n in participants)
-    spread = tuple(float(np.sqrt(max(p * (1.0 - p), 1.0 / studies) / studies)) for p in share)
-    return Power("equivalence", tuple(participants), share, spread)
+    settings = moved, root_of(covariance), ends, alpha, method
+    return simulated_power("equivalence", _within, settings, participants, studies, seed, executor, m)
 
 
 def equivalence_needed(
@@ -104,19 +97,10 @@ def equivalence_needed(
     def enough(n: int) -> bool:
         return equivalence_power(covariance, margins, (n,), **options).power[0] >= power
 
-    last = 1
-    for size in SIZES:
-        if enough(size):
-            low, high = last, size
-            while high - low > 1:
-                middle = (low + high) // 2
-                low, high = (low, middle) if middle > 1 and enough(middle) else (middle, high)
-            return high
-        last = size
-    return None
+    return fewest(SIZES, enough, 1)
 
 
-def _within(change, factor, ends, n, studies, seed, alpha, method) -> int:
+def _within(n, studies, seed, change, factor, ends, alpha, method) -> int:
     """How many of so many simulated studies say "transparent"."""
     rng = np.random.default_rng(seed)
     drawn = change + rng.standard_normal((studies, n, len(change))) @ factor.T
@@ -137,5 +121,4 @@ def _above_zero(differences: np.ndarray, alpha: float, method: str) -> np.ndarra
     needed = least_rank_sum(n, alpha)
     if needed is None:
         return np.zeros(len(differences), bool)
-    ranks = np.argsort(np.argsort(np.abs(differences), axis=1), axis=1) + 1.0
-    return np.sum(ranks * (differences > 0.0), axis=1) >= needed
+    return rank_sums(differences) >= needed

@@ -22,7 +22,7 @@ from scipy import stats
 
 from .._errors import PellucidError
 from .._processes import processes
-from .signed_rank import sign_distribution
+from .signed_rank import rank_sums, sign_distribution
 
 PART = 500
 """Studies drawn in one part."""
@@ -135,15 +135,28 @@ def power_curve(
         moved = [j for j in range(pilot.shape[1]) if j != control] if test == "friedman" else [compared]
         mean[moved] = mean[control] + change
     factor = root_of(np.cov(pilot, rowvar=False))
+    settings = mean, factor, test, control, compared, alpha / comparisons
+    return simulated_power(test, _significant, settings, participants, studies, seed, executor)
+
+
+def simulated_power(
+    test: str,
+    count: Callable[..., int],
+    settings: tuple,
+    participants: Sequence[int],
+    studies: int,
+    seed: int,
+    executor: Any,
+    numbers: int = 1,
+) -> Power:
+    """Power for studies of several sizes, `count(n, studies, seed, *settings)` of which are found in each part; what a
+    participant gives is so many `numbers`."""
     parts = [(n, i) for n in participants for i in range(-(-studies // PART))]
-    arguments = [
-        (mean, factor, n, min(PART, studies - i * PART), (seed, n, i), test, control, compared, alpha / comparisons)
-        for n, i in parts
-    ]
-    counts = run_parts(_significant, arguments, executor, studies * sum(participants))
+    arguments = [(n, min(PART, studies - i * PART), (seed, n, i), *settings) for n, i in parts]
+    counts = run_parts(count, arguments, executor, studies * sum(participants) * numbers)
     hits = dict.fromkeys(participants, 0)
-    for (n, _), count in zip(parts, counts, strict=True):
-        hits[n] += count
+    for (n, _), found in zip(parts, counts, strict=True):
+        hits[n] += found
     share = tuple(hits[n] / studies for n in participants)
     spread = tuple(float(np.sqrt(max(p * (1.0 - p), 1.0 / studies) / studies)) for p in share)
     return Power(test, tuple(participants), share, spread)
@@ -165,10 +178,16 @@ def participants_needed(pilot: np.ndarray, *, power: float = 0.8, **options) -> 
     def enough(n: int) -> bool:
         return power_curve(pilot, (n,), **options).power[0] >= power
 
-    last = 1
-    for size in SIZES:
+    return fewest(SIZES, enough, 2)
+
+
+def fewest(sizes: Sequence[int], enough: Callable[[int], bool], too_few: int) -> int | None:
+    """The least number that is enough, between the first of `sizes` that is and the one before it; None without one.
+    Nothing up to `too_few` is tried."""
+    last = too_few
+    for size in sizes:
         if enough(size):
-            low, high = max(last, 2), size
+            low, high = last, size
             while high - low > 1:
                 middle = (low + high) // 2
                 low, high = (low, middle) if enough(middle) else (middle, high)
@@ -220,7 +239,7 @@ def run_parts(function: Callable, arguments: list[tuple], executor: Any, size: i
         return [future.result() for future in [used.submit(function, *each) for each in arguments]]
 
 
-def _significant(mean, factor, n, studies, seed, test, control, compared, alpha) -> int:
+def _significant(n, studies, seed, mean, factor, test, control, compared, alpha) -> int:
     """How many of so many simulated studies are significant."""
     rng = np.random.default_rng(seed)
     values = mean + rng.standard_normal((studies, n, len(mean))) @ factor.T
@@ -238,8 +257,7 @@ def _significant(mean, factor, n, studies, seed, test, control, compared, alpha)
 def _signed_ranks(differences: np.ndarray, alpha: float) -> np.ndarray:
     """Which rows' counted p is below alpha; differences of real numbers are neither tied nor 0."""
     n = differences.shape[1]
-    ranks = np.argsort(np.argsort(np.abs(differences), axis=1), axis=1) + 1.0
-    above = np.sum(ranks * (differences > 0.0), axis=1).astype(int)
+    above = rank_sums(differences)
     chance = np.cumsum(sign_distribution(np.arange(1, n + 1)))
     below = np.minimum(above, n * (n + 1) // 2 - above)
     return 2.0 * chance[below] < alpha

@@ -60,6 +60,12 @@ def sign_distribution(weights: np.ndarray) -> np.ndarray:
     return chance
 
 
+def rank_sums(differences: np.ndarray) -> np.ndarray:
+    """W+ of many samples of differences, (k, n), neither tied nor 0; shape (k,), integers."""
+    ranks = np.argsort(np.argsort(np.abs(differences), axis=1), axis=1) + 1
+    return np.sum(ranks * (differences > 0.0), axis=1)
+
+
 def smallest_p(pairs: int) -> float:
     """The smallest p that so many pairs can give: all differ to one side."""
     return min(1.0, 2.0 ** (1 - pairs))

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from .._errors import PellucidError, RecordingError
+from .._errors import IdentificationError, PellucidError, RecordingError
 from ..recordings.fault import Fault
 from ..recordings.recording import Recording
 from ..recordings.study import Study
@@ -87,6 +87,21 @@ def emg_faults(study: Study, table: MuscleTable) -> list[Fault]:
         wanted = {f"emg.{muscle}" for muscle in muscles_of(stream, table)} | {"time"}
         only = replace(stream, channels={n: c for n, c in stream.channels.items() if n in wanted})
         found += inspect_emg(only)
+    return found
+
+
+def envelope_faults(
+    study: Study, table: EnvelopeTable, check: Callable[[Study, list[MuscleEnvelopes]], object], expected: str
+) -> list[Fault]:
+    """EMG that is not fit to be used, and envelopes that `check` refuses, `expected` in a word."""
+    found = emg_faults(study, table)
+    if any(fault.severity == "refuse" for fault in found):
+        return found
+    try:
+        check(study, relative_envelopes(study, table))
+    except (RecordingError, IdentificationError) as error:
+        message = str(error)
+        found.append(Fault("refuse", "missing_channel", "study.toml", "", message, expected, message))
     return found
 
 

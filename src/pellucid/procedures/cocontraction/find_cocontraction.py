@@ -12,7 +12,7 @@ from ...fit.parameter import Verdict
 from ...recordings.fault import Fault
 from ...recordings.results import ResultRow
 from ...recordings.study import Study
-from ..muscle_channels import MuscleEnvelopes, emg_faults, refuse, relative_envelopes
+from ..muscle_channels import MuscleEnvelopes, emg_faults, envelope_faults, refuse, relative_envelopes
 from ..procedure import Progress, quiet
 from ..result import FigureTable, Result
 
@@ -49,15 +49,7 @@ class CocontractionResult(Result):
 
 def faults(study: Study) -> list[Fault]:
     """EMG that is not fit to be used, and pairs that are none."""
-    table = study.config.cocontraction
-    found = emg_faults(study, table)
-    if not any(fault.severity == "refuse" for fault in found):
-        try:
-            _checked(study, relative_envelopes(study, table))
-        except RecordingError as error:
-            message = str(error)
-            found.append(Fault("refuse", "missing_channel", "study.toml", "", message, "antagonists", message))
-    return found
+    return envelope_faults(study, study.config.cocontraction, _checked, "antagonists")
 
 
 def find_cocontraction(study: Study, tell: Progress = quiet) -> CocontractionResult:

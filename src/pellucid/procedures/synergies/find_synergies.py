@@ -23,7 +23,7 @@ from ...fit.parameter import Verdict
 from ...recordings.fault import Fault
 from ...recordings.results import ResultRow, checksum_of_all
 from ...recordings.study import Study
-from ..muscle_channels import MuscleEnvelopes, emg_faults, refuse, relative_envelopes
+from ..muscle_channels import MuscleEnvelopes, emg_faults, envelope_faults, refuse, relative_envelopes
 from ..procedure import Progress, quiet
 from ..result import FigureTable, Result
 
@@ -68,15 +68,7 @@ class SynergiesResult(Result):
 
 def faults(study: Study) -> list[Fault]:
     """EMG that is not fit to be used, or too few muscles."""
-    table = study.config.synergies
-    found = emg_faults(study, table)
-    if not any(fault.severity == "refuse" for fault in found):
-        try:
-            _groups(study, relative_envelopes(study, table))
-        except (RecordingError, IdentificationError) as error:
-            message = str(error)
-            found.append(Fault("refuse", "missing_channel", "study.toml", "", message, "muscles", message))
-    return found
+    return envelope_faults(study, study.config.synergies, _groups, "muscles")
 
 
 def run(study: Study, tell: Progress = quiet) -> SynergiesResult:
