@@ -5,8 +5,8 @@ from __future__ import annotations
 import os
 import sys
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import FIRST_COMPLETED, ProcessPoolExecutor, ThreadPoolExecutor, wait
-from contextlib import contextmanager
+from concurrent.futures import FIRST_COMPLETED, Executor, ProcessPoolExecutor, ThreadPoolExecutor, wait
+from contextlib import contextmanager, nullcontext
 from multiprocessing import parent_process
 from multiprocessing.context import SpawnContext, SpawnProcess
 from threading import Lock
@@ -19,14 +19,17 @@ Job = tuple
 """A function and its arguments."""
 
 
-def finished(jobs: Sequence[Job], workers: int | None = None) -> Iterator[tuple[int, Any]]:
-    """Do jobs, and hand over what each gave as soon as it is there; a list of jobs may grow meanwhile."""
+def finished(
+    jobs: Sequence[Job], workers: int | None = None, executor: Executor | None = None
+) -> Iterator[tuple[int, Any]]:
+    """Do jobs, and hand over what each gave as soon as it is there; a list of jobs may grow meanwhile. An `executor`,
+    a cluster's for instance, takes the place of this machine's processes."""
     workers = workers or os.cpu_count() or 1
-    if workers <= 1:
+    if workers <= 1 and executor is None:
         for i, (make, *arguments) in enumerate(jobs):
             yield i, make(*arguments)
         return
-    with processes(workers) as pool:
+    with processes(workers) if executor is None else nullcontext(executor) as pool:
         waiting, begun = {}, 0
         while waiting or begun < len(jobs):
             waiting |= {pool.submit(*jobs[i]): i for i in range(begun, len(jobs))}
@@ -36,11 +39,15 @@ def finished(jobs: Sequence[Job], workers: int | None = None) -> Iterator[tuple[
 
 
 def in_order(
-    jobs: Sequence[Job], workers: int | None = None, tell: Callable[[int, int], None] = lambda done, of: None
+    jobs: Sequence[Job],
+    workers: int | None = None,
+    tell: Callable[[int, int], None] = lambda done, of: None,
+    executor: Executor | None = None,
 ) -> list:
-    """What each of `jobs` gave, in their order, by `workers` processes; `tell` hears how many of how many are done."""
+    """What each of `jobs` gave, in their order, by `workers` processes or an `executor`; `tell` hears how many of how
+    many are done."""
     found: dict[int, Any] = {}
-    for i, result in finished(jobs, workers):
+    for i, result in finished(jobs, workers, executor):
         found[i] = result
         tell(len(found), len(jobs))
     return [found[i] for i in range(len(jobs))]

@@ -12,16 +12,8 @@ from pellucid.lab.pointing.conditions import condition_of, identified_cards, int
 from pellucid.lab.pointing.people import draw_people
 from pellucid.lab.pointing.rig import elbow_participants
 from pellucid.lab.pointing.session import hold_still, point_all
-from pellucid.papers.able.transparency import (
-    FIRST_REST,
-    PUBLISHED_RULE,
-    VirtualStudy,
-    content_on_target,
-    injected_energy,
-    required_resistance,
-    session_indices,
-    simulate_study,
-)
+from pellucid.lab.pointing.session_indices import FIRST_REST, PUBLISHED_RULE, injected_energy, session_indices
+from pellucid.papers.able.transparency import VirtualStudy, content_on_target, required_resistance, simulate_study
 
 LIFTS = np.deg2rad([12, 24, 36, 48, 60])
 

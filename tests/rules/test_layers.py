@@ -33,7 +33,7 @@ ALLOWED = {
     "assessment": BASE | {"signals"},  # arrays; procedures read studies
     "pages": BASE | {"models", "fit"},  # words, tables, drawings: of nobody's procedure
     "procedures": UP_TO_SIGNALS | PHYSICS | {"fit", "control", "estimators", "assessment", "pages"},
-    "lab": UP_TO_SIGNALS | PHYSICS | {"fit", "control", "procedures", "datasets"},
+    "lab": UP_TO_SIGNALS | PHYSICS | {"fit", "control", "assessment", "procedures", "datasets"},
     "deployment": UP_TO_SIGNALS | PHYSICS | {"fit", "control", "procedures"},
     "papers": EVERYTHING,
     "demonstration": EVERYTHING | {"deployment"},

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from concurrent.futures import Executor, as_completed
+from collections.abc import Sequence
+from concurrent.futures import Executor
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -44,16 +44,10 @@ def identify_several(
     jobs = [(_identified, str(Path(folder).resolve()), families, allow_outside) for folder in folders]
     found: dict[int, Outcome] = {}
     tell(f"identifying {len(jobs)} studies", 0.0)
-    for i, outcome in finished(jobs) if executor is None else _by(executor, jobs):
+    for i, outcome in finished(jobs, executor=executor):
         found[i] = outcome
         tell(f"{folders[i]}: {outcome.failure or outcome.headline}".splitlines()[0], len(found) / len(jobs))
     return tuple(found[i] for i in range(len(jobs)))
-
-
-def _by(executor: Executor, jobs: Sequence[tuple]) -> Iterator[tuple[int, Outcome]]:
-    begun = {executor.submit(*job): i for i, job in enumerate(jobs)}
-    for done in as_completed(begun):
-        yield begun[done], done.result()
 
 
 def _identified(folder: str, families: Sequence[str] | None, allow_outside: bool) -> Outcome:

@@ -27,9 +27,9 @@ from ...lab.pointing.conditions import (
 from ...lab.pointing.people import Person, draw_people
 from ...lab.pointing.rig import PointingRig, elbow_participants
 from ...lab.pointing.session import RobotLaw, Unpowered, hold_still, point
+from ...lab.pointing.session_indices import injected_energy
 from ..figure import Reproduced, figure
 from .elbow import able_elbow as able_elbow_as_published
-from .transparency import injected_energy
 
 TORQUE_SEED = 77
 """Of the people who try each robot."""

@@ -14,60 +14,23 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..._errors import RecordingError
-from ...assessment.indices import affine
 from ...assessment.survival import Survival, survival
 from ...control.elbow_controllers import BEST, BEST_SENSED
 from ...lab.pointing.conditions import Cards, chosen_exponents, condition_of, offered, published_laws
 from ...lab.pointing.movement_choice import preferred_duration
 from ...lab.pointing.people import Person, draw_people
 from ...lab.pointing.rig import PointingRig, PointingTrial
-from ...lab.pointing.session import CONTROL, Conditions, PointingSession, true_motion
+from ...lab.pointing.session import CONTROL, Conditions
+from ...lab.pointing.session_indices import PUBLISHED_RULE, SessionIndices, session_indices
 from ...lab.study import record_in_memory
 from ...procedures.assessment.assess import assess_recordings
 from ...procedures.assessment.assessment_result import AssessmentResult
-from ...signals.movements import Kinematics, Movement, MovementRule, Stretch, movements
 
 LAWS = ("FC", "PCFr", "CLPC")
 """Conditions of the paper beside control, in its order."""
 
 OWN_LAWS = (BEST, BEST_SENSED)
 """The toolkit's best, with an encoder alone and with a force sensor."""
-
-PUBLISHED_RULE, FIRST_REST = "published", "first_rest"
-
-RULES: Mapping[str, MovementRule] = {PUBLISHED_RULE: MovementRule(), FIRST_REST: MovementRule(ends="peak")}
-"""When a movement has ended: after the last sample above 5 % of its largest speed, as published, which counts every
-correction at the target; or where the speed first falls below."""
-
-
-@dataclass(frozen=True)
-class Means:
-    """Published indices of one session, means over its movements."""
-
-    duration: float  # [s] of those that ended; where they were cut off a mean of where
-    duration_median: float  # [s] by Kaplan and Meier, those that never settled counted as longer than seen
-    vmax: float  # [rad/s]
-    emg_per_acc: float  # RMS of the agonists' excitation over the largest acceleration, upward movements [s^2/rad]
-    r2: dict[str, float]  # "up", "down": of the straight line through amplitude and mean velocity [1]
-    left_out: float  # Share of movements that the rule cannot use [1]
-
-
-@dataclass(frozen=True)
-class SessionIndices:
-    """What one session came to."""
-
-    person: str
-    condition: str
-    movements: int
-    means: dict[str, Means]  # By rule, as `RULES`
-    given: np.ndarray  # (n,) Energy that the robot gave over each movement there and back [J]
-    fault: str  # Of the law's gate
-    lasted: np.ndarray  # (n, 2) How long each movement was seen, by the published rule [s], and whether it settled
-
-    @property
-    def unsettled(self) -> float:
-        """Share of movements that never came to rest on the target before the next one came."""
-        return float(np.mean(self.lasted[:, 1] == 0.0))
 
 
 @dataclass(frozen=True)
@@ -116,68 +79,6 @@ class VirtualStudy:
 def _order(condition: str) -> tuple[int, str]:
     known = (*LAWS, *OWN_LAWS)
     return (known.index(condition) if condition in known else len(known), condition)
-
-
-def injected_energy(session: PointingSession) -> np.ndarray:
-    """Energy that the robot gave the wearer over each movement there and back, shape (n,) [J]; below 0 it took some."""
-    flow = -session.signals["interaction"] * session.signals["link"] / session.fs
-    pairs = zip(session.movements[::2], session.movements[1::2], strict=True)
-    return np.array([flow[there.begin : back.end].sum() for there, back in pairs])
-
-
-def session_indices(session: PointingSession) -> SessionIndices:
-    """What a session came to, by every rule."""
-    motion, stretches = true_motion(session, MovementRule())
-    means, lasted = {}, {}
-    for name, rule in RULES.items():
-        lasted[name] = _lasted(session, motion, stretches, rule)
-        found, without = movements(motion, stretches, rule)
-        means[name] = Means(
-            float(np.mean([m.duration for m in found])),
-            survival(*lasted[name].T).bounded_median,
-            float(np.mean([m.peak_velocity for m in found])),
-            float(np.mean([_emg_per_acceleration(session, m) for m in found if m.direction > 0])),
-            {word: _line(found, sign) for word, sign in (("up", 1), ("down", -1))},
-            len(without) / len(stretches),
-        )
-    return SessionIndices(
-        session.person.name, session.condition, len(session.movements), means, injected_energy(session),
-        session.fault, lasted[PUBLISHED_RULE],
-    )  # fmt: skip
-
-
-def _lasted(
-    session: PointingSession, motion: Kinematics, stretches: Sequence[Stretch], rule: MovementRule
-) -> np.ndarray:
-    """How long each movement was seen by a rule [s], and whether its target was held then (1 or 0), shape (n, 2)."""
-    rows = []
-    for reach, stretch in zip(session.movements, stretches, strict=True):
-        found, _ = movements(motion, [stretch], rule)
-        # A first rest is one, whatever comes after it.
-        if found and (reach.held or rule.ends == "peak"):
-            rows.append((found[0].duration, 1.0))
-        elif not reach.held:
-            begun = found[0].start if found else stretch.begin
-            rows.append((stretch.end - begun, 0.0))
-    return np.array(rows).reshape(-1, 2)
-
-
-def _emg_per_acceleration(session: PointingSession, movement: Movement) -> float:
-    advance = round(0.1 * session.fs)
-    part = slice(max(movement.first - advance, 0), max(movement.last - advance, 0) + 1)
-    return float(np.sqrt(np.mean(session.signals["flexor"][part] ** 2)) / movement.peak_acceleration)
-
-
-def _line(found: Sequence[Movement], direction: int) -> float:
-    """R2 of the straight line through the mean velocities of each amplitude."""
-    by_amplitude: dict[float, list[float]] = {}
-    for m in found:
-        if m.direction == direction:
-            by_amplitude.setdefault(round(m.amplitude or 0.0, 6), []).append(m.mean_velocity)
-    amplitudes = sorted(by_amplitude)
-    if len(amplitudes) < 3:
-        return float("nan")
-    return affine(np.array(amplitudes), np.array([np.mean(by_amplitude[a]) for a in amplitudes]))[2]
 
 
 def simulate_study(rig: PointingRig, conditions: Conditions, *, seed: int, threads: int = 2) -> VirtualStudy:

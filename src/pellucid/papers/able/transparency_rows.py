@@ -9,9 +9,10 @@ import numpy as np
 
 from ...control.control_law import ControlLaw
 from ...control.law_fuzz import fuzz
+from ...lab.pointing.session_indices import FIRST_REST, PUBLISHED_RULE
 from ..figure import Reproduced, figure
 from ..printed import PrintedPaper, PrintedTable
-from .transparency import CONTROL, FIRST_REST, LAWS, OWN_LAWS, PUBLISHED_RULE, Transparency
+from .transparency import CONTROL, LAWS, OWN_LAWS, Transparency
 
 INDICES: Mapping[str, tuple[str, str, str]] = {
     "duration_median": ("duration_median", "Median duration", "duration"),
