@@ -3,6 +3,9 @@
 
 #include "single_fault.hpp"
 
+#include <array>
+#include <cctype>
+
 namespace bindings {
 namespace {
 
@@ -12,8 +15,8 @@ constexpr const char* worn_elbow_doc = R"(A person's forearm, alone or strapped 
 
 Parameters
 ----------
-person : (26,)
-    In the order of REACHING_PARAMETER_NAMES, SI; its period is that of control.
+parameters : (k,)
+    Of the person, in the order of the model's names (REACHING_PARAMETER_NAMES), SI; its period is that of control.
 load : (5,)
     What the person expects of the robot at first: inertia, viscous, coulomb, gravity_sine, gravity_cosine, SI.
 position0 : float
@@ -33,6 +36,8 @@ emg_gains : (2,)
     By which the law's EMG torques of flexors and extensors are too large [1].
 substeps : int
     Of integration, per period.
+person : str
+    Model of the person.
 sensor_delay : int
     Periods by which the force sensor is late, 0 to 63.
 supervisor : (m,), optional
@@ -65,7 +70,7 @@ tuple of (k,)
     the robot [N m], the law's torque [N m], excitation of flexors and of extensors [1], link velocity
     [rad/s]; k <= longest.)";
 
-constexpr const char* live_doc = R"(Minutes or hours of reaching, healthy or with one single fault.
+constexpr const char* live_doc = R"(Minutes or hours of reaching, healthy or with one single fault, of a person who is "reaching".
 
 Parameters
 ----------
@@ -108,16 +113,136 @@ template <class S> p::ExpectedLoad<S> read_load(nb::handle load) {
   return {v.data[0], v.data[1], v.data[2], v.data[3], v.data[4]};
 }
 
+template <class... Arms> constexpr auto models_of(const std::variant<Arms...>*) {
+  return std::array<const char*, sizeof...(Arms)>{Arms::Model::model...};
+}
+/// Names of the models of a person, in the order of AnyWornArm.
+constexpr auto person_models = models_of(static_cast<const AnyWornArm*>(nullptr));
+
+/// f(i) with i the place of every model of a person, known when this is compiled.
+template <class F, std::size_t... I> void for_each_person(F f, std::index_sequence<I...>) {
+  (f(std::integral_constant<std::size_t, I>{}), ...);
+}
+template <class F> void for_each_person(F f) { for_each_person(f, std::make_index_sequence<person_models.size()>{}); }
+
 class WornElbow {
  public:
-  WornElbow(nb::handle person, nb::handle load, double position0, nb::handle robot, nb::handle strap, nb::handle drive,
-            const char* law, nb::handle law_parameters, nb::handle emg_gains, nb::handle substeps,
-            nb::handle sensor_delay, nb::handle supervisor) {
-    const auto params = read_params<p::ReachingParams<double>, double>("person", person);
+  WornElbow(nb::handle parameters, nb::handle load, double position0, nb::handle robot, nb::handle strap,
+            nb::handle drive, const char* law, nb::handle law_parameters, nb::handle emg_gains, nb::handle substeps,
+            const std::string& person, nb::handle sensor_delay, nb::handle supervisor) {
+    bool known = false;
+    for_each_person([&](auto i) {
+      if (person != person_models[i]) return;
+      known = true;
+      strap_on(arm_.emplace<i>(), parameters, load, position0, robot, strap, drive, law, law_parameters, emg_gains,
+               substeps, sensor_delay, supervisor);
+    });
+    if (known) return;
+    std::string names;
+    for (const char* name : person_models) names += std::string(names.empty() ? "" : ", ") + name;
+    throw nb::value_error(("person: found \"" + person + "\", expected one of " + names).c_str());
+  }
+
+  nb::object move(double target, double amplitude, double duration, double reaction, nb::handle load, double tolerance,
+                  double hold, nb::handle noise, nb::handle longest, nb::handle sensor_error, bool emg) {
+    const Array z = read_array("noise", noise);
+    if (z.shape.size() != 2 || z.shape[1] != 5) z.fail("(n, 5)");
+    const std::size_t n = z.shape[0];
+    if (n == 0) z.fail("(n, 5) with n above 0");
+    const auto most = static_cast<std::size_t>(read_integer("longest", longest, 1, 10000000));
+    if (!(duration > 0 && std::isfinite(duration))) throw nb::value_error("duration: expected seconds above 0");
+    const bool sensed = !sensor_error.is_none();
+    const Array error = sensed ? read_array("sensor_error", sensor_error) : z;
+    if (sensed) error.expect(same_length("noise", n), {n});
+    const p::ReachingTask<double> task{target, amplitude, duration, reaction, read_load<double>(load)};
+    std::vector<double> rows;
+    {
+      nb::gil_scoped_release release;
+      rows.reserve(columns * n);
+      const Course course{z, sensed ? &error : nullptr, emg, tolerance, hold, most};
+      std::visit([&](auto& arm) { reach(arm, task, course, rows); }, arm_);
+    }
+    const std::size_t k = rows.size() / columns;
+    std::vector<Result> results;
+    for (std::size_t c = 0; c < columns; ++c) {
+      results.emplace_back(Shape{k});
+      for (std::size_t i = 0; i < k; ++i) results[c].data[i] = rows[columns * i + c];
+    }
+    return tuple_of(results);
+  }
+
+  const char* fault() const {
+    const auto says = [](const auto& one) { return fault_name(pellucid::fault_of(one.state)); };
+    return std::visit([&](const auto& arm) { return of_law(arm.law, "none", says); }, arm_);
+  }
+
+  nb::dict live(nb::handle tasks, nb::handle noise, nb::handle sensor_error, bool emg, nb::handle tremor,
+                nb::handle stops, const std::string& fault, double onset, double seconds, nb::handle longest,
+                std::uint64_t seed) {
+    if (!std::holds_alternative<Reaching>(arm_)) throw nb::value_error("person: expected \"reaching\" where faults are");
+    const Array t = read_array("tasks", tasks), z = read_array("noise", noise), shake = read_array("tremor", tremor),
+                halts = read_array("stops", stops);
+    if (t.shape.size() != 2 || t.shape[1] != 5) t.fail("(k, 5)");
+    if (z.shape.size() != 2 || z.shape[1] != 5 || z.shape[0] == 0) z.fail("(n, 5) with n above 0");
+    shake.expect("(2,)", {2});
+    if (halts.shape.size() != 1) halts.fail("(m,)");
+    const bool sensed = !sensor_error.is_none();
+    const Array error = sensed ? read_array("sensor_error", sensor_error) : z;
+    if (sensed) error.expect(same_length("noise", z.shape[0]), {z.shape[0]});
+    const auto most = static_cast<std::size_t>(read_integer("longest", longest, 1, 1000000000));
+    const Life life{{t.data, t.shape[0]}, {z.data, z.shape[0]}, sensed ? error.data : nullptr, emg, {shake.data[0], shake.data[1]},
+                    {halts.data, halts.shape[0]}, onset, seconds, most};
+    Lived lived;
+    SingleFault wrong(fault, onset, seed);
+    {
+      nb::gil_scoped_release release;
+      lived = live_with(std::get<Reaching>(arm_), life, wrong);
+    }
+    return lived.told();
+  }
+
+ private:
+  static constexpr std::size_t columns = std::variant_alternative_t<0, AnyWornArm>::columns;
+  /// Faults are laid on people of this model only.
+  using Reaching = WornArm<p::ReachingParams<double>>;
+  AnyWornArm arm_;
+
+  /// What surrounds one movement.
+  struct Course {
+    const Array& noise;
+    const Array* sensor_error;
+    bool emg;
+    double tolerance, hold;
+    std::size_t most;
+  };
+
+  template <class Arm>
+  static void reach(Arm& arm, const p::ReachingTask<double>& task, const Course& course, std::vector<double>& rows) {
+    p::aim(arm.person, arm.reach, task);
+    const std::size_t n = course.noise.shape[0];
+    const double* error = course.sensor_error != nullptr ? course.sensor_error->data : nullptr;
+    double held = 0;
+    Healthy healthy;
+    for (std::size_t k = 0; k < course.most && held < course.hold; ++k) {
+      rows.resize(columns * (k + 1));
+      arm.period(course.noise.data + 5 * (k % n), error != nullptr ? error + k % n : nullptr, course.emg,
+                 rows.data() + columns * k, healthy);
+      // Someone who has just arrived is not holding yet.
+      const bool there =
+          arm.reach.time > task.reaction && std::fabs(arm.state.limb_position - task.target) <= course.tolerance;
+      held = there ? held + arm.person.params.period : 0;
+    }
+  }
+
+  template <class Arm>
+  static void strap_on(Arm& arm, nb::handle parameters, nb::handle load, double position0, nb::handle robot,
+                       nb::handle strap, nb::handle drive, const char* law, nb::handle law_parameters,
+                       nb::handle emg_gains, nb::handle substeps, nb::handle sensor_delay, nb::handle supervisor) {
+    const auto params = read_params<typename Arm::Model, double>("parameters", parameters);
     if (!(params.period > 0 && std::isfinite(params.period)))
-      throw nb::value_error("person: expected a period above 0");
-    arm_.person = p::coefficients(params);
-    arm_.smoothing = 1 - std::exp(-params.period * 25.0);  // 4 Hz
+      throw nb::value_error("parameters: expected a period above 0");
+    arm.person = p::coefficients(params);
+    arm.smoothing = 1 - std::exp(-params.period * 25.0);  // 4 Hz
 
     p::WornGearedPlantParams<double> plant;
     plant.limb = params.limb;
@@ -136,105 +261,41 @@ class WornElbow {
     plant.robot.encoder = {d.data[4]};
     plant.robot.loop.period = params.period;
     plant.robot.substeps = static_cast<std::uint32_t>(read_integer("substeps", substeps, 1, 1000));
-    arm_.gain = d.data[0];
-    arm_.limit = d.data[1];
-    arm_.emg_gain[0] = g.data[0];
-    arm_.emg_gain[1] = g.data[1];
-    arm_.sensor_delay = static_cast<std::uint32_t>(read_integer("sensor_delay", sensor_delay, 0, 63));
-    arm_.plant = p::coefficients(plant);
-    arm_.state = p::balanced(arm_.plant, position0);
-    arm_.reach = p::holding(arm_.person, position0, read_load<double>(load));
-    arm_.law = read_supervised<double>(law, law_parameters, supervisor);
-    of_law(arm_.law, 0, [](auto& one) { return p::seal(one), 0; });
-    arm_.level[0] = arm_.reach.torque > 0 ? arm_.reach.torque : 0;
-    arm_.level[1] = arm_.reach.torque < 0 ? -arm_.reach.torque : 0;
+    arm.gain = d.data[0];
+    arm.limit = d.data[1];
+    arm.emg_gain[0] = g.data[0];
+    arm.emg_gain[1] = g.data[1];
+    arm.sensor_delay = static_cast<std::uint32_t>(read_integer("sensor_delay", sensor_delay, 0, 63));
+    arm.plant = p::coefficients(plant);
+    arm.state = p::balanced(arm.plant, position0);
+    arm.reach = p::holding(arm.person, position0, read_load<double>(load));
+    arm.law = read_supervised<double>(law, law_parameters, supervisor);
+    of_law(arm.law, 0, [](auto& one) { return p::seal(one), 0; });
+    arm.level[0] = arm.reach.torque > 0 ? arm.reach.torque : 0;
+    arm.level[1] = arm.reach.torque < 0 ? -arm.reach.torque : 0;
   }
-
-  nb::object move(double target, double amplitude, double duration, double reaction, nb::handle load, double tolerance,
-                  double hold, nb::handle noise, nb::handle longest, nb::handle sensor_error, bool emg) {
-    const Array z = read_array("noise", noise);
-    if (z.shape.size() != 2 || z.shape[1] != 5) z.fail("(n, 5)");
-    const std::size_t n = z.shape[0];
-    if (n == 0) z.fail("(n, 5) with n above 0");
-    const auto most = static_cast<std::size_t>(read_integer("longest", longest, 1, 10000000));
-    if (!(duration > 0 && std::isfinite(duration))) throw nb::value_error("duration: expected seconds above 0");
-    const bool sensed = !sensor_error.is_none();
-    const Array error = sensed ? read_array("sensor_error", sensor_error) : z;
-    if (sensed) error.expect(same_length("noise", n), {n});
-    p::aim(arm_.person, arm_.reach, {target, amplitude, duration, reaction, read_load<double>(load)});
-    std::vector<double> rows;
-    std::size_t k = 0;
-    {
-      nb::gil_scoped_release release;
-      rows.reserve(columns * n);
-      const double period = arm_.person.params.period;
-      double held = 0;
-      Healthy healthy;
-      while (k < most && held < hold) {
-        rows.resize(columns * (k + 1));
-        arm_.period(z.data + 5 * (k % n), sensed ? error.data + k % n : nullptr, emg, rows.data() + columns * k, healthy);
-        // Someone who has just arrived is not holding yet.
-        const bool there = arm_.reach.time > reaction && std::fabs(arm_.state.limb_position - target) <= tolerance;
-        held = there ? held + period : 0;
-        ++k;
-      }
-    }
-    std::vector<Result> results;
-    for (std::size_t c = 0; c < columns; ++c) {
-      results.emplace_back(Shape{k});
-      for (std::size_t i = 0; i < k; ++i) results[c].data[i] = rows[columns * i + c];
-    }
-    return tuple_of(results);
-  }
-
-  const char* fault() const {
-    return of_law(arm_.law, "none", [](const auto& one) { return fault_name(pellucid::fault_of(one.state)); });
-  }
-
-  nb::dict live(nb::handle tasks, nb::handle noise, nb::handle sensor_error, bool emg, nb::handle tremor,
-                nb::handle stops, const std::string& fault, double onset, double seconds, nb::handle longest,
-                std::uint64_t seed) {
-    const Array t = read_array("tasks", tasks), z = read_array("noise", noise), shake = read_array("tremor", tremor),
-                halts = read_array("stops", stops);
-    if (t.shape.size() != 2 || t.shape[1] != 5) t.fail("(k, 5)");
-    if (z.shape.size() != 2 || z.shape[1] != 5 || z.shape[0] == 0) z.fail("(n, 5) with n above 0");
-    shake.expect("(2,)", {2});
-    if (halts.shape.size() != 1) halts.fail("(m,)");
-    const bool sensed = !sensor_error.is_none();
-    const Array error = sensed ? read_array("sensor_error", sensor_error) : z;
-    if (sensed) error.expect(same_length("noise", z.shape[0]), {z.shape[0]});
-    const auto most = static_cast<std::size_t>(read_integer("longest", longest, 1, 1000000000));
-    const Life life{{t.data, t.shape[0]}, {z.data, z.shape[0]}, sensed ? error.data : nullptr, emg, {shake.data[0], shake.data[1]},
-                    {halts.data, halts.shape[0]}, onset, seconds, most};
-    Lived lived;
-    SingleFault wrong(fault, onset, seed);
-    {
-      nb::gil_scoped_release release;
-      lived = live_with(arm_, life, wrong);
-    }
-    return lived.told();
-  }
-
- private:
-  static constexpr std::size_t columns = WornArm::columns;
-  WornArm arm_;
 };
 
 }  // namespace
 
 void add_elbow(nb::module_& m) {
-  m.attr("REACHING_PARAMETER_NAMES") = names_of<p::ReachingParams<double>>();
+  for_each_person([&m](auto i) {
+    using Model = typename std::variant_alternative_t<i, AnyWornArm>::Model;
+    std::string name = Model::model;
+    for (char& c : name) c = static_cast<char>(std::toupper(static_cast<unsigned char>(c)));
+    m.attr((name + "_PARAMETER_NAMES").c_str()) = names_of<Model>();
+  });
   nb::class_<WornElbow>(m, "WornElbow", worn_elbow_doc)
       .def(nb::init<nb::handle, nb::handle, double, nb::handle, nb::handle, nb::handle, const char*, nb::handle,
-                    nb::handle, nb::handle, nb::handle, nb::handle>(),
-           nb::arg("person"), nb::arg("load"), nb::kw_only(), nb::arg("position0"), nb::arg("robot").none() = nb::none(),
+                    nb::handle, nb::handle, const std::string&, nb::handle, nb::handle>(),
+           nb::arg("parameters"), nb::arg("load"), nb::kw_only(), nb::arg("position0"), nb::arg("robot").none() = nb::none(),
            nb::arg("strap"), nb::arg("drive"), nb::arg("law") = "none", nb::arg("law_parameters").none() = nb::none(),
-           nb::arg("emg_gains"), nb::arg("substeps"), nb::arg("sensor_delay") = 0,
+           nb::arg("emg_gains"), nb::arg("substeps"), nb::arg("person") = "reaching", nb::arg("sensor_delay") = 0,
            nb::arg("supervisor").none() = nb::none(),
-           nb::sig("def __init__(self, person: ArrayLike, load: ArrayLike, *, position0: float, robot: ArrayLike | "
+           nb::sig("def __init__(self, parameters: ArrayLike, load: ArrayLike, *, position0: float, robot: ArrayLike | "
                    "None = None, strap: ArrayLike, drive: ArrayLike, law: str = 'none', law_parameters: ArrayLike | "
-                   "None = None, emg_gains: ArrayLike, substeps: int, sensor_delay: int = 0, supervisor: "
-                   "ArrayLike | None = None) -> None"))
+                   "None = None, emg_gains: ArrayLike, substeps: int, person: str = 'reaching', sensor_delay: int = 0, "
+                   "supervisor: ArrayLike | None = None) -> None"))
       .def("move", &WornElbow::move, nb::kw_only(), nb::arg("target"), nb::arg("amplitude"), nb::arg("duration"),
            nb::arg("reaction"), nb::arg("load"), nb::arg("tolerance"), nb::arg("hold"), nb::arg("noise"), nb::arg("longest"),
            nb::arg("sensor_error").none() = nb::none(), nb::arg("emg") = false,

@@ -301,13 +301,13 @@ constexpr std::size_t energy_every = 5;
 constexpr double stop_lasts = 0.15, brace = 8.0, brace_most = 25.0, settles = 1.0;  // s, N m s/rad, N m, s
 
 /// A life, until its fault has been made safe or was watched for long enough.
-inline Lived live_with(WornArm& arm, const Life& life, SingleFault& fault) {
+template <class Params> Lived live_with(WornArm<Params>& arm, const Life& life, SingleFault& fault) {
   namespace p = pellucid;
   Lived lived;
   const double period = arm.person.params.period;
   of_law(arm.law, 0, [](auto& one) { return p::seal(one), 0; });
   std::size_t task = 0, stop = 0;
-  double left = settles, work = 0, row[WornArm::columns], blocked_at = 0, blocked_way = 1, speeds[5] = {};
+  double left = settles, work = 0, row[WornArm<Params>::columns], blocked_at = 0, blocked_way = 1, speeds[5] = {};
   for (std::size_t k = 0; k < life.longest; ++k) {
     const double time = period * static_cast<double>(k);
     if (left <= 0.5 * period && life.tasks.count > 0) {

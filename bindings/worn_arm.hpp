@@ -9,6 +9,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 namespace bindings {
 
@@ -21,14 +22,21 @@ struct Healthy {
   double pushes(double) const { return 0; }
 };
 
-/// The arm, what is strapped to it, what drives that, and what is measured.
-struct WornArm {
-  static constexpr std::size_t columns = 9;
-  static constexpr std::uint32_t patience = 10;    // periods that the drive's watchdog waits
+/// The drive's watchdog.
+struct DriveWatch {
+  static constexpr std::uint32_t patience = 10;    // periods that it waits
   static constexpr std::uint32_t off_periods = 3;  // until a drive that is to have no power has none
+};
 
-  pellucid::ReachingCoefficients<double> person;
-  pellucid::ReachingState<double> reach;
+/// The arm of a person of a model, what is strapped to it, what drives that, and what is measured.
+template <class Params> struct WornArm {
+  using Model = Params;
+  static constexpr std::size_t columns = 9;
+  using Coefficients = decltype(pellucid::coefficients(std::declval<const Params&>()));
+  using State = decltype(pellucid::holding(std::declval<const Coefficients&>(), 0.0, pellucid::ExpectedLoad<double>{}));
+
+  Coefficients person;
+  State reach;
   pellucid::WornGearedPlantCoefficients<double> plant;
   pellucid::WornGearedPlantState<double> state;
   AnySupervised<double> law;
@@ -70,10 +78,10 @@ struct WornArm {
       });
     }
     const double current = p::clamp(out.effort / gain, -limit, limit);
-    const bool power = p::step(watchdog, out.beat, out.enable, patience);
+    const bool power = p::step(watchdog, out.beat, out.enable, DriveWatch::patience);
     off = power ? 0 : off + 1;
     const double asked = gain * current;
-    drive_torque = off >= off_periods ? 0.0 : fault.given(asked);
+    drive_torque = off >= DriveWatch::off_periods ? 0.0 : fault.given(asked);
     drive_measured = fault.measured(drive_torque);
     const p::ReachingOutput<double> muscles =
         p::step(person, reach, state.limb_position, state.limb_velocity, noise[0], noise[1]);
@@ -102,5 +110,9 @@ struct WornArm {
     }
   }
 };
+
+/// Models of a person, a line each; `WornElbow` takes one by the name that its Params says.
+using AnyWornArm = std::variant<
+    WornArm<pellucid::ReachingParams<double>>>;
 
 }  // namespace bindings

@@ -80,10 +80,10 @@ class WornOrthosis {
         return 0;
       });
     }
-    const bool power = p::step(watchdog_, out.beat, out.enable, WornArm::patience);
+    const bool power = p::step(watchdog_, out.beat, out.enable, DriveWatch::patience);
     off = power ? 0 : off + 1;
     const double asked = fault_.given(out.effort);
-    const bool dead = off >= WornArm::off_periods;
+    const bool dead = off >= DriveWatch::off_periods;
     p::step(dead ? off_ : on_, state_, {dead ? 0.0 : asked, muscle_torque + fault_.pushes(muscle_torque), 0.0});
     if (dead) state_.loop = {};
     ++ticks_;

@@ -25,6 +25,7 @@ template <class S> struct ExpectedLoad {
 };
 
 template <class S> struct ReachingParams {
+  static constexpr const char* model = "reaching";
   LimbParams<S> limb{};  ///< what the person knows the arm to be
   S stiffness{}, damping{}, reflex_stiffness{}, reflex_damping{}, reflex_delay{}, muscle_delay{}, activation_time{},
       flexion_max{}, extension_max{}, cocontraction{}, noise_share{}, noise_time{}, visual_delay{}, tolerance{},
@@ -140,9 +141,10 @@ template <class S> PlannedMotion<S> planned(const ReachingState<S>& state, const
   return sum;
 }
 
-/// Torque that a motion is expected to need, of the arm and of what is strapped to it [N m].
-template <class S> S expected_torque(const ReachingCoefficients<S>& c, const ExpectedLoad<S>& load,
-                                     const PlannedMotion<S>& m) noexcept {
+/// Torque that a motion is expected to need, of the arm and of what is strapped to it [N m]; `Person` is the coefficients
+/// of any model of one.
+template <class Person, class S>
+S expected_torque(const Person& c, const ExpectedLoad<S>& load, const PlannedMotion<S>& m) noexcept {
   const SinCos<S> angle = sincos(m.position);
   const S arm = c.params.limb.inertia * m.acceleration + c.limb.viscous * m.velocity + gravity(c.limb, m.position) -
                 passive_torque(c.limb, m.position);

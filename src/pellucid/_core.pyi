@@ -916,8 +916,8 @@ class WornElbow:
 
     Parameters
     ----------
-    person : (26,)
-        In the order of REACHING_PARAMETER_NAMES, SI; its period is that of control.
+    parameters : (k,)
+        Of the person, in the order of the model's names (REACHING_PARAMETER_NAMES), SI; its period is that of control.
     load : (5,)
         What the person expects of the robot at first: inertia, viscous, coulomb, gravity_sine, gravity_cosine, SI.
     position0 : float
@@ -937,6 +937,8 @@ class WornElbow:
         By which the law's EMG torques of flexors and extensors are too large [1].
     substeps : int
         Of integration, per period.
+    person : str
+        Model of the person.
     sensor_delay : int
         Periods by which the force sensor is late, 0 to 63.
     supervisor : (m,), optional
@@ -945,7 +947,7 @@ class WornElbow:
 
     def __init__(
         self,
-        person: ArrayLike,
+        parameters: ArrayLike,
         load: ArrayLike,
         *,
         position0: float,
@@ -956,6 +958,7 @@ class WornElbow:
         law_parameters: ArrayLike | None = None,
         emg_gains: ArrayLike,
         substeps: int,
+        person: str = "reaching",
         sensor_delay: int = 0,
         supervisor: ArrayLike | None = None,
     ) -> None: ...
@@ -1019,7 +1022,7 @@ class WornElbow:
         seed: int,
     ) -> dict:
         """
-        Minutes or hours of reaching, healthy or with one single fault.
+        Minutes or hours of reaching, healthy or with one single fault, of a person who is "reaching".
 
         Parameters
         ----------

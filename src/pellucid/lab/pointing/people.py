@@ -38,7 +38,7 @@ class Person:
         return ELBOW_TO_WRIST * self.height
 
     def vector(self, rig: PointingRig) -> np.ndarray:
-        """The core's parameters of the person, shape (26,), SI."""
+        """The core's parameters of the person, shape (k,), SI, in the order of the names of the rig's `model_of`."""
         arm, vision, segment = rig["arm"], rig["vision"], self.forearm
         values = {
             "inertia": segment.inertia,
@@ -53,12 +53,22 @@ class Person:
             "sign_width": rig["planning"]["sign_width"],
             "period": rig.period,
         }
-        return np.array([values[name] for name in _core.REACHING_PARAMETER_NAMES])
+        return np.array([values[name] for name in parameter_names(rig)])
 
     def slider(self, rig: PointingRig) -> float:
         """Where the robot's carriage sits on this forearm [m from the axis]."""
         rail = rig.robot["slider"]
         return float(np.clip(self.forearm_length - rig["robot"]["splint"], rail["low"], rail["high"]))
+
+
+def model_of(rig: PointingRig) -> str:
+    """Which model of a person, of those of the core, a rig's people are."""
+    return rig["people"].get("model", "reaching")
+
+
+def parameter_names(rig: PointingRig) -> tuple[str, ...]:
+    """What the core takes of a rig's people, in order."""
+    return getattr(_core, f"{model_of(rig).upper()}_PARAMETER_NAMES")
 
 
 def draw_people(rig: PointingRig, rng: np.random.Generator, *, count: int | None = None) -> tuple[Person, ...]:

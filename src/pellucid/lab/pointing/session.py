@@ -15,7 +15,7 @@ from ...models.simulate import substeps_for
 from ...signals.movements import Kinematics, MovementRule, Stretch, kinematics
 from .load_learning import felt, learnt
 from .movement_choice import preferred_duration
-from .people import Person
+from .people import Person, model_of, parameter_names
 
 if TYPE_CHECKING:
     from .rig import PointingRig
@@ -161,7 +161,7 @@ def hold_still(rig: PointingRig, person: Person, law: RobotLaw, *, lift: float =
     corrections [rad/s]: 0 to the bit where friction holds it, a limit cycle where it is not small, infinite where its
     supervisor had to stop it."""
     vector = person.vector(rig)
-    vector[_core.REACHING_PARAMETER_NAMES.index("tolerance")] = 1e3
+    vector[parameter_names(rig).index("tolerance")] = 1e3
     reference, fs = rig["pointing"]["reference"], 1.0 / rig.period
     arm = _strapped(rig, person, vector, law, reference, np.random.default_rng(0))
     n = round(4.0 * fs)
@@ -197,6 +197,7 @@ def _strapped(
         law_parameters=None if law is None else law.parameters,
         emg_gains=1.0 + 0.1 * rng.standard_normal(2),
         substeps=substeps_for(rig.period),
+        person=model_of(rig),
         sensor_delay=round(rig["force_sensor"]["delay"] / rig.period),
         supervisor=_watching(rig, law),
     )
