@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from .fit.joint.fit_joint import fit_joint as fit_joint
     from .fit.transfer.fit_transfer_function import fit_transfer_function as fit_transfer_function
     from .lab.init import init as init
+    from .lab.predict import predict as predict
     from .lab.simulate import simulate as simulate
     from .models.muscle import Muscle as Muscle
     from .papers.reproduce import reproduce as reproduce
@@ -63,6 +64,7 @@ _WHERE = {
     "fit_joint": ("fit.joint.fit_joint", "fit_joint"),
     "fit_transfer_function": ("fit.transfer.fit_transfer_function", "fit_transfer_function"),
     "init": ("lab.init", "init"),
+    "predict": ("lab.predict", "predict"),
     "simulate": ("lab.simulate", "simulate"),
     "reproduce": ("papers.reproduce", "reproduce"),
     "datasets": ("datasets", None),
@@ -103,6 +105,7 @@ __all__ = [
     "onset",
     "open",
     "power_curve",
+    "predict",
     "read",
     "report",
     "reproduce",

@@ -106,6 +106,44 @@ def simulate(
 
 
 @app.command()
+def predict(
+    folders: Annotated[
+        list[Path],
+        typer.Argument(metavar="DIR...", help="Folders with lab/rig.toml; several models share the robots."),
+    ],
+    people: Annotated[int, typer.Option(metavar="N", min=1, help="Drawn of each folder.")] = 12,
+    robots: Annotated[int, typer.Option(metavar="N", min=1, help="Drawn in all.")] = 12,
+    movements: Annotated[int, typer.Option(metavar="N", min=2, help="Of a person under each controller.")] = 20,
+    participants: Annotated[int, typer.Option(metavar="N", min=1, help="Of a study.")] = 6,
+    controller: Annotated[
+        list[str] | None, typer.Option(metavar="NAME", help="As export names it; again for another.")
+    ] = None,
+    seed: Annotated[int, typer.Option(metavar="N", min=0, help="Seed of every random draw.")] = 1,
+    scheduler: Annotated[str | None, typer.Option(metavar="ADDRESS", help="Dask scheduler to simulate on.")] = None,
+    json: Json = False,
+) -> None:
+    """What would an experiment find? Drawn people and robots."""
+    from contextlib import nullcontext
+
+    from .assessment.cluster import cluster
+    from .lab.predict import PREDICTION_FILE
+    from .lab.predict import predict as run
+    from .procedures.print_result import print_result
+
+    with cluster(scheduler) if scheduler else nullcontext() as executor, _progress() as tell:
+        found = run(
+            *folders, people=people, robots=robots, movements=movements, participants=participants,
+            controllers=controller, seed=seed, executor=executor, on_progress=tell,
+        )  # fmt: skip
+    if json:
+        _print_json(found)
+        return
+    out = _console()
+    print_result(out, found)
+    _say(out, f"Every figure in {folders[0] / PREDICTION_FILE}.")
+
+
+@app.command()
 def check(folder: Folder, allow_outside: Outside = False) -> None:
     """Are these recordings fit to identify from? Status 1 if not."""
     from .procedures.registry import asked, open_study

@@ -25,7 +25,9 @@ def few():
 @pytest.fixture(scope="module")
 def made(tmp_path_factory):
     out = tmp_path_factory.mktemp("able")
-    paper = AblePaper(seeds=(1, 2), rigs=1, people=few(), studies=(1, 2), fuzzed=20_000, workers=1, joints=())
+    paper = AblePaper(
+        seeds=(1, 2), rigs=1, people=few(), studies=(1, 2), fuzzed=20_000, workers=1, joints=(), predicted=None
+    )
     return out, paper, reproduce(paper, out).figures
 
 

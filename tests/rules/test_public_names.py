@@ -33,6 +33,7 @@ NAMES = [
     "onset",
     "open",
     "power_curve",
+    "predict",
     "read",
     "report",
     "reproduce",
@@ -43,6 +44,7 @@ NAMES = [
 COMMANDS = [
     "init",
     "simulate",
+    "predict",
     "protocol",
     "check",
     "identify",

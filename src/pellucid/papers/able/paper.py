@@ -18,6 +18,7 @@ from ...lab.elbow.rig import ElbowRig, able_elbow, drawn_rigs
 from ...lab.pointing.conditions import Cards, condition_of, identified_cards
 from ...lab.pointing.people import draw_people
 from ...lab.pointing.rig import PointingRig, elbow_participants
+from ...lab.pointing.sensitivity import Sensitivity, installed, screen
 from ...pages.page import Section, Tile
 from ...pages.tables import Row, Table
 from ..figure import Figures, Reproduced
@@ -28,6 +29,8 @@ from .elbow import able_elbow as published_elbow
 from .identification_rows import LOAD_FACTORS, compared_rows, factor_rows, recomputed_rows
 from .identification_sections import identification_sections
 from .law_comparison import compare_controllers, comparison_rows
+from .predicted import Drawn, Scored, predict_paper, predicted_rows
+from .predicted_sections import predicted_sections
 from .statistics import statistics_rows
 from .transparency import LAWS, Transparency, compare_laws
 from .transparency_rows import safety_rows, transparency_rows
@@ -47,12 +50,14 @@ class AblePaper(Paper):
         "simulated": (
             ".gravity_error", ".inertia_error", ".slider_error", ".recomputed.", ".parameter_count", ".table2.",
             ".statistics.", "transparency.", "safety.", "study.", "able.arm.",
+            "able.predicted.",
         ),
     }  # fmt: skip
     main: ClassVar = (
         "able.table1.", "able.consistent.ratio", "able.load.ratio", "able.load.torque_error",
         "able.friction_needed.factor", *(f"transparency.duration_median.{law}" for law in ("fc", "pcfr", "clpc")),
         "transparency.unsettled.fc",
+        "able.predicted.inside", "able.predicted.order",
         "transparency.torque.best_over_fc", "able.arm.n4.", "safety.unsafe", "study.seconds",
     )  # fmt: skip
 
@@ -61,6 +66,9 @@ class AblePaper(Paper):
     people: PointingRig | None = None  # Who points, wearing the committed rig; the package's if None
     studies: Sequence[int] = tuple(range(1, 6))  # Seeds of the virtual people, their order of conditions, their noise
     joints: Sequence[int] = (1, 2, 3, 4)  # As many of the virtual arm move in the four-joint chapter; none: no chapter
+    predicted: Drawn | None = field(
+        default_factory=Drawn
+    )  # To predict the experiment with intervals; None: no such chapter
     fuzzed: int = 10_000_000  # Control cycles of every law among nonsense
     workers: int | None = None  # Processes, or threads; as many as there are processors if None
 
@@ -69,6 +77,8 @@ class AblePaper(Paper):
     by_factor: tuple[ModelsCompared, ...] = field(init=False)  # The committed rig, its friction times `LOAD_FACTORS`
     fit: SliderFit = field(init=False)  # The committed rig's, first seed
     transparency: Transparency = field(init=False)  # The paper's laws with virtual people, on the committed rig
+    scored: Scored | None = field(init=False, default=None)  # The experiment predicted ...
+    screened: Sensitivity | None = field(init=False, default=None)  # ... and what decides
     chapter: ArmChapter | None = field(init=False, default=None)  # Of four joints
 
     def figures(self, tell: Progress) -> Iterator[Reproduced]:
@@ -93,9 +103,11 @@ class AblePaper(Paper):
         people, cards = self.people or elbow_participants(rig), identified_cards(rig)
         self.transparency = compare_laws(
             people, cards, seeds=self.studies, threads=self.workers or os.cpu_count() or 1,
-            on_progress=lambda text, share: tell(text, 0.42 + 0.43 * share),
+            on_progress=lambda text, share: tell(text, 0.42 + 0.36 * share),
         )  # fmt: skip
         yield from transparency_rows(self.transparency, self.printed)
+        if self.predicted:
+            yield from self._predicted(self.predicted, people, tell)
         tell("laws on robots they were not chosen on", 0.85)
         yield from comparison_rows(compare_controllers(drawn, workers=self.workers))
         if self.joints:
@@ -104,6 +116,19 @@ class AblePaper(Paper):
             yield from arm_rows(self.chapter)
         tell("laws among nonsense", 0.95)
         yield from safety_rows(_all_laws(people, cards, self.transparency.exponents), cycles=self.fuzzed)
+
+    def _predicted(self, drawn: Drawn, people: PointingRig, tell: Progress) -> list[Reproduced]:
+        rigs = drawn.rigs or (people,)
+        self.scored = predict_paper(
+            rigs, self.printed, people=drawn.people, robots=drawn.robots, movements=drawn.movements,
+            workers=self.workers, on_progress=lambda text, share: tell(text, 0.78 + 0.04 * share),
+        )  # fmt: skip
+        if installed():
+            self.screened = screen(
+                rigs[0], trajectories=drawn.trajectories, movements=drawn.movements, workers=self.workers,
+                on_progress=lambda text, share: tell(text, 0.82 + 0.03 * share),
+            )  # fmt: skip
+        return predicted_rows(self.scored, self.screened)
 
     def headline(self, figures: Figures) -> str:
         """What dissociation and one coherent body gain, and what laws do to people."""
@@ -145,7 +170,8 @@ class AblePaper(Paper):
         """The identification, then the laws, then four joints."""
         first = identification_sections(self.rig, self.comparisons, self.by_factor, self.fit, figures)
         arm = () if self.chapter is None else arm_sections(self.chapter)
-        return (*first, *transparency_sections(self.transparency, figures), *arm)
+        said = () if self.scored is None else predicted_sections(self.scored, self.screened, figures)
+        return (*first, *transparency_sections(self.transparency, figures), *said, *arm)
 
     def closing(self, figures: Figures) -> tuple[Section, ...]:
         """With where Table II is, and what the methods are."""

@@ -21,7 +21,7 @@ from ...lab.pointing.movement_choice import preferred_duration
 from ...lab.pointing.people import Person, draw_people
 from ...lab.pointing.rig import PointingRig, PointingTrial
 from ...lab.pointing.session import CONTROL, Conditions
-from ...lab.pointing.session_indices import PUBLISHED_RULE, SessionIndices, session_indices
+from ...lab.pointing.session_indices import PUBLISHED_RULE, SessionIndices, change, session_indices
 from ...lab.study import record_in_memory
 from ...procedures.assessment.assess import assess_recordings
 from ...procedures.assessment.assessment_result import AssessmentResult
@@ -56,16 +56,8 @@ class VirtualStudy:
         return np.array([m.r2[index] if index in m.r2 else getattr(m, index) for m in means])
 
     def change(self, index: str, condition: str, rule: str = PUBLISHED_RULE) -> float:
-        """Change of an index from control: of the mean over people; of EMG/Acc the mean of each person's own, of a
-        median duration the median of each person's own.
-
-        gives [%].
-        """
-        over, under = self.values(index, condition, rule), self.values(index, CONTROL, rule)
-        if index == "duration_median":
-            return float(100.0 * (np.median(over / under) - 1.0))
-        ratio = np.mean(over / under) if index == "emg_per_acc" else np.mean(over) / np.mean(under)
-        return float(100.0 * (ratio - 1.0))
+        """Change of an index from control [%]."""
+        return float(change(index, self.values(index, condition, rule), self.values(index, CONTROL, rule)))
 
     def settling(self, condition: str) -> Survival:
         """How many of all people's movements still go on after a time."""

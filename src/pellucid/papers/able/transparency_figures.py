@@ -45,7 +45,7 @@ def change_figure(
         low, high = min(*reached, 0.95), max(*reached, 1.05)
         margin = (high / low) ** 0.06
         axis.set_xlim(low / margin, high * margin)
-        axis.xaxis.set_major_locator(FixedLocator(_some([t for t in TICKS if low <= t <= high])))
+        axis.xaxis.set_major_locator(FixedLocator(some_ticks([t for t in TICKS if low <= t <= high])))
         axis.xaxis.set_minor_locator(NullLocator())
         axis.xaxis.set_major_formatter(FuncFormatter(lambda x, _: f"{x:g}"))
         axis.set_yticks(range(len(laws)), [one.law for one in laws] if i == 0 else [""] * len(laws))
@@ -53,11 +53,11 @@ def change_figure(
         axis.set_title(title, fontweight="bold")
         axis.set_xlabel("times control")
     figure.get_layout_engine().set(rect=(0.0, 0.0, 1.0, 1.0 - 0.3 / figure.get_figheight()))
-    _key(axes[0], roles)
+    name_marks(axes[0], roles)
     return Drawing(name, figure, caption)
 
 
-def _key(axis, roles: Mapping[str, str]) -> None:
+def name_marks(axis, roles: Mapping[str, str]) -> None:
     """Names in their colours, in a row above all panels."""
     at = {"xycoords": "axes fraction", "xy": (0.0, 1.0), "xytext": (0.0, 24.0)}
     for kind, tone in roles.items():
@@ -75,7 +75,7 @@ def _mark(axis, values: tuple[float, float, float], height: float, tone: str) ->
     axis.plot([middle], [height], color=tone, marker="o", markersize=6.0, markeredgewidth=0.0, zorder=4)
 
 
-def _some(ticks: Sequence[float]) -> list[float]:
+def some_ticks(ticks: Sequence[float]) -> list[float]:
     """At most five of the ticks, 1 among them, as even on a log axis as they come."""
     ticks = list(ticks)
     while len(ticks) > 5:

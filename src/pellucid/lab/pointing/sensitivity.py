@@ -1,0 +1,222 @@
+r"""What decides a prediction: elementary effects of people, robot and law, by Morris's method [1]_.
+
+From a random point of a grid one factor after another takes a step; what an effect of a law changes by, over the step,
+is that factor's elementary effect there. Their mean size over such trajectories, :math:`\mu^*`, is how much it matters
+[2]_, their scatter, :math:`\sigma`, how much that hangs on all the others. A trajectory takes one run more than there
+are factors, where variances shared out after Sobol would take some hundred times as many. One factor is chance alone,
+the seed of all noise: what does not exceed it shows nothing.
+
+.. [1] M. D. Morris, "Factorial sampling plans for preliminary computational experiments", Technometrics 33(2), 1991.
+.. [2] F. Campolongo, J. Cariboni, A. Saltelli, "An effective screening design for sensitivity analysis of large
+   models", Environmental Modelling & Software 22, 2007; T. Iwanaga, W. Usher, J. Herman, "Toward SALib 2.0",
+   Socio-Environmental Systems Modelling 4, 2022.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import Executor
+from dataclasses import dataclass, replace
+from importlib.util import find_spec
+from types import ModuleType
+from typing import Any
+
+import numpy as np
+
+from ..._errors import PellucidError
+from ..._processes import in_order
+from .conditions import EXPONENTS, Cards, identified_cards
+from .people import draw_people
+from .prediction import FRICTION, INDICES, LAWS, indices_of, law_of, with_friction
+from .rig import PointingRig
+from .session import CONTROL
+
+LEVELS = 4
+"""Of the grid, in each factor; friction has a robot of its own at each, which is identified there."""
+
+MIDDLE = 1.2816
+"""Standard deviations either way that hold 80 % of people."""
+
+CHANCE = "chance"
+FRICTION_OF_ROBOT, UPWARDS, DOWNWARDS = "friction", "k upwards", "k downwards"
+
+SHOWN = ("duration_median", "vmax", "emg_per_acc")
+"""Of `INDICES`, whose changes are looked at; means of durations that were cut off would show where."""
+
+OF_PEOPLE = {
+    "stiffness": "muscles.stiffness",
+    "damping": "muscles.damping",
+    "co-contraction": "muscles.cocontraction",
+    "reflex stiffness": "muscles.reflex_stiffness",
+    "visual delay": "vision.delay",
+    "tolerance": "vision.tolerance",
+    "strap": "robot.strap_stiffness",
+}
+"""Constants of a rig's file by what they are called; a file has those that its model of people knows."""
+
+
+@dataclass(frozen=True)
+class Factor:
+    """Something that may decide, and between what it lies."""
+
+    name: str
+    low: float  # low, high: In the unit of the rig's file
+    high: float
+    path: str = ""  # Of the constant in the rig's file
+    spread: bool = False  # Whether the file has a mean and a spread there
+    logarithmic: bool = False
+
+    def at(self, level: float) -> float:
+        """Its value at a level from 0 to 1."""
+        if self.logarithmic:
+            return float(self.low * (self.high / self.low) ** level)
+        return float(self.low + level * (self.high - self.low))
+
+
+@dataclass(frozen=True, eq=False)
+class Sensitivity:
+    """How much each factor matters to each effect: 100 ln(worn over control), over the factor's whole range."""
+
+    factors: tuple[Factor, ...]
+    laws: tuple[str, ...]
+    indices: tuple[str, ...]
+    strength: np.ndarray  # (laws, indices, factors) Mean size of elementary effects, mu*
+    half_width: np.ndarray  # (laws, indices, factors) Of its 95 % interval, bootstrapped over trajectories
+    direction: np.ndarray  # (laws, indices, factors) Mean of elementary effects, mu
+    scatter: np.ndarray  # (laws, indices, factors) Their standard deviation, sigma
+    complete: np.ndarray  # (laws, indices) Trajectories that count: movements came to an end on their every point
+    runs: int
+
+    def of(self, law: str, index: str) -> dict[str, float]:
+        """mu* by factor, largest first."""
+        found = self.strength[self.laws.index(law), self.indices.index(index)]
+        return {self.factors[i].name: float(found[i]) for i in np.argsort(-found)}
+
+
+def factors_of(rig: PointingRig, friction: tuple[float, float] = FRICTION) -> tuple[Factor, ...]:
+    """What may decide in a rig: its people's constants, where 80 % of people lie or from half to double, the robot's
+    friction over its own, k of equation 8, and chance."""
+    found = []
+    for name, path in OF_PEOPLE.items():
+        table, key = path.split(".")
+        if key not in rig[table]:
+            continue
+        value = rig[table][key]
+        if isinstance(value, list):
+            mean, spread = value
+            least = max(mean - MIDDLE * spread, 0.2 * mean)
+            found.append(Factor(name, least, mean + MIDDLE * spread, path, spread=True))
+        elif value:
+            found.append(Factor(name, 0.5 * value, 2.0 * value, path, logarithmic=True))
+    return (
+        *found,
+        Factor(FRICTION_OF_ROBOT, *friction, logarithmic=True),
+        Factor(UPWARDS, EXPONENTS[0], EXPONENTS[-1]),
+        Factor(DOWNWARDS, EXPONENTS[0], EXPONENTS[-1]),
+        Factor(CHANCE, 0.0, LEVELS - 1.0),
+    )
+
+
+def screen(
+    rig: PointingRig,
+    *,
+    trajectories: int = 10,
+    people: int = 2,
+    movements: int = 20,
+    controllers: Mapping[str, str] | None = None,
+    factors: Sequence[Factor] | None = None,
+    seed: int = 1,
+    workers: int | None = None,
+    executor: Executor | None = None,
+    on_progress: Callable[[str, float], None] | None = None,
+) -> Sensitivity:
+    """Elementary effects of `factors` on what each law changes, of so many `people` who make so many `movements`.
+
+    Raises
+    ------
+    PellucidError
+        If SALib is not installed.
+    """
+    sample, analyze = _salib()
+    tell = on_progress or (lambda text, share: None)
+    factors = tuple(factors or factors_of(rig))
+    named = dict(controllers or LAWS)
+    problem = {"num_vars": len(factors), "names": [f.name for f in factors], "bounds": [[0.0, 1.0]] * len(factors)}
+    points = sample.sample(problem, trajectories, num_levels=LEVELS, seed=seed)
+    scales = [_value(factors, point, FRICTION_OF_ROBOT, 1.0) for point in points]
+    ladder = sorted(set(scales))
+    tell(f"{len(ladder)} robots are identified", 0.0)
+    robots = [with_friction(rig.robot, scale) for scale in ladder]
+    cards = dict(
+        zip(ladder, in_order([(identified_cards, r) for r in robots], workers, executor=executor), strict=True)
+    )
+    jobs = [
+        (_effects, rig, factors, point, cards[scale], people, movements, named, seed)
+        for point, scale in zip(points, scales, strict=True)
+    ]
+    found = np.array(
+        in_order(jobs, workers, lambda done, of: tell(f"{done} of {of} points", 0.1 + 0.9 * done / of), executor)
+    )
+    shape = (len(named), len(SHOWN), len(factors))
+    strength, half, direction, scatter = (np.full(shape, np.nan) for _ in range(4))
+    complete = np.zeros(shape[:2], int)
+    for i, j in np.ndindex(shape[:2]):
+        ended = np.isfinite(found[:, i, j]).reshape(trajectories, -1).all(axis=1)
+        complete[i, j] = ended.sum()
+        if not ended.any():
+            continue
+        kept = np.repeat(ended, len(factors) + 1)
+        told = analyze.analyze(problem, points[kept], found[kept, i, j], num_levels=LEVELS, seed=seed)
+        for into, name in ((strength, "mu_star"), (half, "mu_star_conf"), (direction, "mu"), (scatter, "sigma")):
+            into[i, j] = told[name]
+    return Sensitivity(factors, tuple(named), SHOWN, strength, half, direction, scatter, complete, len(points))
+
+
+def _value(factors: Sequence[Factor], point: np.ndarray, name: str, otherwise: float) -> float:
+    return next((f.at(u) for f, u in zip(factors, point, strict=True) if f.name == name), otherwise)
+
+
+def _effects(
+    rig: PointingRig,
+    factors: Sequence[Factor],
+    point: np.ndarray,
+    cards: Cards,
+    people: int,
+    movements: int,
+    controllers: Mapping[str, str],
+    seed: int,
+) -> np.ndarray:
+    """100 ln(worn over control), shape (laws, indices), at one point of the grid; of people, movements and noise that
+    are the same at every other but for chance."""
+    set_to: dict[str, Any] = {
+        f.path: [f.at(u), 0.0] if f.spread else f.at(u) for f, u in zip(factors, point, strict=True) if f.path
+    }
+    robot = with_friction(rig.robot, _value(factors, point, FRICTION_OF_ROBOT, 1.0))
+    rig = replace(rig.changed(set_to, rig.name), robot=robot)
+    k = (_value(factors, point, UPWARDS, -1.0), _value(factors, point, DOWNWARDS, -1.0))
+    noise = round(_value(factors, point, CHANCE, 0.0))
+    who = draw_people(rig, np.random.default_rng([seed, 0x9E]), count=people)
+    keep = [INDICES.index(name) for name in SHOWN]
+    found = np.empty((1 + len(controllers), people, len(SHOWN)))
+    for j, person in enumerate(who):
+        found[0, j] = indices_of(rig, person, CONTROL, None, movements, (seed, noise, j))[keep]
+        for i, (condition, name) in enumerate(controllers.items(), 1):
+            law = law_of(cards, name, k, rig, person)
+            found[i, j] = indices_of(rig, person, condition, law, movements, (seed, noise, j, i))[keep]
+    return 100.0 * np.mean(np.log(found[1:] / found[0]), axis=1)
+
+
+def installed() -> bool:
+    """Whether the package that draws trajectories is there."""
+    return find_spec("SALib") is not None
+
+
+def _salib() -> tuple[ModuleType, ModuleType]:
+    try:
+        from SALib.analyze import morris as analyze
+        from SALib.sample import morris as sample
+    except ImportError:
+        raise PellucidError(
+            'sensitivity: found no package SALib, expected it: pip install "pellucid[sensitivity]"'
+        ) from None
+    return sample, analyze

@@ -1,0 +1,158 @@
+"""What an experiment would find with the people and the robot of a rig file: drawn, simulated, told with intervals."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Sequence
+from concurrent.futures import Executor
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from .._errors import StudyError
+from ..control.elbow_controllers import ELBOW_CONTROLLERS
+from ..procedures.result import FigureTable, Result
+from ..recordings.results import ResultRow, write_rows
+from .init import RIG_FILE
+from .known_rigs import parse_rig, text_of_rig
+from .pointing.prediction import LAWS, SHARE, DrawnStudies, Prediction, predict_effects
+from .pointing.rig import PointingRig
+from .simulate import study_name
+
+PREDICTION_FILE = Path("lab") / "prediction.json"
+
+WORDS = {
+    "duration": "duration, mean",
+    "duration_median": "duration, median",
+    "vmax": "peak velocity",
+    "emg_per_acc": "EMG/Acc",
+    "antagonists": "antagonists' EMG",
+    "unsettled": "never settled",
+}
+"""By index of a prediction."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Predicted(Result):
+    """What `predict` found; printed as any result is.
+
+    Attributes
+    ----------
+    prediction : Prediction
+        Every pair of a person and a robot.
+    studies : DrawnStudies
+        Studies drawn of them.
+    """
+
+    prediction: Prediction = field(repr=False)
+    studies: DrawnStudies = field(repr=False)
+
+
+def predict(
+    folder: str | os.PathLike,
+    *others: str | os.PathLike,
+    people: int = 12,
+    robots: int = 12,
+    movements: int = 20,
+    participants: int = 6,
+    controllers: Sequence[str] | None = None,
+    seed: int = 1,
+    executor: Executor | None = None,
+    on_progress: Callable[[str, float], None] | None = None,
+) -> Predicted:
+    """Predict what controllers change in how people move, with intervals over drawn people and robots.
+
+    Every robot is identified, and worn by every person of its model; studies are drawn of these pairs. The figures are
+    written to ``lab/prediction.json`` of the first folder; the same seed gives the same.
+
+    Parameters
+    ----------
+    folder, others : path-like
+        Made by `init` with a rig of people who point. Those of several share the robots evenly, so that intervals hold
+        what their models of people disagree about; the robots are those of the first.
+    people : int
+        Drawn of each model.
+    robots : int
+        Drawn in all.
+    movements : int
+        Of every person without a robot and under each controller; even, for each goes there and back.
+    participants : int
+        Of a study.
+    controllers : sequence of str, optional
+        By their names in `export`; the published three if left out.
+    seed : int
+        Of every random draw.
+    executor : concurrent.futures.Executor, optional
+        That runs a job for each robot, a Dask cluster's for instance; this machine's processes if left out.
+    on_progress : callable, optional
+        Called with a text and the share done, 0 to 1.
+
+    Returns
+    -------
+    Predicted
+
+    Raises
+    ------
+    StudyError
+        If there is no rig file, its rig is not of people who point, or a controller is not known.
+    PellucidError
+        If there are fewer people than a study takes or fewer robots than folders, or movements are odd.
+
+    Examples
+    --------
+    >>> import pellucid as pl
+    >>> _ = pl.init("some-people", rig="elbow-participants")
+    >>> found = pl.predict("some-people", people=3, robots=2, participants=3)        # doctest: +SKIP
+    >>> low, middle, high = found.studies.interval("vmax", "CLPC")                   # doctest: +SKIP
+    """
+    rigs = [_rig(Path(each)) for each in (folder, *others)]
+    unknown = [name for name in controllers or () if name not in ELBOW_CONTROLLERS]
+    if unknown:
+        raise StudyError(
+            f'controllers: found no controller "{unknown[0]}", expected some of {", ".join(ELBOW_CONTROLLERS)}'
+        )
+    named = {name: name for name in controllers} if controllers else LAWS
+    made = predict_effects(
+        rigs, people=people, robots=robots, movements=movements, controllers=named, seed=seed, executor=executor,
+        on_progress=on_progress,
+    )  # fmt: skip
+    studies = made.studies(size=participants)
+    found = _found(study_name(Path(folder)), made, studies, participants)
+    write_rows(Path(folder) / PREDICTION_FILE, "predict", found.rows)
+    return found
+
+
+def _rig(folder: Path) -> PointingRig:
+    path = folder / RIG_FILE
+    if not path.is_file():
+        raise StudyError(f"{path}: no such file; make one with: pellucid init {folder} --rig NAME")
+    rig = parse_rig(text_of_rig(path), study_name(folder))
+    if not isinstance(rig, PointingRig):
+        raise StudyError(f"{path}: found a rig of kind {rig.kind}, expected people who point: {PointingRig.kind}")
+    return rig
+
+
+def _found(name: str, made: Prediction, studies: DrawnStudies, participants: int) -> Predicted:
+    rows, table = [], []
+    drawn = f"{len(made.worn)} robots x {made.people} people of {' and '.join(made.models)}"
+    for index, words in WORDS.items():
+        for law in made.laws:
+            low, middle, high = studies.interval(index, law)
+            table.append((words, law, middle, low, high, high - low))
+            for what, value in (("", middle), (".low", low), (".high", high)):
+                row = f"{name}.predicted.{index}.{law.lower()}{what}"
+                rows.append(ResultRow(row, value, "%", "predict", "simulated", note=drawn))
+    rate = made.movements / made.cpu
+    rows += [
+        ResultRow(f"{name}.predicted.movements", made.movements, "1", "predict", "simulated", note="in robots"),
+        ResultRow(f"{name}.predicted.movements_per_cpu_second", rate, "1/s", "predict", "simulated"),
+        ResultRow(f"{name}.predicted.seconds", made.wall, "s", "predict", "simulated", note="this run"),
+    ]
+    heads = ("index", "controller", "median [%]", "from [%]", "to [%]", "width")
+    title = f"Change from no robot, and {100.0 * SHARE:.0f} % of studies of {participants} people"
+    headline = (
+        f"{drawn}, {made.movements} movements in {made.wall:.0f} s; {rate:.0f} movements per second of a processor"
+    )
+    return Predicted(
+        study=name, headline=headline, tables=(FigureTable(title, heads, tuple(table)),), verdicts=(),
+        rows=tuple(rows), cards={}, checksums={}, confidence=SHARE, command="predict", prediction=made, studies=studies,
+    )  # fmt: skip
