@@ -8,7 +8,10 @@ import pytest
 from made_muscles import across
 
 from pellucid.estimators.hill import fit_hill
+from pellucid.fit.posterior import hamiltonian
+from pellucid.fit.posterior.calibration_posterior import calibration_posterior
 from pellucid.models.muscle_card import calibrated_muscles
+from pellucid.procedures.emg_torque import together
 from pellucid.procedures.emg_torque.evaluated import Calibrated
 from pellucid.procedures.emg_torque.muscle_figures import departures, joints_together
 from pellucid.procedures.emg_torque.together import WORDS, muscles_together
@@ -63,7 +66,7 @@ def test_the_offset_is_the_recordings_own(found, alone):
     gastrocnemius = next(text for text in said if text.startswith("gastrocnemius medialis"))
     assert "by the knee alone" in gastrocnemius
     assert "by both" in gastrocnemius
-    assert sum("95 % band" in text for text in said) == 2
+    assert sum("90 % band" in text for text in said) == 2
 
 
 def test_an_offset_that_does_not_carry_over_is_not_the_recordings(found, alone):
@@ -97,6 +100,34 @@ def test_tables_and_figures_have_every_joint(found):
     titles = [axis.get_title() for axis in departures(shown.summary, "muscles", caption="").figure.axes]
     assert titles[:4] == ["strength", "tendon slack length", "optimal fibre length", "passive scale"]
     assert not {"knee", "ankle"} & set(titles)
+
+
+@pytest.fixture(scope="module")
+def few(found):
+    """Draws too few to settle."""
+    pytest.importorskip("emcee")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(hamiltonian, "ROUND", 15)
+        return calibration_posterior(found.fits["hill"].fit, most=15)
+
+
+@pytest.mark.parametrize("settled", [True, False])
+def test_a_posterior_is_judged_on_what_was_not_fitted(alone, found, few, monkeypatch, settled):
+    assert few.unsettled
+    drawn = replace(few, unsettled="") if settled else few
+    monkeypatch.setattr(together, "calibration_posterior", lambda fit, **asked: drawn)
+    made = together._drawn(found, alone.across)
+    said = [v.said for v in together_verdicts(made, alone)]
+    rows = {row.id: row.value for row in together_rows("made", made, alone, [])}
+    names = [table.title for table in together_tables(made, [])]
+    assert any(name.startswith("Posterior of muscles together: knee and ankle") for name in names)
+    assert min(rows["made.together.posterior.told"], 12) == len(together_shown(made).told)
+    assert any("has not settled" in text for text in said) == (not settled)
+    assert any("of the posterior's draws" in text for text in said) == settled
+    assert ("made.together.ankle.posterior.coverage" in rows) == settled
+    if settled:
+        assert {(s.joint, s.recording) for s in made.drawn} == {("knee", "judged"), ("ankle", "judged")}
+        assert rows["made.together.ankle.posterior.r2"] > 0.5
 
 
 def test_each_trial_is_left_out_where_none_is_held(alone):

@@ -11,13 +11,14 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from scipy.special import ndtri
+from scipy.special import ndtri, stdtrit
 
 from .._errors import IdentificationError
 from ..fit.muscles.coupled_priors import LONGEST, SHORTEST, TIMINGS, Timing, coupled_priors
 from ..fit.muscles.muscle_calibration import MuscleFit, MuscleProblem, MuscleSamples, calibrate_muscles
-from ..fit.muscles.muscle_information import covariance, muscle_parameters
+from ..fit.muscles.muscle_information import covariance, muscle_parameters, told_by_recording
 from ..fit.parameter import Parameter
+from ..fit.posterior.calibration_posterior import CalibrationPosterior
 from ..models.hill import HillMuscle
 from ..models.muscle_card import CalibratedMuscles
 from .cross_validation import Score, score
@@ -80,12 +81,26 @@ class HillTogether:
 
     def half_width(self, trial: Across, level: float = 0.95) -> dict[str, np.ndarray]:
         """Half the interval about each torque predicted, shape (n,) [N m]: what the model missed out of fold, and what
-        it does not know."""
+        it does not know, by Student's quantile: a short recording holds few errors that are not copies of others."""
         samples, own = self.samples(trial)
         _, slopes = self.fit.problem.jacobian(self.fit.z, samples)
         unsure = np.einsum("pjn,pq,qjn->jn", slopes, covariance(self.fit), slopes)[:, own]
+        return self._half(unsure, level)
+
+    def drawn(
+        self, posterior: CalibrationPosterior, trial: Across, level: float = 0.95
+    ) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
+        """Torque of each joint as the mean of a `posterior`'s draws, and half its interval, each (n,) [N m]: what was
+        missed out of fold, and by how much draws differ."""
+        samples, own = self.samples(trial)
+        torques = posterior.torques(samples)[:, :, own]
+        return dict(zip(self.joints, torques.mean(axis=0), strict=True)), self._half(torques.var(axis=0), level)
+
+    def _half(self, unsure: np.ndarray, level: float) -> dict[str, np.ndarray]:
+        """With what the muscles do not know, (j, n) [N^2 m^2]."""
+        freedom = told_by_recording(self.fit)[2]
         missed = np.array([[self.choice.scores[joint].rmse] for joint in self.joints])
-        half = float(ndtri(0.5 + level / 2.0)) * np.sqrt(missed**2 + unsure)
+        half = float(stdtrit(freedom, 0.5 + level / 2.0)) * np.sqrt(missed**2 + unsure)
         return dict(zip(self.joints, half, strict=True))
 
     @property

@@ -21,6 +21,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
+from copy import copy
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -136,8 +137,14 @@ class MuscleProblem:
         # Samples that do not count are passed over, but for the lags that run through them.
         self._muscles = len(self.model.free)
 
+    def held_by(self, weight: float) -> MuscleProblem:
+        """The same with another weight of anatomy."""
+        made = copy(self)
+        made.weight = weight
+        return made
+
     def values(self, z: np.ndarray) -> np.ndarray:
-        """Parameters for z, shape (p,), in their units."""
+        """Parameters for z, shape (..., p), in their units."""
         moved = self.spread * np.asarray(z, float)
         return np.where(self._log, self.expected * np.exp(np.where(self._log, moved, 0.0)), self.expected + moved)
 

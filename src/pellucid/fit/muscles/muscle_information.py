@@ -20,7 +20,7 @@ import numpy as np
 
 from ..parameter import Parameter, Verdict
 from ..searches.bounded_least_squares import bounded_least_squares
-from ..uncertainty import correlation_time, long_run_covariance
+from ..uncertainty import block_length, correlation_time, freedom_of, long_run_covariance
 from .muscle_calibration import MuscleFit
 
 KNOWN = 0.7
@@ -44,14 +44,14 @@ class CostProfile:
 
 def information(fit: MuscleFit) -> np.ndarray:
     """Fisher information of the recording alone, per squared standard deviation among people. Gives (p, p)."""
-    data, scores = _data(fit)
+    data, scores, _ = told_by_recording(fit)
     inverse = np.linalg.pinv(scores, hermitian=True, rcond=1e-10)
     return data @ inverse @ data
 
 
 def covariance(fit: MuscleFit) -> np.ndarray:
     """Covariance of the estimate, in standard deviations among people. Gives (p, p)."""
-    _, scores = _data(fit)
+    _, scores, _ = told_by_recording(fit)
     pull = fit.problem.weight**2
     free = np.flatnonzero(~fit.at_bound)
     inverse = np.linalg.inv(fit.normal[np.ix_(free, free)])
@@ -138,8 +138,9 @@ def _listed(names: Sequence[str]) -> str:
     return f"{', '.join(names[:MOST_NAMED])} and {len(names) - MOST_NAMED} more"
 
 
-def _data(fit: MuscleFit) -> tuple[np.ndarray, np.ndarray]:
-    """J'J of the recording alone, and the long-run covariance of its scores."""
+def told_by_recording(fit: MuscleFit) -> tuple[np.ndarray, np.ndarray, float]:
+    """J'J of the recording alone, the long-run covariance of its scores, each (p, p), and the degrees of freedom of
+    that."""
     problem = fit.problem
     error, slopes = problem.weighed(fit.z)
     weight = np.atleast_2d(problem.samples.weight)
@@ -151,4 +152,5 @@ def _data(fit: MuscleFit) -> tuple[np.ndarray, np.ndarray]:
     scores = (slopes * error).reshape(len(slopes), len(rows), -1).sum(axis=1)[:, counted].T
     memory = max(correlation_time(row[counted], lengths) for row in rows)
     flat = slopes.reshape(len(slopes), -1)
-    return flat @ flat.T, long_run_covariance(scores, rows[0][counted], lengths, memory)
+    freedom = freedom_of(block_length(memory, len(scores)), len(scores))
+    return flat @ flat.T, long_run_covariance(scores, rows[0][counted], lengths, memory), freedom

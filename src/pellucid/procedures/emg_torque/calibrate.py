@@ -19,6 +19,7 @@ from ...estimators.torque_map import MapJob, fit_torque_map, fit_torque_maps, to
 from ...estimators.torque_reference import MovedBody
 from ...estimators.torque_trial import TorqueTrial
 from ...fit.parameter import Verdict
+from ...fit.posterior.ensemble import require_sampler
 from ...recordings.study import Study
 from ...signals.emg_chain import emg_chain
 from ..result import FigureTable, Result
@@ -93,9 +94,11 @@ def calibrate(study: Study, on_progress: Progress | None = None) -> CalibrationR
     """
     if study.config.emg_torque is None:
         raise IdentificationError(f"{study.folder}: found no table [emg_torque] in study.toml, expected one")
+    if study.config.emg_torque.posterior:
+        require_sampler()  # before minutes are spent
     tell = on_progress or (lambda text, share: None)
     found = _judge_by(study)(study, tell)
-    together = muscles_together(found, tell)
+    together = muscles_together(found, tell, study.config.emg_torque.posterior)
     evaluated, trials = found.evaluated, found.trials
     for what in dict.fromkeys(each.what for each in evaluated if each.what not in found.chosen):
         found.chosen[what] = chosen_of(evaluated, what)

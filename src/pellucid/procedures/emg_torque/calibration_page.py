@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from ...estimators.condition_choice import LEVEL
 from ...estimators.families import ESTIMATORS
 from ...fit.parameter import Verdict, ranked
 from ...pages.drawing import draw
@@ -14,6 +15,7 @@ from ...pages.quantities import number, prose
 from ...pages.tables import Row, Table
 from ...recordings.study import Study
 from ...signals.emg_chain import emg_chain
+from ..posterior_figures import posterior_figure
 from ..result import ParameterTable
 from ..study_page import figure_tables, study_page
 from . import calibration_figures as figures
@@ -79,7 +81,9 @@ def _tiles(findings: CalibrationResult) -> tuple[Tile, ...]:
 def _found(findings: CalibrationResult) -> Section:
     tables = figure_tables(findings)
     first = tuple(t for t in tables if t.caption.startswith("Named first"))
-    rest = tuple(t for t in tables if t not in first and not t.caption.startswith(("What chose", "Stiffness")))
+    rest = tuple(
+        t for t in tables if t not in first and not t.caption.startswith(("What chose", "Stiffness", "Posterior"))
+    )
     shown = {each.what: _shown(findings, each) for each in findings.chosen}
     several = len({recording for recording in shown.values() if recording}) > 1
     head = {w: f"{w}, {r.replace('_', ' ')}" if several else w for w, r in shown.items()}
@@ -198,7 +202,8 @@ def _together(findings: CalibrationResult) -> Section | None:
         draw(
             muscle_figures.joints_together, traces, WORDS, "joints_together",
             caption=f"Torques of {over} by one set of muscles, {where}, which was not fitted: with 10 to 100 ms from "
-            "every envelope to its force (and its 95 % band), and with the offset of the EMG's stream found too.",
+            "every envelope to its force (and its "
+            f"{100.0 * LEVEL:g} % band), and with the offset of the EMG's stream found too.",
         ),
         draw(
             muscle_figures.departures, summary, "muscles_together",
@@ -206,7 +211,17 @@ def _together(findings: CalibrationResult) -> Section | None:
             "interval. A diamond ended on a bound and is undetermined.",
         ),
     )  # fmt: skip
-    return Section("emg_together", "Muscles across joints", drawings=drawings)
+    said = ()
+    posterior, told = findings.together.posterior, findings.together.told
+    if posterior is not None:
+        said = (
+            "A posterior of these muscles: bounds hold, and anatomy counts for what people differ by. "
+            f"{posterior.settled}. Drawn are those numbers that the recording tells most of.",
+        )
+        if told:
+            drawings += (draw(posterior_figure, told, posterior.confidence, "posterior_together"),)
+    tables = figure_tables(findings, "Posterior of muscles together")
+    return Section("emg_together", "Muscles across joints", said, tables, drawings)
 
 
 def _stiffness(findings: CalibrationResult) -> Section | None:

@@ -46,6 +46,8 @@ class EmgTorqueTable(ProcedureTable):
     coordinates : dict of str to str
         What an OpenSim model calls each joint's angle, ``"-knee_angle_r"`` where it grows the other way; empty: columns
         of ``angle.<joint>`` that are called as the model's coordinates are.
+    posterior : bool
+        Whether a posterior of all joints' muscles together is drawn beside their intervals.
     """
 
     joints: tuple[Word, ...] = Field(min_length=1)
@@ -60,6 +62,7 @@ class EmgTorqueTable(ProcedureTable):
     muscle_file: Place | None = None
     muscle_names: dict[Word, Said] = Field(default_factory=dict)
     coordinates: dict[Word, Said] = Field(default_factory=dict)
+    posterior: bool = False
 
     bridges: ClassVar[bool] = False
 

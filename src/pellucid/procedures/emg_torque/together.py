@@ -7,29 +7,35 @@ found beside the muscles, which is the recording's own.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from ..._errors import IdentificationError
+from ...estimators.condition_choice import LEVEL
 from ...estimators.cross_validation import Score, score
-from ...estimators.hill_together import HillTogether, fit_together
+from ...estimators.hill_together import Across, HillTogether, fit_together
 from ...estimators.torque_trial import TorqueTrial
+from ...fit.posterior.calibration_posterior import CalibrationPosterior, calibration_posterior
 from .evaluated import Calibrated, TorqueTrace
 
 WORDS = {"hill": "muscles together", "hill.offset": "together, offset of the EMG found"}
 """Both ways, by the part of their figures' ids."""
 
 
+DRAWN, BY_DRAWS = "posterior", "together, mean of the posterior's draws"
+"""The mean of a posterior's draws, likewise, and in words."""
+
+
 @dataclass(frozen=True)
 class TogetherScore:
     """One joint on one recording, predicted by muscles calibrated over all joints."""
 
-    how: str  # In `WORDS`
+    how: str  # In `WORDS`, or `DRAWN`
     joint: str
     recording: str  # ``""`` for all trials, each left out in turn
     score: Score
-    coverage: float  # Share of samples within the 95 % band
+    coverage: float  # Share of samples within the band of `LEVEL`
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,6 +45,8 @@ class Together:
     fits: Mapping[str, HillTogether] = field(repr=False)  # By way, in `WORDS`; fitted to all that may be fitted
     scores: tuple[TogetherScore, ...]
     traces: tuple[TorqueTrace, ...] = field(repr=False)  # Of one recording, a joint each; predicted by way
+    posterior: CalibrationPosterior | None = field(default=None, repr=False)  # Of the first way, if it was asked for
+    drawn: tuple[TogetherScore, ...] = ()  # By its draws, on recordings of their own
 
     @property
     def what(self) -> str:
@@ -52,16 +60,20 @@ class Together:
         return bool(r2["hill.offset"] > r2["hill"])
 
 
-def muscles_together(found: Calibrated, tell: Callable[[str, float], None]) -> Together | None:
-    """Calibrate over all joints that a study found trials of; None where there is one joint, or muscles were passed
-    over, which is then said why."""
+def muscles_together(found: Calibrated, tell: Callable[[str, float], None], posterior: bool = False) -> Together | None:
+    """Calibrate over all joints that a study found trials of, and draw a `posterior`; None where there is one joint, or
+    muscles were passed over, which is then said why."""
     across = found.across
     if len(across) < 2 or any(joint in found.passed_over for joint in across):
         return None
     what = _words(tuple(across))
     tell(f"muscles of {what} together", 1.0)
     try:
-        return _judged(across)
+        made = _judged(across)
+        if posterior:
+            tell(f"drawing a posterior of the muscles of {what}", 1.0)
+            made = _drawn(made, across)
+        return made
     except IdentificationError as error:
         found.passed_over[f"{what} together"] = str(error)
         return None
@@ -90,17 +102,35 @@ def _judged(across: Mapping[str, Sequence[TorqueTrial]]) -> Together:
             }
         each = []
         for name, (by, trial) in made.items():
-            torque, half = by.predict(trial), by.half_width(trial)
+            torque, half = by.predict(trial), by.half_width(trial, LEVEL)
             for joint in fit.joints:
                 reference = trial[joint].torque
-                inside = float(np.mean(np.abs(reference - torque[joint]) <= half[joint]))
-                each.append(TogetherScore(how, joint, name, score(reference, torque[joint]), inside))
-                trace = TorqueTrace(joint, name, trial[joint].time, reference, {}, {})
+                each.append(_scored(how, joint, trial, torque, half))
+                trace = TorqueTrace(joint, name, trial[joint].time, reference, {}, {}, LEVEL)
                 trace = shown.setdefault((joint, name), trace)
                 trace.predicted[how], trace.half_width[how] = torque[joint], half[joint]
         scores += each if names else [_mean(how, joint, each) for joint in fit.joints]
     first = names[0] if names else next(name for _, name in shown)
     return Together(fits, tuple(scores), tuple(t for (_, name), t in shown.items() if name == first))
+
+
+def _scored(how: str, joint: str, trial: Across, torque: Mapping, half: Mapping) -> TogetherScore:
+    reference = trial[joint].torque
+    inside = float(np.mean(np.abs(reference - torque[joint]) <= half[joint]))
+    return TogetherScore(how, joint, trial[joint].name, score(reference, torque[joint]), inside)
+
+
+def _drawn(found: Together, across: Mapping[str, Sequence[TorqueTrial]]) -> Together:
+    """With draws, and what they tell of recordings that were not fitted; of trials left out in turn they tell
+    nothing, which they were fitted to."""
+    fit = found.fits["hill"]
+    posterior = calibration_posterior(fit.fit, title=f"Posterior of the muscles of {found.what}")
+    scores = []
+    for name in () if posterior.unsettled else [t.name for t in next(iter(across.values())) if t.heldout]:
+        trial = _trial(across, name)
+        torque, half = fit.drawn(posterior, trial, LEVEL)
+        scores += [_scored(DRAWN, joint, trial, torque, half) for joint in fit.joints]
+    return replace(found, posterior=posterior, drawn=tuple(scores))
 
 
 def _words(joints: Sequence[str]) -> str:
