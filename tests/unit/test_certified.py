@@ -3,18 +3,20 @@
 import re
 
 import made_pointing
+import numpy as np
 import pytest
 
 from pellucid._errors import StudyError
-from pellucid.procedures.assessment.certified import certificate_rows
+from pellucid.procedures.assessment.certified_rows import certificate_rows, certificate_sentences
 from pellucid.procedures.registry import open_study
 from pellucid.procedures.run import assess
 
 
-def with_margins(study, margins):
+def with_margins(study, margins, curves="", change=lambda told: told):
     path = study.folder / "study.toml"
-    told = re.sub(r"\n\[assessment\.margins\][^[]*", "\n", path.read_text(encoding="utf-8"))
-    path.write_text(told + "\n[assessment.margins]\n" + margins + "\n", encoding="utf-8")
+    told = re.sub(r"\n\[assessment\.(margins|curves)\][^[]*", "\n", path.read_text(encoding="utf-8"))
+    told = change(told) + "\n[assessment.margins]\n" + margins + "\n"
+    path.write_text(told + (f"\n[assessment.curves]\n{curves}\n" if curves else ""), encoding="utf-8")
     return open_study(study.folder)
 
 
@@ -55,3 +57,64 @@ def test_wide_margins_hold_and_narrow_ones_fail(pointing):
 def test_a_margin_that_cannot_be_held_against_anything_is_told(pointing, margins, said):
     with pytest.raises(StudyError, match=said):
         assess(with_margins(pointing, margins))
+
+
+ORDERS = ("Ctrl FC PCFr CLPC", "FC CLPC Ctrl PCFr", "PCFr Ctrl CLPC FC", "CLPC PCFr FC Ctrl")
+
+
+def stated_order(told):
+    def period(found):
+        order = ORDERS[(int(found[1]) - 1) % 4].split()
+        return f"{found[0]}\nperiod = {order.index(found[2]) + 1}"
+
+    return re.sub(r'participant = "P(\d)"\ncondition = "(\w+)"', period, told)
+
+
+def stuck(person, condition, time, angle, target, muscle_time):
+    """One person does not set out for the first target of FC."""
+    if (person, condition) == ("P2", "FC"):
+        steps = np.flatnonzero(np.diff(target)) + 1
+        angle[steps[0] : steps[2]] = angle[steps[0]]
+    return time, angle, target, muscle_time
+
+
+@pytest.fixture(scope="module")
+def ordered(tmp_path_factory):
+    study = made_pointing.study(
+        tmp_path_factory.mktemp("ordered"), conditions=("Ctrl", "FC", "PCFr", "CLPC"), repetitions=1, change=stuck
+    )
+    curves = 'velocity = "40 %"\ninteraction = "0.6 N*m"'
+    return with_margins(study, 'duration_median = "40 %"\ntorque_rms = "0.6 N*m"', curves, stated_order)
+
+
+def test_the_page_has_the_model_the_order_and_the_curves(ordered):
+    found = assess(ordered)
+    fc = next(each for each in found.certified if each.condition == "FC")
+    own = {each.condition: each.certificate.doubts["duration_median"] for each in found.certified}
+    assert {doubt.what for doubt in own["PCFr"]} == {"period", "carry-over", "learning"}
+    # Of eight movements there are no thirds; that is told.
+    assert {doubt.what for doubt in own["FC"]} == {"period", "carry-over", "left out"}
+    assert any("fewer than 9" in text for text in fc.unknown)
+    # The one that did not set out, there and back, counts as longer than any.
+    assert fc.failed == {"Ctrl": (0, 60), "FC": (2, 60)}
+    assert fc.certificate.tested("duration_median") == "within"
+    assert [doubt.what for doubt in fc.certificate.contradicted("duration_median")] == ["left out"]
+    assert "counted as never reached it is not shown to be" in certificate_sentences(found)[0]
+    assert {c.condition: c.certificate.verdict for c in found.certified if c is not fc} == {
+        "PCFr": "transparent", "CLPC": "transparent",
+    }  # fmt: skip
+    # Five people's movements and 8 of the sixth's; what was asked of the model is what people's values say.
+    ranks, model = fc.certificate.end_points["duration_median"], fc.beside["duration_median"]
+    assert model.method == "mixed_model"
+    assert model.estimate == pytest.approx(ranks.estimate, abs=0.02)
+    assert fc.certificate.curves["velocity curve"].verdict == "within"
+    row = {r.id.partition(".certificate.fc.")[2]: r for r in certificate_rows(found, None)}
+    assert row["duration_median.mixed_model.change"].value == pytest.approx(3.0, abs=4.0)
+    assert row["duration_median.period.p"].value > 0.0
+    assert row["curve.interaction.furthest"].value == pytest.approx(-0.4, abs=0.02)
+
+
+def test_two_conditions_in_one_period_are_refused(ordered):
+    margins = 'duration_median = "40 %"'
+    with pytest.raises(StudyError, match="period = 1 of P1"):
+        assess(with_margins(ordered, margins, change=lambda told: told.replace("period = 2", "period = 1", 1)))

@@ -39,6 +39,12 @@ def test_holm_as_in_a_worked_example():
     assert holm([0.9, 0.8]) == [1.0, 1.0]
 
 
+def test_holm_is_that_of_statsmodels():
+    multitest = pytest.importorskip("statsmodels.stats.multitest")
+    p = np.random.default_rng(3).uniform(0.0, 0.2, 7)
+    assert holm(list(p)) == pytest.approx(list(multitest.multipletests(p, method="holm")[1]), rel=1e-12)
+
+
 def test_intervals_of_six_hold_about_as_often_as_they_say():
     """Normal differences of six participants: a plain percentile interval holds in 86 %."""
     rng = np.random.default_rng(7)

@@ -11,6 +11,8 @@ from pellucid.assessment.certificate import CANNOT_SAY, FAIL, PASS, certificate
 from pellucid.assessment.equivalence import METHODS, Margin, equivalence, interval_bayes_factor
 from pellucid.assessment.equivalence_power import equivalence_needed, equivalence_power
 from pellucid.assessment.group_sequential import looks
+from pellucid.assessment.lasting_bounds import lasting_bounds
+from pellucid.assessment.measured import Lasted
 
 
 @pytest.fixture
@@ -171,3 +173,40 @@ def test_looks_spend_alpha(rng):
 def test_what_cannot_be_tested_is_told(call, said):
     with pytest.raises(PellucidError, match=said):
         call()
+
+
+def test_bounds_claim_nothing_that_what_is_hidden_might_not_be(rng):
+    d = rng.normal(0.0, 0.02, 8)
+    margin, unseen = Margin.either_way(0.1), np.arange(8) == 3
+    assert equivalence(d, margin).verdict == "within"
+    cut = equivalence(d, margin, upper=np.where(unseen, np.inf, d))
+    assert cut.bounded == 1
+    assert cut.verdict == "undecided"
+    assert cut.p_within > equivalence(d, margin).p_within
+    # Whatever it was, no p of the true differences is larger.
+    for hidden in (0.0, 0.15, 9.0):
+        assert equivalence(np.where(unseen, d + hidden, d), margin).p_within <= cut.p_within
+    assert equivalence(d + 0.5, margin, upper=np.full(8, np.inf)).verdict == "beyond"
+    many = rng.normal(0.0, 0.02, 20)
+    assert equivalence(many, margin, upper=np.where(np.arange(20) == 3, np.inf, many)).verdict == "within"
+    with pytest.raises(PellucidError, match="none below"):
+        equivalence(d, margin, upper=d - 1.0)
+    with pytest.raises(PellucidError, match="expected signed_rank"):
+        equivalence(d, margin, upper=np.where(unseen, np.inf, d), method="t")
+
+
+def test_a_median_that_was_not_reached_is_a_bound():
+    def lasted(condition, seconds, settled):
+        return [Lasted("P1", condition, (None, "up"), s, k) for s, k in zip(seconds, settled, strict=True)]
+
+    seen = lasted("Ctrl", [1.0, 1.1, 1.2], [True] * 3)
+    slow = lasted("FC", [1.0, 5.0, 6.0], [True, False, False])
+    low, high = lasting_bounds(seen + slow, ["P1"], ["Ctrl", "FC"], "Ctrl", "FC", lambda own, base: np.log(own / base))
+    assert (low[0], high[0]) == (pytest.approx(np.log(6.0 / 1.1)), np.inf)
+    low, high = lasting_bounds(seen + slow, ["P1"], ["Ctrl", "FC"], "FC", "Ctrl", lambda own, base: np.log(own / base))
+    assert (low[0], high[0]) == (-np.inf, pytest.approx(np.log(1.1 / 6.0)))
+    # One that gave no movement counts as longer than any, and moves a median by one place.
+    stuck = [Lasted("P1", "FC", (None, "up"), np.inf, False)]
+    quick = lasted("FC", [1.0, 1.1, 1.2], [True] * 3)
+    both = lasting_bounds(seen + quick + stuck, ["P1"], ["Ctrl", "FC"], "Ctrl", "FC", lambda own, base: own - base)
+    assert both[0][0] == both[1][0] == pytest.approx(0.0, abs=1e-12)

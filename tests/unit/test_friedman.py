@@ -106,3 +106,10 @@ def test_nemenyi_holds_the_tables_critical_values():
 def test_misuse_is_refused_with_a_reason(call, said):
     with pytest.raises(_errors.PellucidError, match=said):
         call()
+
+
+@pytest.mark.parametrize(("n", "k"), [(6, 4), (12, 3), (9, 5)])
+def test_nemenyi_is_that_of_scikit_posthocs(n, k):
+    posthocs = pytest.importorskip("scikit_posthocs", reason="no package scikit-posthocs: pip install scikit-posthocs")
+    data = np.random.default_rng(n + k).normal(size=(n, k)) + 0.4 * np.arange(k)
+    assert nemenyi(data) == pytest.approx(posthocs.posthoc_nemenyi_friedman(data).to_numpy(), abs=1e-9)

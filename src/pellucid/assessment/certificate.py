@@ -5,6 +5,11 @@ that of each [1]_, so that nothing is divided by the number of end points; power
 transparent" is claimed if one end point lies beyond its margin; of several tries one may succeed by chance, so their p
 are corrected after Holm. Between both the study cannot say, and is told how many participants would.
 
+What is said of an end point may be owed to something else than the condition: to the order of conditions, to what came
+before, to movements that were still changing, or to slow ones that gave no value. Each is a `Doubt`: it is tested, and
+the change without it is held against the margin too. Where it is seen and the change without it does not say the same,
+the end point is undecided. A doubt can thus only take a claim away, never make one.
+
 .. [1] R. L. Berger, J. C. Hsu, "Bioequivalence trials, intersection-union tests and equivalence confidence sets", Stat.
    Sci. 11, 1996.
 """
@@ -12,15 +17,29 @@ are corrected after Holm. Between both the study cannot say, and is told how man
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from .._errors import PellucidError
 from .comparison import holm
-from .equivalence import BEYOND, WITHIN, Equivalence, Margin, Method, equivalence
+from .curves import CurveComparison
+from .equivalence import BEYOND, UNDECIDED, WITHIN, Equivalence, Margin, Method, equivalence
 
 PASS, FAIL, CANNOT_SAY = "transparent", "not transparent", "cannot say"
+
+
+@dataclass(frozen=True)
+class Doubt:
+    """What else may have changed an end point, and what it says without that."""
+
+    what: str  # ``"period"``, ``"carry-over"``, ``"learning"`` or ``"left out"``
+    p_value: float  # That it is chance; 0 where it is counted, not tested
+    without: Equivalence
+
+    def seen(self, alpha: float) -> bool:
+        """Whether it is there beyond chance; alpha is not corrected: to doubt too often is to claim too little."""
+        return self.p_value <= alpha
 
 
 @dataclass(frozen=True)
@@ -30,25 +49,41 @@ class Certificate:
     end_points: Mapping[str, Equivalence]
     beyond: Mapping[str, float]  # p that each lies beyond its margin, corrected after Holm
     alpha: float
+    doubts: Mapping[str, tuple[Doubt, ...]] = field(default_factory=dict)  # By end point
+    curves: Mapping[str, CurveComparison] = field(default_factory=dict)  # With margins; as end points are
 
     @property
     def p_value(self) -> float:
         """That all lie within: the largest of theirs."""
-        return max(each.p_within for each in self.end_points.values())
+        return max(each.p_within for each in self._all.values())
+
+    @property
+    def _all(self) -> dict[str, Equivalence | CurveComparison]:
+        return {**self.end_points, **self.curves}
 
     @property
     def verdict(self) -> str:
         """``"transparent"``, ``"not transparent"`` or ``"cannot say"``."""
-        if self.p_value <= self.alpha:
-            return PASS
-        return FAIL if min(self.beyond.values()) <= self.alpha else CANNOT_SAY
+        said = [self.said_of(name) for name in self._all]
+        if BEYOND in said:
+            return FAIL
+        return PASS if set(said) == {WITHIN} else CANNOT_SAY
+
+    def tested(self, name: str) -> str:
+        """``"within"``, ``"beyond"`` or ``"undecided"`` by one end point's test, beyond after the correction."""
+        if self._all[name].p_within <= self.alpha:
+            return WITHIN
+        return BEYOND if self.beyond[name] <= self.alpha else UNDECIDED
+
+    def contradicted(self, name: str) -> tuple[Doubt, ...]:
+        """Doubts that are seen and without which the end point would not say what it says."""
+        said = self.tested(name)
+        own = self.doubts.get(name, ()) if said != UNDECIDED else ()
+        return tuple(doubt for doubt in own if doubt.seen(self.alpha) and doubt.without.verdict != said)
 
     def said_of(self, name: str) -> str:
-        """``"within"``, ``"beyond"`` or ``"undecided"`` of one end point, beyond after the correction."""
-        own = self.end_points[name].verdict
-        if own == WITHIN:
-            return own
-        return BEYOND if self.beyond[name] <= self.alpha else "undecided"
+        """What is tested of one end point, and undecided where a doubt contradicts it."""
+        return UNDECIDED if self.contradicted(name) else self.tested(name)
 
 
 def certificate(
@@ -99,5 +134,16 @@ def certificate(
     made = {
         name: equivalence(differences[name], margin, alpha=alpha, method=method) for name, margin in margins.items()
     }
-    beyond = dict(zip(made, holm([each.p_beyond for each in made.values()]), strict=True))
-    return Certificate(made, beyond, alpha)
+    return joined(made, alpha)
+
+
+def joined(
+    end_points: Mapping[str, Equivalence],
+    alpha: float,
+    doubts: Mapping[str, tuple[Doubt, ...]] | None = None,
+    curves: Mapping[str, CurveComparison] | None = None,
+) -> Certificate:
+    """End points and curves that are tested already, each at level `alpha`, with what casts doubt on them."""
+    every = {**end_points, **(curves or {})}
+    beyond = dict(zip(every, holm([each.p_beyond for each in every.values()]), strict=True))
+    return Certificate(end_points, beyond, alpha, doubts or {}, curves or {})

@@ -47,6 +47,15 @@ class Activity:
         squares = ((self._sums[m][last] - self._sums[m][first]) / (last - first) for m in muscles)
         return float(np.mean([np.sqrt(max(s, 0.0)) / maxima[m] for m, s in zip(muscles, squares, strict=True)]))
 
+    def envelope(self, muscles: Sequence[str], maxima: Mapping[str, float], at: np.ndarray, width: float) -> np.ndarray:
+        """The same about each time `at`, (k,) [s], over a `width` [s]; (k,), NaN beyond the record."""
+        first, last = (np.searchsorted(self.time, at + side * 0.5 * width) for side in (-1.0, 1.0))
+        inside = (at - 0.5 * width >= self.time[0]) & (at + 0.5 * width <= self.time[-1]) & (last - first >= 2)
+        count = np.maximum(last - first, 1)
+        squares = ((self._sums[m][last] - self._sums[m][first]) / count for m in muscles)
+        levels = [np.sqrt(np.maximum(s, 0.0)) / maxima[m] for m, s in zip(muscles, squares, strict=True)]
+        return np.where(inside, np.mean(levels, axis=0), np.nan)
+
     @cached_property
     def _sums(self) -> dict[str, np.ndarray]:
         """Sums of squares from the start, by muscle: any stretch's RMS is then two look-ups."""

@@ -12,6 +12,10 @@ interval's ends are two of them [2]_.
 
 That a change is *beyond* a margin is a claim too, with a test of its own; between both nothing can be said.
 
+A difference may be known by bounds alone, where a duration was cut off: "above the lower margin" is then tested with
+the lower bounds and "below the upper" with the upper ones, which may be infinite. Whatever the differences are in
+truth, nothing is claimed that they would not show.
+
 Beside them stands a Bayes factor of "within" against "beyond" [3]_: by how much the data move the odds that the change
 over the standard deviation of changes lies within the margins, from a Cauchy prior of scale :math:`\sqrt{1/2}`.
 
@@ -81,11 +85,14 @@ class Equivalence:
     p_beyond: float  # Of the smaller of the two that it lies beyond
     alpha: float
     method: str
-    differences: np.ndarray = field(repr=False)  # (n,)
+    differences: np.ndarray = field(repr=False)  # (n,); where bounded, the lower bounds; empty where a model was fitted
+    bounded: int = 0  # Of the differences, how many are known by bounds alone
 
     @property
     def bayes_factor(self) -> float:
-        """Of within against beyond."""
+        """Of within against beyond; NaN of a model, and where differences are known by bounds alone."""
+        if self.bounded or len(self.differences) < 2:
+            return nan
         return interval_bayes_factor(self.differences, self.margin)
 
     @property
@@ -100,6 +107,7 @@ def equivalence(
     differences: ArrayLike,
     margin: Margin,
     *,
+    upper: ArrayLike | None = None,
     alpha: float = 0.05,
     method: Method = "signed_rank",
     rng: np.random.Generator | None = None,
@@ -112,6 +120,9 @@ def equivalence(
         One a participant, in any one unit.
     margin : Margin
         In the same unit.
+    upper : array_like, shape (n,), optional
+        Where differences are known by bounds: the upper ones, `differences` being the lower; infinite where there is
+        none. Signed ranks alone take them.
     alpha : float
         Level of each one-sided test, in (0, 0.5).
     method : str
@@ -126,7 +137,7 @@ def equivalence(
     Raises
     ------
     PellucidError
-        If there are fewer than 2 differences, or one is no number.
+        If there are fewer than 2 differences, one is no number, or bounds do not fit.
 
     Examples
     --------
@@ -138,27 +149,64 @@ def equivalence(
     'undecided'
     """
     d = np.asarray(differences, float)
-    if d.ndim != 1 or len(d) < 2 or not np.isfinite(d).all():
+    high = d if upper is None else np.asarray(upper, float)
+    if d.ndim != 1 or len(d) < 2 or not (np.isfinite(d) if upper is None else ~np.isnan(d)).all():
         raise PellucidError(f"equivalence: found differences of shape {d.shape}, expected (n,) finite numbers, n >= 2")
+    if high.shape != d.shape or not (high >= d).all():
+        raise PellucidError(f"equivalence: found upper bounds of shape {high.shape}, expected {d.shape}, none below")
     if not 0.0 < alpha < 0.5:
         raise PellucidError(f"equivalence: found the level {alpha!r}, expected one between 0 and 0.5")
     if method not in METHODS:
         raise PellucidError(f"equivalence: found the method {method!r}, expected one of {', '.join(METHODS)}")
+    bounded = int(np.sum(high > d))
+    if bounded and method != "signed_rank":
+        raise PellucidError(f"equivalence: found bounds and the method {method!r}, expected signed_rank")
+    if method == "t":
+        error = float(np.std(d, ddof=1)) / np.sqrt(len(d))
+        return equivalence_of_estimate(float(d.mean()), error, len(d) - 1, margin, alpha=alpha, differences=d)
     if method == "signed_rank":
-        p_above, interval = _by_ranks(d, alpha)
-        middle = float(np.median(walsh_averages(d)))
-    elif method == "t":
-        p_above, interval = _by_t(d, alpha)
-        middle = float(d.mean())
+        p_above, interval = _by_ranks(d, high, alpha)
+        known = d if np.isfinite(d).all() else high
+        middle = float(np.median(walsh_averages(known))) if np.isfinite(known).all() else nan
     else:
         p_above, interval = _by_bootstrap(d, alpha, np.random.default_rng(0) if rng is None else rng)
         middle = float(d.mean())
-    above_low, below_high = p_above(margin.low, d), p_above(-margin.high, -d)
-    below_low, above_high = p_above(-margin.low, -d), p_above(margin.high, d)
+    within = max(p_above(margin.low, d), p_above(-margin.high, -high))
+    beyond = min(p_above(-margin.low, -high), p_above(margin.high, d))
+    return Equivalence(margin, len(d), middle, interval, within, beyond, alpha, method, d, bounded)
+
+
+def equivalence_of_estimate(
+    estimate: float,
+    error: float,
+    degrees: float,
+    margin: Margin,
+    *,
+    alpha: float = 0.05,
+    method: str = "t",
+    pairs: int = 0,
+    differences: np.ndarray | None = None,
+) -> Equivalence:
+    """Two one-sided tests of any `estimate` with its standard `error` and `degrees` of freedom, by Student's t; of
+    `differences` (n,) or of so many `pairs`."""
+    own = np.empty(0) if differences is None else differences
+
+    def p_above(gap: float) -> float:
+        if error == 0.0:
+            return 0.0 if gap > 0.0 else 1.0
+        return float(stats.t.sf(gap / error, degrees))
+
+    reach = float(stats.t.isf(alpha, degrees)) * error
+    inner, outer = (estimate - margin.low, margin.high - estimate), (margin.low - estimate, estimate - margin.high)
     return Equivalence(
-        margin, len(d), middle, interval, max(above_low, below_high), min(below_low, above_high), alpha, method,
-        d,
+        margin, pairs or len(own), estimate, (estimate - reach, estimate + reach), max(map(p_above, inner)),
+        min(map(p_above, outer)), alpha, method, own,
     )  # fmt: skip
+
+
+def nothing_known(margin: Margin, pairs: int, method: str, alpha: float = 0.05) -> Equivalence:
+    """What is said of a margin where a method gave no answer: anything is possible."""
+    return Equivalence(margin, pairs, nan, (-inf, inf), 1.0, 1.0, alpha, method, np.empty(0))
 
 
 def walsh_averages(differences: np.ndarray) -> np.ndarray:
@@ -176,29 +224,19 @@ def least_rank_sum(pairs: int, alpha: float) -> int | None:
     return int(enough[0]) if len(enough) else None
 
 
-def _by_ranks(d: np.ndarray, alpha: float):
+def _by_ranks(d: np.ndarray, high: np.ndarray, alpha: float):
     tail = np.cumsum(sign_distribution(np.arange(1, len(d) + 1))[::-1])[::-1]
 
     def p_above(margin: float, d: np.ndarray) -> float:
+        if margin == -inf:
+            return float(tail[-1])
         # An average on the margin is none above it: ties are no evidence.
         return 1.0 if margin == inf else float(tail[int(np.sum(walsh_averages(d) > margin))])
 
-    needed, averages = least_rank_sum(len(d), alpha), walsh_averages(d)
-    interval = (-inf, inf) if needed is None else (float(averages[-needed]), float(averages[needed - 1]))
-    return p_above, interval
-
-
-def _by_t(d: np.ndarray, alpha: float):
-    error = float(np.std(d, ddof=1)) / np.sqrt(len(d))
-    reach = float(stats.t.isf(alpha, len(d) - 1)) * error
-
-    def p_above(margin: float, d: np.ndarray) -> float:
-        gap = float(d.mean()) - margin
-        if error == 0.0:
-            return 0.0 if gap > 0.0 else 1.0
-        return float(stats.t.sf(gap / error, len(d) - 1))
-
-    return p_above, (float(d.mean()) - reach, float(d.mean()) + reach)
+    needed = least_rank_sum(len(d), alpha)
+    if needed is None:
+        return p_above, (-inf, inf)
+    return p_above, (float(walsh_averages(d)[-needed]), float(walsh_averages(high)[needed - 1]))
 
 
 def _by_bootstrap(d: np.ndarray, alpha: float, rng: np.random.Generator):

@@ -32,5 +32,5 @@ class Lasted:
     participant: str
     condition: str
     cell: tuple[float | None, str]  # As of `Measured`
-    seconds: float
+    seconds: float  # Infinite where it never set out, or turned round: it gave no movement
     settled: bool

@@ -84,6 +84,8 @@ class Recording:
         As study.toml names them.
     repetition : int or None
         Which time of several that the same was done, from 1, where study.toml says so.
+    period : int or None
+        When its participant did it, 1 first, where study.toml says so.
     amplitude : float or None
         How far each movement in it was to go, signed [rad or m], where no channel says so.
     payload : Payload or None
@@ -121,6 +123,7 @@ class Recording:
     streams: Mapping[str, Recording] = field(default_factory=dict, repr=False)
     amplitude: float | None = None
     repetition: int | None = None
+    period: int | None = None
     cuts: tuple[Cut, ...] = ()
 
     def __post_init__(self):

@@ -257,6 +257,7 @@ class Study:
             streams={stream: self._load_stream(entry, name, stream, files) for stream in entry.streams},
             amplitude=entry.amplitude,
             repetition=entry.repetition,
+            period=entry.period,
             cuts=(
                 *_excluded(entry, path, channels["time"].samples),
                 *_cut_row(path, channels["time"].samples, entry.window),

@@ -802,6 +802,8 @@ class RecordingEntry(StudyTable):
         Who, and under which condition.
     repetition : int or None
         Which time of several that the same was done, from 1.
+    period : int or None
+        When the participant did it: 1 what came first, 2 what came then.
     amplitude : float or None
         How far each movement in it was to go, signed [rad or m], where no channel says so.
     payload : PayloadSpec or None
@@ -832,6 +834,7 @@ class RecordingEntry(StudyTable):
     participant: Word | None = None
     condition: Said | None = None
     repetition: int | None = Field(None, ge=1)
+    period: int | None = Field(None, ge=1)
     amplitude: quantity("<coordinate>") | None = None
     payload: PayloadSpec | None = None
     optical: Place | None = None

@@ -23,12 +23,15 @@ from ...units import Coordinate
 from .assessment_result import Assessed, AssessmentResult, Needed, Profile, Sensitivity, Settling
 from .assessment_rows import result_rows
 from .assessment_tables import tables
-from .certified import certificate_verdicts, certified, end_points
+from .certified import certified, end_points
+from .certified_rows import certificate_verdicts
 from .clocks import delay_notes, with_assumed_delays
 from .measured_study import MeasuredStudy, activities, joined, measure
+from .movement_curves import Curves, participants_curves
 from .pointing import PointingRecord, assessed, labels, with_rule
 from .pointing_faults import pointing_faults, usable_records
 from .procedure import AssessmentTable
+from .session_order import session_order
 from .statements import headline, paragraph, verdicts
 
 SEED = 1
@@ -100,7 +103,9 @@ def assess_recordings(
     records = [record for record in records if record.recording.participant in participants]
     used = [record.recording for record in records]
     along = _along(records)
-    end_points(spec, indices_along(along))  # what cannot be held against anything is told before it is computed
+    # What cannot be held against anything is told before it is computed.
+    end_points(spec, indices_along(along))
+    order = session_order(used)
     named = labels(records)
     faults = [fault for record in records for fault in pointing_faults(record, spec, named)]
     _require_none_refused(faults)
@@ -108,6 +113,7 @@ def assess_recordings(
     rules = _rules(records, spec)
     parts: dict[str, list[MeasuredStudy]] = {words: [] for words in rules}
     shifted: list[MeasuredStudy] = []
+    curves: Curves = {}
     for i, person in enumerate(participants):
         tell(f"indices, {person}", 0.2 + 0.6 * i / len(participants))
         own = [record for record in records if record.recording.participant == person]
@@ -118,6 +124,8 @@ def assess_recordings(
         for words, rule in rules.items():
             first = words == next(iter(rules))
             parts[words].append(measure(own, spec, rule, emg, largest, named=named, detailed=first))
+            if first and spec.margins:
+                curves |= participants_curves(own, parts[words][-1], emg, largest, spec)
         if delays.recordings and emg:
             moved = {n: a.later(delays.span) if n in delays.recordings else a for n, a in emg.items()}
             shifted.append(measure(own, spec, with_rule(spec), moved, largest, named=named, detailed=False))
@@ -163,7 +171,7 @@ def assess_recordings(
         measured=whole.movements,
     )
     notes = [fault.message for fault in faults] + delay_notes(delays) + _without_index(found, participants, conditions)
-    made = replace(made, certified=certified(made, spec, executor))
+    made = replace(made, certified=certified(made, spec, whole, order, curves, executor))
     return _told(made, notes)
 
 

@@ -17,6 +17,7 @@ from ...pages.style import FIGURE_WIDTH, colour
 from ...units import COORDINATES, Coordinate
 from .assessment_result import Assessed, Profile, Settling
 from .certified import Certified
+from .movement_curves import WORDS
 
 TONES = ("measured", "fitted", "heldout", "directional", "load", "stribeck", "combined", "good")
 """Control's colour, and those of the other conditions in their order; more than these share the last."""
@@ -214,6 +215,45 @@ def certificate_figure(certified: Sequence[Certified]) -> Drawing:
         figure,
         "Changes from control with their intervals, in sizes of their margins (shaded): inside is shown to be small "
         f"enough, outside to be too large, across neither. Beyond {LIMIT:g} sizes lines are cut.",
+    )
+
+
+def curves_figure(certified: Sequence[Certified], conditions: Sequence[str]) -> Drawing:
+    """Differences of curves from control, with the band that holds all of each, the margin, and clusters."""
+    tone = tones(conditions)
+    kinds = [name for name in WORDS if any(c.quantity == name for each in certified for c in each.curves)]
+    figure = Figure(figsize=(FIGURE_WIDTH, 0.5 + 2.3 * len(kinds)), layout="constrained")
+    axes = figure.subplots(len(kinds), len(certified), squeeze=False, sharex=True, sharey="row")
+    share = np.linspace(0.0, 100.0, 101)
+    for row, kind in zip(axes, kinds, strict=True):
+        for axis, each in zip(row, certified, strict=True):
+            curve = next((c for c in each.curves if c.quantity == kind), None)
+            axis.axhline(0.0, color=colour("faint"), linewidth=0.8, zorder=1)
+            if curve is None:
+                continue
+            own, factor = curve.comparison, curve.factor
+            if own.margin is not None:
+                axis.axhspan(factor * own.margin.low, factor * own.margin.high, color=colour("good"), alpha=0.10,
+                             linewidth=0.0, zorder=0)  # fmt: skip
+            axis.fill_between(share, factor * own.low, factor * own.high, color=tone[each.condition], alpha=0.2,
+                              linewidth=0.0)  # fmt: skip
+            line(axis, share, factor * own.mean, color=tone[each.condition], linewidth=1.6)
+            for cluster in own.clusters:
+                if cluster.p_value <= 0.05:
+                    axis.plot([cluster.first, cluster.last], [0.03, 0.03], color=colour("measured"), linewidth=3.0,
+                              transform=axis.get_xaxis_transform(), solid_capstyle="butt")  # fmt: skip
+            tidy(axis, first=axis is row[0], text=f"{WORDS[kind]} ({unit_text(curve.unit)})")
+            if kind == kinds[0]:
+                axis.set_title(each.condition, fontweight="bold")
+            if kind == kinds[-1]:
+                axis.set_xlabel("Time of the movement (%)")
+    level = 100.0 * (1.0 - 2.0 * certified[0].certificate.alpha)
+    return Drawing(
+        "curves",
+        figure,
+        "Change of curves from control, mean over participants, along the movement's direction; velocity and EMG in "
+        f"% of control's largest. Bands hold the whole mean curve with {level:g} %, margins are shaded, bars at the "
+        "bottom are clusters of times at which curves differ (p at most 0.05 by signs of curves).",
     )
 
 

@@ -13,7 +13,7 @@ from ..result import FigureTable
 from . import assessment_figures as figures
 from . import assessment_tables as tables
 from .assessment_result import AssessmentResult
-from .certified import certificate_sentences, certificate_table
+from .certified_rows import certificate_remarks, certificate_sentences
 
 TILES = (
     ("duration_median", "Median duration"),
@@ -81,16 +81,23 @@ def _tiles(findings: AssessmentResult) -> tuple[Tile, ...]:
 
 
 def _certificate(findings: AssessmentResult) -> Section:
-    drawing = draw(figures.certificate_figure, findings.certified)
+    drawings = [draw(figures.certificate_figure, findings.certified)]
+    if any(each.curves for each in findings.certified):
+        drawings.append(draw(figures.curves_figure, findings.certified, findings.conditions))
     return Section(
         "assess_certificate",
         "Certificate",
         tuple(map(prose, certificate_sentences(findings))),
-        (_table(certificate_table(findings)),),
-        (drawing,),
+        tuple(_table(each) for each in tables.certificate_tables(findings)),
+        tuple(drawings),
         (
-            "Two one-sided tests of each end point by counted signed ranks of participants' changes; all must lie "
-            "within for the claim, so nothing is divided by their number. Beyond is corrected after Holm.",
+            "Two one-sided tests of each end point; all must lie within for the claim, so nothing is divided by their "
+            "number. Beyond is corrected after Holm. Signed ranks are counted, of participants' changes; the mixed "
+            "model is of movements, with a level and a change for each participant, t with one degree of freedom fewer "
+            "than "
+            "participants. Where something else is seen to have changed an end point, and without it the end point "
+            "does not say the same, nothing is said of it.",
+            *map(prose, certificate_remarks(findings)),
         ),
     )
 
@@ -185,5 +192,5 @@ def _method(study: Study, findings: AssessmentResult) -> Section:
 def _table(table: FigureTable) -> Table:
     rows = tuple(Row(tuple(cell_text(cell) for cell in row)) for row in table.rows)
     words = 2 if len(table.heads) > 1 and table.heads[1] in ("", "Rule", "Change") and table.heads[0] != "" else 1
-    words = 2 if table.heads[:2] == ("", "") else words
+    words = 2 if table.heads[:2] == ("", "") or table.heads[0] == "Condition" else words
     return Table(table.heads, rows, numeric=frozenset(range(words, len(table.heads))), caption=table.title, wide=True)

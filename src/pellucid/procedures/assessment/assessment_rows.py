@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ...recordings.results import ResultRow, checksum_of_all
-from .certified import certificate_rows
+from .certified_rows import certificate_rows
 
 if TYPE_CHECKING:
     from .assessment_result import Assessed, AssessmentResult

@@ -8,7 +8,7 @@ import numpy as np
 
 from ...assessment.power import SIZES
 from ..result import FigureTable
-from .certified import certificate_table
+from .certified_rows import beside_table, certificate_table, curve_table, doubt_table
 
 if TYPE_CHECKING:
     from .assessment_result import Assessed, AssessmentResult, Needed
@@ -22,12 +22,13 @@ SHOWN = ("duration_median", "unsettled", "duration", "vmax", "end_absolute", "em
 
 def tables(found: AssessmentResult) -> tuple[FigureTable, ...]:
     """Tables of an assessment: a summary, the main indices, pairs, isochrony, other filters, participants needed."""
-    made = [*((certificate_table(found),) if found.certified else ()), summary_table(found)]
+    certificate = certificate_tables(found)
+    made = [*certificate, summary_table(found)]
     if found.settling:
         made.append(settling_table(found))
     made += [description_table(found, found.assessed[name]) for name in SHOWN if name in found.assessed]
     if any(each.comparison.nemenyi is not None for each in found.assessed.values()):
-        made.insert(1 + bool(found.certified), test_table(found))
+        made.insert(1 + len(certificate), test_table(found))
         made.append(pair_table(found))
     if found.isochrony:
         made.append(isochrony_table(found))
@@ -35,6 +36,14 @@ def tables(found: AssessmentResult) -> tuple[FigureTable, ...]:
         made.append(range_table(found))
     made += [table for table in (needed_table(found), effect_size_table(found)) if table.rows]
     return tuple(made)
+
+
+def certificate_tables(found: AssessmentResult) -> list[FigureTable]:
+    """The certificate, the other test, what else could have changed it, and curves; none without margins."""
+    if not found.certified:
+        return []
+    made = (each(found) for each in (certificate_table, beside_table, doubt_table, curve_table))
+    return [table for table in made if table.rows]
 
 
 def summary_table(found: AssessmentResult) -> FigureTable:

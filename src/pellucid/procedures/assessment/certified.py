@@ -3,21 +3,25 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from math import inf
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..._errors import PellucidError, StudyError
-from ...assessment.certificate import FAIL, PASS, Certificate, certificate
-from ...assessment.equivalence import BEYOND, Equivalence, Margin
+from ..._errors import StudyError
+from ...assessment.certificate import Certificate, joined
+from ...assessment.equivalence import Equivalence, Margin, equivalence
 from ...assessment.equivalence_power import equivalence_needed
 from ...assessment.indices import Index
-from ...fit.parameter import Verdict
-from ...recordings.results import ResultRow
+from ...assessment.lasting_bounds import lasting_bounds
+from ...assessment.mixed_model import MixedModel
 from ...units import parse_quantity
-from ..result import FigureTable
+from .certificate_doubts import doubts_of
+from .measured_study import MeasuredStudy
+from .movement_curves import CurveEndPoint, Curves, compared_curves
+from .movement_model import model_of, of_model
+from .session_order import SessionOrder
 
 if TYPE_CHECKING:
     from .assessment_result import Assessed, AssessmentResult
@@ -52,6 +56,11 @@ class EndPoint:
         return (100.0 if self.index.over_control else self.index.shown[0]) * value
 
     @property
+    def logs(self) -> bool:
+        """Whether movements are compared by logarithms: where people are by ratios."""
+        return self.ratio or self.index.over_control
+
+    @property
     def unit(self) -> str:
         """Of `shown`."""
         if self.ratio or self.index.over_control:
@@ -68,6 +77,14 @@ class Certified:
     end_points: Mapping[str, EndPoint]
     participants: int  # With all end points
     needed: int | None  # Who would show it with a chance of 90 %, were there no change at all; None: more than tried
+    rests_on: str = "signed_rank"  # The test that the study states
+    models: Mapping[str, MixedModel] = field(default_factory=dict)  # By end point, of every movement
+    # By end point, the test that the verdict does not rest on: signed ranks, or the model
+    beside: Mapping[str, Equivalence] = field(default_factory=dict)
+    trends: Mapping[str, tuple[float, float]] = field(default_factory=dict)  # From first to last third; and its p
+    unknown: tuple[str, ...] = ()  # What could not be told, in sentences
+    failed: Mapping[str, tuple[int, int]] = field(default_factory=dict)  # By condition, targets without a movement, of
+    curves: tuple[CurveEndPoint, ...] = ()
 
 
 def end_points(spec: AssessmentTable, indices: Mapping[str, Index]) -> dict[str, EndPoint]:
@@ -92,10 +109,19 @@ def end_points(spec: AssessmentTable, indices: Mapping[str, Index]) -> dict[str,
     return made
 
 
-def certified(found: AssessmentResult, spec: AssessmentTable, executor: Any = None) -> tuple[Certified, ...]:
+def certified(
+    found: AssessmentResult,
+    spec: AssessmentTable,
+    whole: MeasuredStudy,
+    order: SessionOrder,
+    curves: Curves,
+    executor: Any = None,
+) -> tuple[Certified, ...]:
     """Every condition but control against the margins; empty where none are stated. `spec` [assessment]."""
     wanted = end_points(spec, found.indices)
     if not wanted:
+        if spec.curves:
+            raise StudyError("[assessment.curves]: found margins of curves alone, expected [assessment.margins] too")
         return ()
     made = []
     for condition in found.conditions:
@@ -109,32 +135,90 @@ def certified(found: AssessmentResult, spec: AssessmentTable, executor: Any = No
                     "margin: a claim about what was not recorded cannot be tested; record it or take the margin out "
                     "before the data are seen"
                 )
-            made.append(_certified(found, spec, wanted, condition, executor))
+            made.append(_certified(found, spec, wanted, condition, whole, order, curves, executor))
     return tuple(made)
 
 
 def _certified(
-    found: AssessmentResult, spec: AssessmentTable, wanted: Mapping[str, EndPoint], condition: str, executor: Any
+    found: AssessmentResult,
+    spec: AssessmentTable,
+    wanted: Mapping[str, EndPoint],
+    condition: str,
+    whole: MeasuredStudy,
+    order: SessionOrder,
+    curves: Curves,
+    executor: Any,
 ) -> Certified:
+    alpha, stated = spec.false_transparent, spec.equivalence
     people = [p for p in found.participants if all(p in found.assessed[n].table.participants for n in wanted)]
+    if len(people) < 2:
+        raise StudyError(
+            f"[assessment.margins], {condition}: found {len(people)} participants with all of {', '.join(wanted)}, "
+            "expected two or more"
+        )
     seen = {name: _differences(found.assessed[name], point, condition, found.control, people)
             for name, point in wanted.items()}  # fmt: skip
-    margins = {name: point.margin for name, point in wanted.items()}
-    try:
-        made = certificate(seen, margins, alpha=spec.false_transparent)
-    except PellucidError as error:
-        raise StudyError(f"[assessment.margins], {condition}: {error}") from None
-    needed = None
-    if len(people) > 2:
-        covariance = np.atleast_2d(np.cov(np.array(list(seen.values()))))
-        # What lies around its own margin by nature, such as a torque, is planned about its mean.
-        change = [float(d.mean()) if point.margin.low == -inf else 0.0
-                  for d, point in zip(seen.values(), wanted.values(), strict=True)]  # fmt: skip
-        needed = equivalence_needed(
-            covariance, list(margins.values()), power=PLANNED_POWER, change=change, alpha=spec.false_transparent,
-            studies=STUDIES, executor=executor,
-        )  # fmt: skip
-    return Certified(condition, made, wanted, len(people), needed)
+    ranks = {name: _by_ranks(found, whole, point, condition, people, seen[name], alpha)
+             for name, point in wanted.items()}  # fmt: skip
+    models = {name: model_of(whole, point, condition, _control(found, name), people, order)
+              for name, point in wanted.items()}  # fmt: skip
+    fitted = {name: of_model(models[name], point, alpha) for name, point in wanted.items()
+              if models[name].movements}  # fmt: skip
+    # What is of no single movements has no model; participants' values are all there is.
+    tests, beside = (ranks, fitted) if stated == "signed_rank" else ({**ranks, **fitted}, {n: ranks[n] for n in fitted})
+    doubts, trends, unknown = doubts_of(found, whole, wanted, condition, people, seen, order, alpha)
+    shown = compared_curves(curves, people, condition, found.control, spec.curves, found.along, alpha)
+    joint = joined(tests, alpha, doubts, {f"{c.quantity} curve": c.comparison for c in shown if c.stated})
+    return Certified(
+        condition, joint, wanted, len(people), _needed(wanted, seen, alpha, len(people), executor), stated, models,
+        beside, trends, unknown, _failed(whole, (found.control, condition), people), shown,
+    )  # fmt: skip
+
+
+def _control(found: AssessmentResult, name: str) -> str | None:
+    """Whether an end point has a control to be compared with; of what is over control movements have."""
+    table = found.assessed[name].table
+    return found.control if found.control in table.conditions or table.index.over_control else None
+
+
+def _by_ranks(
+    found: AssessmentResult, whole: MeasuredStudy, point: EndPoint, condition: str, people: list[str],
+    seen: np.ndarray, alpha: float,
+) -> Equivalence:  # fmt: skip
+    name, pair = point.index.name, (found.control, condition)
+    upper = None
+    if name == "duration_median":
+        bounds = lasting_bounds(whole.lasted, people, found.conditions, *pair, point.differences)
+        if bounds is not None:
+            seen, upper = bounds
+    elif name == "duration":
+        # A mean that one movement's unseen end belongs to is not known from above.
+        cut = {(each.participant, each.condition) for each in whole.lasted if not each.settled}
+        base, own = (np.array([(person, c) in cut for person in people]) for c in pair)
+        seen, upper = np.where(base, -inf, seen), np.where(own, inf, seen)
+    return equivalence(seen, point.margin, upper=upper, alpha=alpha)
+
+
+def _needed(
+    wanted: Mapping[str, EndPoint], seen: Mapping[str, np.ndarray], alpha: float, people: int, executor: Any
+) -> int | None:
+    if people < 3:
+        return None
+    covariance = np.atleast_2d(np.cov(np.array(list(seen.values()))))
+    # What lies around its own margin by nature, such as a torque, is planned about its mean.
+    change = [float(d.mean()) if point.margin.low == -inf else 0.0
+              for d, point in zip(seen.values(), wanted.values(), strict=True)]  # fmt: skip
+    return equivalence_needed(
+        covariance, [point.margin for point in wanted.values()], power=PLANNED_POWER, change=change, alpha=alpha,
+        studies=STUDIES, executor=executor,
+    )  # fmt: skip
+
+
+def _failed(whole: MeasuredStudy, pair: tuple[str, str], people: list[str]) -> dict[str, tuple[int, int]]:
+    def count(each: tuple, condition: str) -> int:
+        return sum(x.condition == condition and x.participant in people for x in each)
+
+    return {c: (count(whole.failed, c), count(whole.failed, c) + count(whole.lasted, c)) for c in pair}
 
 
 def _differences(each: Assessed, point: EndPoint, condition: str, control: str, people: list[str]) -> np.ndarray:
@@ -142,103 +226,3 @@ def _differences(each: Assessed, point: EndPoint, condition: str, control: str, 
     own = each.table.column(condition)[rows]
     there = control in each.table.conditions and not each.table.index.over_control
     return point.differences(own, each.table.column(control)[rows] if there else None)
-
-
-def certificate_table(found: AssessmentResult) -> FigureTable:
-    """Every end point of every condition: its middle change, interval and margin, and what is said."""
-    rows = []
-    for each in found.certified:
-        for name, point in each.end_points.items():
-            own = each.certificate.end_points[name]
-            rows.append(
-                (each.condition, point.index.short, f"{_signed(point, own.estimate)} {point.unit}".strip(),
-                 _interval(point, own), point.stated, _p(own.p_within), each.certificate.said_of(name))
-            )  # fmt: skip
-    share = 100.0 * (1.0 - 2.0 * found.certified[0].certificate.alpha)
-    heads = ("Condition", "Index", "Change", f"{share:g} % interval", "Margin", "p within", "Said")
-    return FigureTable("Certificate: changes against the margins stated", heads, tuple(rows))
-
-
-def _signed(point: EndPoint, value: float) -> str:
-    return f"{point.shown(value):+.3g}"
-
-
-def _interval(point: EndPoint, own: Equivalence) -> str:
-    low, high = own.interval
-    if not np.isfinite(low):
-        return "none: too few people"
-    return f"{_signed(point, low)} to {_signed(point, high)}"
-
-
-def _p(p: float) -> str:
-    return "< 0.001" if p < 0.001 else f"{p:.2g}"
-
-
-def certificate_sentences(found: AssessmentResult) -> tuple[str, ...]:
-    """A sentence on each condition."""
-    return tuple(_sentence(each) for each in found.certified)
-
-
-def _sentence(each: Certified) -> str:
-    said, names = each.certificate.verdict, list(each.end_points)
-    level = f"{100.0 * each.certificate.alpha:g} %"
-    if said == PASS:
-        return (
-            f"{each.condition}: transparent. All {len(names)} end points lie within their margins; were one of them "
-            f"beyond, this would be said in at most {level} of studies."
-        )
-    by = {word: [each.end_points[n].index.short for n in names if each.certificate.said_of(n) == word]
-          for word in ("within", "undecided", "beyond")}  # fmt: skip
-    if said == FAIL:
-        return f"{each.condition}: not transparent. Beyond the margin: {', '.join(by['beyond'])}." + (
-            f" Within: {', '.join(by['within'])}." if by["within"] else ""
-        )
-    alone = [each.end_points[n].index.short for n in names if each.certificate.end_points[n].verdict == BEYOND]
-    if alone:
-        return (
-            f"{each.condition}: cannot say. Each alone {', '.join(alone)} would be beyond its margin; that the largest "
-            f"of {len(names)} is, {each.participants} people are too few to tell from chance."
-        )
-    more = (
-        f"With about {each.needed} people in place of {each.participants} a study would say so in 9 of 10 cases, if "
-        "nothing changes and people differ as these do."
-        if each.needed is not None and each.needed > each.participants
-        else "As people differ here, these many would mostly have shown it were there no change: there may be one."
-        if each.needed is not None
-        else "With people who differ as these do, no study of up to 128 would: measure more finely, or more movements."
-    )
-    return f"{each.condition}: cannot say. Undecided: {', '.join(by['undecided'])}. {more}"
-
-
-def certificate_verdicts(found: AssessmentResult) -> tuple[Verdict, ...]:
-    """The sentences as verdicts: what fails warns."""
-    kinds = ("warning" if each.certificate.verdict == FAIL else "note" for each in found.certified)
-    return tuple(Verdict(kind, said) for kind, said in zip(kinds, certificate_sentences(found), strict=True))
-
-
-def certificate_rows(found: AssessmentResult, digest: str | None) -> tuple[ResultRow, ...]:
-    """``<study>.certificate.<condition>.…``: 1 transparent, 0 not, 0.5 cannot say; then each end point."""
-    rows = []
-    for each in found.certified:
-        head, own = f"{found.study}.certificate.{each.condition.lower()}", each.certificate
-
-        def add(name: str, value: float | None, unit: str, note: str = "", head=head) -> None:
-            rows.append(ResultRow(f"{head}.{name}", value, unit, "assess", "fitted", digest, note))
-
-        add("transparent", {PASS: 1.0, FAIL: 0.0}.get(own.verdict, 0.5), "1", own.verdict)
-        add("p", own.p_value, "1", "that all end points lie within, signed ranks counted")
-        add("participants", each.participants, "1")
-        add("needed", each.needed, "1", "for 90 %, if nothing changes; none: more than 128")
-        for name, point in each.end_points.items():
-            part = own.end_points[name]
-            add(f"{name}.change", point.shown(part.estimate), point.unit, "middle of participants' changes")
-            add(f"{name}.low", _finite(point.shown(part.interval[0])), point.unit, "90 % interval at the usual level")
-            add(f"{name}.high", _finite(point.shown(part.interval[1])), point.unit)
-            add(f"{name}.p_within", part.p_within, "1", f"margin {point.stated}")
-            add(f"{name}.p_beyond", own.beyond[name], "1", "after Holm")
-            add(f"{name}.bayes_factor", _finite(part.bayes_factor), "1", "of within against beyond")
-    return tuple(rows)
-
-
-def _finite(value: float) -> float | None:
-    return float(value) if np.isfinite(value) else None

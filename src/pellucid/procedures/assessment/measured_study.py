@@ -23,6 +23,9 @@ from .clocks import emg_on_motions_clock
 from .pointing import PointingRecord, PointingSettings, drop_mistaken, labels
 from .recorded_activity import activity
 
+FAILED = ("still", "direction", "no_peak")
+"""Kinds of stretches that a slow, hesitant or stuck person leaves."""
+
 
 @dataclass(frozen=True, eq=False)
 class MeasuredStudy:
@@ -33,6 +36,7 @@ class MeasuredStudy:
     left_out: Mapping[str, Mapping[str, int]]  # By recording, how many stretches gave no movement and why
     motions: Mapping[str, Kinematics] = field(repr=False)  # By recording; empty where nobody asked for them
     lasted: tuple[Lasted, ...] = ()  # How long each was seen, unfinished ones too
+    failed: tuple[Lasted, ...] = ()  # Asked for by a target, and given no movement of
 
 
 def activities(
@@ -71,6 +75,7 @@ def measure(
     motions: dict[str, Kinematics] = {}
     movements: dict[str, list[Movement]] = {}
     lasted: list[Lasted] = []
+    failed: list[Lasted] = []
     for record in records:
         name = record.recording.name
         motions[name], found, without = record.movements(rule)
@@ -83,6 +88,7 @@ def measure(
         left_out[name] = dict(reasons)
         movements[name] = found
         lasted += _lasted(record, found, without, None if pooled else named)
+        failed += _failed(record, without, None if pooled else named)
     zeros = _target_zeros(records, motions, movements, spec.control)
     for record in records:
         recording = record.recording
@@ -97,7 +103,7 @@ def measure(
             if detailed:
                 values |= smoothness(motion, movement)
             made.append(Measured(recording.participant, recording.condition, recording.name, movement, cell, values))
-    return MeasuredStudy(rule, tuple(made), left_out, motions if detailed else {}, tuple(lasted))
+    return MeasuredStudy(rule, tuple(made), left_out, motions if detailed else {}, tuple(lasted), tuple(failed))
 
 
 def _lasted(
@@ -115,13 +121,26 @@ def _lasted(
         for n in without
         if n.kind == "unfinished" and n.stretch.amplitude is not None
     ]
-    cells = [
-        (None if named is None else _shown(a, named, record.along), UP if way > 0 else DOWN) for a, way, *_ in seen
-    ]
     return [
-        Lasted(recording.participant, recording.condition, cell, float(seconds), bool(settled))
-        for cell, (_, _, seconds, settled) in zip(cells, seen, strict=True)
+        Lasted(recording.participant, recording.condition, _cell(record, a, way, named), float(seconds), bool(settled))
+        for a, way, seconds, settled in seen
     ]
+
+
+def _failed(record: PointingRecord, without: Sequence[NoMovement], named: Sequence[float] | None) -> list[Lasted]:
+    """Targets towards which nothing went that could be called a movement; a lost marker is not the person's."""
+    recording = record.recording
+    return [
+        Lasted(recording.participant, recording.condition, _cell(record, abs(a), a, named), float("inf"), False)
+        for each in without
+        if each.kind in FAILED and each.stretch.goal is not None and (a := each.stretch.amplitude) is not None
+    ]
+
+
+def _cell(
+    record: PointingRecord, amplitude: float | None, way: float, named: Sequence[float] | None
+) -> tuple[float | None, str]:
+    return None if named is None else _shown(amplitude, named, record.along), UP if way > 0 else DOWN
 
 
 def _target_zeros(records, motions, movements, control: str) -> dict[str, float]:
@@ -142,7 +161,8 @@ def joined(parts: Sequence[MeasuredStudy]) -> MeasuredStudy:
         raise RecordingError("assess: found no movement in any recording, expected some")
     left_out = {name: reasons for part in parts for name, reasons in part.left_out.items()}
     motions = {name: motion for part in parts for name, motion in part.motions.items()}
-    return MeasuredStudy(parts[0].rule, movements, left_out, motions, tuple(x for part in parts for x in part.lasted))
+    lasted, failed = (tuple(x for part in parts for x in getattr(part, kind)) for kind in ("lasted", "failed"))
+    return MeasuredStudy(parts[0].rule, movements, left_out, motions, lasted, failed)
 
 
 def _shown(amplitude: float | None, named: Sequence[float], along: Coordinate) -> float | None:

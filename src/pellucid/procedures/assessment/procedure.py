@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
@@ -47,6 +47,12 @@ class AssessmentTable(ProcedureTable):
         data are seen.
     false_transparent : float
         How often "transparent" may be said where it is not, in (0, 0.5).
+    equivalence : str
+        The test that the certificate rests on, stated before the data are seen: ``"signed_rank"`` of participants'
+        values, or ``"mixed_model"`` of movements; the other one stands beside it.
+    curves : dict of str to str
+        How far a transparent robot may change whole curves, by their time: ``velocity`` and ``emg`` in shares of the
+        control's largest, ``interaction`` with a unit.
     """
 
     control: Said
@@ -66,6 +72,8 @@ class AssessmentTable(ProcedureTable):
     confidence: float = Field(0.95, gt=0, lt=1)
     margins: dict[Word, Said] = Field(default_factory=dict)
     false_transparent: float = Field(0.05, gt=0, lt=0.5)
+    equivalence: Literal["signed_rank", "mixed_model"] = "signed_rank"
+    curves: dict[Literal["velocity", "interaction", "emg"], Said] = Field(default_factory=dict)
 
     def reads(self, channel: str, stream: str) -> bool:
         """The angle, the robot's torque, and EMG."""

@@ -1,0 +1,109 @@
+"""What else than the condition may have changed an end point: order, what came before, learning, movements that
+failed."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ...assessment.certificate import Doubt
+from ...assessment.crossover import carry_over, period_effect
+from ...assessment.equivalence import equivalence
+from ...assessment.lasting_bounds import lasting_bounds
+from ...assessment.learning import FEWEST
+from ...assessment.signed_rank import signed_rank
+from .measured_study import MeasuredStudy
+from .movement_model import movements_of, thirds_of
+from .session_order import SessionOrder
+
+if TYPE_CHECKING:
+    from .assessment_result import AssessmentResult
+    from .certified import EndPoint
+
+PERIOD, CARRY_OVER, LEARNING, LEFT_OUT = "period", "carry-over", "learning", "left out"
+
+
+def doubts_of(
+    found: AssessmentResult, whole: MeasuredStudy, wanted: Mapping[str, EndPoint], condition: str, people: list[str],
+    seen: Mapping[str, np.ndarray], order: SessionOrder, alpha: float,
+) -> tuple[dict[str, tuple[Doubt, ...]], dict[str, tuple[float, float]], tuple[str, ...]]:  # fmt: skip
+    """By end point its doubts and its trend, from the first third of a session to the last, with its p; and sentences
+    on what cannot be told."""
+    doubts, trends, unknown = {}, {}, []
+    if not order.period:
+        unknown.append(f"{order.unknown}: what order and carry-over did cannot be told from what conditions did.")
+    for name, point in wanted.items():
+        own = _of_order(found, point, condition, people, seen[name], order, alpha, unknown) if order.period else []
+        own += _learning(found, whole, point, condition, people, seen[name], order, alpha, trends, unknown)
+        failed = {each.condition for each in whole.failed if each.participant in people} & {found.control, condition}
+        if name == "duration_median" and failed:
+            own += _left_out(found, whole, point, condition, people, alpha)
+        doubts[name] = tuple(own)
+    return doubts, trends, tuple(dict.fromkeys(unknown))
+
+
+def _of_order(found, point, condition, people, seen, order, alpha, unknown) -> list[Doubt]:
+    made = []
+    table = found.assessed[point.index.name].table
+    control = found.control if found.control in table.conditions or table.index.over_control else None
+    later = order.later(people, condition, control)
+    told = period_effect(seen, later, point.margin, alpha=alpha)
+    if told is None:
+        few = len(people) < 4
+        unknown.append(
+            f"With {len(people)} participants an effect of the period is not looked for."
+            if few
+            else f"{condition} came equally long after {found.control} for everybody: an effect of the period cannot "
+            "be told from its own."
+        )
+    else:
+        made.append(Doubt(PERIOD, told.p_value, told.without))
+    if found.control in table.conditions:
+        rows = [table.participants.index(person) for person in people]
+        values = np.log(table.values[rows]) if point.ratio else table.values[rows]
+        periods = np.array([[order.by_condition[person, c] for c in table.conditions] for person in people])
+        at = table.conditions.index
+        lingers = carry_over(values, periods, at(found.control), at(condition), point.margin, alpha=alpha)
+        if lingers is None:
+            unknown.append(
+                "Orders differ too little between people to tell what lingers of the condition before (carry-over)."
+            )
+        else:
+            made.append(Doubt(CARRY_OVER, lingers.p_value, lingers.without))
+    return made
+
+
+def _learning(found, whole, point, condition, people, seen, order, alpha, trends, unknown) -> list[Doubt]:
+    table = found.assessed[point.index.name].table
+    base = found.control if found.control in table.conditions or table.index.over_control else None
+    conditions = [condition] if base is None else [base, condition]
+    own = movements_of(whole, point, conditions, people, order)
+    if not own:
+        return []
+    parts = [thirds_of(own, c, people, order) for c in conditions]
+    if None in parts:
+        unknown.append(
+            f"Whether movements were still changing is not looked for: somebody has fewer than {FEWEST} of a "
+            "condition, "
+            "or several recordings of it whose order (period, repetition) is not stated."
+        )
+        return []
+    signs = (1.0,) if base is None else (-1.0, 1.0)
+    drift = np.sum([[s * each.drift for each in part] for s, part in zip(signs, parts, strict=True)], axis=0)
+    late = np.sum([[s * each.last for each in part] for s, part in zip(signs, parts, strict=True)], axis=0)
+    p = signed_rank(drift).p_value
+    trends[point.index.name] = float(np.median(drift)), p
+    at_end = (1.0 + seen) * np.exp(late) - 1.0 if point.index.over_control else seen + late
+    return [Doubt(LEARNING, p, equivalence(at_end, point.margin, alpha=alpha))]
+
+
+def _left_out(found, whole, point, condition, people, alpha) -> list[Doubt]:
+    """Failed movements count as longer than any: what was thrown away may be what was slow."""
+    every = whole.lasted + whole.failed
+    bounds = lasting_bounds(every, people, found.conditions, found.control, condition, point.differences)
+    if bounds is None:
+        return []
+    low, high = bounds
+    return [Doubt(LEFT_OUT, 0.0, equivalence(low, point.margin, upper=high, alpha=alpha))]

@@ -1,0 +1,324 @@
+"""A certificate in tables, sentences, verdicts and rows."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ...assessment.certificate import FAIL, PASS, Doubt
+from ...assessment.equivalence import BEYOND, UNDECIDED, WITHIN, Equivalence
+from ...fit.parameter import Verdict
+from ...recordings.results import ResultRow
+from ..result import FigureTable
+from .certificate_doubts import CARRY_OVER, LEARNING, LEFT_OUT, PERIOD
+from .movement_curves import WORDS
+
+if TYPE_CHECKING:
+    from .assessment_result import AssessmentResult
+    from .certified import Certified, EndPoint
+    from .movement_curves import CurveEndPoint
+
+TESTS = {"signed_rank": "signed ranks", "mixed_model": "the mixed model"}
+DOUBTS = {
+    PERIOD: "without what the period did",
+    CARRY_OVER: "without what lingers of the condition before",
+    LEARNING: "by the last third of movements, which were still changing,",
+    LEFT_OUT: "with targets that got no movement counted as never reached",
+}
+"""How an end point's change is seen without it, in words."""
+
+
+def certificate_table(found: AssessmentResult) -> FigureTable:
+    """Every end point of every condition: its middle change, interval and margin, and what is said."""
+    rows = []
+    for each in found.certified:
+        for name, point in each.end_points.items():
+            own = each.certificate.end_points[name]
+            rows.append(
+                (each.condition, point.index.short, _change(point, own), _interval(point, own), point.stated,
+                 _p(own.p_within), each.certificate.said_of(name))
+            )  # fmt: skip
+    heads = ("Condition", "Index", "Change", f"{_share(found):g} % interval", "Margin", "p within", "Said")
+    return FigureTable(
+        f"Certificate, by {TESTS[found.certified[0].rests_on]}: changes against the margins stated", heads, tuple(rows)
+    )
+
+
+def beside_table(found: AssessmentResult) -> FigureTable:
+    """The test that the certificate does not rest on, and how much people differ by the mixed model."""
+    rows = []
+    for each in found.certified:
+        for name, own in each.beside.items():
+            point, model = each.end_points[name], each.models[name]
+            spread = None if model.trouble else f"{_scaled(point, model.spread):.3g} {point.unit}".strip()
+            said = "no answer" if model.trouble else own.verdict
+            cells = (None, None) if model.trouble else (_change(point, own), _interval(point, own))
+            rows.append((each.condition, point.index.short, *cells, spread, model.movements, said))
+    other = next(words for name, words in TESTS.items() if name != found.certified[0].rests_on)
+    heads = ("Condition", "Index", "Change", f"{_share(found):g} % interval", "SD of people's", "Movements", "Said")
+    return FigureTable(f"Beside it, by {other}", heads, tuple(rows))
+
+
+def doubt_table(found: AssessmentResult) -> FigureTable:
+    """What else could have changed each end point: p that there is none of it, and what is said without it."""
+    rows = []
+    for each in found.certified:
+        for name, point in each.end_points.items():
+            own = {doubt.what: doubt for doubt in each.certificate.doubts.get(name, ())}
+            if own:
+                contradicted = ", ".join(doubt.what for doubt in each.certificate.contradicted(name))
+                cells = (_doubt(own.get(what)) for what in DOUBTS)
+                rows.append((each.condition, point.index.short, *cells, contradicted or "none"))
+    heads = ("Condition", "Index", *(what.capitalize() for what in DOUBTS), "Contradicts")
+    kept = [i for i in range(len(heads)) if any(row[i] is not None for row in rows)]
+    rows, heads = [tuple(row[i] for i in kept) for row in rows], tuple(heads[i] for i in kept if rows)
+    return FigureTable("What else could have changed it: p, and what is said without it", heads, tuple(rows))
+
+
+def _doubt(doubt: Doubt | None) -> str | None:
+    if doubt is None:
+        return None
+    return doubt.without.verdict if doubt.what == LEFT_OUT else f"{_p(doubt.p_value)}, {doubt.without.verdict}"
+
+
+def curve_table(found: AssessmentResult) -> FigureTable:
+    """Curves of velocity, torque and EMG against control's."""
+    rows = []
+    for each in found.certified:
+        for curve in each.curves:
+            own = curve.comparison
+            at = "; ".join(f"{c.first} to {c.last} % ({_p(c.p_value)})" for c in own.clusters if c.p_value <= 0.05)
+            said = each.certificate.said_of(f"{curve.quantity} curve") if curve.stated else None
+            rows.append(
+                (each.condition, WORDS[curve.quantity], _furthest(curve), at or "nowhere", curve.stated or None,
+                 _p(own.p_within) if curve.stated else None, said)
+            )  # fmt: skip
+    heads = ("Condition", "Curve", "Furthest", "Differs at (p)", "Margin", "p within", "Said")
+    return FigureTable("Curves over the time of a movement", heads, tuple(rows))
+
+
+def _furthest(curve: CurveEndPoint) -> str:
+    mean = curve.factor * curve.comparison.mean
+    return f"{mean[np.argmax(np.abs(mean))]:+.3g} {curve.unit} at {int(np.argmax(np.abs(mean)))} %"
+
+
+def _share(found: AssessmentResult) -> float:
+    return 100.0 * (1.0 - 2.0 * found.certified[0].certificate.alpha)
+
+
+def _signed(point: EndPoint, value: float) -> str:
+    return f"{point.shown(value):+.3g}"
+
+
+def _scaled(point: EndPoint, spread: float) -> float:
+    return 100.0 * spread if point.logs else point.shown(spread)
+
+
+def _change(point: EndPoint, own: Equivalence) -> str | None:
+    if not np.isfinite(own.estimate):
+        return "not known"
+    least = "from " if own.bounded and np.isfinite(own.differences).all() else ""
+    return f"{least}{_signed(point, own.estimate)} {point.unit}".strip()
+
+
+def _interval(point: EndPoint, own: Equivalence) -> str:
+    low, high = own.interval
+    if not np.isfinite(low) and not np.isfinite(high):
+        return "none: too few people" if not own.bounded else "none: cut off"
+    return f"{'none' if np.isinf(low) else _signed(point, low)} to {'none' if np.isinf(high) else _signed(point, high)}"
+
+
+def _p(p: float) -> str:
+    return "< 0.001" if p < 0.001 else f"{p:.2g}"
+
+
+def certificate_sentences(found: AssessmentResult) -> tuple[str, ...]:
+    """A sentence on each condition."""
+    return tuple(_sentence(each) for each in found.certified)
+
+
+def certificate_remarks(found: AssessmentResult) -> tuple[str, ...]:
+    """What a reader of the certificate has to know beside it: where tests disagree, and what could not be told."""
+    said = []
+    for each in found.certified:
+        said += [*_disagreeing(each), *_without_model(each), *_cut(each), *_failed(each)]
+    said += [text for each in found.certified for text in each.unknown]
+    return tuple(dict.fromkeys(said))
+
+
+def _sentence(each: Certified) -> str:
+    said, names = each.certificate.verdict, list(each.end_points)
+    words = {n: point.index.short for n, point in each.end_points.items()}
+    words |= {name: name for name in each.certificate.curves}
+    level = f"{100.0 * each.certificate.alpha:g} %"
+    if said == PASS:
+        return (
+            f"{each.condition}: transparent. All {len(words)} end points lie within their margins; were one of them "
+            f"beyond, this would be said in at most {level} of studies."
+        )
+    by = {word: [words[n] for n in words if each.certificate.said_of(n) == word]
+          for word in (WITHIN, UNDECIDED, BEYOND)}  # fmt: skip
+    if said == FAIL:
+        return f"{each.condition}: not transparent. Beyond the margin: {', '.join(by[BEYOND])}." + (
+            f" Within: {', '.join(by[WITHIN])}." if by[WITHIN] else ""
+        )
+    doubted = [(words[n], each.certificate.tested(n), each.certificate.contradicted(n)) for n in words]
+    doubted = [(name, tested, why) for name, tested, why in doubted if why]
+    if doubted and len(doubted) == len(by[UNDECIDED]):
+        told = "; ".join(
+            f"{name} is {tested} its margin; {' or '.join(DOUBTS[d.what] for d in why)} it is not shown to be"
+            for name, tested, why in doubted
+        )
+        return f"{each.condition}: cannot say. {told}. {_remedy({d.what for *_, why in doubted for d in why})}"
+    alone = [words[n] for n in names if each.certificate.end_points[n].verdict == BEYOND]
+    if alone:
+        return (
+            f"{each.condition}: cannot say. Each alone {', '.join(alone)} would be beyond its margin; that the largest "
+            f"of {len(words)} is, {each.participants} people are too few to tell from chance."
+        )
+    cut = [words[n] for n in names if each.certificate.end_points[n].bounded]
+    if cut:
+        return (
+            f"{each.condition}: cannot say. Undecided: {', '.join(by[UNDECIDED])}. How long movements lasted was not "
+            f"seen to its end ({', '.join(cut)}): record until they settle."
+        )
+    more = (
+        f"With about {each.needed} people in place of {each.participants} a study would say so in 9 of 10 cases, if "
+        "nothing changes and people differ as these do."
+        if each.needed is not None and each.needed > each.participants
+        else "As people differ here, these many would mostly have shown it were there no change: there may be one."
+        if each.needed is not None
+        else "With people who differ as these do, no study of up to 128 would: measure more finely, or more movements."
+    )
+    return f"{each.condition}: cannot say. Undecided: {', '.join(by[UNDECIDED])}. {more}"
+
+
+REMEDIES = {
+    PERIOD: "Have as many people begin with the robot as without it.",
+    CARRY_OVER: "Leave a pause between conditions, and let each follow each as often.",
+    LEARNING: "Let people get used to it until movements no longer change.",
+    LEFT_OUT: "Find why targets got no movement.",
+}
+
+
+def _remedy(kinds: set[str]) -> str:
+    return " ".join(text for kind, text in REMEDIES.items() if kind in kinds)
+
+
+def _disagreeing(each: Certified) -> list[str]:
+    other = next(words for name, words in TESTS.items() if name != each.rests_on)
+    apart = [
+        f"{each.end_points[n].index.short} {own.verdict} by {other}, {each.certificate.end_points[n].verdict} by "
+        f"{TESTS[each.rests_on]}"
+        for n, own in each.beside.items()
+        if not each.models[n].trouble and own.verdict != each.certificate.end_points[n].verdict
+    ]
+    if not apart:
+        return []
+    return [f"{each.condition}: tests disagree on {'; '.join(apart)}. The verdict rests on the latter, as stated."]
+
+
+def _without_model(each: Certified) -> list[str]:
+    return [
+        f"{each.condition}: the mixed model of {each.end_points[n].index.short} has no answer: {model.trouble}."
+        for n, model in each.models.items()
+        if model.trouble and model.movements
+    ]
+
+
+def _cut(each: Certified) -> list[str]:
+    return [
+        f"{each.condition}: of {own.bounded} of {own.pairs} people {point.index.short} is known by a bound alone, "
+        "because movements were cut off before they settled; the test takes the worst that is possible."
+        for n, point in each.end_points.items()
+        if (own := each.certificate.end_points[n]).bounded
+    ]
+
+
+def _failed(each: Certified) -> list[str]:
+    if not any(count for count, _ in each.failed.values()):
+        return []
+    told = ", ".join(f"{count} of {of} in {condition}" for condition, (count, of) in each.failed.items())
+    return [
+        f"{each.condition}: targets that got no movement: {told}. Median durations are tested again with these "
+        "counted as longer than any; of other indices they have no value."
+    ]
+
+
+def certificate_verdicts(found: AssessmentResult) -> tuple[Verdict, ...]:
+    """The sentences as verdicts: what fails warns."""
+    kinds = ("warning" if each.certificate.verdict == FAIL else "note" for each in found.certified)
+    said = tuple(Verdict(kind, said) for kind, said in zip(kinds, certificate_sentences(found), strict=True))
+    return said + tuple(Verdict("note", text) for text in certificate_remarks(found))
+
+
+def certificate_rows(found: AssessmentResult, digest: str | None) -> tuple[ResultRow, ...]:
+    """``<study>.certificate.<condition>.…``: 1 transparent, 0 not, 0.5 cannot say; then each end point."""
+    rows = []
+    for each in found.certified:
+        head, own = f"{found.study}.certificate.{each.condition.lower()}", each.certificate
+
+        def add(name: str, value: float | None, unit: str, note: str = "", head=head) -> None:
+            rows.append(ResultRow(f"{head}.{name}", value, unit, "assess", "fitted", digest, note))
+
+        add("transparent", {PASS: 1.0, FAIL: 0.0}.get(own.verdict, 0.5), "1", own.verdict)
+        add("p", own.p_value, "1", f"that all end points lie within, by {TESTS[each.rests_on]}")
+        add("participants", each.participants, "1")
+        add("needed", each.needed, "1", "for 90 %, if nothing changes; none: more than 128")
+        for name, point in each.end_points.items():
+            part = own.end_points[name]
+            add(f"{name}.change", _finite(point.shown(part.estimate)), point.unit, "middle of participants' changes")
+            add(f"{name}.low", _finite(point.shown(part.interval[0])), point.unit, "90 % interval at the usual level")
+            add(f"{name}.high", _finite(point.shown(part.interval[1])), point.unit)
+            add(f"{name}.p_within", part.p_within, "1", f"margin {point.stated}")
+            add(f"{name}.p_beyond", own.beyond[name], "1", "after Holm")
+            add(f"{name}.bayes_factor", _finite(part.bayes_factor), "1", "of within against beyond")
+            _more_rows(each, name, point, add)
+        for curve in each.curves:
+            _curve_rows(curve, add)
+    return tuple(rows)
+
+
+def _more_rows(each: Certified, name: str, point: EndPoint, add) -> None:
+    beside, model = each.beside.get(name), each.models[name]
+    if beside is not None and not model.trouble:
+        other = next(key for key in TESTS if key != each.rests_on)
+        add(f"{name}.{other}.change", _finite(point.shown(beside.estimate)), point.unit, f"by {TESTS[other]}")
+        add(f"{name}.{other}.low", _finite(point.shown(beside.interval[0])), point.unit)
+        add(f"{name}.{other}.high", _finite(point.shown(beside.interval[1])), point.unit)
+        add(f"{name}.{other}.p_within", beside.p_within, "1")
+    if model.movements:
+        add(
+            f"{name}.model.spread",
+            _finite(_scaled(point, model.spread)),
+            point.unit,
+            model.trouble or "of people's changes",
+        )
+    for covariate, coefficient in model.covariates.items():
+        if covariate in ("trial", "trial x condition", "period"):
+            add(f"{name}.model.{covariate.replace(' x ', '_by_')}.p", coefficient.p_value, "1", "mixed model")
+    for doubt in each.certificate.doubts.get(name, ()):
+        key = doubt.what.replace("-", "_").replace(" ", "_")
+        add(f"{name}.{key}.p", doubt.p_value, "1", "0: counted, not tested" if doubt.what == LEFT_OUT else "")
+        add(
+            f"{name}.{key}.change_without",
+            _finite(point.shown(doubt.without.estimate)),
+            point.unit,
+            doubt.without.verdict,
+        )
+        add(f"{name}.{key}.p_within_without", doubt.without.p_within, "1")
+
+
+def _curve_rows(curve: CurveEndPoint, add) -> None:
+    own, head = curve.comparison, f"curve.{curve.quantity}"
+    mean = curve.factor * own.mean
+    add(f"{head}.furthest", float(mean[np.argmax(np.abs(mean))]), curve.unit, f"at {int(np.argmax(np.abs(mean)))} %")
+    add(f"{head}.cluster_p", min((c.p_value for c in own.clusters), default=1.0), "1", "signs of curves")
+    if curve.stated:
+        add(f"{head}.p_within", own.p_within, "1", f"all along, margin {curve.stated}")
+        add(f"{head}.p_beyond", own.p_beyond, "1", "somewhere")
+
+
+def _finite(value: float) -> float | None:
+    return float(value) if np.isfinite(value) else None
