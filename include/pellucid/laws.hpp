@@ -5,6 +5,7 @@
 #include "joint_compensation.hpp"
 #include "position_prediction.hpp"
 #include "residual_compensator.hpp"
+#include "rule_compensation.hpp"
 #include "transparent_compensation.hpp"
 
 namespace pellucid {
@@ -21,7 +22,7 @@ template <template <class> class... L> struct LawList {
   template <template <class...> class Variant, template <class> class W, class S> using any = Variant<W<L<S>>...>;
 };
 
-using Laws = LawList<JointCompensation, ResidualCompensator, PositionPrediction, DirectionalCompensation,
+using Laws = LawList<JointCompensation, ResidualCompensator, PositionPrediction, DirectionalCompensation, RuleCompensation,
                      TransparentCompensation>;
 
 }  // namespace PELLUCID_ABI

@@ -112,9 +112,10 @@ template <class S> S foreseen_acceleration(const TransparentCompensationCoeffici
   return clamp(a, -p.acceleration_limit, p.acceleration_limit);
 }
 
-/// One control period: the torque at the joint [N m].
-template <class S> S step(const TransparentCompensationCoefficients<S>& c, TransparentCompensationState<S>& state,
-                          const Samples<S>& samples) noexcept {
+/// One control period, with `more` of angle and velocity, in N m, beside what drives: the torque at the joint [N m].
+template <class S, class More>
+S compensate(const TransparentCompensationCoefficients<S>& c, TransparentCompensationState<S>& state,
+             const Samples<S>& samples, const More& more) noexcept {
   const TransparentCompensationParams<S>& p = c.params;
   S wanted = S(0);
   if (c.gate.valid) {
@@ -131,7 +132,8 @@ template <class S> S step(const TransparentCompensationCoefficients<S>& c, Trans
       const S felt = state.feedback.smooth - state.feedback.drift;
       const bool sensed = is_heard(samples.interaction);
       const S unknown = step(c.observer, state.observer, left, felt, sensed, c.body.inertia * m.acceleration);
-      const S drive = p.friction_share * lost + p.inertia_share * c.body.inertia * a + fed_back + unknown;
+      const S drive = p.friction_share * lost + p.inertia_share * c.body.inertia * a + fed_back + unknown +
+                      more(m.position, m.velocity);
       wanted = p.gravity_share * weight + p.body.offset +
                step(p.energy_store, state.energy, p.gate.period, drive, m.velocity,
                     friction(c.body.friction, m.velocity, weight)) +
@@ -141,6 +143,12 @@ template <class S> S step(const TransparentCompensationCoefficients<S>& c, Trans
     }
   }
   return guard(c.gate, state.gate, wanted, state.motion.velocity, samples.position);
+}
+
+/// One control period: the torque at the joint [N m].
+template <class S> S step(const TransparentCompensationCoefficients<S>& c, TransparentCompensationState<S>& state,
+                          const Samples<S>& samples) noexcept {
+  return compensate(c, state, samples, [](const S&, const S&) { return S(0); });
 }
 
 template <class S> void reset(TransparentCompensationState<S>& state) noexcept {

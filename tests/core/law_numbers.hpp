@@ -30,6 +30,7 @@ constexpr Typical typical[] = {
     {"preview", 0.01},           {"swing_angle", 0.3},         {"effort_limit", 10},         {"rate_limit", 500},
     {"velocity_limit", 8},       {"position_min", 0},          {"position_max", 2.6},        {"stop_margin", 0.1},
     {"max_age", 0.005},          {"max_repeats", 2},           {"period", 0.001},
+    {"rule_1_2", 0.1},           {"rule_1_4", -0.1},           {"rule_2_3", 0.2},            {"rule_3_6", 0.4},
 };
 
 /// A Params of typical numbers.

@@ -9,6 +9,7 @@ It takes a force sensor, EMG, an oscillator, a disturbance observer or dither, i
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 
 import numpy as np
 
@@ -172,6 +173,12 @@ def with_dither(law: ControlLaw, *, share: float = 2.0, frequency: float = 1000.
     period = law.values["period"]
     steepest = law.values["rate_limit"] * period / (2.0 * math.sin(0.5 * frequency * period))
     return law.changed(dither=min(share * breakaway(law), steepest), dither_frequency=frequency)
+
+
+def with_rules(law: ControlLaw, rules: Mapping[str, float]) -> ControlLaw:
+    """A transparent law that also carries what rules learnt beyond its body; `rules` are the core's numbers by name,
+    SI, as `LearntRules.numbers` gives them."""
+    return ControlLaw("rules", {**LAWS["rules"].defaults, **law.values, **rules}, law.uses)
 
 
 def breakaway(law: ControlLaw) -> float:
