@@ -8,6 +8,7 @@
 #include "hill.hpp"
 #include "kernels.hpp"
 #include "laws.hpp"
+#include "regression_trees.hpp"
 #include "strap.hpp"
 #include "strap_response.hpp"
 #include "supervision.hpp"
@@ -509,6 +510,7 @@ NB_MODULE(_core, m) {
   b::add_driven_tree(m);
   b::add_worn_tree(m);
   b::add_tree_laws(m);
+  b::add_regression_trees(m);
   b::add_zero_phase(m);
 
   nb::module_ math = m.def_submodule("math", "The core's elementary functions, on float64 or float32 arrays.");

@@ -2324,6 +2324,79 @@ class SupervisedTreeLaw:
         Lose a bit of the law's numbers in memory, to test that it is found out.
         """
 
+class SortedRows:
+    """
+    Rows that trees are grown on, sorted by every feature.
+
+    Parameters
+    ----------
+    x : (n, k)
+        Features in single precision, finite.
+    """
+
+    def __init__(self, x: ArrayLike) -> None: ...
+    def grown(
+        self, y: ArrayLike, times: ArrayLike, seed: int, features: int, leaves: int, per_leaf: int, per_split: int
+    ) -> NDArray[float64]:
+        """
+        One tree of least squares.
+
+        Parameters
+        ----------
+        y : (n,)
+            What it is to tell.
+        times : (n,)
+            How often each row counts; 0 leaves it out.
+        seed : int
+            Of the features drawn at each split, 0 to 2^32 - 1.
+        features : int
+            Drawn at each split, 1 to k.
+        leaves : int
+            At most, the best split first; 0: no limit.
+        per_leaf, per_split : int
+            Rows at least in a leaf, and in what is split.
+
+        Returns
+        -------
+        (m, 4)
+            A row per node, parents first: feature, left child, right child, threshold up to which a row goes left; of a
+            leaf -1, -1, -1 and its answer.
+        """
+
+def tree_answers(nodes: ArrayLike, x: ArrayLike) -> NDArray[float64]:
+    """
+    What a tree answers.
+
+    Parameters
+    ----------
+    nodes : (m, 4)
+        As SortedRows.grown gave them.
+    x : (n, k)
+        Features in single precision.
+
+    Returns
+    -------
+    (n,)
+        In the unit of what it was grown for.
+    """
+
+def drawn_rows(shares: ArrayLike, inside: int) -> NDArray[float64]:
+    """
+    Which rows are drawn without replacement, going through them once.
+
+    Parameters
+    ----------
+    shares : (n,)
+        Drawn evenly between 0 and 1.
+    inside : int
+        Rows to be drawn, 0 to n.
+
+    Returns
+    -------
+    (n,)
+        1 for a row that was drawn, 0 for another.
+    """
+
 def zero_phase(sos: ArrayLike, settled: ArrayLike, samples: ArrayLike, padding: int) -> NDArray[float64]:
     """
     A cascade of second-order sections run forwards and backwards over each column: no delay.

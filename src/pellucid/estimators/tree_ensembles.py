@@ -1,22 +1,20 @@
-"""Bagged and boosted trees: scikit-learn's trees, put together as its own ensembles do, in two thirds of their time.
+"""Bagged and boosted trees: scikit-learn's ensembles, their trees grown in the core.
 
-Recordings to be fitted are short, and a tree of one takes a millisecond; what scikit-learn's ensembles do around each
-(copies of an estimator, checks of numbers that were checked, losses that nobody reads) takes half as long again. Draws
-and results are theirs: tests hold them against each other.
+Recordings to be fitted are short, and dozens of ensembles choose among features and settings. scikit-learn sorts the
+rows of every node anew; the core sorts them once for all trees of an ensemble. Draws and results are scikit-learn's:
+tests hold them against each other.
 """
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
-from sklearn import config_context
 from sklearn.base import BaseEstimator, RegressorMixin
-from sklearn.tree import DecisionTreeRegressor
 from sklearn.utils.validation import check_is_fitted, validate_data
 
+from .._core import SortedRows, drawn_rows, tree_answers
+
 SEEDS = np.iinfo(np.int32).max
-"""Below which the seed of each bagged tree is drawn."""
+"""Below which seeds are drawn: of each bagged tree, and of the features at its splits."""
 
 
 class _Trees(RegressorMixin, BaseEstimator):
@@ -25,6 +23,15 @@ class _Trees(RegressorMixin, BaseEstimator):
     def _rows(self, X: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         X, y = validate_data(self, X, y, dtype=np.float32, y_numeric=True)
         return X, np.asarray(y, float)
+
+    def _settings(self, X: np.ndarray, per_split: int = 2, leaves: int = 0) -> dict[str, int]:
+        """What each tree is grown with."""
+        return {
+            "features": X.shape[1] if self.max_features is None else max(1, int(self.max_features * X.shape[1])),
+            "leaves": leaves,
+            "per_leaf": self.min_samples_leaf,
+            "per_split": max(per_split, 2 * self.min_samples_leaf),
+        }
 
     def _seen(self, X: np.ndarray) -> np.ndarray:
         check_is_fitted(self)
@@ -52,17 +59,14 @@ class BaggedTrees(_Trees):
         """Grow the trees of `X`, shape (n, k), for `y`, shape (n,)."""
         X, y = self._rows(X, y)
         seeds, draws, n = np.random.RandomState(self.random_state), np.random.RandomState(), len(y)
+        rows, settings = SortedRows(X), self._settings(X, self.min_samples_split)
         self.trees_ = []
         for _ in range(self.n_estimators):
             seed = seeds.randint(SEEDS)
             draws.seed(seed)
             times = np.bincount(draws.randint(0, n, n), minlength=n)
             draws.seed(seed)
-            tree = DecisionTreeRegressor(
-                min_samples_leaf=self.min_samples_leaf, min_samples_split=self.min_samples_split,
-                max_features=self.max_features, random_state=draws,
-            )  # fmt: skip
-            self.trees_.append(_grown(tree, X, y, times))
+            self.trees_.append(rows.grown(y, times, draws.randint(SEEDS), **settings))
         return self
 
     def predict(self, X: np.ndarray) -> np.ndarray:
@@ -70,7 +74,7 @@ class BaggedTrees(_Trees):
         X = self._seen(X)
         total = np.zeros(len(X))
         for tree in self.trees_:
-            total += tree.predict(X)[:, 0]
+            total += tree_answers(tree, X)
         return total / len(self.trees_)
 
 
@@ -99,18 +103,14 @@ class BoostedTrees(_Trees):
         """Grow the trees of `X`, shape (n, k), for `y`, shape (n,)."""
         X, y = self._rows(X, y)
         draws, n = np.random.RandomState(self.random_state), len(y)
+        rows, settings = SortedRows(X), self._settings(X, leaves=self.max_leaf_nodes)
         inside = max(1, int(self.subsample * n))
         self.offset_ = float(np.average(y[:, None], axis=0, weights=np.ones(n))[0])
         reached, self.trees_ = np.full(n, self.offset_), []
         for _ in range(self.n_estimators):
-            drawn = _drawn(n, inside, draws) if self.subsample < 1.0 else slice(None)
-            tree = DecisionTreeRegressor(
-                max_leaf_nodes=self.max_leaf_nodes, min_samples_leaf=self.min_samples_leaf,
-                max_features=self.max_features, random_state=draws,
-            )  # fmt: skip
-            left = y - reached
-            self.trees_.append(_grown(tree, X[drawn], left[drawn]))
-            reached += self.learning_rate * self.trees_[-1].predict(X)[:, 0]
+            times = drawn_rows(draws.uniform(size=n), inside) if self.subsample < 1.0 else np.ones(n)
+            self.trees_.append(rows.grown(y - reached, times, draws.randint(SEEDS), **settings))
+            reached += self.learning_rate * tree_answers(self.trees_[-1], X)
         return self
 
     def predict(self, X: np.ndarray) -> np.ndarray:
@@ -118,20 +118,5 @@ class BoostedTrees(_Trees):
         X = self._seen(X)
         reached = np.full(len(X), self.offset_)
         for tree in self.trees_:
-            reached += self.learning_rate * tree.predict(X)[:, 0]
+            reached += self.learning_rate * tree_answers(tree, X)
         return reached
-
-
-def _grown(tree: DecisionTreeRegressor, x: np.ndarray, y: np.ndarray, times: np.ndarray | None = None) -> Any:
-    """What the estimator holds once fitted to rows that were checked, each counted so many `times`."""
-    with config_context(assume_finite=True, skip_parameter_validation=True):
-        return tree.fit(x, y, sample_weight=times, check_input=False).tree_
-
-
-def _drawn(n: int, inside: int, draws: np.random.RandomState) -> np.ndarray:
-    """`inside` of `n` rows, each as likely, in their order."""
-    kept, rows = [], draws.uniform(size=n).tolist()
-    for i, share in enumerate(rows):
-        if share * (n - i) < inside - len(kept):
-            kept.append(i)
-    return np.array(kept)
