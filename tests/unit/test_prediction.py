@@ -190,10 +190,10 @@ def test_a_law_without_equation_8_does_not_hang_on_its_exponents(cards):
 
 def test_ranges_are_those_of_people_or_half_to_double():
     rig = elbow_participants()
-    spread = rig.changed({"muscles.stiffness": [20.0, 5.0]})
-    by_name = {f.name: f for f in factors_of(spread)}
+    differ = replace(rig, tables={**rig.tables, "muscles": {**rig["muscles"], "stiffness_spread": 0.25}})
+    by_name = {f.name: f for f in factors_of(differ)}
     assert by_name["stiffness"].spread
-    assert (by_name["stiffness"].at(0.0), by_name["stiffness"].at(1.0)) == pytest.approx((13.59, 26.41), abs=0.01)
+    assert (by_name["stiffness"].at(0.0), by_name["stiffness"].at(1.0)) == pytest.approx((3.63, 6.89), abs=0.01)
     own = {f.name: f for f in factors_of(rig)}["stiffness"]
     assert [own.at(u) for u in (0.0, 0.5, 1.0)] == pytest.approx([2.5, 5.0, 10.0])
 

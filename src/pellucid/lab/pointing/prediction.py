@@ -19,6 +19,7 @@ from scipy.stats import qmc
 
 from ..._errors import PellucidError
 from ..._processes import in_order
+from ...control.elbow_controllers import ELBOW_CONTROLLERS
 from ..elbow.rig import ElbowRig
 from .conditions import Cards, chosen_exponents, condition_of, identified_cards, offered
 from .people import Person, draw_people
@@ -68,7 +69,7 @@ class Worn:
     robot: str
     model: int
     friction: float
-    exponents: Exponents
+    exponents: Exponents | None  # None where no law has any
     chosen: bool  # Whether testers on this robot chose them
     values: np.ndarray  # (laws, people, indices) In the order of `INDICES`
     movements: int  # All that were made, those of the testers left out
@@ -252,7 +253,10 @@ def _worn(
     """A robot is identified, and everybody wears it under every law."""
     begun, rig = time.process_time(), drawn.rig
     cards = identified_cards(rig.robot, seed=seed[-1])
-    k = drawn.exponents or chosen_exponents(rig, cards, seed=seed)[0]
+    k = drawn.exponents
+    chosen = k is None and any(ELBOW_CONTROLLERS[name].exponents for name in controllers.values())
+    if chosen:
+        k = chosen_exponents(rig, cards, seed=seed)[0]
     ready = time.process_time()
     values = [
         [
@@ -264,12 +268,11 @@ def _worn(
     count = movements * len(people) * len(controllers)
     spent = time.process_time() - ready
     return Worn(
-        rig.robot.name, drawn.model, drawn.friction, k, drawn.exponents is None, np.array(values), count, spent,
-        ready - begun,
+        rig.robot.name, drawn.model, drawn.friction, k, chosen, np.array(values), count, spent, ready - begun,
     )  # fmt: skip
 
 
-def law_of(cards: Cards, controller: str, exponents: Exponents, rig: PointingRig, person: Person) -> RobotLaw:
+def law_of(cards: Cards, controller: str, exponents: Exponents | None, rig: PointingRig, person: Person) -> RobotLaw:
     """A controller of an identified robot for whoever wears it; what its card refuses, as it is offered."""
     return condition_of(cards, offered(cards, controller), exponents=exponents)(person, person.slider(rig))
 

@@ -19,7 +19,6 @@ from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 from importlib.util import find_spec
 from types import ModuleType
-from typing import Any
 
 import numpy as np
 
@@ -43,16 +42,22 @@ FRICTION_OF_ROBOT, UPWARDS, DOWNWARDS = "friction", "k upwards", "k downwards"
 SHOWN = ("duration_median", "vmax", "emg_per_acc")
 """Of `INDICES`, whose changes are looked at; means of durations that were cut off would show where."""
 
-OF_PEOPLE = {
-    "stiffness": "muscles.stiffness",
-    "damping": "muscles.damping",
-    "co-contraction": "muscles.cocontraction",
-    "reflex stiffness": "muscles.reflex_stiffness",
-    "visual delay": "vision.delay",
-    "tolerance": "vision.tolerance",
-    "strap": "robot.strap_stiffness",
-}
-"""Constants of a rig's file by what they are called; a file has those that its model of people knows."""
+OF_PEOPLE = (
+    ("stiffness", "muscles.stiffness"),
+    ("posture stiffness", "impedance.posture_stiffness"),
+    ("movement stiffness", "impedance.movement_stiffness"),
+    ("damping", "muscles.damping"),
+    ("posture damping", "impedance.posture_damping_ratio"),
+    ("co-contraction", "muscles.cocontraction"),
+    ("co-contraction", "cocontraction.cocontraction"),
+    ("co-contraction's rise", "cocontraction.cocontraction_rise"),
+    ("reflex stiffness", "muscles.reflex_stiffness"),
+    ("visual delay", "vision.delay"),
+    ("tolerance", "vision.tolerance"),
+    ("tolerance", "vision.tolerance_share"),
+    ("strap", "robot.strap_stiffness"),
+)
+"""What may decide, and where a rig's file says it; each model of people has some of them."""
 
 
 @dataclass(frozen=True)
@@ -63,7 +68,7 @@ class Factor:
     low: float  # low, high: In the unit of the rig's file
     high: float
     path: str = ""  # Of the constant in the rig's file
-    spread: bool = False  # Whether the file has a mean and a spread there
+    spread: bool = False  # Whether people differ in it, by the file: not while it is moved
     logarithmic: bool = False
 
     def at(self, level: float) -> float:
@@ -97,17 +102,14 @@ def factors_of(rig: PointingRig, friction: tuple[float, float] = FRICTION) -> tu
     """What may decide in a rig: its people's constants, where 80 % of people lie or from half to double, the robot's
     friction over its own, k of equation 8, and chance."""
     found = []
-    for name, path in OF_PEOPLE.items():
+    for name, path in OF_PEOPLE:
         table, key = path.split(".")
-        if key not in rig[table]:
+        value = rig.tables.get(table, {}).get(key)
+        if not value:
             continue
-        value = rig[table][key]
-        if isinstance(value, list):
-            mean, spread = value
-            least = max(mean - MIDDLE * spread, 0.2 * mean)
-            found.append(Factor(name, least, mean + MIDDLE * spread, path, spread=True))
-        elif value:
-            found.append(Factor(name, 0.5 * value, 2.0 * value, path, logarithmic=True))
+        spread = rig[table].get(f"{key}_spread")
+        factor = 2.0 if spread is None else float(np.exp(MIDDLE * spread))
+        found.append(Factor(name, value / factor, value * factor, path, spread is not None, logarithmic=True))
     return (
         *found,
         Factor(FRICTION_OF_ROBOT, *friction, logarithmic=True),
@@ -188,9 +190,8 @@ def _effects(
 ) -> np.ndarray:
     """100 ln(worn over control), shape (laws, indices), at one point of the grid; of people, movements and noise that
     are the same at every other but for chance."""
-    set_to: dict[str, Any] = {
-        f.path: [f.at(u), 0.0] if f.spread else f.at(u) for f, u in zip(factors, point, strict=True) if f.path
-    }
+    set_to = {f.path: f.at(u) for f, u in zip(factors, point, strict=True) if f.path}
+    set_to |= {f"{f.path}_spread": 0.0 for f in factors if f.spread}
     robot = with_friction(rig.robot, _value(factors, point, FRICTION_OF_ROBOT, 1.0))
     rig = replace(rig.changed(set_to, rig.name), robot=robot)
     k = (_value(factors, point, UPWARDS, -1.0), _value(factors, point, DOWNWARDS, -1.0))

@@ -1,0 +1,66 @@
+"""People on robots spread over a Dask cluster: `pellucid predict --scheduler`, with one worker and with two.
+
+A tenth of 100 people x 100 robots x 12 movements each way: as many pairs as a lab would look at, on a cluster of this
+machine's own processors. Beside the time stands what processors spent, since a machine that does other things as well
+tells little by its clock; the same seed gives the same figures, which is checked.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+
+import numpy as np
+
+from pellucid.assessment.cluster import cluster
+from pellucid.lab.pointing.prediction import Prediction, predict_effects
+from pellucid.lab.pointing.rig import elbow_participants
+from pellucid.recordings.results import ResultRow
+
+PEOPLE, ROBOTS, MOVEMENTS = 10, 10, 12
+LAW = {"CLPC": "clpc"}
+WORKERS = (1, 2)
+
+
+def predicted(workers: int) -> tuple[Prediction, float]:
+    """The prediction on so many workers, and how long they took, once they were there [s]."""
+    from distributed import LocalCluster
+
+    local = LocalCluster(n_workers=workers, threads_per_worker=1, dashboard_address=None, silence_logs=50)
+    with local, cluster(local.scheduler_address) as executor:
+        # Libraries are loaded before the clock runs.
+        list(executor.map(_loaded, range(4 * workers)))
+        begun = time.perf_counter()
+        made = predict_effects(
+            [elbow_participants()], people=PEOPLE, robots=ROBOTS, movements=MOVEMENTS, controllers=LAW,
+            executor=executor,
+        )  # fmt: skip
+        return made, time.perf_counter() - begun
+
+
+def _loaded(i: int) -> int:
+    elbow_participants()
+    time.sleep(0.2)
+    return i
+
+
+def rows() -> Iterator[ResultRow]:
+    """Time and processor time of the same prediction on one worker and on two."""
+    made = {workers: predicted(workers) for workers in WORKERS}
+    one, two = (made[workers][0] for workers in WORKERS)
+    note = f"{ROBOTS} robots x {PEOPLE} people, {two.movements} movements under {', '.join(LAW)}"
+    seconds = {workers: found[1] for workers, found in made.items()}
+    spent = {workers: found[0].cpu + sum(w.cpu_before for w in found[0].worn) for workers, found in made.items()}
+    for workers in WORKERS:
+        yield _row(f"wall_{workers}", seconds[workers], "s", f"{workers} workers; {note}")
+        yield _row(f"cpu_{workers}", spent[workers], "s", f"{workers} workers, identifications too")
+        yield _row(f"used_{workers}", spent[workers] / seconds[workers], "1", "processors that were used, of all")
+    yield _row("speed_up", seconds[1] / seconds[2], "1", "two workers over one, by the clock; 2 on an idle machine")
+    yield _row("movements_per_cpu_second", two.movements / two.cpu, "1/s", "without identifications")
+    yield _row("identification", sum(w.cpu_before for w in two.worn) / len(two.worn), "s", "processor time of a robot")
+    same = np.array_equal(one.values, two.values)
+    yield _row("same", float(same), "1", "1: both gave the same to the bit")
+
+
+def _row(name: str, value: float, unit: str, note: str) -> ResultRow:
+    return ResultRow(f"cluster.prediction.{name}", value, unit, "evidence", "simulated", note=note)
