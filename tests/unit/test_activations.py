@@ -12,6 +12,7 @@ from pellucid.estimators.assisted import bounded_quadratic
 from pellucid.estimators.hill import fit_hill
 from pellucid.estimators.unrecorded import (
     Filling,
+    OneJoint,
     Trust,
     assisted_muscles,
     choose_trust,
@@ -72,12 +73,13 @@ def leg():
         patch.setattr(made_muscles, "envelopes", grouped)
         first = made_muscles.trial("first", seed=1)
         second = made_muscles.trial("second", seed=2, heldout=True)
-    return fit_hill([first], weights=(0.01,)), first, second
+    return OneJoint(fit_hill([first], weights=(0.01,))), {"knee": first}, {"knee": second}
 
 
 def study(folder, leg, *, more="", use="validate"):
     folder.mkdir()
-    for trial in leg[1:]:
+    for across in leg[1:]:
+        trial = next(iter(across.values()))
         columns = {"time": trial.time, **trial.angles, "moment": trial.torque, **trial.envelopes}
         np.savetxt(
             folder / f"{trial.name}.csv", np.column_stack(list(columns.values())), delimiter=",",
@@ -86,6 +88,10 @@ def study(folder, leg, *, more="", use="validate"):
     channels = "\n".join(f'emg.{m} = {{ column = "{m}", unit = "1" }}' for m in made_muscles.MUSCLES)
     (folder / "study.toml").write_text(STUDY.format(channels=channels, more=more, use=use), encoding="utf-8")
     return open_study(folder)
+
+
+def moved_by(across, torque):
+    return {joint: replace(trial, torque=trial.torque + torque) for joint, trial in across.items()}
 
 
 @pytest.mark.parametrize("joints", [1, 2])
@@ -103,14 +109,14 @@ def test_each_sample_is_solved_as_bounded_least_squares_would(joints):
 
 def test_trust_leads_from_the_torque_to_the_emg(leg):
     fitted, first, second = leg
-    muscles, own = assisted_muscles(fitted, replace(second, torque=second.torque + 5.0), scale_of([first]))
+    muscles, own = assisted_muscles(fitted, moved_by(second, 5.0), scale_of([first]))
     moved, missed = [], []
     for trust in (1e-3, 1.0, 1e6):
         a = muscles.assisted(trust=trust, effort=1.0)
         assert a.min() >= 0.0
         assert a.max() <= 1.0
         moved.append(float(np.abs(a - muscles.recorded)[:, own].max()))
-        missed.append(float(np.sqrt(np.mean((muscles.torque(a)[0, own] - second.torque - 5.0) ** 2))))
+        missed.append(float(np.sqrt(np.mean((muscles.torque(a)[0, own] - second["knee"].torque - 5.0) ** 2))))
     assert moved[0] > moved[1] > moved[2]
     assert moved[2] < 1e-4
     assert missed[0] < missed[1] < missed[2]
@@ -119,7 +125,7 @@ def test_trust_leads_from_the_torque_to_the_emg(leg):
 def test_the_force_at_once_is_the_force_of_the_muscle(leg):
     fitted, first, second = leg
     muscles, own = assisted_muscles(fitted, second, scale_of([first]))
-    assert muscles.torque(muscles.recorded)[0, own] == pytest.approx(fitted.predict(second), abs=1e-6)
+    assert muscles.torque(muscles.recorded)[0, own] == pytest.approx(fitted.predict(second)["knee"], abs=1e-6)
 
 
 def test_synergies_and_a_linear_map_fill_in_what_moves_in_groups(leg):
@@ -136,12 +142,13 @@ def test_synergies_and_a_linear_map_fill_in_what_moves_in_groups(leg):
 
 def test_an_electrode_taken_away_is_not_looked_at(leg):
     fitted, first, second = leg
-    spoilt = replace(second, envelopes={**second.envelopes, "vastus_lateralis": np.ones(len(second))})
+    knee = second["knee"]
+    spoilt = {"knee": replace(knee, envelopes={**knee.envelopes, "vastus_lateralis": np.ones(len(knee))})}
     for way in ("synergies", "linear", "pattern", "rest"):
-        made = [Filling([first]).without(t, ("vastus_lateralis",), way).envelopes for t in (second, spoilt)]
+        made = [Filling([first]).without(t, ("vastus_lateralis",), way)["knee"].envelopes for t in (second, spoilt)]
         assert np.array_equal(made[0]["vastus_lateralis"], made[1]["vastus_lateralis"])
     _, lost = removable(fitted, second)["vastus_lateralis"]
-    assert {fitted.muscles[i] for i in lost} == {"vastus_lateralis", "vastus_intermedius"}
+    assert {list(fitted.driven)[i] for i in lost} == {"vastus_lateralis", "vastus_intermedius"}
     told = [
         assisted_muscles(fitted, t, scale_of([first]))[0].assisted(lost, trust=10.0, effort=1.0)
         for t in (second, spoilt)
@@ -164,7 +171,7 @@ def test_a_study_has_activations_tables_and_a_page(tmp_path, leg):
     assert any("no evidence" in verdict.said for verdict in found.verdicts)
     found.save(opened)
     table = np.loadtxt(opened.folder / "tables" / "activations_knee_second.csv", delimiter=",", skiprows=1)
-    assert table.shape[0] == len(leg[2])
+    assert table.shape[0] == len(leg[2]["knee"])
     drawn = {drawing.name for section in page(opened, found).sections for drawing in section.drawings}
     assert drawn == {"ways_1", "taken_away_1", "activations_1"}
 
@@ -195,3 +202,43 @@ def test_nothing_to_judge_is_refused(tmp_path, leg):
     (opened.folder / "study.toml").write_text(text, encoding="utf-8")
     with pytest.raises(PellucidError, match="expected one to fit and one to judge"):
         activations(open_study(opened.folder))
+
+
+def walking_leg(folder):
+    """A study of knee and ankle, whose torques one set of muscles made."""
+    folder.mkdir()
+    for name, seed in (("first", 1), ("second", 2)):
+        across = made_muscles.across(name, seconds=5.0, seed=seed, noise=0.5)
+        trial = across["knee"]
+        columns = {"time": trial.time, **trial.angles, **{f"moment_{j}": t.torque for j, t in across.items()}}
+        columns |= trial.envelopes
+        np.savetxt(
+            folder / f"{name}.csv", np.column_stack(list(columns.values())), delimiter=",", header=",".join(columns),
+            comments="", fmt="%.6g",
+        )  # fmt: skip
+    channels = [f'emg.{m} = {{ column = "{m}", unit = "1" }}' for m in made_muscles.LEG]
+    channels += ['angle.ankle = { column = "ankle", unit = "rad" }']
+    channels += ['moment.ankle = { column = "moment_ankle", unit = "N*m" }']
+    text = STUDY.format(channels="\n".join(channels), more="trust = 30\neffort = 3", use="validate")
+    text = text.replace('column = "moment"', 'column = "moment_knee"').replace('["knee"]', '["knee", "ankle"]')
+    (folder / "study.toml").write_text(text, encoding="utf-8")
+    return open_study(folder)
+
+
+def test_muscles_of_two_joints_are_one_calibration(tmp_path):
+    opened = walking_leg(tmp_path / "leg")
+    found = activations(opened)
+    rows = {row.id: row for row in found.rows}
+    for joint in ("knee", "ankle"):
+        assert rows[f"leg.together.{joint}.second.emg_driven.r2"].value > 0.95
+        assert rows[f"leg.together.{joint}.second.emg_driven.r2"].split == "heldout"
+    (one,) = found.recordings
+    assert one.muscles.count("gastrocnemius_medialis") == 1
+    assert {each.channel for _, each in found.left_out} >= {"soleus", "gastrocnemius_medialis", "vastus_lateralis"}
+    told = next(e for _, e in found.left_out if e.channel == "gastrocnemius_medialis" and e.torque is not None)
+    assert set(told.torque) == {"knee", "ankle"}
+    found.save(opened)
+    heads = (opened.folder / "tables" / "activations_together_second.csv").read_text().partition("\n")[0].split(",")
+    assert heads[1:7] == [f"{x}_{j}_Nm" for j in ("knee", "ankle") for x in ("torque", "emg_driven", "assisted")]
+    drawn = {drawing.name: drawing for section in page(opened, found).sections for drawing in section.drawings}
+    assert set(drawn) == {"ways_1", "taken_away_1", "activations_1"}

@@ -15,10 +15,12 @@ from functools import cached_property
 import numpy as np
 
 from .._errors import IdentificationError
+from ..fit.muscles.muscle_calibration import MuscleFit, MuscleSamples
 from .assisted import AssistedMuscles
 from .cross_validation import Fold, Score, block_folds, grouped_folds, score
 from .features import derivatives
 from .hill import HillMap
+from .hill_together import Across, HillTogether
 from .muscle_source import ALIASES
 from .muscle_trials import warm
 from .ridge import Ridge
@@ -74,33 +76,72 @@ class FilledIn:
     muscle: str
     r2: float  # r2, correlation: Of its activation, about what its own EMG gives
     correlation: float
-    torque: Score | None  # That EMG-driven muscles then predict; None where the way is told it
+    # That EMG-driven muscles then predict, by joint; None where the way is told it
+    torque: Mapping[str, Score] | None
     recorded: np.ndarray  # recorded, filled: (n,) Activation by its own EMG, and filled in
     filled: np.ndarray
 
 
-def assisted_muscles(fitted: HillMap, trial: TorqueTrial, scale: float) -> tuple[AssistedMuscles, slice]:
-    """A trial as calibrated muscles see it, and where its own samples lie; `scale` [N m]."""
+@dataclass(frozen=True, eq=False)
+class OneJoint:
+    """Muscles of a single joint, asked as those of several are."""
+
+    alone: HillMap
+
+    @property
+    def joints(self) -> tuple[str, ...]:
+        """The one."""
+        return (self.alone.joint,)
+
+    @property
+    def fit(self) -> MuscleFit:
+        """Its muscles, calibrated."""
+        return self.alone.fit
+
+    @property
+    def driven(self) -> Mapping[str, tuple[str, ...]]:
+        """EMG channels, by muscle."""
+        return self.alone.driven
+
+    def samples(self, trial: Across) -> tuple[MuscleSamples, slice]:
+        """A recording as these muscles see it, and where its own samples lie."""
+        return self.alone.samples(trial[self.alone.joint])
+
+    def predict(self, trial: Across) -> dict[str, np.ndarray]:
+        """Its torque, shape (n,) [N m]."""
+        return {self.alone.joint: self.alone.predict(trial[self.alone.joint])}
+
+
+Calibrated = OneJoint | HillTogether
+"""Muscles of one joint, or of several at once."""
+
+
+def assisted_muscles(fitted: Calibrated, trial: Across, scale: np.ndarray) -> tuple[AssistedMuscles, slice]:
+    """A recording as calibrated muscles see it, and where its own samples lie; `scale` (j,) [N m]."""
     samples, own = fitted.samples(trial)
-    muscles = fitted.fit.muscles
-    bare = AssistedMuscles(muscles, samples, np.zeros((1, len(samples.torque))), np.array([scale]))
-    tissue = fitted.fit.predict(samples)[None, :] - bare.torque(bare.recorded)
+    count = samples.torque.shape[-1]
+    bare = AssistedMuscles(fitted.fit.muscles, samples, np.zeros((len(scale), count)), scale)
+    tissue = fitted.fit.predict(samples).reshape(-1, count) - bare.torque(bare.recorded)
     return replace(bare, tissue=tissue), own
 
 
-def removable(fitted: HillMap, trial: TorqueTrial) -> dict[str, tuple[str, tuple[int, ...]]]:
+def removable(fitted: Calibrated, trial: Across) -> dict[str, tuple[str, tuple[int, ...]]]:
     """Channels that may be taken away: the muscle below each, and all it drives, be it in part, by place."""
-    driven = trial.muscles.driven(trial.joint, trial.envelopes)
     found = {}
-    for channel in trial.envelopes:
+    for channel in _one(trial).envelopes:
         muscle = ALIASES.get(channel, channel)
-        lost = tuple(i for i, name in enumerate(fitted.muscles) if channel in driven[name])
-        if muscle in fitted.muscles and lost:
+        lost = tuple(i for i, channels in enumerate(fitted.driven.values()) if channel in channels)
+        if muscle in fitted.driven and lost:
             found[channel] = muscle, lost
     return found
 
 
-def choose_trust(fitted: HillMap, trials: Sequence[TorqueTrial]) -> Trust:
+def _one(trial: Across) -> TorqueTrial:
+    """A recording's trial at one of the joints: EMG and angles are the same for all."""
+    return next(iter(trial.values()))
+
+
+def choose_trust(fitted: Calibrated, trials: Sequence[Across]) -> Trust:
     """The trust and the effort with which muscles taken away from what was fitted are told best."""
     scale = scale_of(trials)
     seen = [(trial, *assisted_muscles(fitted, trial, scale)) for trial in trials]
@@ -109,42 +150,43 @@ def choose_trust(fitted: HillMap, trials: Sequence[TorqueTrial]) -> Trust:
         for effort in EFFORTS:
             missed = 0.0
             for trial, muscles, own in seen:
+                kept = warm(_one(trial))
                 for muscle, lost in removable(fitted, trial).values():
-                    at = fitted.muscles.index(muscle)
+                    at = list(fitted.driven).index(muscle)
                     told = muscles.assisted(lost, trust=trust, effort=effort)[at, own]
                     truth = muscles.recorded[at, own]
-                    missed += float(np.sum((told - truth)[warm(trial) :] ** 2) / np.sum(truth[warm(trial) :] ** 2))
+                    missed += float(np.sum((told - truth)[kept:] ** 2) / np.sum(truth[kept:] ** 2))
             best = min(best, (missed, Trust(trust, effort)), key=lambda each: each[0])
     return best[1]
 
 
-def scale_of(trials: Sequence[TorqueTrial]) -> float:
-    """Standard deviation of the torque that is fitted [N m]."""
-    return float(np.std(np.concatenate([trial.torque for trial in trials])))
+def scale_of(trials: Sequence[Across]) -> np.ndarray:
+    """Standard deviation of each joint's torque that is fitted, (j,) [N m]."""
+    return np.array([np.std(np.concatenate([trial[joint].torque for trial in trials])) for joint in trials[0]])
 
 
 def filled_in(
-    fitted: HillMap,
-    trials: Sequence[TorqueTrial],
-    judged: Sequence[TorqueTrial],
+    fitted: Calibrated,
+    trials: Sequence[Across],
+    judged: Sequence[Across],
     trust: Trust,
     lost: Sequence[str] = (),
 ) -> list[FilledIn]:
     """Every electrode taken away in turn from the recordings that judge, and every way to do without it; of those that
     were `lost` nothing is known there."""
-    if any(trial.heldout for trial in trials):
+    if any(_one(trial).heldout for trial in trials):
         raise IdentificationError("filling in: found a held-out trial to fit, expected it to judge")
     scale, filling, found = scale_of(trials), Filling(trials), []
     for trial in judged:
         # What came before a recording is not filled in: all ways begin with it.
-        trial = replace(trial, lead={})
+        trial = {joint: replace(own, lead={}) for joint, own in trial.items()}
         muscles, own = assisted_muscles(fitted, trial, scale)
-        kept = slice(warm(trial), None)
+        kept = slice(warm(_one(trial)), None)
         truth = muscles.recorded
         for channel, (muscle, its_own) in removable(fitted, trial).items():
             if channel in lost:
                 continue
-            at = fitted.muscles.index(muscle)
+            at = list(fitted.driven).index(muscle)
             for way in WAYS:
                 torque, plain = None, way.removesuffix("_assisted")
                 if way in ("assisted", "static"):
@@ -159,18 +201,19 @@ def filled_in(
                         told = seen.assisted(trust=trust.trust, effort=trust.effort)[at, part]
                     else:
                         told = seen.recorded[at, part]
-                        torque = score(trial.torque[kept], fitted.predict(without)[kept])
+                        made = fitted.predict(without)
+                        torque = {j: score(trial[j].torque[kept], made[j][kept]) for j in fitted.joints}
                 a, b = truth[at, own][kept], told[kept]
                 together = float(np.corrcoef(a, b)[0, 1]) if np.std(a) > 0.0 and np.std(b) > 0.0 else 0.0
-                found.append(FilledIn(way, channel, trial.name, muscle, determined(a, b), together, torque, a, b))
+                found.append(FilledIn(way, channel, _one(trial).name, muscle, determined(a, b), together, torque, a, b))
     return found
 
 
 class Filling:
     """Envelopes of muscles whose electrodes are lost, from what trials to fit had of them and the others."""
 
-    def __init__(self, trials: Sequence[TorqueTrial]):
-        self._trials = tuple(trials)
+    def __init__(self, trials: Sequence[Across]):
+        trials = self._trials = tuple(map(_one, trials))
         self.channels = tuple(trials[0].envelopes)
         known = np.concatenate([np.column_stack([t.envelopes[n] for n in self.channels]) for t in trials])
         top = known.max(axis=0)
@@ -184,15 +227,15 @@ class Filling:
         """Whether there are muscles enough for synergies."""
         return len(self.channels) > FEWEST
 
-    def without(self, trial: TorqueTrial, lost: Sequence[str], way: str = "synergies") -> TorqueTrial:
-        """A trial whose `lost` channels are filled in; their own EMG there is not looked at."""
+    def without(self, trial: Across, lost: Sequence[str], way: str = "synergies") -> dict[str, TorqueTrial]:
+        """A recording whose `lost` channels are filled in; their own EMG there is not looked at."""
         unknown = [channel for channel in lost if channel not in self.channels]
         if unknown or set(lost) >= set(self.channels):
             raise IdentificationError(
                 f"filling in {', '.join(lost)}: found EMG of {', '.join(self.channels)} in what is fitted, expected "
                 f"{', '.join(unknown) or 'one more'} there"
             )
-        seen = [i for i, name in enumerate(self.channels) if name not in lost]
+        seen, across, trial = [i for i, name in enumerate(self.channels) if name not in lost], trial, _one(trial)
         x = np.column_stack([trial.envelopes[n] if n not in lost else np.zeros(len(trial)) for n in self.channels])
         x = np.maximum(x, 0.0) / self._top
         made = {}
@@ -207,7 +250,7 @@ class Filling:
             else:
                 envelope = self._synergies(at, tuple(seen)).rebuilt(x, seen)[:, at] * self._top[at]
             made[channel] = np.maximum(envelope, 0.0)
-        return replace(trial, envelopes={**trial.envelopes, **made}, lead={})
+        return {j: replace(own, envelopes={**own.envelopes, **made}, lead={}) for j, own in across.items()}
 
     def _linear(self, at: int, seen: tuple[int, ...]) -> Ridge:
         x, y = self._known[:, seen], self._known[:, at]

@@ -33,17 +33,20 @@ def torque_and_activations(each: AssistedRecording, name: str, caption: str) -> 
     part = _middle(len(each.time), fs)
     time, count = each.time[part], len(each.muscles)
     rows = (count + 1) // 2
-    figure = Figure(figsize=(FIGURE_WIDTH, 2.6 + 0.95 * rows), layout="constrained")
-    grid = figure.add_gridspec(rows + 1, 2, height_ratios=(2.2, *([1.0] * rows)))
-    top = figure.add_subplot(grid[0, :])
-    line(top, time, each.torque[part], color=colour("measured"), linewidth=2.2, alpha=0.6)
-    line(top, time, each.driven[part], color=colour("fitted"), linewidth=1.2)
-    line(top, time, each.followed[part], color=colour("heldout"), linewidth=1.2)
-    tidy(top, first=True, text="Torque (N·m)")
+    tops, joints = len(each.torque), tuple(each.torque)
+    figure = Figure(figsize=(FIGURE_WIDTH, 0.5 + 2.1 * tops + 0.95 * rows), layout="constrained")
+    grid = figure.add_gridspec(rows + tops, 2, height_ratios=(*([2.2] * tops), *([1.0] * rows)))
+    top = None
+    for k, joint in reversed(list(enumerate(joints))):
+        top = figure.add_subplot(grid[k, :], sharex=top)
+        line(top, time, each.torque[joint][part], color=colour("measured"), linewidth=2.2, alpha=0.6)
+        line(top, time, each.driven[joint][part], color=colour("fitted"), linewidth=1.2)
+        line(top, time, each.followed[joint][part], color=colour("heldout"), linewidth=1.2)
+        tidy(top, first=True, text="Torque (N·m)" if tops == 1 else f"{joint.replace('_', ' ').capitalize()} (N·m)")
     names = (("measured", "measured"), ("EMG-driven", "fitted"), ("assisted: told it", "heldout"))
     key(top, [(text, colour(tone)) for text, tone in names], room=0.15)
     for i, muscle in enumerate(each.muscles):
-        axis = figure.add_subplot(grid[1 + i // 2, i % 2], sharex=top)
+        axis = figure.add_subplot(grid[tops + i // 2, i % 2], sharex=top)
         line(axis, time, each.by_emg[i, part], color=colour("fitted"), linewidth=1.2)
         line(axis, time, each.activation[i, part], color=colour("heldout"), linewidth=1.0)
         tidy(axis, first=True, ticks=3)

@@ -27,7 +27,7 @@ def page(study: Study, found: ActivationsResult) -> Page:
                 "beyond it.",
             )
         )  # fmt: skip
-        first = next(each for each in found.recordings if each.joint == joint)
+        first = next(each for each in found.recordings if each.what == joint)
         fs = (len(first.time) - 1) / (first.time[-1] - first.time[0])
         judged.append(
             draw(
@@ -41,8 +41,8 @@ def page(study: Study, found: ActivationsResult) -> Page:
         shown.append(
             draw(
                 figures.torque_and_activations, each, f"activations_{i}",
-                f"{each.joint}, {each.recording.replace('_', ' ')}: the torque, and what muscles do by their EMG "
-                "(blue) and so that the torque follows (orange).",
+                f"{' and '.join(each.torque)}, {each.recording.replace('_', ' ')}: the torque, and what muscles do by "
+                "their EMG (blue) and so that the torque follows (orange).",
             )
         )  # fmt: skip
     sections = []

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -10,15 +10,18 @@ import numpy as np
 from ..._atomic import write_text_atomically
 from ..._errors import IdentificationError
 from ...estimators.cross_validation import Score, score
-from ...estimators.hill import HillMap, fit_hill
+from ...estimators.hill import fit_hill
+from ...estimators.hill_together import Across, fit_together
 from ...estimators.muscle_source import ALIASES
 from ...estimators.muscle_trials import warm
 from ...estimators.torque_trial import TorqueTrial
 from ...estimators.unrecorded import (
     TOLD,
     WAYS,
+    Calibrated,
     FilledIn,
     Filling,
+    OneJoint,
     Trust,
     assisted_muscles,
     choose_trust,
@@ -32,31 +35,45 @@ from ..emg_torque.trial_sources import moment_trials
 from ..procedure import Progress, quiet
 from ..result import FigureTable, Result
 
+TOGETHER = "together"
+"""What figures of several joints' muscles are called."""
+
+
+def id_of(what: str) -> str:
+    """A joint, or `TOGETHER` where there are several."""
+    return TOGETHER if " and " in what else what
+
 
 @dataclass(frozen=True, eq=False)
 class AssistedRecording:
     """What muscles do in one recording."""
 
-    joint: str
+    what: str  # The joint, or joints in words
     recording: str
     muscles: tuple[str, ...]
     filled: tuple[str, ...]  # Of these, without EMG
     trust: Trust
-    emg_driven: Score  # Held out
-    assisted: Score  # Told the torque
+    emg_driven: Mapping[str, Score]  # Held out, by joint
+    assisted: Mapping[str, Score]  # Told the torque
     moved: float  # RMS by which activations left their EMG
     checksum: str
-    time: np.ndarray = field(repr=False)  # time, torque, driven, followed: (n,) [s], [N m]
-    torque: np.ndarray = field(repr=False)
-    driven: np.ndarray = field(repr=False)
-    followed: np.ndarray = field(repr=False)
+    time: np.ndarray = field(repr=False)  # (n,) [s]
+    # torque, driven, followed: (n,) [N m], by joint
+    torque: Mapping[str, np.ndarray] = field(repr=False)
+    driven: Mapping[str, np.ndarray] = field(repr=False)
+    followed: Mapping[str, np.ndarray] = field(repr=False)
     by_emg: np.ndarray = field(repr=False)  # by_emg, activation: (m, n)
     activation: np.ndarray = field(repr=False)
 
     @property
     def file(self) -> str:
         """Its name in ``tables/``."""
-        return f"activations_{self.joint}_{self.recording}.csv"
+        return f"activations_{id_of(self.what)}_{self.recording}.csv"
+
+    def named(self, joint: str) -> str:
+        """What its figures of a joint are called."""
+        own = id_of(self.what)
+        return f"{own if joint in (self.what, own) else f'{own}.{joint}'}.{self.recording}"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -64,7 +81,7 @@ class ActivationsResult(Result):
     """What `activations` found."""
 
     recordings: tuple[AssistedRecording, ...] = field(default=(), repr=False)
-    left_out: tuple[tuple[str, FilledIn], ...] = field(default=(), repr=False)  # By joint
+    left_out: tuple[tuple[str, FilledIn], ...] = field(default=(), repr=False)  # By joint, or joints in words
 
     def written(self, study: Study) -> str:
         return f"Activations over time in {study.made / 'tables'}"
@@ -73,38 +90,49 @@ class ActivationsResult(Result):
         folder = study.place("tables")
         folder.mkdir(parents=True, exist_ok=True)
         for each in self.recordings:
-            heads = ["time_s", "torque_Nm", "emg_driven_Nm", "assisted_Nm"]
+            heads, columns = ["time_s"], [each.time]
+            for joint in each.torque:
+                part = "" if joint == each.what else f"_{joint}"
+                heads += [f"{name}{part}_Nm" for name in ("torque", "emg_driven", "assisted")]
+                columns += [each.torque[joint], each.driven[joint], each.followed[joint]]
             heads += [f"{m}_{how}" for how in ("emg", "assisted") for m in each.muscles]
-            columns = np.vstack((each.time, each.torque, each.driven, each.followed, each.by_emg, each.activation)).T
-            lines = [",".join(heads), *(",".join(f"{x:.6g}" for x in row) for row in columns)]
+            table = np.vstack((*columns, each.by_emg, each.activation)).T
+            lines = [",".join(heads), *(",".join(f"{x:.6g}" for x in row) for row in table)]
             write_text_atomically(folder / each.file, "\n".join(lines) + "\n")
 
 
 def find_activations(study: Study, tell: Progress = quiet) -> ActivationsResult:
-    """Activations near EMG with which the torque of each joint follows. `study` [activations]."""
+    """Activations near EMG with which the torques follow, of several joints by muscles that are calibrated over all of
+    them. `study` [activations]."""
     table, config = study.config.activations, study.config.emg_torque
     if table is None or config is None:
         raise IdentificationError(f"{study.folder}: found no tables [activations] and [emg_torque], expected both")
-    recordings, left_out, checksums = [], [], {}
-    for i, joint in enumerate(config.joints):
-        trials = moment_trials(study, joint)
-        checksums |= {trial.name: trial.checksum for trial in trials}
-        splits = _splits(study, joint, trials)
+    recordings, left_out, checksums, said = [], [], {}, []
+    trials = {joint: moment_trials(study, joint) for joint in config.joints}
+    checksums |= {trial.name: trial.checksum for own in trials.values() for trial in own}
+    parts = [tuple(trials)] if _alike(trials) else [(joint,) for joint in trials]
+    if len(parts) > 1:
+        said.append(
+            Verdict("note", f"{', '.join(trials)}: not of the same recordings, so each joint's muscles stand alone.")
+        )
+    for i, joints in enumerate(parts):
+        what = " and ".join(joints)
+        splits = _splits(study, {joint: trials[joint] for joint in joints})
         for k, (fitted, judged) in enumerate(splits):
-            at = (i + k / len(splits)) / len(config.joints)
-            tell(f"{joint}, calibrating muscles", at)
-            found = fit_hill(fitted)
+            at = (i + k / len(splits)) / len(parts)
+            tell(f"{what}, calibrating muscles", at)
+            found = _calibrated(fitted)
             stated = None if table.trust is None else Trust(table.trust, table.effort, chosen=False)
             trust = stated or choose_trust(found, fitted)
-            tell(f"{joint}, taking electrodes away", at + 0.3 / len(splits) / len(config.joints))
+            tell(f"{what}, taking electrodes away", at + 0.3 / len(splits) / len(parts))
             judged = [Filling(fitted).without(t, table.lost, table.fill) for t in judged] if table.lost else judged
-            recordings += [_assisted(found, fitted, trial, trust, table) for trial in judged]
-            left_out += [(joint, each) for each in filled_in(found, fitted, judged, trust, table.lost)]
+            recordings += [_assisted(what, found, fitted, trial, trust, table) for trial in judged]
+            left_out += [(what, each) for each in filled_in(found, fitted, judged, trust, table.lost)]
     return ActivationsResult(
         study=study.name,
         headline=_headline(recordings, left_out),
         tables=(_table(recordings), *_left_out_tables(left_out)),
-        verdicts=_verdicts(recordings, left_out),
+        verdicts=(*said, *_verdicts(recordings, left_out)),
         rows=tuple(_rows(study.name, recordings, left_out)),
         cards={},
         checksums=checksums,
@@ -113,45 +141,62 @@ def find_activations(study: Study, tell: Progress = quiet) -> ActivationsResult:
     )
 
 
-def _splits(
-    study: Study, joint: str, trials: Sequence[TorqueTrial]
-) -> list[tuple[list[TorqueTrial], list[TorqueTrial]]]:
+def _alike(trials: Mapping[str, Sequence[TorqueTrial]]) -> bool:
+    """Whether every joint's torque is known in the same recordings."""
+    return len({tuple(t.name for t in own) for own in trials.values()}) == 1
+
+
+def _calibrated(fitted: Sequence[Across]) -> Calibrated:
+    by_joint = {joint: [each[joint] for each in fitted] for joint in fitted[0]}
+    return fit_together(by_joint) if len(by_joint) > 1 else OneJoint(fit_hill(next(iter(by_joint.values()))))
+
+
+def _splits(study: Study, trials: Mapping[str, Sequence[TorqueTrial]]) -> list[tuple[list[Across], list[Across]]]:
     """What is fitted and what judges: as the study says, or each trial left out in turn where all may be fitted."""
-    fitted, judged = [t for t in trials if not t.heldout], [t for t in trials if t.heldout]
+    across = [dict(zip(trials, each, strict=True)) for each in zip(*trials.values(), strict=True)]
+    held = [next(iter(each.values())).heldout for each in across]
+    fitted = [each for each, out in zip(across, held, strict=True) if not out]
+    judged = [each for each, out in zip(across, held, strict=True) if out]
     if fitted and judged:
         return [(fitted, judged)]
     if len(fitted) > 1:
-        return [([t for t in fitted if t is not out], [replace(out, heldout=True)]) for out in fitted]
+        return [
+            ([each for each in fitted if each is not out], [{j: replace(t, heldout=True) for j, t in out.items()}])
+            for out in fitted
+        ]
     raise IdentificationError(
-        f"{study.folder}, joint {joint}: found {len(trials)} recordings with channels moment.{joint} and EMG, "
-        f"{len(fitted)} of them to be fitted, expected one to fit and one to judge, or two to leave out in turn"
+        f"{study.folder}, joint {' and '.join(trials)}: found {len(across)} recordings with channels "
+        f"{' and '.join(f'moment.{joint}' for joint in trials)} and EMG, {len(fitted)} of them to be fitted, expected "
+        "one to fit and one to judge, or two to leave out in turn"
     )
 
 
 def _assisted(
-    found: HillMap, fitted: Sequence[TorqueTrial], trial: TorqueTrial, trust: Trust, table
+    what: str, found: Calibrated, fitted: Sequence[Across], trial: Across, trust: Trust, table
 ) -> AssistedRecording:
     muscles, own = assisted_muscles(found, trial, scale_of(fitted))
-    driven = trial.muscles.driven(trial.joint, trial.envelopes)
-    channels = {ALIASES.get(name, name) for name in trial.envelopes}
-    without = tuple(i for i, name in enumerate(found.muscles) if name not in channels)
-    lost = tuple(name for name in found.muscles if set(driven[name]) & set(table.lost))
+    names, one = tuple(found.driven), next(iter(trial.values()))
+    channels = {ALIASES.get(name, name) for name in one.envelopes}
+    without = tuple(i for i, name in enumerate(names) if name not in channels)
+    lost = tuple(name for name in names if set(found.driven[name]) & set(table.lost))
     static = without if table.unrecorded == "static" else ()
     activation = muscles.assisted(static, trust=trust.trust, effort=trust.effort)
-    by_emg, kept = muscles.recorded, slice(warm(trial), None)
-    told, followed = found.predict(trial), muscles.torque(activation)[0, own]
+    by_emg, kept = muscles.recorded, slice(warm(one), None)
+    told, torque = found.predict(trial), {joint: trial[joint].torque for joint in found.joints}
+    followed = dict(zip(found.joints, muscles.torque(activation)[:, own], strict=True))
     return AssistedRecording(
-        trial.joint, trial.name, found.muscles, tuple(dict.fromkeys((*(found.muscles[i] for i in without), *lost))),
-        trust, score(trial.torque[kept], told[kept]), score(trial.torque[kept], followed[kept]),
-        float(np.sqrt(np.mean((activation - by_emg)[:, own] ** 2))), trial.checksum, trial.time, trial.torque, told,
-        followed, by_emg[:, own], activation[:, own],
+        what, one.name, names, tuple(dict.fromkeys((*(names[i] for i in without), *lost))), trust,
+        {joint: score(torque[joint][kept], told[joint][kept]) for joint in torque},
+        {joint: score(torque[joint][kept], followed[joint][kept]) for joint in torque},
+        float(np.sqrt(np.mean((activation - by_emg)[:, own] ** 2))), one.checksum, one.time, torque, told, followed,
+        by_emg[:, own], activation[:, own],
     )  # fmt: skip
 
 
 def pooled(left_out: Sequence[tuple[str, FilledIn]], joint: str, way: str) -> tuple[float, float, float | None]:
     """Medians over electrodes and recordings: R2 and correlation of activations, R2 of the torque."""
     own = [each for j, each in left_out if j == joint and each.way == way]
-    torque = [each.torque.r2 for each in own if each.torque is not None]
+    torque = [np.mean([s.r2 for s in each.torque.values()]) for each in own if each.torque is not None]
     return (
         float(np.median([each.r2 for each in own])),
         float(np.median([each.correlation for each in own])),
@@ -189,17 +234,19 @@ def _headline(recordings: Sequence[AssistedRecording], left_out: Sequence[tuple[
 
 def _verdicts(recordings: Sequence[AssistedRecording], left_out: Sequence[tuple[str, FilledIn]]) -> tuple[Verdict, ...]:
     said = []
-    for joint in dict.fromkeys(each.joint for each in recordings):
-        own = [each for each in recordings if each.joint == joint]
-        met = float(np.median([each.assisted.r2 for each in own]))
-        driven = float(np.median([each.emg_driven.r2 for each in own]))
-        said.append(
-            Verdict(
-                "note",
-                f"{joint}: assisted activations meet the torque with R² {met:.3f}, EMG-driven ones predict it with "
-                f"{driven:.3f}. The first are told it: that is no evidence of them.",
+    for joint in dict.fromkeys(each.what for each in recordings):
+        own = [each for each in recordings if each.what == joint]
+        for of in own[0].torque:
+            met = float(np.median([each.assisted[of].r2 for each in own]))
+            driven = float(np.median([each.emg_driven[of].r2 for each in own]))
+            said.append(
+                Verdict(
+                    "note",
+                    f"{joint if of == joint else f'{joint}, {of}'}: assisted activations meet the torque with R² "
+                    f"{met:.3f}, EMG-driven ones predict it with {driven:.3f}. The first are told it: that is no "
+                    "evidence of them.",
+                )
             )
-        )
         if joint in _joints(left_out):
             told = pooled(left_out, joint, "assisted")[0]
             if told < 0.0:
@@ -218,13 +265,17 @@ def _verdicts(recordings: Sequence[AssistedRecording], left_out: Sequence[tuple[
             said.append(Verdict("note", f"{joint}: trust in EMG {trust:g}, effort without it {effort:g}, {how}."))
         without = sorted({muscle for each in own for muscle in each.filled})
         if without:
-            said.append(Verdict("note", f"{joint}: no EMG of {', '.join(without)}."))
+            said.append(Verdict("note", f"{joint}: no EMG of {', '.join(without).replace('_', ' ')}."))
     return tuple(said)
 
 
 def _table(recordings: Sequence[AssistedRecording]) -> FigureTable:
     heads = ("Joint", "Recording", "EMG-driven R²", "assisted R² (told)", "activations moved")
-    rows = tuple((e.joint, e.recording, e.emg_driven.r2, e.assisted.r2, e.moved) for e in recordings)
+    rows = tuple(
+        (joint, e.recording.replace("_", " "), e.emg_driven[joint].r2, e.assisted[joint].r2, e.moved)
+        for e in recordings
+        for joint in e.torque
+    )
     return FigureTable("Torque by EMG, and by activations that are told it", heads, rows)
 
 
@@ -247,21 +298,25 @@ def _rows(
         made.append(ResultRow(f"{study}.{name}", value, "1", "activations", split, checksum, note))
 
     for each in recordings:
-        base = f"{each.joint}.{each.recording}"
-        row(f"{base}.emg_driven.r2", each.emg_driven.r2, "heldout", each.recording)
-        row(f"{base}.assisted.r2", each.assisted.r2, "fitted", each.recording, "told the torque: no evidence")
+        for joint in each.torque:
+            base = each.named(joint)
+            row(f"{base}.emg_driven.r2", each.emg_driven[joint].r2, "heldout", each.recording)
+            row(
+                f"{base}.assisted.r2", each.assisted[joint].r2, "fitted", each.recording, "told the torque: no evidence"
+            )
+        base = each.named(id_of(each.what))
         row(f"{base}.assisted.moved", each.moved, "fitted", each.recording, "RMS by which activations left EMG")
     for joint in _joints(left_out):
         for way in ways_of(left_out, joint):
             r2, together, torque = pooled(left_out, joint, way)
             told = ", told the torque" if way in TOLD else ""
             note = f"median over electrodes taken away and recordings{told}"
-            row(f"{joint}.left_out.{way}.r2", r2, "heldout", "", note)
-            row(f"{joint}.left_out.{way}.correlation", together, "heldout", "", note)
+            row(f"{id_of(joint)}.left_out.{way}.r2", r2, "heldout", "", note)
+            row(f"{id_of(joint)}.left_out.{way}.correlation", together, "heldout", "", note)
             if torque is not None:
-                row(f"{joint}.left_out.{way}.torque.r2", torque, "heldout", "", note)
+                row(f"{id_of(joint)}.left_out.{way}.torque.r2", torque, "heldout", "", note)
     for joint, each in left_out:
-        base = f"{joint}.{each.recording}.left_out.{each.channel}.{each.way}"
+        base = f"{id_of(joint)}.{each.recording}.left_out.{each.channel}.{each.way}"
         row(f"{base}.r2", each.r2, "heldout", each.recording)
         row(f"{base}.correlation", each.correlation, "heldout", each.recording)
     return made
