@@ -43,6 +43,7 @@ def torque_and_activations(each: AssistedRecording, name: str, caption: str) -> 
         line(top, time, each.driven[joint][part], color=colour("fitted"), linewidth=1.2)
         line(top, time, each.followed[joint][part], color=colour("heldout"), linewidth=1.2)
         tidy(top, first=True, text="Torque (N·m)" if tops == 1 else f"{joint.replace('_', ' ').capitalize()} (N·m)")
+        top.tick_params(labelbottom=False)
     names = (("measured", "measured"), ("EMG-driven", "fitted"), ("assisted: told it", "heldout"))
     key(top, [(text, colour(tone)) for text, tone in names], room=0.15)
     for i, muscle in enumerate(each.muscles):
@@ -54,6 +55,8 @@ def torque_and_activations(each: AssistedRecording, name: str, caption: str) -> 
         axis.set_title(muscle.replace("_", " ") + (" (no EMG)" if muscle in each.filled else ""))
         if i >= count - 2:
             axis.set_xlabel("Time (s)")
+        else:
+            axis.tick_params(labelbottom=False)
     return Drawing(name, figure, caption)
 
 

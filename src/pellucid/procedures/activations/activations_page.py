@@ -22,8 +22,8 @@ def page(study: Study, found: ActivationsResult) -> Page:
         judged.append(
             draw(
                 figures.ways_compared, own, f"ways_{i}",
-                f"{joint}: one electrode after another taken away from the recordings that judge, and its muscle's "
-                "activation filled in. Lines are medians; orange ways are told the torque. Marks at the left edge lie "
+                f"{prose(joint)}: one electrode after another taken away from the recordings that judge, and its "
+                "muscle's activation filled in. Lines are medians; orange ways are told the torque. Marks at the left edge lie "
                 "beyond it.",
             )
         )  # fmt: skip
@@ -33,15 +33,15 @@ def page(study: Study, found: ActivationsResult) -> Page:
             draw(
                 figures.electrodes_taken_away, [each for each in own if each.recording == first.recording], fs,
                 f"taken_away_{i}",
-                f"{joint}, {first.recording.replace('_', ' ')}: activation by the electrode taken away (grey), and as "
-                "it was filled in.",
+                f"{prose(joint)}, {first.recording.replace('_', ' ')}: activation by the electrode taken away (grey), "
+                "and as it was filled in.",
             )
         )  # fmt: skip
     for i, each in enumerate(found.recordings[:DRAWN], start=1):
         shown.append(
             draw(
                 figures.torque_and_activations, each, f"activations_{i}",
-                f"{' and '.join(each.torque)}, {each.recording.replace('_', ' ')}: the torque, and what muscles do by "
+                f"{prose(each.what)}, {each.recording.replace('_', ' ')}: the torque, and what muscles do by "
                 "their EMG (blue) and so that the torque follows (orange).",
             )
         )  # fmt: skip
