@@ -23,8 +23,8 @@ def page(study: Study, found: ActivationsResult) -> Page:
             draw(
                 figures.ways_compared, own, f"ways_{i}",
                 f"{prose(joint)}: one electrode after another taken away from the recordings that judge, and its "
-                "muscle's activation filled in. Lines are medians; orange ways are told the torque. Marks at the left edge lie "
-                "beyond it.",
+                "muscle's activation filled in. Lines are medians; orange ways are told the torque. Marks at the left "
+                "edge lie beyond it.",
             )
         )  # fmt: skip
         first = next(each for each in found.recordings if each.what == joint)
