@@ -6,7 +6,7 @@ import os
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Executor, ProcessPoolExecutor, ThreadPoolExecutor, wait
-from contextlib import contextmanager, nullcontext
+from contextlib import ExitStack, contextmanager, nullcontext
 from multiprocessing import parent_process
 from multiprocessing.context import SpawnContext, SpawnProcess
 from threading import Lock
@@ -85,7 +85,7 @@ def among_helpers(
         if workers <= 1:
             work(_do)
         else:
-            with processes(workers - 1) as pool, ThreadPoolExecutor(workers - 1) as threads:
+            with _helpers(workers - 1) as pool, ThreadPoolExecutor(workers - 1) as threads:
                 helped = [threads.submit(work, lambda *job: pool.submit(*job).result()) for _ in range(workers - 1)]
                 work(_do)
                 for each in helped:
@@ -95,6 +95,31 @@ def among_helpers(
 
 def _do(make: Callable, *arguments: Any) -> Any:
     return make(*arguments)
+
+
+_kept: list[tuple[ExitStack, list[ProcessPoolExecutor]]] = []
+
+
+@contextmanager
+def helpers_kept() -> Iterator[None]:
+    """Calls of `among_helpers` meanwhile have the same helpers, begun with the first that needs some: each loads what
+    it works with once."""
+    with ExitStack() as stack:
+        _kept.append((stack, []))
+        stack.callback(_kept.pop)
+        yield
+
+
+@contextmanager
+def _helpers(workers: int) -> Iterator[ProcessPoolExecutor]:
+    if not _kept:
+        with processes(workers) as pool:
+            yield pool
+        return
+    stack, pools = _kept[-1]
+    if not pools:
+        pools.append(stack.enter_context(processes(max(workers, (os.cpu_count() or 1) - 1))))
+    yield pools[0]
 
 
 class _Helper(SpawnProcess):

@@ -9,7 +9,8 @@ import sys
 
 import pytest
 
-from pellucid._processes import among_helpers
+from pellucid import _processes
+from pellucid._processes import among_helpers, helpers_kept
 
 SCRIPT = """
 import math
@@ -27,6 +28,21 @@ def test_what_was_found_is_in_the_order_of_the_jobs(workers):
     assert [share for _, share in begun] == sorted(share for _, share in begun)
     with pytest.raises(ZeroDivisionError):
         among_helpers([(operator.truediv, 1, i) for i in (1, 0, 1)], workers)
+
+
+def test_kept_helpers_are_begun_once(monkeypatch):
+    begun, begin = [], _processes.processes
+    monkeypatch.setattr(_processes, "processes", lambda workers: begun.append(workers) or begin(workers))
+    jobs = [(math.factorial, i) for i in range(6)]
+    with helpers_kept():
+        assert among_helpers(jobs, 1) == [1, 1, 2, 6, 24, 120]
+        assert not begun
+        with pytest.raises(ZeroDivisionError):
+            among_helpers([(operator.truediv, 1, i) for i in (1, 0, 1)], 2)
+        assert among_helpers(jobs, 2) == [1, 1, 2, 6, 24, 120]
+        assert len(begun) == 1
+    assert among_helpers(jobs, 2) == [1, 1, 2, 6, 24, 120]
+    assert len(begun) == 2
 
 
 def test_a_script_is_not_run_again_by_its_helpers(tmp_path):

@@ -53,6 +53,19 @@ def test_conjugate_gradients_follow_a_bent_valley():
     assert found.evaluations >= found.gradients
 
 
+def test_line_searches_ask_for_the_cost_alone_where_they_may():
+    start, options = np.array([-1.2, 1.0]), {"iterations": 2000, "tolerance": 1e-14}
+    both = conjugate_gradient(rosenbrock, start, **options)
+    alone = conjugate_gradient(rosenbrock, start, value=lambda x: rosenbrock(x)[0], **options)
+    np.testing.assert_array_equal(alone.best, both.best)
+    assert (alone.evaluations, alone.gradients) == (both.evaluations, both.gradients)
+    asked = []
+    conjugate_gradient(
+        lambda x: (asked.append(1), rosenbrock(x))[1], start, value=lambda x: rosenbrock(x)[0], **options
+    )
+    assert len(asked) == alone.gradients < alone.evaluations / 2
+
+
 def test_conjugate_gradients_stop_at_bounds():
     found = conjugate_gradient(
         sphere, np.array([0.9, -0.5, 2.0]), lower=np.array([0.5, -1.0, -1.0]), upper=np.array([1.0, 0.1, 1.0])

@@ -53,14 +53,16 @@ def test_ridge_is_scikit_learns(alpha):
     assert Ridge(alpha).fit(x, y).predict(new) == pytest.approx(reference.predict(scaler.transform(new)), rel=1e-10)
 
 
-def test_ridges_that_share_their_singular_values_are_the_same():
+@pytest.mark.parametrize("penalties", [(0.0, 1e-2, 300.0), (1e-2, 300.0)])
+@pytest.mark.parametrize("features", [5, 90])
+def test_ridges_that_share_their_work_are_the_same(penalties, features):
     rng = np.random.default_rng(2)
-    x, y = rng.standard_normal((60, 5)), rng.standard_normal(60)
-    penalties = (0.0, 1e-2, 300.0)
-    shared = Ridge(products=(0, 1)).fit_each(x, y, penalties)
+    x, y, new = rng.standard_normal((60, features)), rng.standard_normal(60), rng.standard_normal((7, features))
+    x[:, 4] = x[:, 3]  # which says nothing more
+    shared = Ridge(products=(0, 1)).predict_each(x, y, penalties, new)
     for alpha, each in zip(penalties, shared, strict=True):
-        assert each.alpha == alpha
-        np.testing.assert_array_equal(each.predict(x), Ridge(alpha, (0, 1)).fit(x, y).predict(x))
+        expected = Ridge(alpha, (0, 1)).fit(x, y).predict(new)
+        np.testing.assert_allclose(each, expected, rtol=1e-10, atol=1e-10)
 
 
 def test_ridge_bears_constant_and_repeated_features():

@@ -106,7 +106,7 @@ def fit_torque_maps(
     """`fit_torque_map` of each job and what was asked of it, by `workers` processes where that is worth their start;
     `begun` hears which job begins and what share of all is done.
     """
-    order = sorted(range(len(jobs)), key=lambda i: list(ESTIMATORS).index(family_of(jobs[i].name)[0]))
+    order = sorted(range(len(jobs)), key=lambda i: _place(jobs[i].name))
     size = sum(min(sum(len(trial) for trial in job.trials), MOST_TRIED) for job in jobs)
     made = among_helpers(
         [(_fitted, jobs[i]) for i in order],
@@ -114,6 +114,12 @@ def fit_torque_maps(
         lambda i, share: begun(order[i], share),
     )
     return [each for _, each in sorted(zip(order, made, strict=True), key=lambda pair: pair[0])]
+
+
+def _place(name: str) -> tuple[bool, int]:
+    """Of an estimator among jobs: muscles, which take longest, then as in tables."""
+    own, family = family_of(name)
+    return family.whole is None, list(ESTIMATORS).index(own)
 
 
 def _fitted(job: MapJob) -> tuple[TorqueMap, Any]:
@@ -235,16 +241,10 @@ def _scores_of(
     every = -(-len(stack.torque) // MOST_SCORED)
     for fitted, scored in stack.folds:
         fitted = np.intersect1d(fitted, stack.tried, assume_unique=True)
-        for own, regressor in zip(
-            predicted, family.fitted(settings, seen, seen.x[fitted], stack.torque[fitted]), strict=True
-        ):
-            if every > 1:
-                own[scored[::every]] = regressor.predict(seen.x[scored[::every]])
-                continue
-            for part in _by_trial(scored, stack.member):
-                raw = regressor.predict(seen.x[part])
-                fs = stack.trials[stack.member[part[0]]].fs
-                own[part] = smooth(raw, family.smoothing, fs, causal=stack.causal) if family.smoothing else raw
+        rows = scored[::every]
+        made = family.predicted(settings, seen, seen.x[fitted], stack.torque[fitted], seen.x[rows])
+        for own, raw in zip(predicted, made, strict=True):
+            own[rows] = raw if every > 1 or not family.smoothing else _smoothed(stack, raw, rows, family.smoothing)
     return [_scored(stack, own) for own in predicted]
 
 
@@ -255,6 +255,13 @@ def _scored(stack: _Stack, predicted: np.ndarray) -> tuple[Score, Score | None]:
     return score(stack.torque[known], predicted[known]), compared
 
 
-def _by_trial(scored: np.ndarray, member: np.ndarray) -> list[np.ndarray]:
-    """Scored samples trial by trial: an average must not run from one into the next."""
-    return np.split(scored, np.flatnonzero(np.diff(member[scored])) + 1)
+def _smoothed(stack: _Stack, raw: np.ndarray, rows: np.ndarray, seconds: float) -> np.ndarray:
+    """What was predicted for `rows`, averaged trial by trial: an average must not run from one into the next."""
+    member = stack.member[rows]
+    ends = np.flatnonzero(np.diff(member)) + 1
+    return np.concatenate(
+        [
+            smooth(part, seconds, stack.trials[of[0]].fs, causal=stack.causal)
+            for part, of in zip(np.split(raw, ends), np.split(member, ends), strict=True)
+        ]
+    )

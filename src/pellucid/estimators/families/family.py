@@ -44,7 +44,7 @@ class Family:
     # Settings with which features are chosen, where that is done first; None: the first of `settings`
     quick: Mapping[str, Any] | None = None
     smoothing: float = 0.05  # Length of the moving average on its output [s]; 0 for none
-    # A setting along which estimators share their work: theirs have `fit_each(x, y, values)`
+    # A setting along which estimators share their work: theirs have `predict_each(x, y, values, new)`
     along: str | None = None
     # Fits trials itself, where features do not do: from trials, name and whether it is causal to a fitted map
     whole: Callable[[Any, str, bool], Any] | None = None
@@ -60,17 +60,18 @@ class Family:
             return (self.fixed,)
         return feature_sets(neighbours=neighbours, lags=self.lags, muscles=self.muscles)
 
-    def fitted(
-        self, settings: Sequence[Mapping[str, Any]], seen: Features, x: np.ndarray, y: np.ndarray
-    ) -> list[Regressor]:
-        """One for each of `settings`, fitted to rows `x`, shape (n, k), of what is `seen` and `y`, shape (n,) [N m]."""
+    def predicted(
+        self, settings: Sequence[Mapping[str, Any]], seen: Features, x: np.ndarray, y: np.ndarray, new: np.ndarray
+    ) -> list[np.ndarray]:
+        """What one for each of `settings` says of rows `new`, shape (m, k), fitted to rows `x`, shape (n, k), of what
+        is `seen` and `y`, shape (n,) [N m]."""
         if self.along is None:
-            return [self.make(each, seen).fit(x, y) for each in settings]
+            return [self.make(each, seen).fit(x, y).predict(new) for each in settings]
         alike: dict[str, list[int]] = {}
         for i, each in enumerate(settings):
             alike.setdefault(repr({k: v for k, v in each.items() if k != self.along}), []).append(i)
-        found: dict[int, Regressor] = {}
+        found: dict[int, np.ndarray] = {}
         for indices in alike.values():
             made = self.make(settings[indices[0]], seen)
-            found |= zip(indices, made.fit_each(x, y, [settings[i][self.along] for i in indices]), strict=True)
+            found |= zip(indices, made.predict_each(x, y, [settings[i][self.along] for i in indices], new), strict=True)
         return [found[i] for i in range(len(settings))]

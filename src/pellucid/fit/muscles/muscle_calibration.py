@@ -134,8 +134,8 @@ class MuscleProblem:
             spreads.append(float(np.std(torque[counted])))
         self.scale = spreads[0] if samples.torque.ndim == 1 else np.array(spreads)[:, None]
         self.root = np.sqrt(samples.weight / self.count) / self.scale
-        # Samples that do not count are passed over, but for the lags that run through them.
         self._muscles = len(self.model.free)
+        self._tissue = (samples.passive * self.root).reshape(-1, samples.torque.size) if passive else None
 
     def held_by(self, weight: float) -> MuscleProblem:
         """The same with another weight of anatomy."""
@@ -150,7 +150,10 @@ class MuscleProblem:
 
     def gains(self, z: np.ndarray) -> np.ndarray:
         """d parameter / d z, shape (p,)."""
-        return self.spread * np.where(self._log, self.values(z), 1.0)
+        return self._gains(self.values(z))
+
+    def _gains(self, x: np.ndarray) -> np.ndarray:
+        return self.spread * np.where(self._log, x, 1.0)
 
     def deviations(self, values: np.ndarray) -> np.ndarray:
         """z for parameters in their units, shape (p,)."""
@@ -160,31 +163,43 @@ class MuscleProblem:
     def torque(self, z: np.ndarray, samples: MuscleSamples | None = None) -> np.ndarray:
         """Torque for z, shape (n,) or (j, n) [N m]; of other samples where given."""
         samples, x = samples or self.samples, self.values(z)
-        torque = self.model.torque(samples.data, x[: self._muscles])
-        return torque + np.tensordot(x[self._muscles :], samples.passive, 1) if self.passive else torque
+        return self._with_tissue(self.model.torque(samples.data, x[: self._muscles]), x, samples)
+
+    def _with_tissue(self, torque: np.ndarray, x: np.ndarray, samples: MuscleSamples) -> np.ndarray:
+        if not self.passive:
+            return torque
+        return torque + (x[self._muscles :] @ samples.passive.reshape(-1, torque.size)).reshape(torque.shape)
 
     def jacobian(self, z: np.ndarray, samples: MuscleSamples | None = None) -> tuple[np.ndarray, np.ndarray]:
         """Torque, shape (n,) or (j, n), and its derivatives by z, shape (p, n) or (p, j, n)."""
         samples, x = samples or self.samples, self.values(z)
         torque, slopes = self.model.jacobian(samples.data, x[: self._muscles])
-        if self.passive:
-            tissue = samples.passive
-            torque = torque + np.tensordot(x[self._muscles :], tissue, 1)
-            slopes = np.concatenate((slopes, tissue))
-        return torque, slopes * self.gains(z).reshape(-1, *(1,) * torque.ndim)
+        torque = self._with_tissue(torque, x, samples)
+        slopes = np.concatenate((slopes, samples.passive)) if self.passive else slopes
+        return torque, slopes * self._gains(x).reshape(-1, *(1,) * torque.ndim)
 
     def weighed(self, z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Errors as the cost counts them, shape (n,) or (j, n), and their derivatives by z, (p, n) or (p, j, n)."""
         torque, slopes = self.jacobian(z)
         return (torque - self.samples.torque) * self.root, slopes * self.root
 
+    def _rows(self, z: np.ndarray) -> tuple[float, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        """Cost, weighed errors, their derivatives by parameters, those by z, and the pull of anatomy on each."""
+        x = self.values(z)
+        torque, slopes = self.model.jacobian(self.samples.data, x[: self._muscles])
+        error = ((self._with_tissue(torque, x, self.samples) - self.samples.torque) * self.root).ravel()
+        rows = np.empty((len(x), error.size))
+        np.multiply(slopes, self.root, out=rows[: self._muscles].reshape(slopes.shape))
+        if self.passive:
+            rows[self._muscles :] = self._tissue
+        pulled = self.weight**2 * (self.hold @ z)
+        return 0.5 * float(error @ error) + 0.5 * float(z @ pulled), error, rows, self._gains(x), pulled
+
     def equations(self, z: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:
         """Cost, gradient and normal matrix, anatomy included."""
-        error, slopes = self.weighed(z)
-        error, slopes = error.ravel(), slopes.reshape(len(z), -1)
-        pull = self.weight**2 * self.hold
-        cost = 0.5 * float(error @ error) + 0.5 * float(z @ pull @ z)
-        return cost, slopes @ error + pull @ z, slopes @ slopes.T + pull
+        cost, error, rows, gains, pulled = self._rows(z)
+        normal = gains[:, None] * (rows @ rows.T) * gains + self.weight**2 * self.hold
+        return cost, gains * (rows @ error) + pulled, normal
 
     def cost(self, z: np.ndarray) -> float:
         """Cost alone."""
@@ -193,7 +208,8 @@ class MuscleProblem:
 
     def cost_and_gradient(self, z: np.ndarray) -> tuple[float, np.ndarray]:
         """Cost and gradient."""
-        return self.equations(z)[:2]
+        cost, error, rows, gains, pulled = self._rows(z)
+        return cost, gains * (rows @ error) + pulled
 
 
 @dataclass(frozen=True, eq=False)
@@ -278,8 +294,8 @@ def calibrate_muscles(
             z, evaluations = ends.best, ends.evaluations
         elif method == "descent":
             ends = conjugate_gradient(
-                problem.cost_and_gradient, np.clip(np.zeros(len(low)), low, high), lower=low, upper=high,
-                iterations=iterations or 200,
+                problem.cost_and_gradient, np.clip(np.zeros(len(low)), low, high), value=problem.cost, lower=low,
+                upper=high, iterations=iterations or 200,
             )  # fmt: skip
             z, evaluations = ends.best, ends.evaluations
         else:

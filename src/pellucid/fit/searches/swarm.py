@@ -107,6 +107,7 @@ def conjugate_gradient(
     cost: CostAndGradient,
     start: np.ndarray,
     *,
+    value: Cost | None = None,
     lower: np.ndarray | None = None,
     upper: np.ndarray | None = None,
     iterations: int = 200,
@@ -115,7 +116,7 @@ def conjugate_gradient(
     """Go down by Polak-Ribiere conjugate gradients [2]_ with a line search that stays within bounds.
 
     Parameters on a bound that the gradient pushes against rest; wherever that set changes, or a direction leads up, the
-    search begins again with the gradient.
+    search begins again with the gradient. Line searches ask for `value`, the cost alone, where it is given.
 
     `start` (p,); `lower`, `upper` (p,).
     """
@@ -124,7 +125,7 @@ def conjugate_gradient(
         np.full(start.shape, -np.inf) if lower is None else lower,
         np.full(start.shape, np.inf) if upper is None else upper,
     )
-    counted = _Counted(None, cost)
+    counted = _Counted(value, cost)
     _descend(counted, start, low, high, iterations, tolerance, _EXACT)
     return counted.search()
 

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
 from ..._errors import IdentificationError
-from ...estimators.condition_choice import KNOWN, LEVEL
+from ..._processes import helpers_kept
+from ...estimators.condition_choice import KNOWN, LEVEL, Examined
 from ...estimators.cross_validation import score
 from ...estimators.families import ESTIMATORS
 from ...estimators.hill import HillMap
@@ -97,8 +99,9 @@ def calibrate(study: Study, on_progress: Progress | None = None) -> CalibrationR
     if study.config.emg_torque.posterior:
         require_sampler()  # before minutes are spent
     tell = on_progress or (lambda text, share: None)
-    found = _judge_by(study)(study, tell)
-    together = muscles_together(found, tell, study.config.emg_torque.posterior)
+    with helpers_kept():
+        found = _judge_by(study)(study, tell)
+        together = muscles_together(found, tell, study.config.emg_torque.posterior)
     evaluated, trials = found.evaluated, found.trials
     for what in dict.fromkeys(each.what for each in evaluated if each.what not in found.chosen):
         found.chosen[what] = chosen_of(evaluated, what)
@@ -184,6 +187,7 @@ def _by_recording(study: Study, tell: Progress) -> Calibrated:
         found.across[joint] = [*fitted, *judged]
     found.verdicts.extend(session_verdicts(found.sessions, rescale is not None))
     found.verdicts.append(Verdict("note", normalisation_words(study)))
+    judged = {joint: {t.name: t for t in own if t.heldout} for joint, own in found.across.items()}
     runs = [
         (joint, name, causal)
         for causal, names in ((False, EVALUATED), (True, CAUSAL))
@@ -192,13 +196,13 @@ def _by_recording(study: Study, tell: Progress) -> Calibrated:
     ]
     fits = fit_torque_maps(
         [
-            MapJob(parts[joint][0], name, causal, None if causal else examined_if_candidate)
+            MapJob(parts[joint][0], name, causal, _Examination(tuple(judged[joint].values()), causal))
             for joint, name, causal in runs
         ],
         lambda i, share: tell(f"{runs[i][0]}, {ESTIMATORS[runs[i][1]].words}", share),
     )
     traces: dict[tuple[str, str], TorqueTrace] = {}
-    for (joint, name, causal), (fit, away) in zip(runs, fits, strict=True):
+    for (joint, name, causal), (fit, (away, predicted)) in zip(runs, fits, strict=True):
         fitted, held = parts[joint]
         if causal and name in STEPPED:
             found.causal[joint, name] = fit
@@ -211,9 +215,7 @@ def _by_recording(study: Study, tell: Progress) -> Calibrated:
             without = None
             if changed and ESTIMATORS[name].muscles and len(changed) < len(session.muscles):
                 without = score(trial.torque, fit.predict(session.without(trial, changed)))
-            if changed and rescale is not None:
-                trial = session.mended(trial, rescale, found.sessions[trial.name])
-            made = fit.predict(trial)
+            trial, made = judged[joint][trial.name], predicted[trial.name]
             half = fit.half_width(trial) if name == "hill" else None
             found.evaluated.append(
                 Evaluated(
@@ -239,6 +241,18 @@ def _by_recording(study: Study, tell: Progress) -> Calibrated:
     # Joints share their files.
     found.trials.extend(trials[joints[0]])
     return found
+
+
+@dataclass(frozen=True, eq=False)
+class _Examination:
+    """What is asked of a map where it was fitted: how it fares away from that, and the torque of what judges it."""
+
+    judged: tuple[TorqueTrial, ...]
+    causal: bool
+
+    def __call__(self, fit: Any, fitted: Sequence[TorqueTrial]) -> tuple[Examined | None, dict[str, np.ndarray]]:
+        away = None if self.causal else examined_if_candidate(fit, fitted)
+        return away, {trial.name: fit.predict(trial) for trial in self.judged}
 
 
 def _by_repetition(study: Study, tell: Progress) -> Calibrated:

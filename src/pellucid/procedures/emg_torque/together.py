@@ -12,6 +12,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from ..._errors import IdentificationError
+from ..._processes import among_helpers
 from ...estimators.condition_choice import LEVEL
 from ...estimators.cross_validation import Score, score
 from ...estimators.hill_together import Across, HillTogether, fit_together
@@ -67,9 +68,8 @@ def muscles_together(found: Calibrated, tell: Callable[[str, float], None], post
     if len(across) < 2 or any(joint in found.passed_over for joint in across):
         return None
     what = _words(tuple(across))
-    tell(f"muscles of {what} together", 1.0)
     try:
-        made = _judged(across)
+        made = _judged(across, lambda i, share: tell(f"muscles of {what} together", 1.0))
         if posterior:
             tell(f"drawing a posterior of the muscles of {what}", 1.0)
             made = _drawn(made, across)
@@ -79,27 +79,22 @@ def muscles_together(found: Calibrated, tell: Callable[[str, float], None], post
         return None
 
 
-def _judged(across: Mapping[str, Sequence[TorqueTrial]]) -> Together:
+def _judged(across: Mapping[str, Sequence[TorqueTrial]], begun: Callable[[int, float], None]) -> Together:
     fitted = {joint: [t for t in own if not t.heldout] for joint, own in across.items()}
     held = {joint: [t for t in own if t.heldout] for joint, own in across.items()}
     names = [t.name for t in next(iter(held.values()))]
-    fits = {how: fit_together(fitted, offset=how != "hill") for how in WORDS}
+    # Where no recording is held out, each is predicted by what was fitted to the others.
+    left_out = () if names else next(iter(fitted.values()))
+    runs = [(how, out) for how in WORDS for out in (None, *dict.fromkeys(t.group for t in left_out))]
+    found = among_helpers([(_fitted, fitted, how, out) for how, out in runs], begun=begun)
+    by_run = dict(zip(runs, found, strict=True))
+    fits = {how: by_run[how, None] for how in WORDS}
     scores, shown = [], {}
     for how, fit in fits.items():
         if names:
             made = {name: (fit, _trial(held, name)) for name in names}
         else:
-            # No recording is held out: each is predicted by what was fitted to the others.
-            made = {
-                t.name: (
-                    fit_together(
-                        {joint: [o for o in own if o.group != t.group] for joint, own in fitted.items()},
-                        offset=how != "hill",
-                    ),
-                    _trial(fitted, t.name),
-                )
-                for t in next(iter(fitted.values()))
-            }
+            made = {t.name: (by_run[how, t.group], _trial(fitted, t.name)) for t in left_out}
         each = []
         for name, (by, trial) in made.items():
             torque, half = by.predict(trial), by.half_width(trial, LEVEL)
@@ -131,6 +126,12 @@ def _drawn(found: Together, across: Mapping[str, Sequence[TorqueTrial]]) -> Toge
         torque, half = fit.drawn(posterior, trial, LEVEL)
         scores += [_scored(DRAWN, joint, trial, torque, half) for joint in fit.joints]
     return replace(found, posterior=posterior, drawn=tuple(scores))
+
+
+def _fitted(fitted: Mapping[str, Sequence[TorqueTrial]], how: str, out: str | None) -> HillTogether:
+    """Muscles of all joints, fitted to all trials but those of the group that is left out."""
+    others = {joint: [t for t in own if t.group != out] for joint, own in fitted.items()}
+    return fit_together(others, offset=how != "hill")
 
 
 def _words(joints: Sequence[str]) -> str:
