@@ -19,6 +19,7 @@ from . import (
     kinematic_tree,
     laws,
     muscle_calibration,
+    people,
     plant,
     transfer_function,
 )
@@ -33,6 +34,7 @@ MODULES = (
     muscle_calibration,
     kinematic_tree,
     arm,
+    people,
     laws,
     export,
     commands,

@@ -37,7 +37,7 @@ emg_gains : (2,)
 substeps : int
     Of integration, per period.
 person : str
-    Model of the person.
+    Model of the person, one of PERSON_MODELS.
 sensor_delay : int
     Periods by which the force sensor is late, 0 to 63.
 supervisor : (m,), optional
@@ -113,6 +113,20 @@ template <class S> p::ExpectedLoad<S> read_load(nb::handle load) {
   return {v.data[0], v.data[1], v.data[2], v.data[3], v.data[4]};
 }
 
+/// What of a person outlasts a movement, and how the last one went: co-contraction and lost strengths [1], effort [s],
+/// late error [rad], counts; nothing, where a model has no such thing.
+template <class State> void tell(nb::dict&, const State&) {}
+void tell(nb::dict& d, const p::PosturalState<double>& s) {
+  d["cocontraction"] = s.cocontraction;
+  d["flexor_fatigue"] = s.fatigue[0];
+  d["extensor_fatigue"] = s.fatigue[1];
+  d["effort"] = s.effort;
+  d["corrections"] = static_cast<int>(s.corrections);
+  d["failures"] = static_cast<int>(s.failures);
+  d["late"] = s.late;
+  d["given_up"] = s.given_up > 0;
+}
+
 template <class... Arms> constexpr auto models_of(const std::variant<Arms...>*) {
   return std::array<const char*, sizeof...(Arms)>{Arms::Model::model...};
 }
@@ -174,6 +188,12 @@ class WornElbow {
   const char* fault() const {
     const auto says = [](const auto& one) { return fault_name(pellucid::fault_of(one.state)); };
     return std::visit([&](const auto& arm) { return of_law(arm.law, "none", says); }, arm_);
+  }
+
+  nb::dict lasting() const {
+    nb::dict d;
+    std::visit([&d](const auto& arm) { tell(d, arm.reach); }, arm_);
+    return d;
   }
 
   nb::dict live(nb::handle tasks, nb::handle noise, nb::handle sensor_error, bool emg, nb::handle tremor,
@@ -285,6 +305,9 @@ void add_elbow(nb::module_& m) {
     for (char& c : name) c = static_cast<char>(std::toupper(static_cast<unsigned char>(c)));
     m.attr((name + "_PARAMETER_NAMES").c_str()) = names_of<Model>();
   });
+  nb::list models;
+  for (const char* name : person_models) models.append(name);
+  m.attr("PERSON_MODELS") = nb::tuple(models);
   nb::class_<WornElbow>(m, "WornElbow", worn_elbow_doc)
       .def(nb::init<nb::handle, nb::handle, double, nb::handle, nb::handle, nb::handle, const char*, nb::handle,
                     nb::handle, nb::handle, const std::string&, nb::handle, nb::handle>(),
@@ -310,6 +333,8 @@ void add_elbow(nb::module_& m) {
                    "tremor: ArrayLike, stops: ArrayLike, fault: str, onset: float, seconds: float, longest: int, seed: "
                    "int) -> dict"),
            live_doc)
+      .def_prop_ro("lasting", &WornElbow::lasting, nb::sig("def lasting(self) -> dict"),
+                   "What of a person outlasts a movement, and how the last went; empty where the model has nothing.")
       .def_prop_ro("fault", &WornElbow::fault, "Why its supervisor has stopped; 'none' while all is well.");
   m.def("single_faults", single_faults, nb::sig("def single_faults() -> list[dict]"),
         "Faults of `WornElbow.live`: name, group, sentence, needs (a sensor), at_start, joint_encoder, hidden (why).");

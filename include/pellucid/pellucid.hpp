@@ -42,6 +42,7 @@
 #include "muscle_stiffness.hpp"
 #include "plant.hpp"
 #include "position_prediction.hpp"
+#include "postural_reaching.hpp"
 #include "posture_servo.hpp"
 #include "presliding.hpp"
 #include "reaching.hpp"

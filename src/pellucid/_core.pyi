@@ -910,6 +910,10 @@ class CoupledPlant:
 
 REACHING_PARAMETER_NAMES: tuple[str, ...]
 
+POSTURAL_PARAMETER_NAMES: tuple[str, ...]
+
+PERSON_MODELS: tuple = ("reaching", "postural")
+
 class WornElbow:
     """
     A person's forearm, alone or strapped to a robot under a control law.
@@ -938,7 +942,7 @@ class WornElbow:
     substeps : int
         Of integration, per period.
     person : str
-        Model of the person.
+        Model of the person, one of PERSON_MODELS.
     sensor_delay : int
         Periods by which the force sensor is late, 0 to 63.
     supervisor : (m,), optional
@@ -1058,6 +1062,12 @@ class WornElbow:
             largest of the limb from onset to safe [rad/s]; onset_speed: least of the motor in the 5 periods
             before the onset [rad/s]; periods; how near it came to a fault before there was one: lasting, push,
             contradiction, burst, excess [N m], spent [J], ringing [N m], and the work of the test [J].
+        """
+
+    @property
+    def lasting(self) -> dict:
+        """
+        What of a person outlasts a movement, and how the last went; empty where the model has nothing.
         """
 
     @property

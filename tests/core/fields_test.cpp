@@ -29,6 +29,7 @@ int main() {
   walks<p::GearedJointParams<double>>();
   walks<p::CoupledPlantParams<double>>();
   walks<p::ReachingParams<double>>();
+  walks<p::PosturalParams<double>>();
   walks<p::EmgMuscleParams<double>>();
   walks<p::StrapEstimatorParams<double>>();
   p::Laws::for_each([](auto of) {

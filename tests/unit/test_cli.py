@@ -229,7 +229,7 @@ def test_init_needs_a_data_set(monkeypatch, capsys, tmp_path):
     assert err.startswith("pellucid: init needs --dataset NAME or --rig NAME or --urdf FILE")
     code, _, err = as_program(monkeypatch, capsys, "init", tmp_path / "new", "--rig", "elbow")
     assert code == 2
-    known = "able-arm, able-elbow, bench-joint, elbow-participants, knee-orthosis, knee-seated"
+    known = "able-arm, able-elbow, bench-joint, elbow-participants, elbow-people, knee-orthosis, knee-seated"
     assert f"unknown rig 'elbow'; known: {known}" in err
     assert not (tmp_path / "new").exists()
 

@@ -107,7 +107,8 @@ def test_a_truth_can_be_written(name):
 
 
 def test_a_kind_that_nobody_knows_is_refused():
-    with pytest.raises(StudyError, match="found kind = 'ankle', expected one of bench-joint, elbow-participants, knee"):
+    known = "bench-joint, elbow-participants, elbow-people, knee"
+    with pytest.raises(StudyError, match=f"found kind = 'ankle', expected one of {known}"):
         parse_rig('kind = "ankle"\n', "mine")
     with pytest.raises(StudyError, match="unknown rig 'shoulder'"):
         load_rig("shoulder")

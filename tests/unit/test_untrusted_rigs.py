@@ -10,7 +10,7 @@ from pellucid._errors import PellucidError
 from pellucid.lab.known_rigs import parse_rig, shipped_rig
 
 EACH = int(os.environ.get("FUZZ", "300"))
-KINDS = ("bench-joint", "able-arm", "able-elbow", "elbow-participants", "knee-orthosis", "knee-seated")
+KINDS = ("bench-joint", "able-arm", "able-elbow", "elbow-participants", "elbow-people", "knee-orthosis", "knee-seated")
 
 
 @pytest.mark.parametrize("name", KINDS)

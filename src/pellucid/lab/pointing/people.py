@@ -15,6 +15,11 @@ if TYPE_CHECKING:
     from .rig import PointingRig
 
 
+DRAWN = ("impedance", "muscles", "cocontraction", "vision")
+"""Tables whose numbers differ between people where one beside says by how much: ``NAME_spread``, the standard deviation
+of the logarithm."""
+
+
 @dataclass(frozen=True)
 class Person:
     """One virtual person."""
@@ -26,6 +31,7 @@ class Person:
     mass: float
     reward: float  # What arriving is worth [J]: how briskly this person moves
     emg_gains: tuple[float, ...]  # RMS of every muscle at full excitation [V]
+    drawn: tuple[tuple[str, float], ...] = ()  # Numbers of the file's `DRAWN` tables that are this person's own, SI
 
     @property
     def forearm(self) -> Segment:
@@ -40,19 +46,22 @@ class Person:
     def vector(self, rig: PointingRig) -> np.ndarray:
         """The core's parameters of the person, shape (k,), SI, in the order of the names of the rig's `model_of`."""
         arm, vision, segment = rig["arm"], rig["vision"], self.forearm
+        tables = {key: value for table in DRAWN for key, value in rig.tables.get(table, {}).items()}
         values = {
+            **tables,
+            **dict(self.drawn),
             "inertia": segment.inertia,
             "gravity": segment.gravity(),
             "centre": 0.0,
             **{key: arm[key] for key in ("viscous", "passive_torque", "passive_angle", "passive_scale")},
-            **rig["muscles"],
             "flexion_max": arm["flexion"] * self.mass,
             "extension_max": arm["extension"] * self.mass,
-            "visual_delay": vision["delay"],
-            **{key: vision[key] for key in ("tolerance", "check_share", "correction_share", "correction_least")},
             "sign_width": rig["planning"]["sign_width"],
             "period": rig.period,
         }
+        values["visual_delay"] = values["delay"]
+        if "tolerance_share" in vision:
+            values["tolerance"] = values["tolerance_share"] * rig["pointing"]["tolerance"]
         return np.array([values[name] for name in parameter_names(rig)])
 
     def slider(self, rig: PointingRig) -> float:
@@ -71,6 +80,13 @@ def parameter_names(rig: PointingRig) -> tuple[str, ...]:
     return getattr(_core, f"{model_of(rig).upper()}_PARAMETER_NAMES")
 
 
+def own_numbers(model: str) -> tuple[str, ...]:
+    """What the core takes of a model that a rig's file says in its `DRAWN` tables, in order."""
+    elsewhere = {"inertia", "gravity", "centre", "viscous", "passive_torque", "passive_angle", "passive_scale",
+                 "flexion_max", "extension_max", "sign_width", "period", "tolerance", "visual_delay"}  # fmt: skip
+    return tuple(name for name in getattr(_core, f"{model.upper()}_PARAMETER_NAMES") if name not in elsewhere)
+
+
 def draw_people(rig: PointingRig, rng: np.random.Generator, *, count: int | None = None) -> tuple[Person, ...]:
     """People whose ages, heights, masses and briskness have the means and spreads of the file.
 
@@ -87,6 +103,12 @@ def draw_people(rig: PointingRig, rng: np.random.Generator, *, count: int | None
     rewards = choice["reward"] * np.exp(choice["reward_spread"] * rng.permutation(levels))
     gains = np.array(emg["gains"]) * np.exp(emg["gain_spread"] * rng.standard_normal((n, len(emg["gains"]))))
     sexes = rng.permutation(["female", "male"] * ((n + 1) // 2))[:n]
+    drawn = {
+        key.removesuffix("_spread"): table[key.removesuffix("_spread")] * np.exp(spread * rng.permutation(levels))
+        for table in (rig.tables.get(name, {}) for name in DRAWN)
+        for key, spread in table.items()
+        if key.endswith("_spread")
+    }
     return tuple(
         Person(
             f"P{i + 1}",
@@ -96,6 +118,7 @@ def draw_people(rig: PointingRig, rng: np.random.Generator, *, count: int | None
             float(masses[i]),
             float(rewards[i]),
             tuple(gains[i].tolist()),
+            tuple((key, float(values[i])) for key, values in drawn.items()),
         )
         for i in range(n)
     )

@@ -15,7 +15,7 @@ from ..known_rigs import shipped_rig
 from ..recorded_table import MAIN, MARKERS, Column, emg_columns, marker_columns
 from ..rig import Rig, Taken, Trial, parse_tables
 from .instruments import COMMON, SEGMENT, blocks
-from .people import Person, draw_people
+from .people import DRAWN, Person, draw_people, own_numbers
 from .session import CONTROL, Conditions, PointingSession, RobotLaw, point
 
 PUBLISHED = (CONTROL, "FC", "PCFr", "CLPC")
@@ -39,6 +39,20 @@ NEEDED = {
     "cameras": ("rate", "noise", "quantum", "clock_drift", "elbow"),
 }  # fmt: skip
 """What a rig file must say, table by table."""
+
+NEEDED_OF_PEOPLE = {
+    **{table: keys for table, keys in NEEDED.items() if table not in ("muscles", "vision")},
+    "people": ("model", *NEEDED["people"]),
+    "impedance": ("posture_stiffness", "movement_stiffness", "posture_damping_ratio", "movement_damping_ratio",
+                  "movement_speed", "stiffness_per_torque"),
+    "muscles": ("reflex_stiffness", "reflex_damping", "reflex_delay", "muscle_delay", "activation_time", "noise_share",
+                "noise_time"),
+    "cocontraction": ("cocontraction", "cocontraction_most", "cocontraction_rise", "cocontraction_decay", "late_time",
+                      "fatigue_rate", "recovery_rate"),
+    "vision": ("delay", "visual_noise", "tolerance_share", "check_share", "correction_share", "correction_least",
+               "correction_gain", "correction_discount", "refractory_time", "patience", "failures_most"),
+}  # fmt: skip
+"""And what one of people who hold as well as reach must say."""
 
 COMMENTS = {
     "": "People who point with the forearm, free and strapped to an elbow robot. Nothing below tells them from"
@@ -189,6 +203,31 @@ class PointingRig(Rig):
         """The robot, and the people that a `seed` draws."""
         people = draw_people(self, np.random.default_rng(seed))
         return {"robot": self.robot.name, "people": [asdict(person) for person in people]}
+
+
+@dataclass(frozen=True)
+class PeopleRig(PointingRig):
+    """The tables of a file like ``lab/rigs/elbow-people.toml``: people who differ in how they move, by its spreads."""
+
+    kind = "elbow-people"
+    needed = NEEDED_OF_PEOPLE
+
+    @classmethod
+    def checked(cls, tables: dict, name: str) -> dict:
+        tables = super().checked(tables, name)
+        model = tables["people"]["model"]
+        if model not in _core.PERSON_MODELS:
+            known = ", ".join(_core.PERSON_MODELS)
+            raise StudyError(f"rig {name}: [people] model: found {model!r}, expected one of {known}")
+        lacking = [key for key in own_numbers(model) if not any(key in tables.get(table, {}) for table in DRAWN)]
+        if lacking:
+            raise StudyError(f'rig {name}: [people] model = "{model}" lacks {", ".join(lacking)}')
+        return tables
+
+
+def elbow_people(robot: ElbowRig | None = None) -> PeopleRig:
+    """The people of ``lab/rigs/elbow-people.toml``, who wear `robot`, or the one that the file names."""
+    return PeopleRig.parse(shipped_rig(PeopleRig.kind), PeopleRig.kind, robot)
 
 
 def elbow_participants(robot: ElbowRig | None = None) -> PointingRig:

@@ -1,0 +1,56 @@
+"""A whole study with virtual people: those who hold as well as reach beside those who were frozen before, by turns.
+
+The 2,400 movements of the published experiment, four conditions of 100 movements each for six people, on one robot and
+under the same laws. CPU time, since other work on the machine is none of theirs; of the free arm apart, where both make
+about the same motion.
+"""
+
+from __future__ import annotations
+
+import time
+
+import numpy as np
+
+from pellucid.lab.pointing.conditions import Conditions, identified_cards, published_laws
+from pellucid.lab.pointing.people import draw_people
+from pellucid.lab.pointing.rig import PointingRig, elbow_participants, elbow_people
+from pellucid.lab.pointing.session import CONTROL, point
+
+EXPONENTS = (-0.5, -0.5)
+"""Of equation 8, as five people chose them on most robots."""
+
+
+def study_seconds(rigs: tuple[PointingRig, PointingRig], conditions: Conditions, seed: int = 1) -> np.ndarray:
+    """CPU seconds of all movements of each rig's people in each condition, session by session by turns, shape
+    (2, conditions)."""
+    people = [draw_people(rig, np.random.default_rng(seed)) for rig in rigs]
+    taken = np.zeros((2, len(conditions)))
+    for i, pair in enumerate(zip(*people, strict=True)):
+        for j, (name, make) in enumerate(conditions.items()):
+            for k in (0, 1) if (i + j) % 2 else (1, 0):
+                law = None if make is None else make(pair[k], pair[k].slider(rigs[k]))
+                rng = np.random.default_rng([seed, i, j])
+                start = time.process_time()
+                point(rigs[k], pair[k], name, law, rng)
+                taken[k, j] += time.process_time() - start
+    return taken
+
+
+def run() -> list[dict]:
+    """Rows of name, value, unit, note."""
+    rigs = elbow_people(), elbow_participants()
+    conditions = published_laws(identified_cards(rigs[0].robot), EXPONENTS)
+    taken = study_seconds(rigs, conditions)
+    free = list(conditions).index(CONTROL)
+    whole = taken.sum(axis=1)
+    return [
+        {"name": "people: a study of 2,400 movements", "value": float(whole[0]), "unit": "s", "note": "one run"},
+        {"name": "people: the same, frozen ones", "value": float(whole[1]), "unit": "s", "note": "one run"},
+        {"name": "people: over frozen ones", "value": float(whole[0] / whole[1]), "unit": "1", "note": "by turns"},
+        {
+            "name": "people: over frozen ones, free arm",
+            "value": float(taken[0, free] / taken[1, free]),
+            "unit": "1",
+            "note": "600 movements each, by turns",
+        },
+    ]
