@@ -214,6 +214,7 @@ class PeopleRig(PointingRig):
 
     @classmethod
     def checked(cls, tables: dict, name: str) -> dict:
+        """As `Rig.checked`; and every number of the model that its people are is there."""
         tables = super().checked(tables, name)
         model = tables["people"]["model"]
         if model not in _core.PERSON_MODELS:
