@@ -49,6 +49,9 @@ def test_without_a_robot_people_arrive_and_hold():
         for m in session.movements:
             hold = session.signals["position"][m.end - 1900 : m.end]
             assert np.abs(hold - m.target).max() < RIG["pointing"]["tolerance"]
+        efforts = [m.lasting["effort"] for m in session.movements]
+        assert np.all(np.diff(efforts) > 0.0)
+        assert not any(m.lasting["given_up"] for m in session.movements)
         # Antagonists have what both always have, while nothing goes wrong.
         assert session.signals["extensor"].min() >= 0.9 * dict(person.drawn)["cocontraction"]
 

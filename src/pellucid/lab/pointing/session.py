@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
@@ -65,6 +65,9 @@ class Reach:
     end: int
     expected: np.ndarray  # (5,) What the load was expected to be, in the order of `load_learning.LOADS`
     held: bool = True  # Whether the target was held; if not, the next one came after the longest that is waited
+    # What of the person outlasted it, as `_core.WornElbow.lasting` names it: co-contraction and fatigue [1], effort
+    # [s], late error [rad], corrections, whether it was given up
+    lasting: Mapping[str, float] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -145,7 +148,7 @@ def point(
                 emg=law is not None and law.emg,
             )
             n = len(moved[0])
-            movements.append(Reach(amplitude, goal, duration, now, now + n, expected, n < most))
+            movements.append(Reach(amplitude, goal, duration, now, now + n, expected, n < most, arm.lasting))
             taken.append(moved)
             goals.append(np.full(n, goal))
             now, here = now + n, goal
