@@ -396,6 +396,7 @@ nb::dict model_fields() {
   models["coupled_plant"] = fields_of<p::CoupledPlantParams<double>>();
   models["reaching"] = fields_of<p::ReachingParams<double>>();
   models["postural"] = fields_of<p::PosturalParams<double>>();
+  models["optimal"] = fields_of<p::OptimalReachingParams<double>>();
   models["link"] = fields_of<p::LinkParams<double>>();
   models["cuff"] = fields_of<p::CuffParams<double>>();
   models["posture_servo"] = fields_of<p::PostureServoParams<double>>();

@@ -114,7 +114,8 @@ template <class S> p::ExpectedLoad<S> read_load(nb::handle load) {
 }
 
 /// What of a person outlasts a movement, and how the last one went: co-contraction and lost strengths [1], effort [s],
-/// late error [rad], counts; nothing, where a model has no such thing.
+/// late error [rad], counts; of one by optimal feedback stiffness [N m/rad] and unexpected torque reckoned with [N m];
+/// nothing, where a model has no such thing.
 template <class State> void tell(nb::dict&, const State&) {}
 void tell(nb::dict& d, const p::PosturalState<double>& s) {
   d["cocontraction"] = s.cocontraction;
@@ -125,6 +126,11 @@ void tell(nb::dict& d, const p::PosturalState<double>& s) {
   d["failures"] = static_cast<int>(s.failures);
   d["late"] = s.late;
   d["given_up"] = s.given_up > 0;
+}
+void tell(nb::dict& d, const p::OptimalReachingState<double>& s) {
+  d["cocontraction"] = s.policy.cocontraction;
+  d["stiffness"] = s.policy.stiffness;
+  d["uncertainty"] = std::sqrt(s.variance);
 }
 
 template <class... Arms> constexpr auto models_of(const std::variant<Arms...>*) {
@@ -296,6 +302,49 @@ class WornElbow {
   }
 };
 
+constexpr const char* optimal_policy_doc = R"(What a person who reaches by optimal feedback settles before a movement.
+
+Parameters
+----------
+parameters : (k,)
+    In the order of OPTIMAL_PARAMETER_NAMES, SI.
+load : (5,)
+    What is expected of the robot, SI.
+amplitude, target, duration : float
+    How far [rad], where to [rad], and how long a movement of minimum jerk would be [s].
+variance : float
+    Of unexpected torque, as reckoned with [N^2 m^2].
+
+Returns
+-------
+dict
+    unit_time [s]; moving, holding: gains of error, speed, torque and torque rate, shape (4,), SI; cocontraction
+    [1]; stiffness [N m/rad], damping [N m s/rad]; transition, shape (3, 3), of position, velocity and unexpected
+    torque, over a period; belief and now, shape (3, 2): what a felt position and velocity change of them, as of
+    then and as of now.)";
+
+nb::dict optimal_policy(nb::handle parameters, nb::handle load, double amplitude, double target, double duration,
+                        double variance) {
+  const auto params = read_params<p::OptimalReachingParams<double>, double>("parameters", parameters);
+  const auto found = p::policy(p::coefficients(params), read_load<double>(load), amplitude, target, duration, variance);
+  nb::dict told;
+  const auto tell = [&told](const char* name, const double* numbers, Shape shape) {
+    Result result(shape);
+    std::copy_n(numbers, shape.size() == 1 ? shape[0] : shape[0] * shape[1], result.data);
+    told[name] = result.array();
+  };
+  told["unit_time"] = found.moving_time;
+  tell("moving", found.moving, {4});
+  tell("holding", found.holding, {4});
+  told["cocontraction"] = found.cocontraction;
+  told["stiffness"] = found.stiffness;
+  told["damping"] = found.damping;
+  tell("transition", &found.transition.at[0][0], {3, 3});
+  tell("belief", &found.belief[0][0], {3, 2});
+  tell("now", &found.now[0][0], {3, 2});
+  return told;
+}
+
 }  // namespace
 
 void add_elbow(nb::module_& m) {
@@ -336,6 +385,11 @@ void add_elbow(nb::module_& m) {
       .def_prop_ro("lasting", &WornElbow::lasting, nb::sig("def lasting(self) -> dict"),
                    "What of a person outlasts a movement, and how the last went; empty where the model has nothing.")
       .def_prop_ro("fault", &WornElbow::fault, "Why its supervisor has stopped; 'none' while all is well.");
+  m.def("optimal_policy", optimal_policy, nb::arg("parameters"), nb::arg("load"), nb::kw_only(), nb::arg("amplitude"),
+        nb::arg("target"), nb::arg("duration"), nb::arg("variance"),
+        nb::sig("def optimal_policy(parameters: ArrayLike, load: ArrayLike, *, amplitude: float, target: float, duration: "
+                "float, variance: float) -> dict"),
+        optimal_policy_doc);
   m.def("single_faults", single_faults, nb::sig("def single_faults() -> list[dict]"),
         "Faults of `WornElbow.live`: name, group, sentence, needs (a sensor), at_start, joint_encoder, hidden (why).");
 }

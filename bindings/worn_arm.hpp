@@ -3,6 +3,7 @@
 
 #include "laws.hpp"
 
+#include <pellucid/optimal_reaching.hpp>
 #include <pellucid/postural_reaching.hpp>
 #include <pellucid/reaching.hpp>
 #include <pellucid/watchdog.hpp>
@@ -115,6 +116,7 @@ template <class Params> struct WornArm {
 /// Models of a person, a line each; `WornElbow` takes one by the name that its Params says.
 using AnyWornArm = std::variant<
     WornArm<pellucid::ReachingParams<double>>,
-    WornArm<pellucid::PosturalParams<double>>>;
+    WornArm<pellucid::PosturalParams<double>>,
+    WornArm<pellucid::OptimalReachingParams<double>>>;
 
 }  // namespace bindings

@@ -13,6 +13,7 @@ MODELS = {
     "coupled_plant": "A series-elastic orthosis, its strap and the limb in it",
     "reaching": "A person who reaches",
     "postural": "A person who reaches and then holds",
+    "optimal": "A person who reaches by optimal feedback",
     "link": "A link of a tree, and the joint by which it hangs",
     "cuff": "A cuff between a robot's link and a limb's",
     "posture_servo": "Muscles that follow a motion, and their reflex",

@@ -73,11 +73,12 @@ template <class S> struct ReachingCoefficients {
   S inverse_sign_width{};          ///< [s/rad]
 };
 
+/// A delay in periods; of several lanes the longest.
 template <class S> std::uint32_t delay_periods(const S& delay, const S& period) noexcept {
   const S periods = round(delay / period);
-  if (!(periods > S(0))) return 0;
-  return periods < S(static_cast<value_t<S>>(max_reaching_delay - 1)) ? static_cast<std::uint32_t>(periods)
-                                                                      : max_reaching_delay - 1;
+  std::uint32_t count = 0;
+  while (count < max_reaching_delay - 1 && any(periods > S(static_cast<value_t<S>>(count)))) ++count;
+  return count;
 }
 
 template <class S> ReachingCoefficients<S> coefficients(const ReachingParams<S>& p) noexcept {

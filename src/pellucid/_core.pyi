@@ -912,7 +912,9 @@ REACHING_PARAMETER_NAMES: tuple[str, ...]
 
 POSTURAL_PARAMETER_NAMES: tuple[str, ...]
 
-PERSON_MODELS: tuple = ("reaching", "postural")
+OPTIMAL_PARAMETER_NAMES: tuple[str, ...]
+
+PERSON_MODELS: tuple = ("reaching", "postural", "optimal")
 
 class WornElbow:
     """
@@ -1073,6 +1075,32 @@ class WornElbow:
     @property
     def fault(self) -> str:
         """Why its supervisor has stopped; 'none' while all is well."""
+
+def optimal_policy(
+    parameters: ArrayLike, load: ArrayLike, *, amplitude: float, target: float, duration: float, variance: float
+) -> dict:
+    """
+    What a person who reaches by optimal feedback settles before a movement.
+
+    Parameters
+    ----------
+    parameters : (k,)
+        In the order of OPTIMAL_PARAMETER_NAMES, SI.
+    load : (5,)
+        What is expected of the robot, SI.
+    amplitude, target, duration : float
+        How far [rad], where to [rad], and how long a movement of minimum jerk would be [s].
+    variance : float
+        Of unexpected torque, as reckoned with [N^2 m^2].
+
+    Returns
+    -------
+    dict
+        unit_time [s]; moving, holding: gains of error, speed, torque and torque rate, shape (4,), SI; cocontraction
+        [1]; stiffness [N m/rad], damping [N m s/rad]; transition, shape (3, 3), of position, velocity and unexpected
+        torque, over a period; belief and now, shape (3, 2): what a felt position and velocity change of them, as of
+        then and as of now.
+    """
 
 def single_faults() -> list[dict]:
     """

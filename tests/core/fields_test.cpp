@@ -30,6 +30,7 @@ int main() {
   walks<p::CoupledPlantParams<double>>();
   walks<p::ReachingParams<double>>();
   walks<p::PosturalParams<double>>();
+  walks<p::OptimalReachingParams<double>>();
   walks<p::EmgMuscleParams<double>>();
   walks<p::StrapEstimatorParams<double>>();
   p::Laws::for_each([](auto of) {
