@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 DRAWN = ("impedance", "muscles", "cocontraction", "vision")
 """Tables whose numbers differ between people where one beside says by how much: ``NAME_spread``, the standard deviation
-of the logarithm."""
+of the logarithm. So may those of a table with the name of the model, of what it takes besides."""
 
 
 @dataclass(frozen=True)
@@ -46,7 +46,7 @@ class Person:
     def vector(self, rig: PointingRig) -> np.ndarray:
         """The core's parameters of the person, shape (k,), SI, in the order of the names of the rig's `model_of`."""
         arm, vision, segment = rig["arm"], rig["vision"], self.forearm
-        tables = {key: value for table in DRAWN for key, value in rig.tables.get(table, {}).items()}
+        tables = {key: value for table in own_tables(rig) for key, value in rig.tables.get(table, {}).items()}
         values = {
             **tables,
             **dict(self.drawn),
@@ -73,6 +73,11 @@ class Person:
 def model_of(rig: PointingRig) -> str:
     """Which model of a person, of those of the core, a rig's people are."""
     return rig["people"].get("model", "reaching")
+
+
+def own_tables(rig: PointingRig) -> tuple[str, ...]:
+    """Names of the tables whose numbers may be each person's own."""
+    return (*DRAWN, model_of(rig))
 
 
 def parameter_names(rig: PointingRig) -> tuple[str, ...]:
@@ -105,7 +110,7 @@ def draw_people(rig: PointingRig, rng: np.random.Generator, *, count: int | None
     sexes = rng.permutation(["female", "male"] * ((n + 1) // 2))[:n]
     drawn = {
         key.removesuffix("_spread"): table[key.removesuffix("_spread")] * np.exp(spread * rng.permutation(levels))
-        for table in (rig.tables.get(name, {}) for name in DRAWN)
+        for table in (rig.tables.get(name, {}) for name in own_tables(rig))
         for key, spread in table.items()
         if key.endswith("_spread")
     }

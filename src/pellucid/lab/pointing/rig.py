@@ -220,10 +220,17 @@ class PeopleRig(PointingRig):
         if model not in _core.PERSON_MODELS:
             known = ", ".join(_core.PERSON_MODELS)
             raise StudyError(f"rig {name}: [people] model: found {model!r}, expected one of {known}")
-        lacking = [key for key in own_numbers(model) if not any(key in tables.get(table, {}) for table in DRAWN)]
+        lacking = [
+            key for key in own_numbers(model) if not any(key in tables.get(table, {}) for table in (*DRAWN, model))
+        ]
         if lacking:
             raise StudyError(f'rig {name}: [people] model = "{model}" lacks {", ".join(lacking)}')
         return tables
+
+    def modelled(self, model: str) -> Self:
+        """The same people, who move as another `model` of the core's `PERSON_MODELS` says."""
+        tables = {**self.tables, "people": {**self["people"], "model": model}}
+        return replace(self, name=f"{self.name}-{model}", tables=type(self).checked(tables, self.name))
 
 
 def elbow_people(robot: ElbowRig | None = None) -> PeopleRig:
