@@ -11,6 +11,7 @@ alone. Spreads are those of the virtual people's study (changes of 4 to 12 % bet
 - From a pilot of eight people the same plan hangs on what these eight were like: its spread is told.
 - Looks: three, alpha spent after O'Brien and Fleming; a study ends with its first "transparent".
 - The rival is what papers do: "no significant difference" taken for none.
+- What else acts, and movements in place of participants' values: `_doubted.py`.
 """
 
 from collections.abc import Iterator
@@ -25,6 +26,8 @@ from pellucid.assessment.equivalence_power import equivalence_needed, equivalenc
 from pellucid.assessment.group_sequential import looks
 from pellucid.assessment.signed_rank import signed_rank
 from pellucid.recordings.results import ResultRow
+
+from . import _doubted
 
 STUDIES, SEED = 2000, 20261122
 END_POINTS = {"duration": 0.10, "vmax": 0.10, "emg": 0.20, "torque": 0.25}
@@ -72,6 +75,8 @@ def rows(studies: int = STUDIES) -> Iterator[ResultRow]:
         "certificate.false_transparent.three_looks", 100.0 * sequential(studies), "%", "12 people at the end, ranks"
     )
     yield from power_rows(studies)
+    for name, share, note in _doubted.rows(in_order(_doubted.jobs(studies))):
+        yield _row(f"certificate.{name}", 100.0 * share, "%", note)
 
 
 def _row(name: str, value: float, unit: str, note: str) -> ResultRow:

@@ -245,6 +245,33 @@ def assess(
 
 
 @app.command()
+def plan(
+    folder: Folder,
+    power: Annotated[
+        float, typer.Option(metavar="P", min=0.5, max=0.999, help="Share of studies that are to show it.")
+    ] = 0.9,
+    studies: Annotated[int, typer.Option(metavar="N", min=100, help="Simulated for each number of people.")] = 2000,
+    scheduler: Annotated[str | None, typer.Option(metavar="ADDRESS", help="Dask scheduler to simulate on.")] = None,
+    allow_outside: Outside = False,
+) -> None:
+    """How many people does a certificate of transparency take?"""
+    from contextlib import nullcontext
+
+    from .assessment.cluster import cluster
+    from .procedures.assessment.plan import plan as run
+    from .procedures.print_result import fitting_tables
+
+    study, console = _opened(folder, None, allow_outside), _console()
+    with cluster(scheduler) if scheduler else nullcontext() as executor:
+        found = run(study, power=power, studies=studies, executor=executor)
+    _say(console, found.title)
+    rows = [["" if cell is None else str(cell) for cell in row] for row in found.rows]
+    for table in fitting_tables(found.heads, rows, console.width):
+        console.print(table)
+    _say(console, found.note)
+
+
+@app.command()
 def onset(folder: Folder, json: Json = False, out: Out = None, allow_outside: Outside = False) -> None:
     """When muscles become active, from raw EMG, with intervals."""
     from .procedures.run import onset as run

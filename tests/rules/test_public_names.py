@@ -61,6 +61,7 @@ COMMANDS = [
     "export",
     "version",
     "datasets",
+    "plan",
 ]
 HEAVY = ("numpy", "scipy", "matplotlib", "pydantic", "pint", "rich", "jinja2", "pooch")
 

@@ -7,8 +7,9 @@ are corrected after Holm. Between both the study cannot say, and is told how man
 
 What is said of an end point may be owed to something else than the condition: to the order of conditions, to what came
 before, to movements that were still changing, or to slow ones that gave no value. Each is a `Doubt`: it is tested, and
-the change without it is held against the margin too. Where it is seen and the change without it does not say the same,
-the end point is undecided. A doubt can thus only take a claim away, never make one.
+the change without it is held against the margin too. Where it weighs and the change without it does not say the same,
+the end point is undecided. A doubt can thus only take a claim away, never make one. Some weigh always: to reckon only
+with what is seen would let through what few people do not show.
 
 .. [1] R. L. Berger, J. C. Hsu, "Bioequivalence trials, intersection-union tests and equivalence confidence sets", Stat.
    Sci. 11, 1996.
@@ -34,12 +35,13 @@ class Doubt:
     """What else may have changed an end point, and what it says without that."""
 
     what: str  # ``"period"``, ``"carry-over"``, ``"learning"`` or ``"left out"``
-    p_value: float  # That it is chance; 0 where it is counted, not tested
+    p_value: float  # That it is chance
     without: Equivalence
+    always: bool = False  # Whether both must say the same even where it is not seen
 
-    def seen(self, alpha: float) -> bool:
-        """Whether it is there beyond chance; alpha is not corrected: to doubt too often is to claim too little."""
-        return self.p_value <= alpha
+    def weighs(self, alpha: float) -> bool:
+        """Whether it is to be reckoned with: seen beyond chance, at an alpha that is not corrected, or always."""
+        return self.always or self.p_value <= alpha
 
 
 @dataclass(frozen=True)
@@ -76,10 +78,10 @@ class Certificate:
         return BEYOND if self.beyond[name] <= self.alpha else UNDECIDED
 
     def contradicted(self, name: str) -> tuple[Doubt, ...]:
-        """Doubts that are seen and without which the end point would not say what it says."""
+        """Doubts that weigh and without which the end point would not say what it says."""
         said = self.tested(name)
         own = self.doubts.get(name, ()) if said != UNDECIDED else ()
-        return tuple(doubt for doubt in own if doubt.seen(self.alpha) and doubt.without.verdict != said)
+        return tuple(doubt for doubt in own if doubt.weighs(self.alpha) and doubt.without.verdict != said)
 
     def said_of(self, name: str) -> str:
         """What is tested of one end point, and undecided where a doubt contradicts it."""

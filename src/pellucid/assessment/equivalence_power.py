@@ -14,7 +14,7 @@ from scipy import stats
 
 from .._errors import PellucidError
 from .equivalence import Margin, Method, least_rank_sum
-from .power import Power, fewest, root_of, simulated_power
+from .power import TRIED, Here, Power, fewest, root_of, run_parts, simulated_power
 from .signed_rank import rank_sums
 
 SIZES = (5, 6, 8, 10, 12, 16, 20, 24, 32, 48, 64, 96, 128)
@@ -98,6 +98,47 @@ def equivalence_needed(
         return equivalence_power(covariance, margins, (n,), **options).power[0] >= power
 
     return fewest(SIZES, enough, 1)
+
+
+def needed_for_changes(
+    spreads: Sequence[float],
+    margins: Sequence[Margin],
+    shares: Sequence[float],
+    correlations: Sequence[float],
+    *,
+    power: float = 0.9,
+    alpha: float = 0.05,
+    studies: int = 2000,
+    seed: int = 1,
+    executor: Any = None,
+) -> tuple[list[list[int | None]], list[list[int | None]]]:
+    """The fewest participants for all end points together, by true change (as a share of every margin's upper end) and
+    by correlation of people's changes over end points; and the same of each end point alone. `spreads` (m,): standard
+    deviations of people's changes. Each search is a job of its own, on every core or through the `executor`."""
+    if len(spreads) != len(margins) or not margins or not all(s > 0.0 for s in spreads):
+        raise PellucidError(
+            f"plan: found {len(spreads)} spreads, expected one above 0 for each of {len(margins)} margins"
+        )
+    spread, ends = np.asarray(spreads, float), np.array([margin.high for margin in margins])
+    jobs = []
+    for share in shares:
+        for rho in correlations:
+            shape = (1.0 - rho) * np.eye(len(spread)) + rho
+            jobs.append((np.outer(spread, spread) * shape, list(margins), share * ends))
+        for i, margin in enumerate(margins):
+            jobs.append((spread[i : i + 1, None] ** 2, [margin], share * ends[i : i + 1]))
+    arguments = [(*job, power, alpha, studies, seed) for job in jobs]
+    found = run_parts(_needed, arguments, executor, TRIED * studies * len(jobs) * len(margins))
+    rows = [
+        found[i : i + len(correlations) + len(margins)] for i in range(0, len(found), len(correlations) + len(margins))
+    ]
+    return [row[: len(correlations)] for row in rows], [row[len(correlations) :] for row in rows]
+
+
+def _needed(covariance, margins, change, power, alpha, studies, seed) -> int | None:
+    return equivalence_needed(
+        covariance, margins, power=power, change=change, alpha=alpha, studies=studies, seed=seed, executor=Here()
+    )
 
 
 def _within(n, studies, seed, change, factor, ends, alpha, method) -> int:

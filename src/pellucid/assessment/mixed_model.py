@@ -180,13 +180,13 @@ def _fitted(y, design, who, random, start):
     model = MixedLM(y, design, groups=who, exog_re=random)
     for optimiser in OPTIMISERS:
         try:
-            # A fit that tells its state by warnings alone is asked for it below.
+            # A fit tells its state by warnings alone; it is asked for it below.
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore")
                 found = model.fit(reml=True, method=[optimiser], start_params=begin)
+                errors = np.asarray(found.bse_fe)
         except (np.linalg.LinAlgError, ValueError, ZeroDivisionError):
             continue
-        errors = np.asarray(found.bse_fe)
         if found.converged and np.isfinite(errors).all() and (errors > 0.0).all():
             return found, ""
     return None, f"did not come to rest ({' and '.join(OPTIMISERS)} were tried)"

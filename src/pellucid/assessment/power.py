@@ -218,14 +218,15 @@ def _needed_for(effect: float, comparisons: int, alpha: float, studies: int, see
     pilot = np.array([[0.0, -1.0], [0.0, 0.0], [0.0, 1.0]])
     return participants_needed(
         pilot, test="signed_rank", compared=1, change=effect, comparisons=comparisons, alpha=alpha, studies=studies,
-        seed=seed, executor=_Here(),
+        seed=seed, executor=Here(),
     )  # fmt: skip
 
 
-class _Here:
+class Here:
     """An executor that runs what it is given at once: a task on a worker starts no others."""
 
     def submit(self, function, *arguments):
+        """A future that is done."""
         outcome: Future = Future()
         outcome.set_result(function(*arguments))
         return outcome

@@ -94,9 +94,8 @@ def _certificate(findings: AssessmentResult) -> Section:
             "Two one-sided tests of each end point; all must lie within for the claim, so nothing is divided by their "
             "number. Beyond is corrected after Holm. Signed ranks are counted, of participants' changes; the mixed "
             "model is of movements, with a level and a change for each participant, t with one degree of freedom fewer "
-            "than "
-            "participants. Where something else is seen to have changed an end point, and without it the end point "
-            "does not say the same, nothing is said of it.",
+            "than participants. Where an end point would not say the same without what else may have changed it, "
+            "nothing is said of it.",
             *map(prose, certificate_remarks(findings)),
         ),
     )

@@ -59,7 +59,7 @@ def _of_order(found, point, condition, people, seen, order, alpha, unknown) -> l
             "be told from its own."
         )
     else:
-        made.append(Doubt(PERIOD, told.p_value, told.without))
+        made.append(Doubt(PERIOD, told.p_value, told.without, always=True))
     if found.control in table.conditions:
         rows = [table.participants.index(person) for person in people]
         values = np.log(table.values[rows]) if point.ratio else table.values[rows]
@@ -106,4 +106,4 @@ def _left_out(found, whole, point, condition, people, alpha) -> list[Doubt]:
     if bounds is None:
         return []
     low, high = bounds
-    return [Doubt(LEFT_OUT, 0.0, equivalence(low, point.margin, upper=high, alpha=alpha))]
+    return [Doubt(LEFT_OUT, float("nan"), equivalence(low, point.margin, upper=high, alpha=alpha), always=True)]

@@ -300,7 +300,7 @@ def _more_rows(each: Certified, name: str, point: EndPoint, add) -> None:
             add(f"{name}.model.{covariate.replace(' x ', '_by_')}.p", coefficient.p_value, "1", "mixed model")
     for doubt in each.certificate.doubts.get(name, ()):
         key = doubt.what.replace("-", "_").replace(" ", "_")
-        add(f"{name}.{key}.p", doubt.p_value, "1", "0: counted, not tested" if doubt.what == LEFT_OUT else "")
+        add(f"{name}.{key}.p", _finite(doubt.p_value), "1", "" if np.isfinite(doubt.p_value) else "not of chance")
         add(
             f"{name}.{key}.change_without",
             _finite(point.shown(doubt.without.estimate)),

@@ -45,6 +45,9 @@ class AssessmentTable(ProcedureTable):
     margins : dict of str to str
         By index how far a transparent robot may change it, ``"10 %"`` of control or with a unit; stated before the
         data are seen.
+    spreads : dict of str to str
+        By index how much people's changes are expected to differ (standard deviation), as in `margins`: a plan needs
+        it.
     false_transparent : float
         How often "transparent" may be said where it is not, in (0, 0.5).
     equivalence : str
@@ -71,6 +74,7 @@ class AssessmentTable(ProcedureTable):
     advance: quantity("s", ge=0) = 0.1
     confidence: float = Field(0.95, gt=0, lt=1)
     margins: dict[Word, Said] = Field(default_factory=dict)
+    spreads: dict[Word, Said] = Field(default_factory=dict)
     false_transparent: float = Field(0.05, gt=0, lt=0.5)
     equivalence: Literal["signed_rank", "mixed_model"] = "signed_rank"
     curves: dict[Literal["velocity", "interaction", "emg"], Said] = Field(default_factory=dict)

@@ -1,0 +1,77 @@
+"""Planning a certificate before there are recordings: numbers of the search itself, wherever it runs, and what is
+refused."""
+
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+import pytest
+
+from pellucid._errors import PellucidError, StudyError
+from pellucid.assessment.equivalence import Margin
+from pellucid.assessment.equivalence_power import equivalence_needed, needed_for_changes
+from pellucid.procedures.assessment.plan import plan
+from pellucid.procedures.registry import open_study
+
+STUDY = """name = "planned"
+[rig]
+joint = "elbow"
+motion = "rotary"
+[channels]
+time = { column = "time", unit = "s" }
+[assessment]
+control = "Ctrl"
+[assessment.margins]
+duration_median = "10 %"
+end_absolute = "2 deg"
+[assessment.spreads]
+"""
+SPREADS = 'duration_median = "6 %"\nend_absolute = "1.2 deg"\n'
+
+
+@pytest.fixture
+def study(tmp_path):
+    def made(spreads=SPREADS, head=STUDY):
+        (tmp_path / "study.toml").write_text(head + spreads, encoding="utf-8")
+        return open_study(tmp_path)
+
+    return made
+
+
+def test_it_is_the_search_of_the_certificate(study):
+    found = plan(study(), studies=300)
+    margins = [Margin.of_ratio(0.1), Margin.either_way(np.radians(2.0))]
+    spread = np.array([np.log1p(0.06), np.radians(1.2)])
+    third = np.array([margin.high for margin in margins]) / 3.0
+    needed = equivalence_needed(np.diag(spread**2), margins, change=third, studies=300)
+    assert found.heads[3:] == ("Median dur.", "End error")
+    rows = {row[0]: row[1:] for row in found.rows}
+    assert rows["a third"][0] == needed
+    # Together asks for no fewer than each alone, and going together for no more.
+    for together, correlated, *alone in rows.values():
+        assert max(alone) <= correlated <= together + 1
+    assert rows["none"][0] < rows["a half"][0]
+
+
+def test_it_is_the_same_wherever_it_runs(study):
+    with ThreadPoolExecutor(2) as pool:
+        assert plan(study(), studies=200, executor=pool).rows == plan(study(), studies=200).rows
+
+
+@pytest.mark.parametrize(
+    ("spreads", "said"),
+    [
+        ('duration_median = "6 %"\n', "expected those of duration_median, end_absolute"),
+        (SPREADS.replace("6 %", "60 ms"), "of the kind of its margin, 10 %"),
+        (SPREADS.replace("1.2 deg", "0 deg"), "above 0"),
+    ],
+)
+def test_spreads_that_do_not_fit_are_told(study, spreads, said):
+    with pytest.raises(StudyError, match=said):
+        plan(study(spreads))
+
+
+def test_without_margins_there_is_nothing_to_plan(study):
+    with pytest.raises(StudyError, match=r"no \[assessment.margins\]"):
+        plan(study("", STUDY.partition("[assessment.margins]")[0]))
+    with pytest.raises(PellucidError, match="expected one above 0"):
+        needed_for_changes([0.1], [], (0.0,), (0.0,))
