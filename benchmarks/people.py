@@ -1,7 +1,8 @@
-"""A whole study with virtual people: those who hold as well as reach beside those who were frozen before, by turns.
+"""A whole study with virtual people: those who hold as well as reach, by either model, beside those who were frozen
+before, by turns.
 
 The 2,400 movements of the published experiment, four conditions of 100 movements each for six people, on one robot and
-under the same laws. CPU time, since other work on the machine is none of theirs; of the free arm apart, where both make
+under the same laws. CPU time, since other work on the machine is none of theirs; of the free arm apart, where all make
 about the same motion.
 """
 
@@ -20,37 +21,40 @@ EXPONENTS = (-0.5, -0.5)
 """Of equation 8, as five people chose them on most robots."""
 
 
-def study_seconds(rigs: tuple[PointingRig, PointingRig], conditions: Conditions, seed: int = 1) -> np.ndarray:
+def study_seconds(rigs: tuple[PointingRig, ...], conditions: Conditions, seed: int = 1) -> np.ndarray:
     """CPU seconds of all movements of each rig's people in each condition, session by session by turns, shape
-    (2, conditions)."""
+    (rigs, conditions)."""
     people = [draw_people(rig, np.random.default_rng(seed)) for rig in rigs]
-    taken = np.zeros((2, len(conditions)))
-    for i, pair in enumerate(zip(*people, strict=True)):
+    n = len(rigs)
+    taken = np.zeros((n, len(conditions)))
+    for i, same in enumerate(zip(*people, strict=True)):
         for j, (name, make) in enumerate(conditions.items()):
-            for k in (0, 1) if (i + j) % 2 else (1, 0):
-                law = None if make is None else make(pair[k], pair[k].slider(rigs[k]))
+            for k in np.roll(np.arange(n), i + j).tolist():
+                law = None if make is None else make(same[k], same[k].slider(rigs[k]))
                 rng = np.random.default_rng([seed, i, j])
                 start = time.process_time()
-                point(rigs[k], pair[k], name, law, rng)
+                point(rigs[k], same[k], name, law, rng)
                 taken[k, j] += time.process_time() - start
     return taken
 
 
 def run() -> list[dict]:
     """Rows of name, value, unit, note."""
-    rigs = elbow_people(), elbow_participants()
+    rigs = elbow_people(), elbow_people().modelled("optimal"), elbow_participants()
     conditions = published_laws(identified_cards(rigs[0].robot), EXPONENTS)
     taken = study_seconds(rigs, conditions)
     free = list(conditions).index(CONTROL)
     whole = taken.sum(axis=1)
-    return [
-        {"name": "people: a study of 2,400 movements", "value": float(whole[0]), "unit": "s", "note": "one run"},
-        {"name": "people: the same, frozen ones", "value": float(whole[1]), "unit": "s", "note": "one run"},
-        {"name": "people: over frozen ones", "value": float(whole[0] / whole[1]), "unit": "1", "note": "by turns"},
-        {
-            "name": "people: over frozen ones, free arm",
-            "value": float(taken[0, free] / taken[1, free]),
-            "unit": "1",
-            "note": "600 movements each, by turns",
-        },
-    ]
+    rows = [{"name": "people: the same, frozen ones", "value": float(whole[-1]), "unit": "s", "note": "one run"}]
+    for name, of, alone in zip(("people", "people by optimal feedback"), whole, taken[:, free], strict=False):
+        rows += [
+            {"name": f"{name}: a study of 2,400 movements", "value": float(of), "unit": "s", "note": "one run"},
+            {"name": f"{name}: over frozen ones", "value": float(of / whole[-1]), "unit": "1", "note": "by turns"},
+            {
+                "name": f"{name}: over frozen ones, free arm",
+                "value": float(alone / taken[-1, free]),
+                "unit": "1",
+                "note": "600 movements each, by turns",
+            },
+        ]
+    return rows
