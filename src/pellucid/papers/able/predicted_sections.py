@@ -102,16 +102,18 @@ def _panels(made: Scored) -> dict[str, list[Spread]]:
 
 
 def _deciding(screened: Sensitivity) -> Section:
-    said = []
+    said, laws = [], range(len(screened.laws))
     for law in screened.laws:
         found = screened.of(law, "duration_median")
         above = [f"{name} ({value:.0f})" for name, value in found.items() if value > found[CHANCE]][:3]
         said.append(f"{law}: {', '.join(above) or 'nothing'} against {found[CHANCE]:.0f} of chance")
-    table = [
-        Row((f.name, *(f"{screened.strength[i, j, k]:.1f}" for j in range(len(DECIDED)) for i in range(len(LAWS)))))
-        for k, f in enumerate(screened.factors)
-    ]
-    heads = ("Factor", *(f"{title}, {law}" for title in DECIDED.values() for law in screened.laws))
+    folded = []
+    for j, title in enumerate(DECIDED.values()):
+        table = [
+            Row((f.name, *(f"{screened.strength[i, j, k]:.1f} ± {screened.half_width[i, j, k]:.1f}" for i in laws)))
+            for k, f in enumerate(screened.factors)
+        ]
+        folded.append((f"{title}, in numbers", number_table(("Factor", *screened.laws), table)))
     return Section(
         "deciding",
         "What decides?",
@@ -122,13 +124,13 @@ def _deciding(screened: Sensitivity) -> Section:
             f"{MINUS}2 to 1. What moved the median duration most, of 100 ln(times control): {'; '.join(said)}. Chance "
             "is the seed of all noise; what does not exceed it shows nothing.",
         ),
-        (number_table(heads, table, caption="Mean size of elementary effects, 100 ln(times control)"),),
-        (
+        drawings=(
             draw(
                 deciding_figure, screened, DECIDED,
                 "Mean size of elementary effects with their 95 % intervals; dotted, those of chance.",
             ),
         ),
+        folded=tuple(folded),
     )  # fmt: skip
 
 
