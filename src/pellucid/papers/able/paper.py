@@ -29,7 +29,7 @@ from .elbow import able_elbow as published_elbow
 from .identification_rows import LOAD_FACTORS, compared_rows, factor_rows, recomputed_rows
 from .identification_sections import identification_sections
 from .law_comparison import compare_controllers, comparison_rows
-from .predicted import Drawn, Scored, predict_paper, predicted_rows
+from .predicted import Drawn, Scored, models_of_people, predict_paper, predicted_rows
 from .predicted_sections import predicted_sections
 from .statistics import statistics_rows
 from .transparency import LAWS, Transparency, compare_laws
@@ -118,7 +118,7 @@ class AblePaper(Paper):
         yield from safety_rows(_all_laws(people, cards, self.transparency.exponents), cycles=self.fuzzed)
 
     def _predicted(self, drawn: Drawn, people: PointingRig, tell: Progress) -> list[Reproduced]:
-        rigs = drawn.rigs or (people,)
+        rigs = drawn.rigs or models_of_people(people.robot)
         self.scored = predict_paper(
             rigs, self.printed, people=drawn.people, robots=drawn.robots, movements=drawn.movements,
             workers=self.workers, on_progress=lambda text, share: tell(text, 0.78 + 0.04 * share),

@@ -16,8 +16,9 @@ import numpy as np
 from scipy.stats import rankdata
 
 from ...assessment.friedman import nemenyi_from_rank_sums
+from ...lab.elbow.rig import ElbowRig
 from ...lab.pointing.prediction import INDICES, SHARE, DrawnStudies, Prediction, predict_effects
-from ...lab.pointing.rig import PointingRig
+from ...lab.pointing.rig import PointingRig, elbow_people
 from ...lab.pointing.sensitivity import Sensitivity
 from ..figure import Reproduced, figure
 from ..printed import PrintedPaper
@@ -57,7 +58,7 @@ class Drawn:
     people: int = 8
     movements: int = 20  # Of a person in a condition; the paper's made 100
     trajectories: int = 4  # To see what decides
-    rigs: Sequence[PointingRig] = ()  # Whose people; the package's if there is none
+    rigs: Sequence[PointingRig] = ()  # Whose people; `models_of_people` if there is none
 
 
 @dataclass(frozen=True)
@@ -91,6 +92,11 @@ class Finding:
     words: str
     pairs: float  # Share of pairs of a person and a robot; NaN where it takes several people
     studies: float  # Share of drawn studies
+
+
+def models_of_people(robot: ElbowRig | None = None) -> tuple[PointingRig, ...]:
+    """The lab's people by each model of them, wearing a robot like one."""
+    return (elbow_people(robot),)
 
 
 def printed_exponents(paper: PrintedPaper) -> tuple[float, float]:
