@@ -75,6 +75,15 @@ def test_no_answer_is_told_and_decides_nothing(rng, monkeypatch):
     assert "expected at least 3" in few.trouble
 
 
+def test_a_standard_error_that_is_no_number_is_no_answer(rng, monkeypatch):
+    """It comes with a warning of NumPy's, which is none of the user's."""
+    results = pytest.importorskip("statsmodels.regression.mixed_linear_model").MixedLMResults
+    monkeypatch.setattr(results, "bse_fe", property(lambda self: np.sqrt(-np.ones(2))))
+    found = mixed_model(*movements(rng)[:3], {})
+    assert "did not come to rest" in found.trouble
+    assert np.isnan(found.change)
+
+
 def test_what_does_not_fit_is_refused(rng):
     value, who, under, trial = movements(rng)
     with pytest.raises(PellucidError, match="as many numbers"):

@@ -298,6 +298,9 @@ def _more_rows(each: Certified, name: str, point: EndPoint, add) -> None:
     for covariate, coefficient in model.covariates.items():
         if covariate in ("trial", "trial x condition", "period"):
             add(f"{name}.model.{covariate.replace(' x ', '_by_')}.p", coefficient.p_value, "1", "mixed model")
+    if name in each.trends:
+        drift = _scaled(point, each.trends[name][0])
+        add(f"{name}.learning.drift", drift, point.unit, "last third less first, condition less control, median")
     for doubt in each.certificate.doubts.get(name, ()):
         key = doubt.what.replace("-", "_").replace(" ", "_")
         add(f"{name}.{key}.p", _finite(doubt.p_value), "1", "" if np.isfinite(doubt.p_value) else "not of chance")
