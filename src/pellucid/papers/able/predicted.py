@@ -96,7 +96,8 @@ class Finding:
 
 def models_of_people(robot: ElbowRig | None = None) -> tuple[PointingRig, ...]:
     """The lab's people by each model of them, wearing a robot like one."""
-    return (elbow_people(robot),)
+    people = elbow_people(robot)
+    return people, people.modelled("optimal")
 
 
 def printed_exponents(paper: PrintedPaper) -> tuple[float, float]:
