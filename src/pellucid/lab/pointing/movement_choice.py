@@ -42,6 +42,14 @@ def utility(
     """Utility of movements [J] of several durations [s], each shape (n,), over an amplitude [rad]; dynamics are
     inertia [kg*m^2], viscous [N*m*s/rad] and Coulomb friction [N*m] of arm and load together, which changes its
     sign over a width."""
+    took = effort(durations, amplitude, dynamics, choice, width)
+    return (reward - took) / (1.0 + choice["discount"] * np.asarray(durations, float))
+
+
+def effort(
+    durations: np.ndarray, amplitude: float, dynamics: tuple[float, float, float], choice: Mapping, width: float
+) -> np.ndarray:
+    """What the same movements take [J], shape (n,)."""
     inertia, viscous, coulomb = dynamics
     t = np.asarray(durations, float)[:, None]
     size = abs(amplitude)
@@ -51,9 +59,8 @@ def utility(
     rate = inertia * size / t**3 * JERK + viscous * a
     power = np.maximum(torque * v, 0.0)
     t = t[:, 0]
-    effort = choice["resting_power"] * t
-    effort = effort + t * _mean(power) / choice["efficiency"] + choice["torque_rate_cost"] * t * _mean(rate**2)
-    return (reward - effort) / (1.0 + choice["discount"] * t)
+    made = choice["resting_power"] * t
+    return made + t * _mean(power) / choice["efficiency"] + choice["torque_rate_cost"] * t * _mean(rate**2)
 
 
 def _mean(values: np.ndarray) -> np.ndarray:
@@ -65,10 +72,14 @@ def preferred_duration(
     amplitude: float, dynamics: tuple[float, float, float], reward: float, choice: Mapping, width: float
 ) -> float:
     """The duration of largest utility [s]."""
-    grid = _durations(choice["shortest"], choice["longest"])
-    value = utility(grid, amplitude, dynamics, reward, choice, width)
+    grid = durations(choice["shortest"], choice["longest"])
+    return best_duration(grid, utility(grid, amplitude, dynamics, reward, choice, width))
+
+
+def best_duration(grid: np.ndarray, value: np.ndarray) -> float:
+    """Where values of the durations of a grid, each shape (n,), are largest, between its points too [s]."""
     best = int(np.argmax(value))
-    if best in (0, DURATIONS - 1):
+    if best in (0, len(grid) - 1):
         return float(grid[best])
     low, middle, high = value[best - 1 : best + 2]
     step = 0.5 * (low - high) / (low - 2.0 * middle + high)
@@ -76,7 +87,8 @@ def preferred_duration(
 
 
 @cache
-def _durations(shortest: float, longest: float) -> np.ndarray:
+def durations(shortest: float, longest: float) -> np.ndarray:
+    """A grid of durations, shape (n,) [s]."""
     grid = np.geomspace(shortest, longest, DURATIONS)
     grid.flags.writeable = False
     return grid
