@@ -8,6 +8,7 @@ drawn ways. What is named is read from what `check` says, and torques from what 
 from __future__ import annotations
 
 import json
+import os
 import shutil
 import tempfile
 from collections.abc import Iterator, Mapping, Sequence
@@ -18,6 +19,7 @@ import numpy as np
 from scipy import signal
 
 from pellucid.datasets import init
+from pellucid.datasets.fetch import DATA_VARIABLE
 from pellucid.datasets.fetch import path as data_set
 from pellucid.deployment.estimator_folder import write_estimator_folder
 from pellucid.deployment.microcontroller import measure, missing_tools
@@ -29,13 +31,16 @@ from pellucid.estimators.raw_session import RawChannels
 from pellucid.estimators.session_watch import SessionWatch
 from pellucid.estimators.torque_map import fit_torque_map
 from pellucid.estimators.torque_trial import TorqueTrial
+from pellucid.estimators.unrecorded import WAYS
 from pellucid.procedures.emg_torque.calibrate import CalibrationResult
-from pellucid.procedures.emg_torque.estimator_cards import estimator_cards
+from pellucid.procedures.emg_torque.estimator_cards import chain_sections, estimator_cards
 from pellucid.procedures.emg_torque.evaluated import Calibrated
 from pellucid.procedures.emg_torque.trial_sources import moment_trials
 from pellucid.procedures.registry import open_study
-from pellucid.procedures.run import calibrate, check
+from pellucid.procedures.run import activations, calibrate, check
 from pellucid.recordings import Study
+from pellucid.recordings.readers import read_columns
+from pellucid.recordings.readers.osim_paths import read_paths
 from pellucid.recordings.results import ResultRow
 
 SEED = 20261123
@@ -46,6 +51,7 @@ EXCHANGED = ("tibialis_anterior", "semimembranosus")
 RESCALED = 3.0  # s
 DRAWN, STRETCH = 300, 10.0  # spoilings; seconds of each stretch spoilt
 MENDED = 60  # spoilings whose torque is predicted
+CHAIN, CHAIN_RATE = "hill", 2000.0  # Before the muscles that are exported, Hz
 LIVE, WATCHED = 60, 10.0  # spoilings while recording; seconds before each, and within which it is to be named
 
 
@@ -59,8 +65,10 @@ def rows() -> Iterator[ResultRow]:
         yield from live_rows(study)
         yield from raw_rows(Path(folder) / "raw")
         yield from elsewhere_rows(study, Path(folder) / "elsewhere")
+        yield from activity_rows(study, Path(folder) / "activity")
     yield from choice_rows()
     yield from export_rows()
+    yield from geometry_rows()
 
 
 def row(name: str, value: float | None, unit: str, note: str, split: str = "heldout") -> ResultRow:
@@ -493,3 +501,53 @@ def export_rows() -> Iterator[ResultRow]:
     yield row("export.instructions_per_step", on_m4.instructions, "1", said, "simulated")
     yield row("export.bytes", on_m4.bytes, "B", f"code {on_m4.code}, configuration {on_m4.constants}", "simulated")
     yield row("export.memory", on_m4.memory, "B", "one context", "simulated")
+    with tempfile.TemporaryDirectory() as folder:
+        chained = replace(card, chain=CHAIN, emg_rate=CHAIN_RATE, **chain_sections(CHAIN, CHAIN_RATE))
+        on_m4 = measure(write_estimator_folder(study.name, chained, Path(folder) / "raw", motion=motion))
+    how = (
+        f"the same from raw EMG by the chain {CHAIN}, {round(CHAIN_RATE * card.period)} samples of "
+        f"{len(card.channels)} channels a step: noise as large as the envelopes; {on_m4.steps} steps, and faults"
+    )
+    yield row("export.raw.wrong_bits", on_m4.wrong, "1", how, "simulated")
+    said = f"filters of a step's samples and all; mean over the motion, the costliest step {on_m4.most}"
+    yield row("export.raw.instructions_per_step", on_m4.instructions, "1", said, "simulated")
+    yield row("export.raw.bytes", on_m4.bytes, "B", f"code {on_m4.code}, configuration {on_m4.constants}", "simulated")
+
+
+# --- muscles without electrodes, and geometry ------------------------------------------------------------------------
+
+
+def activity_rows(study: Study, folder: Path) -> Iterator[ResultRow]:
+    """One electrode after another taken away from walking that was not fitted, by muscles of knee and ankle at once."""
+    shutil.copytree(study.folder, folder)
+    with (folder / "study.toml").open("a", encoding="utf-8") as file:
+        file.write("\n[activations]\n")
+    found = {r.id.partition(".")[2]: r for r in activations(open_study(folder)).rows}
+    for way, words in WAYS.items():
+        own = found[f"together.left_out.{way}.r2"]
+        yield row(f"activity.left_out.{way}.r2", own.value, "1", f"of the activation, {words}; {own.note}")
+    for joint in ("knee", "ankle"):
+        own = found[f"together.{joint}.rest.emg_driven.r2"]
+        yield row(f"activity.{joint}.emg_driven.r2", own.value, "1", "torque at 24 to 60 s, nothing taken away")
+
+
+def geometry_rows() -> Iterator[ResultRow]:
+    """Lengths and arms of a published model's muscles over the knee, against what OpenSim 4.6 computed of them."""
+    folder = Path(os.environ.get(DATA_VARIABLE, ".")) / "gait2392_muscles"
+    path = folder / "gait2392_thelen2003muscle.osim"
+    if not path.is_file():
+        yield row("geometry.length", None, "mm", f"not run: {path.name} is not there", "simulated")
+        return
+    model, far = read_paths(path), {"len": 0.0, "ma": 0.0}
+    for file, hip in (("knee_geometry_hip0.csv", 0.0), ("knee_geometry_hip90_seated.csv", 90.0)):
+        table = read_columns(folder / file).values
+        knee = np.radians(table["knee_angle_deg"])
+        pose = {"hip_flexion_r": np.full_like(knee, np.radians(hip)), "knee_angle_r": knee}
+        names = [name.removeprefix("len_") for name in table if name.startswith("len_")]
+        for name in names:
+            length, (arm,) = model.muscle(name).length(model.skeleton, pose, ["knee_angle_r"])
+            for part, made in (("len", length), ("ma", arm)):
+                far[part] = max(far[part], float(np.abs(made - table[f"{part}_{name}"]).max()))
+    said = f"largest difference, {len(names)} muscles, knee -120 to 10 degrees, hip at 0 and 90; the table has 0.001 mm"
+    yield row("geometry.length", 1e3 * far["len"], "mm", said, "simulated")
+    yield row("geometry.moment_arm", 1e3 * far["ma"], "mm", said, "simulated")

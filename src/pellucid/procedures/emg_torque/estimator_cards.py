@@ -137,7 +137,7 @@ def _card(
     top = maxima_of(study, trials[0].participant, [r for r in fitted if r.name in {t.name for t in trials}])
     if spec.chain != "none":
         rate = stream_of(fitted[0], spec.emg).fs
-        raw = {"chain": spec.chain, "emg_rate": rate, **_sections(spec.chain, rate)}
+        raw = {"chain": spec.chain, "emg_rate": rate, **chain_sections(spec.chain, rate)}
         late = emg_chain(spec.chain).delay(rate).filters
         notes.append(f"The chain {spec.chain} makes envelopes {1e3 * late:.0f} ms late; muscles were fitted to that.")
     channels = []
@@ -204,7 +204,7 @@ def _limit(trials: Sequence[TorqueTrial]) -> float:
     return LIMIT * max(float(np.max(np.abs(t.torque))) for t in trials)
 
 
-def _sections(chain: str, rate: float) -> dict[str, tuple[tuple[float, ...], ...]]:
+def chain_sections(chain: str, rate: float) -> dict[str, tuple[tuple[float, ...], ...]]:
     """Second-order sections before and after a chain rectifies."""
     parts: dict[str, list] = {"before": [], "after": []}
     where = "before"
