@@ -39,11 +39,6 @@ class HillChoice:
     score: Score | None  # Out of fold; None where nothing was to be chosen
     tried: Mapping[float, float] = field(repr=False)  # RMSE [N m] by weight
 
-    @property
-    def compared(self) -> Score | None:
-        """The same: it never counts the beginning of a trial."""
-        return self.score
-
 
 @dataclass(frozen=True, eq=False)
 class HillMap:

@@ -15,7 +15,6 @@ from .cross_validation import Fold, Score, block_folds, grouped_folds, score
 from .families import ESTIMATORS, family_of
 from .families.family import Family, Regressor
 from .features import LAGS, Features, FeatureSet, features
-from .muscle_trials import warm
 from .smoothing import smooth
 from .torque_trial import TorqueTrial
 
@@ -47,8 +46,6 @@ class Choice:
     settings: Mapping[str, Any]
     score: Score
     tried: Mapping[str, float] = field(repr=False)
-    # Over the samples alone that every estimator is scored on: muscles have none at the beginning of a trial
-    compared: Score | None = None
 
     @property
     def words(self) -> str:
@@ -183,7 +180,6 @@ class _Stack:
         self.torque = np.concatenate([trial.torque for trial in trials])
         lengths = [len(trial) for trial in trials]
         self.member = np.repeat(np.arange(len(trials)), lengths)
-        self.shared = np.concatenate([np.arange(len(trial)) >= warm(trial) for trial in trials])
         self.neighbours = len(trials[0].angles) > 1
         self.thinned, self.tried = (
             np.arange(0, len(self.torque), max(1, -(-len(self.torque) // most))) for most in (MOST_SAMPLES, MOST_TRIED)
@@ -216,8 +212,8 @@ def _choose(family: Family, stack: _Stack) -> Choice:
         for chosen in dict.fromkeys(chosen for chosen, _ in candidates):
             new = {key: settings for key, (own, settings) in named.items() if own == chosen and key not in tried}
             scores = _scores_of(family, stack, chosen, list(new.values())) if new else ()
-            for (key, settings), (scored, compared) in zip(new.items(), scores, strict=True):
-                tried[key] = Choice(chosen, settings, scored, {}, compared)
+            for (key, settings), scored in zip(new.items(), scores, strict=True):
+                tried[key] = Choice(chosen, settings, scored, {})
         return min((tried[key] for key in named), key=lambda choice: choice.score.rmse)
 
     if family.every:
@@ -231,11 +227,8 @@ def _choose(family: Family, stack: _Stack) -> Choice:
     return replace(best, tried={choice.words: choice.score.rmse for choice in tried.values()})
 
 
-def _scores_of(
-    family: Family, stack: _Stack, chosen: FeatureSet, settings: Sequence[Mapping[str, Any]]
-) -> list[tuple[Score, Score | None]]:
-    """Of each of `settings` out of fold, over all samples and over those that every estimator is scored on, where there
-    are any."""
+def _scores_of(family: Family, stack: _Stack, chosen: FeatureSet, settings: Sequence[Mapping[str, Any]]) -> list[Score]:
+    """Of each of `settings` out of fold, over all samples."""
     seen = stack.features(chosen)
     predicted = np.full((len(settings), len(stack.torque)), np.nan)
     every = -(-len(stack.torque) // MOST_SCORED)
@@ -245,14 +238,8 @@ def _scores_of(
         made = family.predicted(settings, seen, seen.x[fitted], stack.torque[fitted], seen.x[rows])
         for own, raw in zip(predicted, made, strict=True):
             own[rows] = raw if every > 1 or not family.smoothing else _smoothed(stack, raw, rows, family.smoothing)
-    return [_scored(stack, own) for own in predicted]
-
-
-def _scored(stack: _Stack, predicted: np.ndarray) -> tuple[Score, Score | None]:
-    known = np.isfinite(predicted)
-    shared = known & stack.shared
-    compared = score(stack.torque[shared], predicted[shared]) if shared.any() else None
-    return score(stack.torque[known], predicted[known]), compared
+    known = [np.isfinite(own) for own in predicted]
+    return [score(stack.torque[k], own[k]) for k, own in zip(known, predicted, strict=True)]
 
 
 def _smoothed(stack: _Stack, raw: np.ndarray, rows: np.ndarray, seconds: float) -> np.ndarray:
