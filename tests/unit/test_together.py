@@ -69,6 +69,15 @@ def test_the_offset_is_the_recordings_own(found, alone):
     assert sum("90 % band" in text for text in said) == 2
 
 
+def test_muscles_without_an_electrode_are_left_away_where_they_do_not_help(found, alone):
+    rows = {row.id: row.value for row in together_rows("made", found, alone, [])}
+    assert rows["made.together.never_recorded.helps"] == float(found.never.helps)
+    # None of them crosses the ankle.
+    assert rows["made.together.ankle.never_recorded.r2"] == pytest.approx(rows["made.together.ankle.hill.r2"], abs=1e-9)
+    (said,) = (v.said for v in together_verdicts(found, alone) if "had no electrode" in v.said)
+    assert ("left away" in said) == (not found.never.helps)
+
+
 def test_an_offset_that_does_not_carry_over_is_not_the_recordings(found, alone):
     worse = [replace(s, score=replace(s.score, r2=-1.0)) if s.how == "hill.offset" else s for s in found.scores]
     said = [v for v in together_verdicts(replace(found, scores=tuple(worse)), alone) if "would fit better" in v.text]
@@ -93,7 +102,8 @@ def test_cards_keep_one_set_of_muscles_for_both_joints(found):
 
 def test_tables_and_figures_have_every_joint(found):
     figures, parameters = together_tables(found, [])
-    assert [row[:3] for row in figures.rows] == [(j, "judged", w) for j in ("knee", "ankle") for w in WORDS.values()]
+    words = [*WORDS.values(), "together, with muscles that had no electrode"]
+    assert [row[:3] for row in figures.rows] == [(j, "judged", w) for j in ("knee", "ankle") for w in words]
     assert len(parameters.parameters) == len(found.fits["hill"].parameters)
     shown = together_shown(found)
     assert len(joints_together(shown.traces, WORDS, "joints", caption="").figure.axes) == 2
@@ -126,7 +136,10 @@ def test_a_posterior_is_judged_on_what_was_not_fitted(alone, found, few, monkeyp
     assert any("of the posterior's draws" in text for text in said) == settled
     assert ("made.together.ankle.posterior.coverage" in rows) == settled
     if settled:
-        assert {(s.joint, s.recording) for s in made.drawn} == {("knee", "judged"), ("ankle", "judged")}
+        assert {(s.joint, s.recording) for s in made.beside if s.how == "posterior"} == {
+            ("knee", "judged"),
+            ("ankle", "judged"),
+        }
         assert rows["made.together.ankle.posterior.r2"] > 0.5
 
 

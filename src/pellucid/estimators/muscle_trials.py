@@ -136,8 +136,13 @@ def _one(
         [_arm(t, m, angles, rates) if t is not along[m] else path[2] for m, path in zip(muscles, paths, strict=True)]
         for t in same
     ]
+    # A muscle that nothing drives is at rest.
+    rest = [np.zeros(lead + len(trial))]
     excitation = np.array(
-        [np.mean([np.concatenate((trial.lead.get(c, ()), trial.envelopes[c])) for c in driven[m]], 0) for m in muscles]
+        [
+            np.mean([np.concatenate((trial.lead.get(c, ()), trial.envelopes[c])) for c in driven.get(m, ())] or rest, 0)
+            for m in muscles
+        ]
     )
     weight = np.ones(len(trial))
     weight[: warm(trial)] = 0.0

@@ -16,6 +16,7 @@ from ..._processes import among_helpers
 from ...estimators.condition_choice import LEVEL
 from ...estimators.cross_validation import Score, score
 from ...estimators.hill_together import Across, HillTogether, fit_together
+from ...estimators.never_recorded import NeverRecorded, never_recorded
 from ...estimators.torque_trial import TorqueTrial
 from ...fit.posterior.calibration_posterior import CalibrationPosterior, calibration_posterior
 from .evaluated import Calibrated, TorqueTrace
@@ -24,15 +25,16 @@ WORDS = {"hill": "muscles together", "hill.offset": "together, offset of the EMG
 """Both ways, by the part of their figures' ids."""
 
 
-DRAWN, BY_DRAWS = "posterior", "together, mean of the posterior's draws"
-"""The mean of a posterior's draws, likewise, and in words."""
+DRAWN, NEVER = "posterior", "never_recorded"
+BESIDE = {DRAWN: "together, mean of the posterior's draws", NEVER: "together, with muscles that had no electrode"}
+"""What stands beside both ways, likewise."""
 
 
 @dataclass(frozen=True)
 class TogetherScore:
     """One joint on one recording, predicted by muscles calibrated over all joints."""
 
-    how: str  # In `WORDS`, or `DRAWN`
+    how: str  # In `WORDS` or `BESIDE`
     joint: str
     recording: str  # ``""`` for all trials, each left out in turn
     score: Score
@@ -47,7 +49,8 @@ class Together:
     scores: tuple[TogetherScore, ...]
     traces: tuple[TorqueTrace, ...] = field(repr=False)  # Of one recording, a joint each; predicted by way
     posterior: CalibrationPosterior | None = field(default=None, repr=False)  # Of the first way, if it was asked for
-    drawn: tuple[TogetherScore, ...] = ()  # By its draws, on recordings of their own
+    never: NeverRecorded | None = field(default=None, repr=False)  # Beside the first way
+    beside: tuple[TogetherScore, ...] = ()  # By these, on recordings of their own
 
     @property
     def what(self) -> str:
@@ -106,7 +109,21 @@ def _judged(across: Mapping[str, Sequence[TorqueTrial]], begun: Callable[[int, f
                 trace.predicted[how], trace.half_width[how] = torque[joint], half[joint]
         scores += each if names else [_mean(how, joint, each) for joint in fit.joints]
     first = names[0] if names else next(name for _, name in shown)
-    return Together(fits, tuple(scores), tuple(t for (_, name), t in shown.items() if name == first))
+    made = Together(fits, tuple(scores), tuple(t for (_, name), t in shown.items() if name == first))
+    return _with_never_recorded(made, fitted, held) if names else made
+
+
+def _with_never_recorded(
+    found: Together, fitted: Mapping[str, Sequence[TorqueTrial]], held: Mapping[str, Sequence[TorqueTrial]]
+) -> Together:
+    """With muscles that no electrode drives, on recordings of their own."""
+    fit, scores = found.fits["hill"], []
+    never = never_recorded(fit, fitted)
+    for name in [] if never is None else [t.name for t in next(iter(held.values()))]:
+        trial = _trial(held, name)
+        torque, half = never.predict(trial), fit.half_width(trial, LEVEL)
+        scores += [_scored(NEVER, joint, trial, torque, half) for joint in fit.joints]
+    return replace(found, never=never, beside=tuple(scores))
 
 
 def _scored(how: str, joint: str, trial: Across, torque: Mapping, half: Mapping) -> TogetherScore:
@@ -125,7 +142,7 @@ def _drawn(found: Together, across: Mapping[str, Sequence[TorqueTrial]]) -> Toge
         trial = _trial(across, name)
         torque, half = fit.drawn(posterior, trial, LEVEL)
         scores += [_scored(DRAWN, joint, trial, torque, half) for joint in fit.joints]
-    return replace(found, posterior=posterior, drawn=tuple(scores))
+    return replace(found, posterior=posterior, beside=(*found.beside, *scores))
 
 
 def _fitted(fitted: Mapping[str, Sequence[TorqueTrial]], how: str, out: str | None) -> HillTogether:

@@ -27,7 +27,7 @@ from ..posterior_beside import Beside, beside, posterior_rows, posterior_table, 
 from ..result import FigureTable, ParameterTable
 from .evaluated import Calibrated, Evaluated, TorqueTrace
 from .muscle_findings import MuscleSummary
-from .together import BY_DRAWS, WORDS, Together
+from .together import BESIDE, DRAWN, NEVER, WORDS, Together
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,8 +59,8 @@ def together_tables(found: Together | None, evaluated: Sequence[Evaluated]) -> t
         if by is not None:
             rows.append((joint, where, "that joint's muscles alone", by.rmse, by.r2, None))
         rows += [
-            (joint, where, WORDS.get(s.how, BY_DRAWS), s.score.rmse, s.score.r2, 100.0 * s.coverage)
-            for s in (*found.scores, *found.drawn)
+            (joint, where, (WORDS | BESIDE)[s.how], s.score.rmse, s.score.r2, 100.0 * s.coverage)
+            for s in (*found.scores, *found.beside)
             if (s.joint, s.recording) == (joint, recording)
         ]
     heads = ("Joint", "Recording", "Calibrated", "RMSE (N*m)", "R²", f"Within the {100.0 * LEVEL:g} % band (%)")
@@ -85,6 +85,28 @@ def _posterior_tables(found: Together) -> tuple[FigureTable, ...]:
     return (posterior_table(title, told_by_draws(found), found.posterior.confidence),)
 
 
+def _of_never_recorded(found: Together) -> Iterator[Verdict]:
+    """Whether muscles without an electrode help, by what was fitted alone; what they do to what was not."""
+    if found.never is None:
+        return
+    by = {(s.joint, s.recording): s.score.r2 for s in found.scores if s.how == "hill"}
+    words = ", ".join(
+        f"{by[s.joint, s.recording]:.3f} to {s.score.r2:.3f} at the {s.joint} on {s.recording.replace('_', ' ')}"
+        for s in found.beside
+        if s.how == NEVER
+    )
+    names, k = ", ".join(m.name.replace("_", " ") for m in found.never.muscles), len(found.never.synergies)
+    without, with_them = (float(np.mean(x)) for x in (found.never.without, found.never.with_them))
+    told = "better" if found.never.helps else "no better"
+    yield Verdict(
+        "note",
+        f"{found.what} together: {names} had no electrode. Excited by {k} synergies of the others as the torque asks, "
+        f"they tell parts of what was fitted, left out in turn, {told} ({100 * without:.1f} % of the variance missed "
+        f"without, {100 * with_them:.1f} % with them){'' if found.never.helps else ' and are left away'}. R² of what "
+        f"was not fitted goes from {words}.",
+    )
+
+
 def _of_posterior(found: Together) -> Iterator[Verdict]:
     """Whether it can be read, how little it is told, and what its draws predict."""
     posterior = found.posterior
@@ -99,8 +121,9 @@ def _of_posterior(found: Together) -> Iterator[Verdict]:
         f"{who}: in the posterior the recording tells {len(told)} of {len(posterior)} parameters; of the others it "
         "says what anatomy says of people.",
     )
-    for name in dict.fromkeys(s.recording for s in found.drawn):
-        own = [s for s in found.drawn if s.recording == name]
+    drawn = [s for s in found.beside if s.how == DRAWN]
+    for name in dict.fromkeys(s.recording for s in drawn):
+        own = [s for s in drawn if s.recording == name]
         by = {s.joint: s.score.r2 for s in found.scores if (s.how, s.recording) == ("hill", name)}
         words = ", ".join(
             f"{s.joint} R² {s.score.r2:.2f} (the calibration's {by[s.joint]:.2f}), {100.0 * s.coverage:.0f} % within"
@@ -141,7 +164,7 @@ def together_verdicts(found: Together | None, alone: Calibrated) -> tuple[Verdic
                 f"{100.0 * LEVEL:g} % band that was stated beforehand{where * (not held)}.",
             )
         )
-    return (*said, *_of_posterior(found))
+    return (*said, *_of_never_recorded(found), *_of_posterior(found))
 
 
 def _of_offset(found: Together) -> Verdict:
@@ -214,8 +237,8 @@ def together_rows(
     if found is None:
         return ()
     first = found.scores[0].recording
-    for s in (*found.scores, *found.drawn):
-        tail, note = "" if s.recording == first else f".{s.recording}", "mean of draws"
+    for s in (*found.scores, *found.beside):
+        tail, note = "" if s.recording == first else f".{s.recording}", BESIDE.get(s.how, "")
         if s.how in WORDS:
             choice = found.fits[s.how].choice
             note = f"{choice.timing.words}; weight of anatomy {choice.weight:g}"
@@ -238,6 +261,9 @@ def together_rows(
         add(f"hill.offset.emg{name}", value, "s", "the recording's EMG runs ahead of its moments by so much")
     words = "1: R² is larger with it on what was not fitted, in the mean over joints"
     add("hill.offset.carries_over", float(found.offset_carries_over), "1", words, "heldout")
+    if found.never is not None:
+        words = "1: parts of what was fitted, left out in turn, are told better with muscles that had no electrode"
+        add("never_recorded.helps", float(found.never.helps), "1", words)
     if found.posterior is not None:
         plain = ResultRow("", None, "1", "calibrate", "fitted", None, found.posterior.settled)
         rows.extend(posterior_rows(f"{study}.together", told_by_draws(found), found.posterior.confidence, plain))
