@@ -45,7 +45,7 @@ def posterior_figure(compared: Sequence[Beside], level: float, file: str = "post
         axis.grid(axis="y", visible=False)
         axis.xaxis.set_major_locator(MaxNLocator(4, steps=[1, 2, 2.5, 5, 10]))
         unit = unit_text(one.drawn.unit)
-        name = label(one.drawn.name)
+        name = label(one.drawn.name).replace(".", ", ")
         axis.set_title(name[:1].upper() + name[1:] + (f" ({unit})" if unit else ""), fontsize=8.5)
     return Drawing(
         file,
