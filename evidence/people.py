@@ -21,6 +21,7 @@ from pathlib import Path
 import numpy as np
 from benchmarks.people import EXPONENTS, study_seconds
 
+from evidence._able_predicted import able_rows
 from pellucid.lab.pointing.conditions import identified_cards, published_laws
 from pellucid.lab.pointing.instructed import WIDE, Population, everybody
 from pellucid.lab.pointing.line_pointing import measured
@@ -53,6 +54,7 @@ def rows() -> Iterator[ResultRow]:
     yield from pointing_rows(data() / "human_pointing")
     yield from worn_rows(data() / "hug_mp")
     yield study_over_frozen()
+    yield from able_rows()
 
 
 def _row(name: str, value: float, unit: str, note: str, split: str = "heldout") -> ResultRow:
@@ -118,6 +120,8 @@ def pointing_rows(folder: Path) -> Iterator[ResultRow]:
                 of = "geometric means of the person's own" if who else "one weight in between"
                 note = f"{words}, {len(size)} cases, {of}; 90 % by bootstrap {low:.3f} to {high:.3f}"
                 yield _row(f"pointing.{name}_error{who}{which}", np.median(size), "1", note)
+            each = [float(np.median(np.abs(made[made[:, 0] == k, column]))) for k in TRIED]
+            yield _row(f"pointing.{name}_error{who}.worse", max(each), "1", "of the two instructions by themselves")
             yield _row(f"pointing.{name}_bias{who}", np.median(made[:, column]), "1", "median of logarithms, signed")
         note = "median absolute deviation of a block's logarithm from the person's others under the same instruction"
         yield _row(f"pointing.{name}_scatter", scatter[column - 1], "1", note)
