@@ -1,5 +1,6 @@
 """A prediction beside the paper: what agrees with print counts, what says nothing or the wrong thing does not."""
 
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -90,6 +91,22 @@ def test_rows_and_page_say_the_same():
     inside = sum(row.cells[-1] == "inside" for row in section.tables[0].rows)
     assert inside == round(9 * found.inside)
     assert "SALib" in section.notes[0]
+
+
+def test_models_of_people_are_judged_apart():
+    """People of one model predict what is printed, those of the other the contrary: half of the draws each."""
+    good, bad = as_printed(), {name: times[::-1] for name, times in as_printed().items()}
+    one, other = scored(good, 0.02).prediction, scored(bad, 0.02).prediction
+    worn = (*one.worn, *(replace(w, model=1) for w in other.worn))
+    made = replace(one, models=("these", "those"), control=np.concatenate([one.control] * 2), worn=worn)
+    found = Scored(made, made.studies(400, size=6), paper())
+    assert found.of_models["these"].inside == 1.0
+    assert found.of_models["those"].inside < 0.5
+    assert found.interval_score() > found.of_models["these"].interval_score()
+    rows = Figures(predicted_rows(found, None))
+    assert rows["able.predicted.inside.those"].ours == found.of_models["those"].inside
+    (section,) = predicted_sections(found, None, rows)
+    assert section.folded[0][0] == "By these alone: 9 of 9 inside"
 
 
 def test_robots_and_exponents_come_from_print():

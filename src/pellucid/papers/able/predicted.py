@@ -183,6 +183,16 @@ class Scored:
         return float(np.mean([e.interval_score for e in found]))
 
     @cached_property
+    def of_models(self) -> dict[str, Scored]:
+        """What people of each model predict alone, where there are several."""
+        p = self.prediction
+        if len(p.models) < 2:
+            return {}
+        alone = {name: p.of_model(i) for i, name in enumerate(p.models)}
+        size = self.studies.control.shape[1]
+        return {name: Scored(one, one.studies(size=size), self.paper) for name, one in alone.items()}
+
+    @cached_property
     def findings(self) -> tuple[Finding, ...]:
         """What the paper found, by how many pairs and studies it is predicted."""
         of_pairs = {i: np.array([self.prediction.pairs(i, law) for law in LAWS]) for i in INDICES}
@@ -278,6 +288,13 @@ def predicted_rows(made: Scored, screened: Sensitivity | None) -> list[Reproduce
         _row("interval_score.no_change", "The same of saying that no law changes anything", "%",
              made.interval_score(no_change=True), None, "the simplest rival"),
     ]  # fmt: skip
+    for name, one in made.of_models.items():
+        said = f"people of {name} alone"
+        rows += [
+            _row(f"inside.{name}", f"Effects of nine inside: {said}", "1", one.inside),
+            _row(f"order.{name}", f"Orders as predicted: {said}", "1", one.order),
+            _row(f"interval_score.{name}", f"Interval score: {said}", "%", one.interval_score()),
+        ]
     for f in made.findings:
         if np.isfinite(f.pairs):
             note = "of a person and a robot"

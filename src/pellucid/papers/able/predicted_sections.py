@@ -11,7 +11,7 @@ from ...lab.pointing.sensitivity import CHANCE, Sensitivity
 from ...pages.drawing import draw
 from ...pages.page import Section
 from ...pages.quantities import MINUS
-from ...pages.tables import Row, number_table
+from ...pages.tables import Row, Table, number_table
 from ..figure import Reproduced
 from .predicted import EMG_ORDER, WORDS, Scored, rank_sums
 from .predicted_figures import Spread, deciding_figure, spread_figure
@@ -77,14 +77,32 @@ def _predicted(made: Scored, rows: Mapping[str, Reproduced], screened: Sensitivi
         ],
         caption="By how many pairs of a person and a robot, and by how many studies of six people, each is predicted",
     )
+    folded = tuple(
+        (f"By {name} alone: {round(count * one.inside)} of {count} inside", _alone(one))
+        for name, one in made.of_models.items()
+    )
     return Section(
-        "predicted", "What would the experiment find?", paragraphs, (effects, found),
-        (draw(spread_figure, _panels(made), WORDS[EMG_ORDER], "What drawn studies find (hills), their middle 80 % "
-              "and median, and what the paper found."),),
+        "predicted", "What would the experiment find?", paragraphs, (effects, found), folded=folded,
+        drawings=(
+            draw(
+                spread_figure, _panels(made), WORDS[EMG_ORDER],
+                "What drawn studies find (hills), their middle 80 % and median, and what the paper found.",
+            ),
+        ),
         notes=() if screened else (
             'What decides is not shown: that needs SALib (pip install "pellucid[sensitivity]").',
         ),
     )  # fmt: skip
+
+
+def _alone(made: Scored) -> Table:
+    """What people of one model predict."""
+    rows = [
+        (WORDS[e.index], e.law, _number(e.printed, e.index), _number(e.middle, e.index),
+         f"{_number(e.low, e.index)} to {_number(e.high, e.index)}", "inside" if e.inside else "outside")
+        for e in made.effects
+    ]  # fmt: skip
+    return number_table(("Effect", "Law", "Paper", "Predicted", "80 % of studies", ""), rows, words=2)
 
 
 def _panels(made: Scored) -> dict[str, list[Spread]]:
