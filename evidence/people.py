@@ -33,6 +33,8 @@ from pellucid.recordings.results import ResultRow
 from pellucid.signals.movements import MovementRule, Stretch, kinematics, movements
 from pellucid.signals.one_way_movements import OneWay, one_way_movements
 
+from ._able_predicted import able_rows
+
 SEED = 20261123
 SET_BY, TRIED = (1, 3, 5), {2: (1, 3), 4: (3, 5)}
 """Instructions that set a person, and those that try one, each with its neighbours."""
@@ -53,6 +55,7 @@ def rows() -> Iterator[ResultRow]:
     """Every figure."""
     yield from pointing_rows(data() / "human_pointing")
     yield from worn_rows(data() / "hug_mp")
+    yield from able_rows()
     yield study_over_frozen()
     yield from able_rows()
 
