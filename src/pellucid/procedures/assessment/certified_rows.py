@@ -229,7 +229,7 @@ def _without_model(each: Certified) -> list[str]:
 
 def _cut(each: Certified) -> list[str]:
     return [
-        f"{each.condition}: of {own.bounded} of {own.pairs} people {point.index.short} is known by a bound alone, "
+        f"{each.condition}: {point.index.short} of {own.bounded} of {own.pairs} people is known by a bound alone, "
         "because movements were cut off before they settled; the test takes the worst that is possible."
         for n, point in each.end_points.items()
         if (own := each.certificate.end_points[n]).bounded
