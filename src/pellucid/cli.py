@@ -388,6 +388,31 @@ def reproduce(
 
 
 @app.command()
+def rank(
+    pairs: Annotated[int, typer.Option(metavar="N", min=1, help="Of drawn people and robots, each joint.")] = 2,
+    seed: Annotated[int, typer.Option(metavar="N", min=1, help="Of people, robots and noise.")] = 1,
+    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder for the page.")] = Path("ranking"),
+) -> None:
+    """Rank every controller, elbow and knee, on one page."""
+    from .procedures.print_result import plain_table
+    from .ranking.rank import rank as run
+    from .ranking.strategies import of_task
+
+    with _progress() as tell:
+        made = run(out, pairs=pairs, seed=seed, on_progress=tell)
+    console = _console()
+    for task in made.tasks:
+        low, middle, high = task.spread(task.torque)
+        table = plain_table(task.task, ">mean rank", ">torque (N·m)", ">80 % of pairs")
+        for i, name in enumerate(task.controllers):
+            between = f"{low[i]:.3g} to {high[i]:.3g}"
+            table.add_row(of_task(task.task)[name].name, f"{task.ranks[i]:.1f}", f"{middle[i]:.3g}", between)
+        _say(console, "")
+        console.print(table)
+    _say(console, f"Page: {made.page}")
+
+
+@app.command()
 def export(
     folder: Folder,
     to: Annotated[str, typer.Option("--to", metavar="LANGUAGE", help="c; of muscles osim, ceinms.")] = "c",

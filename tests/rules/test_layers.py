@@ -37,7 +37,8 @@ ALLOWED = {
     "deployment": UP_TO_SIGNALS | PHYSICS | {"fit", "control", "procedures"},
     "papers": EVERYTHING,
     "demonstration": EVERYTHING | {"deployment"},
-    "cli": EVERYTHING | {"deployment", "papers", "demonstration"},
+    "ranking": EVERYTHING | {"papers"},
+    "cli": EVERYTHING | {"deployment", "papers", "demonstration", "ranking"},
 }  # fmt: skip
 PLOTTING = {"pages"}
 CORE_USERS = {"models", "signals", "fit", "estimators", "procedures", "control", "lab", "deployment"}

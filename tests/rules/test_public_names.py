@@ -58,6 +58,7 @@ COMMANDS = [
     "compare",
     "demo",
     "reproduce",
+    "rank",
     "export",
     "version",
     "datasets",

@@ -13,3 +13,4 @@ from .registry import info as info
 from .registry import motion_names as motion_names
 from .registry import names as names
 from .registry import template as template
+from .walking import recorded_walking as recorded_walking

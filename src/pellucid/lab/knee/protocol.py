@@ -16,7 +16,7 @@ import numpy as np
 
 from ..rig import Trial
 from .subject import KneeSubject
-from .wearer import Wearer, contracting, counteracting, relaxed, swinging
+from .wearer import Wearer, contracting, counteracting, following, relaxed, swinging
 
 if TYPE_CHECKING:
     from .rig import KneeRig
@@ -183,6 +183,13 @@ def swing_trial(
     wearer = swinging(subject, frequency=frequency, amplitude=amplitude)
     how = {"start": rig["swing"]["centre"], "imu": "ankle", "faults": faults}
     return KneeTrial(name, "free_swing", use, reference=reference, mode="torque", wearer=wearer, **how)
+
+
+def walking_trial(rig: KneeRig, name: str, subject: KneeSubject, path: np.ndarray) -> KneeTrial:
+    """A shank that goes through a path, shape (n,) [rad], a sample a period, in zero-impedance mode."""
+    how = {"start": float(path[0]), "imu": "ankle"}
+    wearer = following(subject, path)
+    return KneeTrial(name, "walking", reference=np.zeros(len(path)), mode="torque", wearer=wearer, **how)
 
 
 def subject_trials(rig: KneeRig, subject: KneeSubject) -> list[KneeTrial]:

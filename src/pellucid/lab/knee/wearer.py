@@ -8,7 +8,7 @@ their excitation: strength changes with angle and speed, the relation bends, tir
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Wearer:
-    """A subject and their task; `relaxed`, `counteracting`, `swinging` and `contracting` make one."""
+    """A subject and their task; `relaxed`, `counteracting`, `swinging`, `following` and `contracting` make one."""
 
     subject: KneeSubject
     task: Literal["relaxed", "counteracting", "swinging", "contracting"]
@@ -30,6 +30,8 @@ class Wearer:
     angle: float = 0.0  # That is held by one who counteracts [rad]
     frequency: tuple[float, float] | None = None  # Slowest and fastest swing [Hz], in place of the rig's
     amplitude: tuple[float, float] | None = None  # Smallest and largest swing [rad], in place of the rig's
+    # (n,) What is swung through, a sample a period [rad], in place of the rig's swings; rest follows
+    path: np.ndarray | None = field(default=None, repr=False, compare=False)
 
 
 def relaxed(subject: KneeSubject, *, helps: bool = False) -> Wearer:
@@ -53,6 +55,11 @@ def swinging(
     return Wearer(subject, "swinging", frequency=frequency, amplitude=amplitude)
 
 
+def following(subject: KneeSubject, path: np.ndarray) -> Wearer:
+    """One who takes the shank freely through a path of their own, shape (n,) [rad], a sample a period."""
+    return Wearer(subject, "swinging", path=path)
+
+
 def contracting(subject: KneeSubject) -> Wearer:
     """One who pulls as hard as they can against a frame, with one muscle and then the other."""
     return Wearer(subject, "contracting")
@@ -60,6 +67,8 @@ def contracting(subject: KneeSubject) -> Wearer:
 
 def swing_path(rig: KneeRig, wearer: Wearer, n: int, rng: np.random.Generator) -> np.ndarray:
     """The angle that a swinging wearer means to go through, shape (n,) [rad]; it begins at rest in the centre."""
+    if wearer.path is not None:
+        return np.pad(wearer.path, (0, max(n - len(wearer.path), 0)), mode="edge")[:n]
     swing, fs = rig["swing"], rig["encoders"]["rate"]
     slow, fast = wearer.frequency or swing["frequency"]
     small, large = wearer.amplitude or swing["amplitude"]

@@ -16,6 +16,7 @@ from ...control.control_law import ControlLaw
 from ...control.elbow_controllers import BEST, ELBOW_CONTROLLERS, UNDITHERED
 from ...control.elbow_laws import full_compensation
 from ...control.transparent_laws import known_travel
+from ...fit.slider.slider_fit import SliderFit
 from ...models.slider_card import SliderCard
 from ...procedures.slider.identify_slider import fit_slider
 from ...procedures.slider.slider_result import slider_card
@@ -40,13 +41,18 @@ TUNING_SEED = 900
 Cards = Mapping[str, SliderCard]
 
 
-def identified_cards(robot: ElbowRig, *, seed: int = 1) -> Cards:
-    """What an identification of a robot finds, as cards by method; `seed` is of its recordings' noise."""
+def identified(robot: ElbowRig, *, seed: int = 1) -> tuple[SliderFit, Cards]:
+    """What an identification of a robot finds, and the same as cards by method; `seed` is of its recordings' noise."""
     protocols = ("constant_velocity", "swept_sine", "slow", "reversals")
     made = tuple(trial for trial in trials(robot) if trial.protocol in protocols)
     config, recordings, _ = record_in_memory(robot, made, seed=seed)
     fit = fit_slider(config, recordings)
-    return {method: slider_card(config, fit, estimate) for method, estimate in fit.estimates.items()}
+    return fit, {method: slider_card(config, fit, estimate) for method, estimate in fit.estimates.items()}
+
+
+def identified_cards(robot: ElbowRig, *, seed: int = 1) -> Cards:
+    """The cards of `identified`."""
+    return identified(robot, seed=seed)[1]
 
 
 def condition_of(

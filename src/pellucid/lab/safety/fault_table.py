@@ -9,6 +9,7 @@ import numpy as np
 
 from ... import _core
 from ..._processes import in_order
+from ...control.supervised import SupervisedLaw
 from ..elbow.rig import able_elbow, drawn_rigs
 from ..pointing.conditions import identified_cards
 from ..pointing.people import draw_people
@@ -109,7 +110,7 @@ def try_robot(worn: WornRobot, index: int, hours: float, laws: Sequence[str] = L
     """Every fault that a robot and its `laws` can have, and some `hours` of healthy use, shared among the laws."""
     trials, healthy = [], []
     for name in laws:
-        trials += _try_law(worn, index, name)
+        trials += try_law(worn, index, name, worn.law(name))
         seconds = 3600.0 * hours / len(laws)
         stops = sudden_stops(seconds, np.random.default_rng([index, 3]))
         lived = worn.live(worn.law(name), longest=seconds, seconds=np.inf, stops=stops)
@@ -120,8 +121,9 @@ def try_robot(worn: WornRobot, index: int, hours: float, laws: Sequence[str] = L
     return FaultTable(tuple(trials), tuple(healthy))
 
 
-def _try_law(worn: WornRobot, index: int, name: str) -> Iterator[FaultTrial]:
-    law, period = worn.law(name), worn.rig.period
+def try_law(worn: WornRobot, index: int, name: str, law: SupervisedLaw) -> Iterator[FaultTrial]:
+    """Every fault that a robot of an index can have under a supervised law of a name."""
+    period = worn.rig.period
     two = law.changed(joint_expected=1.0)
     longest = ONSET[1] + WATCHED + 1.0
     stops = sudden_stops(longest, np.random.default_rng([index, 5]))

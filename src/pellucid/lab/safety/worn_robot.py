@@ -74,7 +74,12 @@ class WornRobot:
             limb = {"limb": self.person.forearm} if named.wearer else {}
             exponents = {"exponents": EXPONENTS} if named.exponents else {}
             law = named.build(self.cards[named.method], place, **limb, **exponents)
+        return self.watched(law, **supervision)
+
+    def watched(self, law: ControlLaw, **supervision: float) -> SupervisedLaw:
+        """A law made for this robot and wearer under such a supervisor."""
         # What was identified of the robot is known whatever law it runs.
+        place = self.person.slider(self.rig)
         body = body_of(compensation(self.cards["load"], slider=place, limits=ELBOW_LIMITS))
         return supervised(law, instruments=self.instruments(), body=body, answer=self.answer, **supervision)
 

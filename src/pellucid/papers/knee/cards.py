@@ -9,6 +9,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
+import numpy as np
+
 from ..._errors import IdentificationError
 from ...control.coupling import Coupling
 from ...estimators.causal_map import CausalMap, EmgSettings, EmgTrial, fit_causal_map
@@ -29,6 +31,7 @@ class WearerCard:
 
     coupling: Coupling  # Orthosis, actuator, strap and limb
     emg: CausalMap  # From raw EMG to torque
+    alone: tuple[tuple[np.ndarray, np.ndarray], ...] = ()  # As of `Identified`
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,10 +43,12 @@ class Identified:
     seed: int  # Of the recordings, and of how the instruments sit
     coupling: Coupling  # By the cards of orthosis, limb and strap, and by the actuator's sines
     steps: tuple[EmgTrial, ...]
+    # Angle [rad] and command [N m], (n,) each, of sines of the orthosis alone, that rules are learnt from
+    alone: tuple[tuple[np.ndarray, np.ndarray], ...] = ()
 
     def card(self, settings: EmgSettings | None = None) -> WearerCard:
         """Everything a controller may know, the EMG chain with some settings."""
-        return WearerCard(self.coupling, fit_causal_map(self.steps, settings))
+        return WearerCard(self.coupling, fit_causal_map(self.steps, settings), self.alone)
 
 
 def identify_wearer_of(rig: KneeRig, name: str, seed: int) -> Identified:
@@ -61,7 +66,8 @@ def identify_wearer_of(rig: KneeRig, name: str, seed: int) -> Identified:
     coupling = Coupling.of_cards(cards["orthosis"], cards[f"{name}.limb"], cards[f"{name}.coupling"], actuator)
     known = {"orthosis": findings.orthosis.orthosis, "limb": stages.limb.limb, "strap": stages.coupling.plain}
     steps = [strapped_emg_trial(r, "emg", r.name.rsplit("_", 1)[-1], **known) for r in taken.of("torque_steps")]
-    return Identified(name, rig, seed, coupling, tuple(steps))
+    alone = tuple((r["position"], r["command"]) for r in sines)
+    return Identified(name, rig, seed, coupling, tuple(steps), alone)
 
 
 def mistaken(card: WearerCard, **factors: float) -> WearerCard:

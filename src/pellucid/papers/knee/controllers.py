@@ -8,9 +8,10 @@ from __future__ import annotations
 import tomllib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
-from functools import cache
+from functools import cache, partial
 from importlib.resources import files
 
+from ...control.control_law import ControlLaw
 from ...control.coupling import Coupling
 from ...control.residual_compensator import (
     Law,
@@ -26,6 +27,7 @@ from ...control.stability import Margins, bears, margins
 from ...control.worn import StrapLearning, WornCompensator
 from ...estimators.causal_map import EmgSettings
 from ...lab.knee.trial import Controller
+from .body_laws import BodyLaw, amplification, body_law, learnt, oscillating, rules_of
 from .cards import WearerCard
 from .fuzzy import FuzzyCompensation
 from .pid_tuning import tune_pid
@@ -50,8 +52,16 @@ NAMES: Mapping[str, str] = {
     "fuzzy": "fuzzy",
     "rbf": "neural (RBF)",
 }
-"""Controllers, by their place in ids. Sensitivity amplification is left out: its law, the inverse model of the orthosis
-under positive feedback, is the disturbance observer's with its filter at the same corner; it would stand here twice."""
+"""Controllers that a reproduction compares, by their place in ids."""
+
+BODY_NAMES: Mapping[str, str] = {
+    "body": "body by model",
+    "oscillator": "body, led by an adaptive oscillator",
+    "body_fuzzy": "body, and fuzzy rules learnt beyond it",
+    "body_neural": "body, and a network learnt beyond it",
+    "amplification": "sensitivity amplification",
+}
+"""Those that carry the orthosis's body from its encoder alone (`body_laws`); `ranking` compares them too."""
 
 
 @dataclass(frozen=True)
@@ -70,6 +80,11 @@ class Chosen:
     observer: Mapping[str, float] = field(default_factory=dict)
     fuzzy: Mapping[str, float] = field(default_factory=dict)
     rbf: Mapping[str, float] = field(default_factory=dict)
+    # body, oscillator, rules, amplification: Of `body_laws`; what is not said of the last three is the body's
+    body: Mapping[str, float] = field(default_factory=dict)
+    oscillator: Mapping[str, float] = field(default_factory=dict)
+    rules: Mapping[str, float] = field(default_factory=dict)
+    amplification: Mapping[str, float] = field(default_factory=dict)
 
     def tables(self) -> dict[str, dict]:
         """By table, as they stand in the file."""
@@ -93,7 +108,8 @@ def parse_chosen(text: str) -> Chosen:
     pairs = {n: tuple(v) if isinstance(v, list) else v for n, v in t["learning"].items()}
     return Chosen(
         Law(**t["law"]), Noise(**t["noise"]), t["widths"], EmgSettings(**t["emg"]), tuple(t["phase_gain"]["gains"]),
-        StrapLearning(**pairs), t["observer"], t["fuzzy"], t["rbf"],
+        StrapLearning(**pairs), t["observer"], t["fuzzy"], t["rbf"], t["body"], t["oscillator"], t["rules"],
+        t["amplification"],
     )  # fmt: skip
 
 
@@ -164,13 +180,34 @@ def observer_margins(observer: StrapDisturbance) -> Margins:
     )
 
 
+def body_controllers(
+    card: WearerCard, period: float, constants: Chosen, only: Sequence[str] = tuple(BODY_NAMES)
+) -> dict[str, Built]:
+    """Those of `BODY_NAMES` that are asked for; period [s]."""
+    m, body = card.coupling, constants.body
+    laws: dict[str, ControlLaw] = {}
+    if "body" in only:
+        laws["body"] = body_law(m, period, **body)
+    if "oscillator" in only:
+        laws["oscillator"] = oscillating(m, period, **{**body, **constants.oscillator})
+    for name, kind in (("body_fuzzy", "fuzzy"), ("body_neural", "network")):
+        if name in only:
+            laws[name] = learnt(m, period, rules_of(kind, m, period, card.alone, body), body, **constants.rules)
+    if "amplification" in only:
+        laws["amplification"] = amplification(m, period, **constants.amplification)
+    return {name: Built(partial(BodyLaw, law)) for name, law in laws.items()}
+
+
 def controllers(
     card: WearerCard, period: float, swing: tuple[float, float], constants: Chosen, only: Sequence[str] = tuple(NAMES)
 ) -> dict[str, Built]:
     """What is compared, on one wearer; period [s], swing [rad], [rad/s]."""
     coupling, plants = card.coupling, uncertain_straps(card.coupling)
+    found = body_controllers(card, period, constants, only)
+    if not set(only) - {*BODY_NAMES, "zero_impedance"}:
+        return {"zero_impedance": Built(lambda: None), **found} if "zero_impedance" in only else found
     made = for_wearer(coupling, period, constants)
-    found: dict[str, Built] = {"zero_impedance": Built(lambda: None)}
+    found = {"zero_impedance": Built(lambda: None), **found}
 
     def linear(one: ResidualDesign) -> Callable[[], Margins]:
         return cache(lambda: worst_margins(one, plants, SPEEDS))

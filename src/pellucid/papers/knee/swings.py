@@ -98,6 +98,12 @@ def without_control(rig: KneeRig, name: str, seed: int = 31) -> WithoutControl:
     return WithoutControl(torque, max(REST_SPEED, 2.0 * last_speed(let_go(rig, name, None))))
 
 
+def settles(rig: KneeRig, name: str, build: Callable[[], Controller], plain: WithoutControl) -> bool:
+    """Whether a relaxed leg that is let go comes to rest under a controller as it is."""
+    controller = build()
+    return last_speed(let_go(rig, name, controller)) <= plain.rest and controller.fault == "none"
+
+
 def holds_margins(
     rig: KneeRig, name: str, build: Callable[[], Controller], plain: WithoutControl, *, seed: int = 31
 ) -> bool:

@@ -1,0 +1,104 @@
+"""Every controller of the elbow on one drawn robot and one drawn person who points: torque, energy, indices, faults."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from ..control.control_law import ControlLaw
+from ..control.elbow_controllers import BEST
+from ..control.law_fuzz import step_times
+from ..control.transparent_laws import sensitivity_amplification
+from ..lab.elbow.rig import ElbowRig, able_elbow, drawn_rigs
+from ..lab.pointing.conditions import Cards, chosen_exponents, condition_of, identified, interaction_rms, offered
+from ..lab.pointing.people import Person, draw_people
+from ..lab.pointing.rig import PointingRig, elbow_participants
+from ..lab.pointing.session import CONTROL, PointingSession, RobotLaw, Unpowered, point
+from ..lab.pointing.session_indices import PUBLISHED_RULE, SessionIndices, session_indices
+from ..lab.safety.fault_table import FAULT_KINDS, try_law
+from ..lab.safety.worn_robot import WornRobot, worn_robot
+from .learnt_elbow import elbow_rules, learnt_compensation
+from .strategies import ELBOW, of_task
+from .tried import Tried, energies
+
+ROBOTS_SEED = 20261100
+"""Of the robots and people that are ranked on, beside the seed asked for: nothing was chosen on them."""
+
+AMPLIFICATION = 4.0
+"""Of the wearer's torque [1]."""
+
+STEPS = 20_000
+"""Of which the median time is taken."""
+
+SHOWN = {kind.name for kind in FAULT_KINDS if not kind.hidden}
+"""Faults that some sensor of the robot can show."""
+
+
+def elbow_pair(index: int, pairs: int, seed: int) -> list[Tried]:
+    """Robot and person `index` of so many `pairs`: the robot identified, its laws built, each worn by the person."""
+    robot = drawn_rigs(able_elbow(), index + 1, seed=ROBOTS_SEED + seed)[index]
+    rig = elbow_participants(robot)
+    person = draw_people(rig, np.random.default_rng([ROBOTS_SEED, seed]), count=max(pairs, 6))[index]
+    return try_elbow(rig, person, index, seed)
+
+
+def try_elbow(rig: PointingRig, person: Person, index: int, seed: int) -> list[Tried]:
+    """Every controller of `STRATEGIES` on one robot and one person."""
+    robot = rig.robot
+    laws, cards = elbow_laws(robot, rig, person)
+    free = session_indices(_pointing(rig, person, None, [seed, index]))
+    worn = worn_robot(rig, person, cards, seed + index).commissioned(person)
+    made = []
+    for name, law in laws.items():
+        session = _pointing(rig, person, law, [seed, index])
+        moved = session_indices(session)
+        power = -session.signals["interaction"] * session.signals["link"]
+        made.append(
+            Tried(
+                ELBOW, name, index, interaction_rms(session), *energies(power, session.fs), **_changes(moved, free),
+                fault_energy=_worst(worn, index, name, law) if isinstance(law, ControlLaw) else None,
+                cost=float(np.median(step_times(law, STEPS))) if isinstance(law, ControlLaw) else None,
+                fault=session.fault,
+            )
+        )  # fmt: skip
+    return made
+
+
+def elbow_laws(robot: ElbowRig, rig: PointingRig, person: Person) -> tuple[dict[str, RobotLaw], Cards]:
+    """Every controller for one person on a robot that is identified for it, by name; and its cards."""
+    fit, cards = identified(robot)
+    exponents = chosen_exponents(rig, cards)[0]
+    place = person.slider(rig)
+
+    def make(name: str) -> RobotLaw:
+        if name == "unpowered":
+            return Unpowered()
+        if name in ("fuzzy", "neural"):
+            rules = elbow_rules(fit, cards["load"], "fuzzy" if name == "fuzzy" else "network")
+            return learnt_compensation(cards["load"], place, rules)
+        if name == "amplification":
+            return sensitivity_amplification(cards["load"], place, amplification=AMPLIFICATION)
+        chosen = offered(cards, name) if name == BEST else name
+        return condition_of(cards, chosen, exponents=exponents)(person, place)
+
+    return {name: make(name) for name in of_task(ELBOW)}, cards
+
+
+def _pointing(rig: PointingRig, person: Person, law: RobotLaw | None, seed: list[int]) -> PointingSession:
+    rng = np.random.default_rng(seed)
+    lifts = np.deg2rad(rng.permutation(rig["pointing"]["amplitudes"]))
+    return point(rig, person, CONTROL if law is None else "worn", law, rng, lifts)
+
+
+def _changes(worn: SessionIndices, free: SessionIndices) -> Mapping[str, float]:
+    """Medians where movements may never end, means else, from no robot [%]."""
+    with_robot, without = worn.means[PUBLISHED_RULE], free.means[PUBLISHED_RULE]
+    pairs = {"duration": "duration_median", "peak_velocity": "vmax", "emg": "emg_per_acc"}
+    return {name: 100.0 * (getattr(with_robot, index) / getattr(without, index) - 1.0) for name, index in pairs.items()}
+
+
+def _worst(worn: WornRobot, index: int, name: str, law: ControlLaw) -> float:
+    """The most that a single fault which some sensor can show gives the person until the robot is safe [J]."""
+    trials = try_law(worn, index, name, worn.watched(law))
+    return max(trial.excess for trial in trials if trial.kind in SHOWN)

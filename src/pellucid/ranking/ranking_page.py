@@ -1,0 +1,183 @@
+"""The page on which elbow and knee stand: one table of strategies, then every task's ranking with all its columns."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from importlib.metadata import version
+from pathlib import Path
+
+import numpy as np
+
+from ..pages.drawing import draw
+from ..pages.page import Page, Section, write_page
+from ..pages.tables import Row, Table, number_table
+from .rank import LEVEL, TaskRanking
+from .ranking_figures import Line, ranked_torque
+from .strategies import RIVALS, STRATEGIES, TASKS, of_task, senses
+from .tried import Tried
+
+NONE = "–"
+
+
+def write_ranking(out: Path, tasks: Sequence[TaskRanking], pairs: int, seed: int) -> Path:
+    """Write index.html and its figures."""
+    best = [f"{task.task}: {of_task(task.task)[task.controllers[0]].name}" for task in tasks]
+    page = Page(
+        title="Which controller?",
+        kicker="pellucid rank",
+        headline=f"Every strategy that reviews name, worn by {pairs} drawn people in {pairs} drawn robots at either "
+        f"joint, none of which any constant was chosen on. Least torque between robot and person: {'; '.join(best)}.",
+        sections=(_strategies(tasks), *(_task(task) for task in tasks), _said()),
+        footer=f"Written by pellucid {version('pellucid')}; seed {seed}. Every figure is simulated.",
+    )
+    return write_page(out, page)
+
+
+def _strategies(tasks: Sequence[TaskRanking]) -> Section:
+    """By strategy: place and torque in every task."""
+    rows = []
+    for one in STRATEGIES:
+        cells = [_placed(task, getattr(one, TASKS[task.task])) for task in tasks]
+        rows.append(Row((one.name, one.reviewed or NONE, *cells)))
+    heads = ("strategy", "reviewed for", *(f"{task.task}: place, torque" for task in tasks))
+    caption = (
+        "Place by mean rank of the interaction torque, and its median over pairs as a share of the robot's without "
+        "power. A dash: no such controller at that joint."
+    )
+    return Section("strategies", "By strategy", (), (number_table(heads, rows, caption, words=2),))
+
+
+def _placed(task: TaskRanking, controller: str | None) -> str:
+    if controller is None:
+        return NONE
+    i = task.controllers.index(controller)
+    return f"{i + 1}., {np.median(_shares(task)[:, i]):.2f}"
+
+
+def _shares(task: TaskRanking) -> np.ndarray:
+    return task.over(RIVALS[task.task][0])
+
+
+def _task(task: TaskRanking) -> Section:
+    known, rivals = of_task(task.task), RIVALS[task.task]
+    shares = _shares(task)
+    lines = [
+        Line(known[name].name, shares[:, i][np.isfinite(shares[:, i])], name in rivals)
+        for i, name in enumerate(task.controllers)
+    ]
+    anchor = task.task.replace(" ", "_")
+    paragraph = (
+        "Ranked by the mean rank of the torque's RMS over pairs."
+        if task.test is None
+        else f"Ranked by the mean rank of the torque's RMS over {len(task.torque)} pairs. Friedman's chi-squared "
+        f"({task.test.degrees_of_freedom:g}) = {task.test.statistic:.1f}, p = {task.test.p:.2g}; Nemenyi's test tells "
+        f"two apart (5 %) whose mean ranks differ by {task.critical:.1f}: {int(task.like_first.sum())} of "
+        f"{len(task.controllers)} are not told from the first."
+    )
+    drawing = draw(
+        ranked_torque, lines, f"ranked_{anchor}",
+        caption="A dot for each pair, a bar their median; the simplest rivals in the darker colour. Logarithmic.",
+    )  # fmt: skip
+    return Section(anchor, task.task.capitalize(), (paragraph,), (_table(task),), (drawing,))
+
+
+def _table(task: TaskRanking) -> Table:
+    known, elbow = of_task(task.task), TASKS[task.task] == "elbow"
+    low, middle, high = task.spread(task.torque)
+    rivals = RIVALS[task.task]
+    over = [np.median(task.over(rival), axis=0) for rival in rivals]
+    own = ELBOW_COLUMNS if elbow else KNEE_COLUMNS
+    rows = []
+    for i, name in enumerate(task.controllers):
+        tried = task.tried[name]
+        rows.append(
+            Row(
+                (
+                    f"{i + 1}. {known[name].name}{'' if task.like_first[i] else ' *'}", senses(task.task, name),
+                    f"{task.ranks[i]:.1f}", f"{middle[i]:.3g} ({low[i]:.3g} to {high[i]:.3g})",
+                    *(f"{one[i]:.2f}" for one in over), *(cell(tried) for _, cell in own),
+                ),
+                name in rivals,
+            )
+        )  # fmt: skip
+    heads = ("controller", "senses", "mean rank", "torque (N·m)", *(f"over {known[r].name}" for r in rivals),
+             *(head for head, _ in own))  # fmt: skip
+    caption = "Medians over pairs; of the torque also what 80 % of pairs are within. "
+    caption += "* told from the first. Energy a second, given to the person and taken. "
+    caption += ELBOW_CAPTION if elbow else KNEE_CAPTION
+    return number_table(heads, rows, caption, words=2)
+
+
+def _median(name: str, text: str, scale: float = 1.0) -> Callable[[Sequence[Tried]], str]:
+    def cell(tried: Sequence[Tried]) -> str:
+        values = [v for one in tried if (v := getattr(one, name)) is not None and np.isfinite(v)]
+        return format(scale * float(np.median(values)), text) if values else NONE
+
+    return cell
+
+
+def _extreme(name: str, text: str, of: Callable, scale: float = 1.0) -> Callable[[Sequence[Tried]], str]:
+    def cell(tried: Sequence[Tried]) -> str:
+        values = [v for one in tried if (v := getattr(one, name)) is not None]
+        if not values:
+            return NONE
+        found = scale * of(values)
+        return format(found, text) if np.isfinite(found) else "beyond search"
+
+    return cell
+
+
+def _holds(tried: Sequence[Tried]) -> str:
+    found = [one.holds for one in tried if one.holds is not None]
+    return ("no" if not all(found) else "yes") if found else NONE
+
+
+def _faults(tried: Sequence[Tried]) -> str:
+    return str(sum(one.fault != "none" for one in tried))
+
+
+ENERGY = (("given (mW)", _median("given", ".0f", 1e3)), ("taken (mW)", _median("taken", ".0f", 1e3)))
+
+ELBOW_COLUMNS = (
+    *ENERGY,
+    ("duration (%)", _median("duration", "+.0f")),
+    ("peak velocity (%)", _median("peak_velocity", "+.0f")),
+    ("EMG/Acc (%)", _median("emg", "+.0f")),
+    ("worst fault (J)", _extreme("fault_energy", ".2g", max)),
+    ("step (ns)", _median("cost", ".0f", 1e9)),
+    ("gates shut", _faults),
+)
+ELBOW_CAPTION = (
+    "Duration, peak velocity and EMG over acceleration: change from no robot. Worst fault: the most energy that any "
+    "single fault which a sensor can show gives the person until the robot is safe, over all pairs. Step: here."
+)
+
+KNEE_COLUMNS = (
+    *ENERGY,
+    ("gain margin (dB)", _extreme("gain", ".1f", min)),
+    ("delay margin (ms)", _extreme("delay", ".0f", min, 1e3)),
+    ("no sway", _holds),
+    ("gates shut", _faults),
+)
+KNEE_CAPTION = (
+    "Margins: smallest over pairs, of the linear loop with the strap 30 % off. No sway: without a linear form, whether "
+    "twice the command, or one 20 ms late, leaves a relaxed leg and a swing quiet; tried with two, if there are more."
+)
+
+
+def _said() -> Section:
+    """What a reader must know to believe the page, and no more."""
+    return Section(
+        "how",
+        "How it was done",
+        (
+            "Every robot is identified from its own virtual recordings, and every controller is built from what that "
+            "found. Constants were chosen beforehand on other robots and other people by the torque alone, within the "
+            "same margins. A person is the same under every controller and hears the same noise.",
+            "The robots have drives, gears, straps and sensors that the models are not told of, but friction, inertia "
+            "and gravity are of the same form in plant and model: what learns beyond the model has little to find "
+            "here, and a machine that differs in form may reward it more. In walking the thigh stays where it is and "
+            "the foot meets no ground.",
+            f"A difference is called one at {100 * LEVEL:g} %. Few pairs tell little apart: --pairs asks for more.",
+        ),
+    )
