@@ -36,7 +36,7 @@ STRATEGIES: tuple[Strategy, ...] = (
     Strategy("disturbance observer", "", "disturbance_observer", "disturbance_observer", (FORCE, SPRING)),
     Strategy("PID on the strap's torque", "", None, "pid", ("", SPRING + EMG)),
     Strategy("model, strap's torque driven to zero", "elbow", "force_sensor", "residual_no_emg", (FORCE, SPRING)),
-    Strategy("strap's torque driven to zero, led by EMG", "elbow, knee", "residual", "residual", (FORCE + EMG, SPRING + EMG)),
+    Strategy("model led by EMG, torque to zero", "elbow, knee", "residual", "residual", (FORCE + EMG, SPRING + EMG)),
     Strategy("residual, gain by phase of a swing", "", None, "residual_by_phase", ("", SPRING + EMG)),
     Strategy("residual, strap learnt while worn", "", None, "residual_strap_learnt", ("", SPRING + EMG)),
 )  # fmt: skip
