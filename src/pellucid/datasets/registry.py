@@ -29,6 +29,7 @@ class Dataset:
     # Of files that lie elsewhere below the origin: where
     paths: Mapping[str, str] = field(default_factory=dict)
     motion: Mapping[str, Any] | None = None  # How its files hold people's motions; of a set that is no study
+    gait: Mapping[str, Any] | None = None  # Where a study's files show a knee that walks
 
 
 def names() -> tuple[str, ...]:
@@ -39,6 +40,11 @@ def names() -> tuple[str, ...]:
 def motion_names() -> tuple[str, ...]:
     """Names of the data sets that hold how people move, and nothing that could be identified."""
     return tuple(name for name, dataset in _registry().items() if dataset.motion is not None)
+
+
+def gait_names() -> tuple[str, ...]:
+    """Names of the data sets that show a knee which walks."""
+    return tuple(name for name, dataset in _registry().items() if dataset.gait is not None)
 
 
 def info(name: str) -> Dataset:

@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import numpy as np
 
+from .._errors import DatasetError
 from ..recordings.readers.read import read_columns
 from .fetch import path
-
-WALKING, FILE, KNEE, RATE = "lower_limb_walking", "ik.sto", "knee_angle_r", 100.0
-"""The data set, its file, the knee's column there [deg], which flexion makes negative, and samples per second [Hz]."""
+from .registry import gait_names, info
 
 
 def recorded_walking() -> tuple[float, np.ndarray]:
-    """Rate [Hz] and flexion of a knee, shape (n,) [rad]; a DatasetError where the recording is not on this machine."""
-    return RATE, -np.deg2rad(read_columns(path(WALKING) / FILE)[KNEE])
+    """Rate [Hz] and flexion of a knee, shape (n,) [rad]; a DatasetError where no recording is on this machine."""
+    for name in gait_names():
+        said = info(name).gait
+        scale = said["sign"] * (np.pi / 180.0 if said["unit"] == "deg" else 1.0)
+        return said["rate"], scale * read_columns(path(name) / said["file"])[said["knee"]]
+    raise DatasetError("walking: found no data set that shows a knee, expected one with a table gait")
