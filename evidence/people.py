@@ -21,7 +21,6 @@ from pathlib import Path
 import numpy as np
 from benchmarks.people import EXPONENTS, study_seconds
 
-from evidence._able_predicted import able_rows
 from pellucid.lab.pointing.conditions import identified_cards, published_laws
 from pellucid.lab.pointing.instructed import WIDE, Population, everybody
 from pellucid.lab.pointing.line_pointing import measured
@@ -55,7 +54,6 @@ def rows() -> Iterator[ResultRow]:
     """Every figure."""
     yield from pointing_rows(data() / "human_pointing")
     yield from worn_rows(data() / "hug_mp")
-    yield from able_rows()
     yield study_over_frozen()
     yield from able_rows()
 
