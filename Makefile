@@ -5,12 +5,13 @@ VENV   ?= .venv
 DEMO   ?= demo
 BIN    := $(VENV)/bin
 # A file's tests stay in one process, for they share what they make; a process per core leaves none for BLAS's threads.
-PYTEST := OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 $(BIN)/python -m pytest -n auto --dist loadfile
+# Files in their order: by how many tests they have, the long ones with few would come last, one process waiting.
+PYTEST := OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 $(BIN)/python -m pytest -n auto --dist loadfile --no-loadscope-reorder
 # Tests whose figures another BLAS kernel rounds otherwise.
-NUMERIC = tests/property $(shell grep -lE 'pellucid\.(fit|estimators|signals)' tests/unit/test_*.py)
+NUMERIC = tests/property tests/real $(shell grep -lE 'pellucid\.(fit|estimators|signals|assessment)' tests/unit/test_*.py)
 CORE   := $(wildcard include/pellucid/*.hpp bindings/*.cpp bindings/*.hpp) CMakeLists.txt pyproject.toml
 
-.PHONY: demo test core-test python-test numeric-test fuzz bench evidence clean
+.PHONY: demo test core-test numeric-test fuzz bench evidence clean
 
 demo: $(VENV)/.installed
 	$(BIN)/pellucid demo --out $(DEMO)
@@ -18,9 +19,6 @@ demo: $(VENV)/.installed
 test: $(VENV)/.installed core-test
 	$(BIN)/ruff check .
 	$(PYTEST)
-
-python-test: $(VENV)/.installed
-	$(PYTEST) -q $(TESTS)
 
 numeric-test: $(VENV)/.installed
 	$(PYTEST) -q -m 'not slow' $(NUMERIC)
