@@ -174,8 +174,8 @@ def _sentence(each: Certified) -> str:
     alone = [words[n] for n in names if each.certificate.end_points[n].verdict == BEYOND]
     if alone:
         return (
-            f"{each.condition}: cannot say. Each alone {', '.join(alone)} would be beyond its margin; that the largest "
-            f"of {len(words)} is, {each.participants} people are too few to tell from chance."
+            f"{each.condition}: cannot say. Tested alone, {', '.join(alone)} would be beyond the margin; as the "
+            f"largest of {len(words)} changes in {each.participants} people that may be chance."
         )
     cut = [words[n] for n in names if each.certificate.end_points[n].bounded]
     if cut:
