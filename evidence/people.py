@@ -21,6 +21,7 @@ from pathlib import Path
 import numpy as np
 from benchmarks.people import EXPONENTS, study_seconds
 
+from pellucid.datasets.motions import motions_of
 from pellucid.lab.pointing.conditions import identified_cards, published_laws
 from pellucid.lab.pointing.instructed import WIDE, Population, everybody
 from pellucid.lab.pointing.line_pointing import measured
@@ -151,21 +152,18 @@ def from_block_to_block(people: Mapping[str, Mapping[int, list[list[OneWay]]]]) 
 # Reaching in a robot
 
 
+KNEE_TO_MOUTH = (5, 1)
+"""Task and motion within it."""
 QUANTITIES = ("duration", "peak_velocity_over_amplitude", "time_to_peak")
 
 
 def worn(path: Path) -> np.ndarray:
     """Amplitude [rad], duration [s], peak velocity over amplitude [1/s] and relative time to peak of each repetition of
     the elbow's way from knee to mouth, shape (n, 4)."""
-    from scipy.io import loadmat
-
-    tasks = loadmat(path)["tasks"]
     made = []
-    for cell in tasks[:, 4]:
-        if not cell.size:
-            continue
-        angle = np.deg2rad(np.asarray(cell.ravel()[0], float)[3])
-        made += _cut(0.01 * np.arange(len(angle)), angle)
+    for one in motions_of("hug_mp", path, ("elbow_flexion",)):
+        if (one.task, one.number) == KNEE_TO_MOUTH:
+            made += _cut(np.arange(len(one.angles)) / one.rate, one.angles[:, 0])
     return np.array(made)
 
 

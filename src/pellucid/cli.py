@@ -123,14 +123,12 @@ def predict(
     json: Json = False,
 ) -> None:
     """What would an experiment find? Drawn people and robots."""
-    from contextlib import nullcontext
-
     from .assessment.cluster import cluster
     from .lab.predict import PREDICTION_FILE
     from .lab.predict import predict as run
     from .procedures.print_result import print_result
 
-    with cluster(scheduler) if scheduler else nullcontext() as executor, _progress() as tell:
+    with cluster(scheduler) as executor, _progress() as tell:
         found = run(
             *folders, people=people, robots=robots, movements=movements, participants=participants,
             controllers=controller, seed=seed, executor=executor, on_progress=tell,
@@ -196,13 +194,11 @@ def identify(
 
 def _several(folders: list[Path], families: list[str] | None, allow_outside: bool, scheduler: str | None) -> None:
     """Identify studies side by side, and print one table over all; status 1 if one failed."""
-    from contextlib import nullcontext
-
     from .assessment.cluster import cluster
     from .procedures.print_result import fitting_tables
     from .procedures.several import identify_several, table_of
 
-    with cluster(scheduler) if scheduler else nullcontext() as executor, _progress() as tell:
+    with cluster(scheduler) as executor, _progress() as tell:
         found = identify_several(
             folders, families=families, allow_outside=allow_outside, executor=executor, on_progress=tell
         )
@@ -234,13 +230,11 @@ def assess(
     allow_outside: Outside = False,
 ) -> None:
     """Do conditions change how people move? Indices and tests."""
-    from contextlib import nullcontext
-
     from .assessment.cluster import cluster
     from .procedures.run import assess as run
 
     study = _opened(folder, out, allow_outside)
-    with cluster(scheduler) if scheduler else nullcontext() as executor:
+    with cluster(scheduler) as executor:
         _found(study, "assess", json, lambda study, tell: run(study, tell, studies=studies, executor=executor))
 
 
@@ -255,14 +249,12 @@ def plan(
     allow_outside: Outside = False,
 ) -> None:
     """How many people does a certificate of transparency take?"""
-    from contextlib import nullcontext
-
     from .assessment.cluster import cluster
     from .procedures.assessment.plan import plan as run
     from .procedures.print_result import fitting_tables
 
     study, console = _opened(folder, None, allow_outside), _console()
-    with cluster(scheduler) if scheduler else nullcontext() as executor:
+    with cluster(scheduler) as executor:
         found = run(study, power=power, studies=studies, executor=executor)
     _say(console, found.title)
     rows = [["" if cell is None else str(cell) for cell in row] for row in found.rows]

@@ -13,8 +13,11 @@ PATIENCE = 30
 
 
 @contextmanager
-def cluster(address: str) -> Iterator[Any]:
-    """The workers of a Dask scheduler as an executor of the standard library's kind."""
+def cluster(address: str | None) -> Iterator[Any]:
+    """The workers of a Dask scheduler as an executor of the standard library's kind; None without an address."""
+    if not address:
+        yield None
+        return
     try:
         from distributed import Client
     except ImportError:

@@ -49,19 +49,27 @@ def transparent(
         raise PellucidError(f"card {card.family}: found a model by direction, expected one coherent body")
     values = np.array([carried(p) for p in card.parameters])
     body = dict(zip(NAMES, model.vector(values, slider, velocity_width), strict=True))
-    speed = 2.0  # rad/s: as fast as the energy observer lets the robot's own inertia be sped up at once
+    return of_body(
+        body, fastest=2.0, limits=limits, period=period, friction_share=friction_share, inertia_share=inertia_share,
+        friction_lead=friction_lead, bandwidth=bandwidth, acceleration_limit=acceleration,
+    )  # fmt: skip
+
+
+def of_body(
+    body: Mapping[str, float], *, fastest: float, limits: Limits, period: float, **settings: float
+) -> ControlLaw:
+    """The law of a `body`, its numbers by the core's names, SI, with other numbers of the law as `settings`.
+
+    `fastest`: to which the energy observer lets the robot's own inertia be sped up at once [rad/s]; `period` [s].
+    """
     values = {
         **LAWS["transparent"].defaults,
         **body,
         "gravity_share": 1.0,
-        "friction_share": friction_share,
-        "inertia_share": inertia_share,
-        "friction_lead": friction_lead,
-        "bandwidth": bandwidth,
         "innovation_gate": 20.0 * period,
         "max_rejections": 20.0,
-        "acceleration_limit": acceleration,
-        "energy_store": 0.5 * body["inertia"] * speed**2,
+        "energy_store": 0.5 * body["inertia"] * fastest**2,
+        **settings,
         **gate_values(limits, period),
     }
     return ControlLaw("transparent", {name: float(value) for name, value in values.items()})

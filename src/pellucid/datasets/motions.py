@@ -45,21 +45,25 @@ def recorded_motions(joints: Sequence[str]) -> tuple[RecordedMotion, ...]:
 
 @lru_cache(maxsize=4)
 def _of(name: str, joints: tuple[str, ...], folder: Path) -> tuple[RecordedMotion, ...]:
+    return tuple(motion for file in info(name).files for motion in motions_of(name, folder / file, joints))
+
+
+def motions_of(name: str, file: Path, joints: Sequence[str]) -> list[RecordedMotion]:
+    """The motions of one person's `file`, written as the data set of a `name` is."""
     said, made = info(name).motion, []
     scale = np.array(said["signs"], float) * (np.pi / 180.0 if said["unit"] == "deg" else 1.0)
     order = [said["joints"].index(joint) for joint in joints]
-    for file in info(name).files:
-        cells: dict[tuple[int, ...], dict[int, np.ndarray]] = defaultdict(dict)
-        for column, values in read_columns(folder / file).values.items():
-            variable, *places = column.split(".")
-            if variable == said["variable"] and len(places) == 4:
-                *cell, row = map(int, places)
-                cells[tuple(cell)][row] = values
-        if not cells:
-            raise DatasetError(f"{folder / file}: found no motions, expected cells {said['variable']}")
-        for (repetition, task, number), rows in sorted(cells.items(), key=lambda item: (item[0][1], item[0])):
-            angles = np.column_stack([scale[k] * rows[k] for k in order])
-            angles.flags.writeable = False
-            person = file.partition("_")[0]
-            made.append(RecordedMotion(person, task + 1, repetition + 1, number + 1, said["rate"], joints, angles))
-    return tuple(made)
+    cells: dict[tuple[int, ...], dict[int, np.ndarray]] = defaultdict(dict)
+    for column, values in read_columns(file).values.items():
+        variable, *places = column.split(".")
+        if variable == said["variable"] and len(places) == 4:
+            *cell, row = map(int, places)
+            cells[tuple(cell)][row] = values
+    if not cells:
+        raise DatasetError(f"{file}: found no motions, expected cells {said['variable']}")
+    for (repetition, task, number), rows in sorted(cells.items(), key=lambda item: (item[0][1], item[0])):
+        angles = np.column_stack([scale[k] * rows[k] for k in order])
+        angles.flags.writeable = False
+        person = file.name.partition("_")[0]
+        made.append(RecordedMotion(person, task + 1, repetition + 1, number + 1, said["rate"], tuple(joints), angles))
+    return made

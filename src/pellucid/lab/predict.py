@@ -12,11 +12,10 @@ from .._errors import StudyError
 from ..control.elbow_controllers import ELBOW_CONTROLLERS
 from ..procedures.result import FigureTable, Result
 from ..recordings.results import ResultRow, write_rows
-from .init import RIG_FILE
 from .known_rigs import parse_rig, text_of_rig
 from .pointing.prediction import LAWS, SHARE, DrawnStudies, Prediction, predict_effects
 from .pointing.rig import PointingRig
-from .simulate import study_name
+from .simulate import rig_file, study_name
 
 PREDICTION_FILE = Path("lab") / "prediction.json"
 
@@ -122,9 +121,7 @@ def predict(
 
 
 def _rig(folder: Path) -> PointingRig:
-    path = folder / RIG_FILE
-    if not path.is_file():
-        raise StudyError(f"{path}: no such file; make one with: pellucid init {folder} --rig NAME")
+    path = rig_file(folder)
     rig = parse_rig(text_of_rig(path), study_name(folder))
     if not isinstance(rig, PointingRig):
         raise StudyError(f"{path}: found a rig of kind {rig.kind}, expected people who point: {PointingRig.kind}")

@@ -77,9 +77,7 @@ def simulate(
     True
     """
     folder, tell = Path(folder), on_progress or (lambda text, share: None)
-    path = folder / RIG_FILE
-    if not path.is_file():
-        raise StudyError(f"{path}: no such file; make one with: pellucid init {folder} --rig NAME")
+    path = rig_file(folder)
     if (folder / STUDY_FILE).exists() and not (folder / TRUTH_FILE).exists():
         raise StudyError(f"{folder}: found a study that was not simulated, which simulate would overwrite")
     name, begun = study_name(folder), time.perf_counter()
@@ -94,6 +92,14 @@ def simulate(
         # Constants that are each in range may together be no machine.
         raise StudyError(f"{path}: no machine is like this: {type(error).__name__}: {error}") from error
     return Simulated(study, len(study.config.recordings), joint_time, time.perf_counter() - begun)
+
+
+def rig_file(folder: Path) -> Path:
+    """Where a folder's rig is said; a StudyError if nowhere."""
+    path = folder / RIG_FILE
+    if not path.is_file():
+        raise StudyError(f"{path}: no such file; make one with: pellucid init {folder} --rig NAME")
+    return path
 
 
 def study_name(folder: Path) -> str:

@@ -15,7 +15,7 @@ from ..lab.pointing.conditions import Cards, chosen_exponents, condition_of, ide
 from ..lab.pointing.people import Person, draw_people
 from ..lab.pointing.rig import PointingRig, elbow_participants
 from ..lab.pointing.session import CONTROL, PointingSession, RobotLaw, Unpowered, point
-from ..lab.pointing.session_indices import PUBLISHED_RULE, SessionIndices, session_indices
+from ..lab.pointing.session_indices import PUBLISHED_RULE, SessionIndices, change, session_indices
 from ..lab.safety.fault_table import FAULT_KINDS, try_law
 from ..lab.safety.worn_robot import WornRobot, worn_robot
 from .learnt_elbow import elbow_rules, learnt_compensation
@@ -95,7 +95,10 @@ def _changes(worn: SessionIndices, free: SessionIndices) -> Mapping[str, float]:
     """Medians where movements may never end, means else, from no robot [%]."""
     with_robot, without = worn.means[PUBLISHED_RULE], free.means[PUBLISHED_RULE]
     pairs = {"duration": "duration_median", "peak_velocity": "vmax", "emg": "emg_per_acc"}
-    return {name: 100.0 * (getattr(with_robot, index) / getattr(without, index) - 1.0) for name, index in pairs.items()}
+    return {
+        name: float(change(index, *(np.array([getattr(means, index)]) for means in (with_robot, without))))
+        for name, index in pairs.items()
+    }
 
 
 def _worst(worn: WornRobot, index: int, name: str, law: ControlLaw) -> float:

@@ -11,10 +11,10 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from ...control.control_law import LAWS, ControlLaw, gate_values
+from ...control.control_law import ControlLaw
 from ...control.coupling import Coupling
 from ...control.limits import Limits
-from ...control.transparent_laws import with_oscillator, with_rules
+from ...control.transparent_laws import of_body, with_oscillator, with_rules
 from ...estimators.learnt_rules import Kind, LearntRules, Residual, learn_rules
 from ...signals.filters import zero_phase_lowpass
 
@@ -67,16 +67,10 @@ def body_law(
         "viscous_negative": m.orthosis_viscous + m.actuator_viscous,
         "velocity_width": width,
     }
-    shares = {"gravity_share": gravity, "friction_share": friction, "inertia_share": inertia}
-    rest = {
-        "bandwidth": bandwidth,
-        "innovation_gate": 20.0 * period,
-        "max_rejections": 20.0,
-        "acceleration_limit": 60.0,
-        "energy_store": 0.5 * own["inertia"] * 4.0**2,
-    }
-    gate = gate_values(limits or Limits(), period)
-    return ControlLaw("transparent", {**LAWS["transparent"].defaults, **own, **shares, **rest, **gate})
+    return of_body(
+        own, fastest=4.0, limits=limits or Limits(), period=period, gravity_share=gravity, friction_share=friction,
+        inertia_share=inertia, bandwidth=bandwidth, acceleration_limit=60.0,
+    )  # fmt: skip
 
 
 def amplification(coupling: Coupling, period: float, *, alpha: float, **settings: float) -> ControlLaw:
