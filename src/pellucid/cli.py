@@ -386,7 +386,7 @@ def rank(
     out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder for the page.")] = Path("ranking"),
 ) -> None:
     """Rank every controller, elbow and knee, on one page."""
-    from .procedures.print_result import plain_table
+    from .procedures.print_result import fitting_tables
     from .ranking.rank import rank as run
     from .ranking.strategies import of_task
 
@@ -395,12 +395,18 @@ def rank(
     console = _console()
     for task in made.tasks:
         low, middle, high = task.spread(task.torque)
-        table = plain_table(task.task, ">mean rank", ">torque (N·m)", ">80 % of pairs")
-        for i, name in enumerate(task.controllers):
-            between = f"{low[i]:.3g} to {high[i]:.3g}"
-            table.add_row(of_task(task.task)[name].name, f"{task.ranks[i]:.1f}", f"{middle[i]:.3g}", between)
+        rows = [
+            [
+                of_task(task.task)[name].name,
+                f"{task.ranks[i]:.1f}",
+                f"{middle[i]:.3g}",
+                f"{low[i]:.3g} to {high[i]:.3g}",
+            ]
+            for i, name in enumerate(task.controllers)
+        ]
         _say(console, "")
-        console.print(table)
+        for table in fitting_tables((task.task, "mean rank", "torque (N·m)", "80 % of pairs"), rows, console.width):
+            console.print(table)
     _say(console, f"Page: {made.page}")
 
 
